@@ -276,7 +276,7 @@ def gmres(
 
 
 class Newton:
-    """The method for problems on one grid, with what it keeps from one to the next."""
+    """The method for problems with one response on one grid."""
 
     def __init__(self, C: Operator, K: Operator) -> None:
         self._C, self._K = C, K
@@ -284,6 +284,7 @@ class Newton:
 
     def solve(self, problem: Problem, x: FloatArray, tolerance: float, limit: int) -> tuple[State, int]:
         """Return the state that was reached from a guess of the tractions, and the steps."""
+        self._ones = None
         way = _Way(self, problem)
         at = self.state(problem, admissible(problem, x))
         way.best = at

@@ -14,6 +14,7 @@ from gfmdlayer.friction.problem import Law, Problem, Solution, State, norms
 from gfmdlayer.friction.response import Operator, Response, Spent
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.resumable import Stateless
 
 _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
@@ -23,8 +24,8 @@ _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where
 _FEWEST, _APART = 64, 64
 
 
-class FrictionSolver:
-    """Frictional contact of the steps of a run on one grid; keeps plans and what the last step left.
+class FrictionSolver(Stateless):
+    """Frictional contact of the steps of a run on one grid.
 
     Parameters
     ----------
@@ -35,7 +36,8 @@ class FrictionSolver:
     """
 
     def __init__(self, grid: Grid, transforms: Transforms) -> None:
-        self._levels = [_Level(grid, transforms)]
+        self._spent = Spent()
+        self._levels = [_Level(grid, transforms, self._spent, 1.0)]
         while (coarser := self._levels[-1].coarser()) is not None:
             self._levels.append(coarser)
 
@@ -48,22 +50,20 @@ class FrictionSolver:
         limit: int = _LIMIT,
     ) -> Solution:
         """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing."""
-        spent = Spent()
+        self._spent.pairs = 0.0
         if reason := problem.why_not_solvable():
             raise ValueError(reason)
         last = len(self._levels) - 1
         if start is not None:
             deepest = _levels_of(start, self._levels[0].grid)
-            at, steps = self._solve(problem, start, 0, deepest, tolerance, spent, limit)
+            at, steps = self._solve(problem, start, 0, deepest, tolerance, limit)
         if start is None or not at.residual < tolerance:
-            at, steps = self._solve(problem, None, 0, last, tolerance, spent, limit)
+            at, steps = self._solve(problem, None, 0, last, tolerance, limit)
         if not at.residual < tolerance and problem.has_shear and not problem.law.sticks:
-            at, steps = self._gradually(problem, at, tolerance, spent, limit)
-        return _solution(problem, at, steps, spent, tolerance)
+            at, steps = self._gradually(problem, at, tolerance, limit)
+        return _solution(problem, at, steps, self._spent.pairs, tolerance)
 
-    def _gradually(
-        self, problem: Problem, failed: State, tolerance: float, spent: Spent, limit: int
-    ) -> tuple[State, int]:
+    def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
         """Raise friction and force from zero, in steps that are halved where one fails."""
         x, part, step, steps = None, 0.0, 0.0, 0
         while part < 1 or x is None:
@@ -72,7 +72,7 @@ class FrictionSolver:
             some = replace(problem, law=problem.law.scaled(aim), force=force)
             enough = tolerance if aim == 1 else _COARSE_TOLERANCE
             deepest = len(self._levels) - 1 if x is None else 0
-            at, more = self._solve(some, x, 0, deepest, enough, spent, limit)
+            at, more = self._solve(some, x, 0, deepest, enough, limit)
             steps += more
             if at.residual < enough:
                 x, part, step = at.x, aim, 2 * step or _FIRST_PART
@@ -89,12 +89,11 @@ class FrictionSolver:
         number: int,
         deepest: int,
         tolerance: float,
-        spent: Spent,
         limit: int,
     ) -> tuple[State, int]:
         """Solve on a grid, with a guess from the next coarser one down to the `deepest`."""
         level = self._levels[number]
-        newton = level.newton(problem.response, spent, level.grid.size / self._levels[0].grid.size)
+        newton = level.newton(problem.response)
         if number == deepest:
             guess = _rough_guess(problem) if start is None else start
         else:
@@ -106,7 +105,6 @@ class FrictionSolver:
                 number + 1,
                 deepest,
                 _COARSE_TOLERANCE,
-                spent,
                 limit,
             )
             guess = _finer(below.x, *shapes[::-1])
@@ -114,29 +112,42 @@ class FrictionSolver:
 
 
 class _Level:
-    """One of the nested grids."""
+    """One of the nested grids; keeps the operators of the last response."""
 
-    def __init__(self, grid: Grid, transforms: Transforms) -> None:
+    def __init__(self, grid: Grid, transforms: Transforms, spent: Spent, share: float) -> None:
         self.grid, self.transforms = grid, transforms
+        self._spent, self._share = spent, share
         self._plans = {False: transforms, True: transforms.of_shape(grid.points, single=True)}
-        self._newton: Newton | None = None
+        self._finer: Response | None = None
         self._response: Response | None = None
+        self._newton: Newton | None = None
 
-    def newton(self, response: Response, spent: Spent, share: float) -> Newton:
-        """Return Newton's method for a response, with what it kept of the last one."""
-        C = Operator(self.grid, response, self._plans, spent, share)
-        K = Operator(self.grid, response.inverse(self.grid), self._plans, spent, share)
-        kept = self._newton._ones if self._newton is not None else None
-        self._newton = Newton(C, K)
-        self._newton._ones = kept
+    def newton(self, response: Response) -> Newton:
+        """Return Newton's method for a response."""
+        if self._newton is None or response is not self._response:
+            C, K = (
+                Operator(self.grid, each, self._plans, self._spent, self._share)
+                for each in (response, response.inverse(self.grid))
+            )
+            self._response, self._newton = response, Newton(C, K)
         return self._newton
+
+    def restricted(self, response: Response, finer: _Level) -> Response:
+        """Return the response of the next finer grid at the modes of this one."""
+        if self._response is None or response is not self._finer:
+            self._finer, found = response, response.on(finer.transforms, self.transforms)
+            self.newton(found)
+            return found
+        return self._response
 
     def coarser(self) -> _Level | None:
         """Return the level with half of the points of each long axis."""
         points = tuple(n // 2 if n > _COARSEST and n % 2 == 0 else n for n in self.grid.points)
         if points == self.grid.points:
             return None
-        return _Level(replace(self.grid, points=points), self.transforms.of_shape(points))
+        grid = replace(self.grid, points=points)
+        share = self._share * grid.size / self.grid.size
+        return _Level(grid, self.transforms.of_shape(points), self._spent, share)
 
 
 def _levels_of(start: FloatArray, grid: Grid) -> int:
@@ -203,7 +214,7 @@ def _coarser(problem: Problem, fine: _Level, coarse: _Level) -> Problem:
         law = Law(on(law.coefficient), law.strength)  # type: ignore[arg-type]
     return replace(
         problem,
-        response=problem.response.on(fine.transforms, coarse.transforms),
+        response=coarse.restricted(problem.response, fine),
         heights=on(problem.heights),  # type: ignore[arg-type]
         law=law,
         offset=on(problem.offset),
@@ -211,7 +222,7 @@ def _coarser(problem: Problem, fine: _Level, coarse: _Level) -> Problem:
     )
 
 
-def _solution(problem: Problem, at: State, steps: int, spent: Spent, tolerance: float) -> Solution:
+def _solution(problem: Problem, at: State, steps: int, pairs: float, tolerance: float) -> Solution:
     """Return a state as a solution."""
     Cx = at.Cx if problem.offset is None else at.Cx + problem.offset
     slip = problem.slip_at_rest + at.Cx[1:] - at.path[:, np.newaxis]
@@ -233,7 +244,7 @@ def _solution(problem: Problem, at: State, steps: int, spent: Spent, tolerance: 
         path=at.path,
         stick=stick,
         residual=at.residual,
-        pairs=spent.pairs,
+        pairs=pairs,
         iterations=steps,
         converged=converged,
         reason=reason,

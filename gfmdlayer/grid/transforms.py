@@ -169,8 +169,15 @@ class Transforms:
 
         It is complex of a field, or real of an even function of the wavevector.
         """
-        modes = spectrum.reshape(self.spectral_shape)[..., : coarser.spectral_shape[-1]]
-        for axis, points in enumerate(coarser.shape[:-1]):
-            positive, negative = np.arange((points + 1) // 2), np.arange(-(points // 2), 0)
-            modes = np.take(modes, np.concatenate((positive, negative)), axis=axis)
-        return np.ravel(modes).copy()
+        return truncated(spectrum, self.shape, coarser.shape)
+
+
+def truncated(
+    spectrum: npt.NDArray[Any], shape: tuple[int, ...], coarser: tuple[int, ...]
+) -> npt.NDArray[Any]:
+    """`Transforms.truncated`, between two shapes."""
+    modes = spectrum.reshape(*shape[:-1], -1)[..., : coarser[-1] // 2 + 1]
+    for axis, points in enumerate(coarser[:-1]):
+        positive, negative = np.arange((points + 1) // 2), np.arange(-(points // 2), 0)
+        modes = np.take(modes, np.concatenate((positive, negative)), axis=axis)
+    return np.ravel(modes).copy()

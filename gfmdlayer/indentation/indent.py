@@ -52,7 +52,8 @@ def indent(
         What is prescribed, either; linear between the times. The depth counts from the first touch of the
         undeformed surface and may be negative.
     tolerance : float
-        Error of force, depth and contact radius, relative to the largest of each.
+        Estimated error of force, depth and contact radius, relative to the largest of each. A radius below a
+        tenth of the largest counts by its square: it falls like a root of time where contact is lost.
     work_of_adhesion : float
         Of an elastic body, energy per area (JKR).
     snapshots : sequence of float

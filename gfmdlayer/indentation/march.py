@@ -9,8 +9,10 @@ transform of the profile,
 holds in loading and unloading alike. chi(a) = 0 at the edge of a smooth profile, and
 chi(a) = -(pi a w/J0)^(1/2) with a work of adhesion w (JKR). Internal variables eta_k(x) and zeta_m(q) follow
 chi and X with the retardation times, exactly for chi and X that are linear over a step; a point that the edge
-sweeps is loaded for its part of the step. On a fixed grid in x the past is kept; the equation of a step is
-solved at Gauss nodes in [0, a].
+sweeps is loaded for its part of the step. The past is kept on a fixed grid in x, and at the radii where the
+edge was at the end of each step. For the past bends at the edge: inside, the variables of short times follow
+chi within a width T da/dt, which a slow contact makes narrower than any grid. Interpolation in x does not
+cross the edge, nor radii where it turned. The equation of a step is solved at Gauss nodes in [0, a].
 
 Sizes: nt times, nb retardation times of D, nq nodes in q, nm modes of C.
 """
@@ -22,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
@@ -37,8 +39,10 @@ _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
 _MOST_ITERATIONS = 80
 _SAME_RADIUS = 1e-11  # width of the bracket of a radius, relative to it, at which it is found
 _INSTANT = 1e-9  # part of a step at whose ends a change of contact is not inside
+_CLOSING = 12  # points that close in on the edge at a breakpoint, where it may turn
 _SUBSTEPS = 12  # of one step: contact found and lost
 _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
+_ONE_POINT = 1e-4  # distance of a point to the next, over the spacing, below which they are one
 
 
 class Nodes(NamedTuple):
@@ -65,11 +69,23 @@ class Drive(NamedTuple):
     tolerance: float  # of the contact radius: residual at the edge over the depth
 
 
+class Points(NamedTuple):
+    """Points in x that keep the past: the fixed grid, n + 2 points, and np - n - 2 places for past edges."""
+
+    x: FloatArray  # (np,)
+    obstacle: FloatArray  # (np,), H
+    order: IntArray  # (np,), the numbers of the points by their x
+    filled: IntArray  # (1,), number of points so far
+    bent: BoolArray  # (np,), whether the past bends at a point: interpolation does not cross it
+    near: IntArray  # (4,), the places that an interpolation takes
+
+
 class State(NamedTuple):
     """State of a run between two steps."""
 
-    chi: FloatArray  # (n + 2,), on the fixed grid, continued beyond a
-    eta: FloatArray  # (nb, n + 2), internal variables of D
+    points: Points
+    chi: FloatArray  # (np,), at the points, continued beyond a
+    eta: FloatArray  # (nb, np), internal variables of D
     X: FloatArray  # (nq,), cosine transform of chi
     zeta: FloatArray  # (nm, nq), internal variables of C
     marks: FloatArray  # radii where the slope of chi may jump
@@ -110,11 +126,10 @@ class Work(NamedTuple):
     unit: FloatArray  # right-hand side, then solution, of a unit depth; at last the weights times chi
     rest: FloatArray  # right-hand side, then solution, of all else
     edges: FloatArray  # ends of the parts
-    past: FloatArray  # (n + 2,), part of D*chi at the end of the step that the past leaves, without chi(0)
+    past: FloatArray  # (np,), part of D*chi at the end of the step that the past leaves, without chi(0)
     far_past: FloatArray  # (n + 2,), and the part of the integral of C
     transform: FloatArray  # (nq,)
     far: FloatArray  # (n + 2,)
-    obstacle: FloatArray  # (n + 2,), H on the fixed grid
 
 
 class Run(NamedTuple):
@@ -251,6 +266,91 @@ def _cubic(f: FloatArray, s: float) -> float:
     return value
 
 
+@kernel(inner=True)
+def _place(points: Points, x: float) -> int:
+    """Return the place in order of the last point at or below x, of those that have a next one."""
+    low, high = 0, points.filled[0] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if points.x[points.order[middle]] <= x:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel(inner=True)
+def _position(points: Points, place: int) -> float:
+    """Return x at a place in the order; places below 0 are the mirror images of points."""
+    x = points.x[points.order[abs(place)]]
+    return float(x if place >= 0 else -x)
+
+
+@kernel(inner=True)
+def _further(points: Points, place: int, way: int, apart: float) -> int:
+    """Return the next place that is so far apart; the same place where the past bends before it."""
+    at = place
+    while abs(at) < points.filled[0] - 1 and not points.bent[points.order[abs(at)]]:
+        at += way
+        if abs(_position(points, at) - _position(points, place)) >= apart:
+            return at
+    return place
+
+
+@kernel(inner=True)
+def _at(x: float, f: FloatArray, edge: float, points: Points) -> float:
+    """Value at x of an even function that bends at the edge, by up to four points on the side of x.
+
+    They are not closer to each other than half of the cell around x. Where the edge is no point, the value
+    is extrapolated to it from its side.
+    """
+    low = _place(points, x)
+    high, other = low + 1, _ONE_POINT * points.x[1]
+    apart = (_position(points, high) - _position(points, low)) / 2
+    if x < edge < _position(points, high) - other and not points.bent[points.order[low]]:
+        high = low
+    elif _position(points, low) + other < edge <= x and not points.bent[points.order[high]]:
+        low = high
+    inside, outside = high == low and x < edge, high == low and x >= edge
+    near, n = points.near, 0
+    for place in range(low, high + 1):
+        near[n] = place
+        n += 1
+    for _ in range(3):
+        new = high if inside or n == 4 else _further(points, high, 1, apart)
+        if new != high:
+            high = near[n] = new
+            n += 1
+        new = low if outside or n == 4 else _further(points, low, -1, apart)
+        if new != low:
+            low = near[n] = new
+            n += 1
+    value = 0.0
+    for i in range(n):
+        y, weight = _position(points, near[i]), 1.0
+        for j in range(n):
+            if j != i:
+                z = _position(points, near[j])
+                weight *= (x - z) / (y - z)
+        value += weight * f[points.order[abs(near[i])]]
+    return value
+
+
+@kernel(inner=True)
+def _add_point(x: float, profile: Revolution, points: Points) -> int:
+    """Make x a point of a surface at rest, unless there is one; return its number."""
+    low, new = _place(points, x), points.filled[0]
+    for place in (low, low + 1):
+        if abs(_position(points, place) - x) <= _ONE_POINT * points.x[1]:
+            return int(points.order[place])
+    points.x[new], points.obstacle[new] = x, abel_transform(profile, x)
+    for i in range(new, low + 1, -1):
+        points.order[i] = points.order[i - 1]
+    points.order[low + 1] = new
+    points.filled[0] = new + 1
+    return int(new)
+
+
 @kernel(reorder=True, inner=True)
 def _transform(n: int, nodes: Nodes, work: Work) -> None:
     """Cosine transform of chi at n nodes, with cosines by four points of the fixed grid."""
@@ -345,7 +445,7 @@ def _set_step(h: float, run: Run) -> Weights:
 def _find_past(run: Run) -> None:
     """Find the part of the past at the end of the step: of D without chi(0), and of C."""
     body, state, step, work = run.body, run.state, run.step, run.work
-    for i in range(work.past.size):
+    for i in range(state.points.filled[0]):
         s = 0.0
         for k in range(body.local_times.size):
             s += body.local_modes[k] * step.fade[k] * state.eta[k, i]
@@ -431,10 +531,10 @@ def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
 
 
 @kernel(inner=True)
-def _past_at(x: float, nodes: Nodes, work: Work) -> float:
+def _past_at(x: float, edge: float, run: Run) -> float:
     """Part of the past at x, without chi(0)."""
-    s = x / nodes.spacing
-    return _cubic(work.past, s) + _cubic(work.far_past, s)
+    near = _at(x, run.work.past, edge, run.state.points) if run.body.local_times.size else 0.0
+    return near + _cubic(run.work.far_past, x / run.nodes.spacing)
 
 
 @kernel(inner=True)
@@ -447,9 +547,9 @@ def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Tria
     for i in range(n):
         x = work.x[i]
         H = abel_transform(profile, x)
-        diagonal, past = weights.after, _past_at(x, nodes, work)
+        diagonal, past = weights.after, _past_at(x, a_old, run)
         if x < a_old:
-            past += weights.before * _cubic(state.chi, x / nodes.spacing)
+            past += weights.before * _at(x, state.chi, a_old, state.points)
         elif a > a_old and body.local_times.size:
             part = _swept(sweep, x, H)
             diagonal = body.local
@@ -471,9 +571,9 @@ def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Tria
             return Trial(0.0, 0.0, 0.0, 0.0, -1)
         _back_substitute(work.matrix, work.unit, n)
         _back_substitute(work.matrix, work.rest, n)
-    past = _past_at(a, nodes, work)
+    past = _past_at(a, a_old, run)
     if a < a_old:
-        past += weights.before * _cubic(state.chi, a / nodes.spacing)
+        past += weights.before * _at(a, state.chi, a_old, state.points)
     edge, rest, unit, other = 1.0, -abel_transform(profile, a) - past, 0.0, 0.0
     for i in range(n):
         if coupled:
@@ -571,12 +671,16 @@ def _close(h: float, found: Radius, a_old: float, weights: Weights, run: Run) ->
     if body.q.size:
         _multiply(nodes.cosines, work.transform, work.far)
     sweep = _sweep(run.profile, min(a, a_old), max(a, a_old))
-    for i in range(state.chi.size):
-        x, H = i * nodes.spacing, work.obstacle[i]
+    fixed = work.far.size
+    for i in range(state.points.filled[0]):
+        x, H = state.points.x[i], state.points.obstacle[i]
         inside = touches and (x < a or a >= stop)  # at and beyond a rim chi is continued
         was_inside = a_old > 0 and (x < a_old or a_old >= stop)
         before = state.chi[i] if was_inside else 0.0
-        value = depth - H - work.past[i] - work.far_past[i] - work.far[i]
+        far = work.far_past[i] + work.far[i] if i < fixed else _cubic(work.far_past, x / nodes.spacing)
+        if i >= fixed:
+            far += _cubic(work.far, x / nodes.spacing)
+        value = depth - H - work.past[i] - far
         diagonal, part = weights.after, 1.0
         growing = inside and not was_inside
         if touches and a > a_old and not was_inside:
@@ -591,8 +695,8 @@ def _close(h: float, found: Radius, a_old: float, weights: Weights, run: Run) ->
             part = _swept(sweep, x, H)
         value /= diagonal
         after = value if inside else 0.0
-        weight = nodes.spacing * (0.5 if i in (0, state.chi.size - 3) else 1.0)
-        if i > state.chi.size - 3:
+        weight = nodes.spacing * (0.5 if i in (0, fixed - 3) else 1.0)
+        if i > fixed - 3:
             weight = 0.0
         for k in range(nb):
             T, J, old = body.local_times[k], body.local_modes[k], state.eta[k, i]
@@ -631,8 +735,8 @@ def _stored(found: Radius, run: Run) -> float:
     for i in range(found.nodes if found.a > 0 else 0):
         s += body.local * (work.unit[i] / work.root[i]) ** 2
     for k in range(body.local_times.size):
-        for i in range(state.chi.size - 2):
-            weight = 0.5 if i in (0, state.chi.size - 3) else 1.0
+        for i in range(work.far.size - 2):
+            weight = 0.5 if i in (0, work.far.size - 3) else 1.0
             s += weight * nodes.spacing * body.local_modes[k] * state.eta[k, i] ** 2
     for j in range(body.q.size):
         part = body.instant[j] * state.X[j] ** 2
@@ -658,7 +762,7 @@ def _remember(marks: FloatArray, a: float) -> None:
 def _rise(a: float, run: Run) -> float:
     """Largest increase of chi inside the contact, and largest chi outside: with neither p, gap >= 0."""
     largest, chi, spacing = 0.0, run.state.chi, run.nodes.spacing
-    for i in range(chi.size - 2):
+    for i in range(run.work.far.size - 2):
         x = i * spacing
         if x + spacing <= a:
             largest = max(largest, chi[i + 1] - chi[i])
@@ -672,9 +776,23 @@ def _begin(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) ->
     """Return a run of a body at rest."""
     size, nq = nodes.cosines.shape[0] // 2 + 1, body.q.size
     nb, nm = body.local_times.size, body.times.shape[0]
+    places = size
+    if nb:
+        places += drive.time.size + _CLOSING
+        for each in drive.breakpoints:
+            places += _CLOSING * each
+    points = Points(
+        np.zeros(places), np.zeros(places), np.arange(places), np.array([size]), np.zeros(places, np.bool_),
+        np.zeros(4, np.int64),
+    )  # fmt: skip
+    for i in range(size):
+        points.x[i] = i * nodes.spacing
+        points.obstacle[i] = abel_transform(profile, points.x[i])
+    points.bent[0] = True  # under a cone
     state = State(
-        np.zeros(size), np.zeros((nb, size)), np.zeros(nq), np.zeros((nm, nq)), np.full(_MARKS, np.inf)
-    )
+        points, np.zeros(places), np.zeros((nb, places)),
+        np.zeros(nq), np.zeros((nm, nq)), np.full(_MARKS, np.inf),
+    )  # fmt: skip
     loss = Loss(np.zeros(nb), np.zeros(nb), np.zeros(nb))
     loss_q = Loss(np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)))
     step = Step(
@@ -685,10 +803,8 @@ def _begin(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) ->
     most = max(nodes.gauss.size, (_MARKS + 1) * nodes.part.size)
     work = Work(
         np.zeros(most), np.zeros(most), np.zeros((most, most)), np.zeros(most), np.zeros(most),
-        np.zeros(_MARKS + 2), np.zeros(size), np.zeros(size), np.zeros(nq), np.zeros(size), np.zeros(size),
+        np.zeros(_MARKS + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(size),
     )  # fmt: skip
-    for i in range(size):
-        work.obstacle[i] = abel_transform(profile, i * nodes.spacing)
     return Run(body, profile, nodes, drive, state, step, work, min(profile.rim, nodes.reach))
 
 
@@ -715,7 +831,7 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
     """Follow an indentation of a body at rest over given times, on nodes in x for its largest contact."""
     nt, run = drive.time.size, _begin(body, profile, nodes, drive)
     state, work, stop = run.state, run.work, run.stop
-    size, kept = state.chi.size, 0
+    size, kept = work.far.size, 0
     for each in drive.snapshots:
         kept += each
     out = Marched(
@@ -725,11 +841,18 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
     a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
     bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
     weights, stopped = Weights(0.0, 0.0), nt
+    edge, bent, stays, largest = (
+        -1,
+        state.points.bent,
+        False,
+        0.0,
+    )  # point of the edge; whether the past stays bent there
     found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE)
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
         duration = max(duration, 1e-290)
         begin = drive.value[at - 1] if at else 0.0
+        begins = at == 0 or drive.breakpoints[at]
         done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
         for _ in range(_SUBSTEPS):
             h = duration * (1 - done) * piece
@@ -764,10 +887,23 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
                     break
                 if found.a == 0:
                     found = apart
-            lost += _close(h, found, a_old, weights, run)
             change = (found.a - a_old) / h
-            if rate * change < 0 and at > 1 and a_old > 0:
+            turned = rate * change < 0 and at > 1 and a_old > 0
+            if turned:
                 _remember(state.marks, a_old)
+            new, fresh = -1, largest < found.a < stop
+            if fresh and body.local_times.size:
+                for k in range(1, _CLOSING + 1 if begins else 0):
+                    _add_point(found.a - (found.a - largest) * 0.5**k, profile, state.points)
+                new = _add_point(found.a, profile, state.points)
+            largest = max(largest, found.a)
+            lost += _close(h, found, a_old, weights, run)
+            if edge >= 0:
+                bent[edge] = stays or turned or not fresh
+            if new >= 0:
+                stays = bent[new] or begins
+                bent[new] = True
+            edge = new
             bend = (change - rate) / (h + since) if since > 0 else 0.0
             rate, a_old = change, found.a
             since = h if 0 < a_old < stop and not drive.breakpoints[at] else 0.0
@@ -777,7 +913,7 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
         if status != COMPLETE:
             stopped = at
             break
-        if drive.breakpoints[at] and a_old > 0:
+        if begins and a_old > 0:
             _remember(state.marks, a_old)
         out.force[at], out.depth[at], out.radius[at] = found.force, found.depth, a_old
         out.stored[at], out.dissipated[at] = _stored(found, run), lost

@@ -28,9 +28,9 @@ from gfmdlayer.contact import fire
 from gfmdlayer.contact.active_set import loop, solver, windows
 from gfmdlayer.contact.nested import iteration
 from gfmdlayer.contact.nested import solver as nested_solver
-from gfmdlayer.contact.nested.passes import stencil
 from gfmdlayer.contact.nested.solver import nest
 from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePrediction
+from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControl

@@ -25,6 +25,7 @@ from benchmarks.tables import Cell, Effort, Table
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.newton import solver
+from gfmdlayer.contact.newton.cycle import Cycle, no_cycle
 from gfmdlayer.contact.newton.passes import begin
 from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem, Solution, Solver
@@ -87,7 +88,8 @@ def measure(effort: Effort) -> Iterator[Table]:
         f"Adhesive contact on a halfspace, {effort.steps} depths (surfaces: a third), residual {_RESIDUAL:g}"
     )
     yield Table("adhesion", title, rows, note)
-    yield _ablations([course for course in courses if course.grid.size <= 1 << 12])
+    small = [course for course in courses if course.grid.size <= 1 << 12]
+    yield _ablations([*small, _rough(128, effort.steps // 3)] if large else small)
 
 
 def _line(n: int, reach: float, steps: int) -> _Course:
@@ -211,6 +213,17 @@ def _one_stiffness(single, system, curvature, step, damping, lack):  # type: ign
     return pairs
 
 
+def _by_transform(*_: object) -> Cycle:
+    """Take the place of the cycle."""
+    return no_cycle()
+
+
+@nb.njit(nogil=True)
+def _in_double(step):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """Take the place of the choice of single precision."""
+    return False
+
+
 @nb.njit(nogil=True)
 def _no_search(single, system, at, step, lowest):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """Take the place of the search for the lowest mode."""
@@ -231,7 +244,13 @@ def _in_step(**replaced: object) -> dict[str, Any]:
 _ABLATIONS = (
     _Ablation("nothing: FFT pairs"),
     _Ablation("start from the last gap: displacement", _LastDisplacement),
-    _Ablation("preconditioner", loop=lambda: _in_step(begin=_no_preconditioner)),
+    _Ablation("cycle on surfaces: the preconditioner by transforms", others=(("cycle_of", _by_transform),)),
+    _Ablation("states on the way in single precision", loop=lambda: {"_in_single": _in_double}),
+    _Ablation(
+        "preconditioner",
+        loop=lambda: _in_step(begin=_no_preconditioner),
+        others=(("cycle_of", _by_transform),),
+    ),
     _Ablation("its scale where the interface is stiff", loop=lambda: _in_step(begin=_one_stiffness)),
     _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),
     _Ablation("bound on the error of a tangent", loop=lambda: {"_CHANGE": 1e300}),
@@ -254,9 +273,7 @@ def _ablations(courses: list[_Course]) -> Table:
             for course in courses:
                 key = f"{course.name}, {course.law.range:g}"
                 try:
-                    count = sum(
-                        _follow(ablation.solver(Transforms(course.grid.shape), _RESIDUAL), course).pairs
-                    )
+                    count = sum(_follow(ablation.solver(Transforms(course.grid.shape)), course).pairs)
                 except RuntimeError:
                     row[key] = "fails"
                 else:

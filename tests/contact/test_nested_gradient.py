@@ -14,10 +14,10 @@ import pytest
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.passes import stencil
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.contact.residual import assess, residual_scales
+from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.simulation import Case

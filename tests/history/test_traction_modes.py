@@ -171,14 +171,15 @@ def test_partial_slip_on_a_relaxing_layer() -> None:
     """A punch is pressed on a layer on a halfspace, and moved to and fro: a dense solution of 1024 points.
 
     Here 30 points are in contact. The width of the stick zone, and with it force and heat, is known to half
-    of one; the depth to second order.
+    of one; the depth to second order. The work of the punch is stored, relaxed, or slipped, to (dt/tau)^2.
     """
     grid, dt, mu = Grid((256,), (1.0,)), 0.05, 0.4
     body = LayerStack((Layer(0.05, 0.5, SOLID), Layer(math.inf, 0.3, Prony(1.0))))
     history = TractionModes(grid, body.traction_spectrum(grid.wavenumbers))
     transforms = Transforms(grid.points)
     solver, heights = FrictionSolver(grid, transforms), grid.coordinates[0] ** 2 / (2 * 0.25)
-    start, heat, found = None, 0.0, {}
+    start, heat, work, found = None, 0.0, 0.0, {}
+    last = np.zeros(3)  # pressure, shear traction, depth
     for i in range(1, round(8 / dt) + 1):
         t, before = i * dt, fields_of(history.displacement, grid)
         response, offset = history.terms(dt)
@@ -197,7 +198,12 @@ def test_partial_slip_on_a_relaxing_layer() -> None:
         start = solution.tractions
         heat -= float((solution.traction * solution.slip).sum(axis=0).mean())
         history.advance(transformed(solution.tractions, grid))
+        now = np.array([load, solution.traction.mean(), solution.depth])
+        mean = 0.5 * (last + now)
+        work += mean[0] * (now[2] - last[2]) + mean[1] * (displaced(t) - displaced(t - dt))
+        last = now
         found[round(t, 6)] = (solution.traction.mean() / (mu * load), solution.depth, heat)
+    assert work == pytest.approx(history.stored + history.dissipated + heat, rel=dt**2)
     force, depth, heat_of_slip = zip(*(found[t] for t in (1, 2, 2.1, 4.2, 5, 8)), strict=True)
     np.testing.assert_allclose(force, [0, 0, 0.3577, 0.1278, -1, -1], atol=0.5 / 30)
     np.testing.assert_allclose(force[:2], 0.0, atol=1e-6)  # tolerance of the solver: 1e-7, over mu

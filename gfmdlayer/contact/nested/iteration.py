@@ -33,9 +33,10 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.passes import REACH, Move, ParallelPasses, stencil
+from gfmdlayer.contact.nested.passes import Move, ParallelPasses
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import ResidualFloor, scales
+from gfmdlayer.contact.stencil import REACH, stencil
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 

@@ -23,98 +23,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray, IntArray
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.contact.stencil import apply_to_row
 from gfmdlayer.grid.fftw import WORTH_THREADS
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.kernels import LANES, kernel
-
-# The preconditioner is kappa as a stencil of 13 points in real space, which takes no transform. The stencil's
-# symbol s(q) = sum_ij w_ij cos(i q_x dx + j q_y dy), i^2 + j^2 <= 4, approximates the stiffness by least
-# squares of s/max(kappa, `_LEAST` of the largest) - 1 over the modes of the grid.
-
-REACH = 2  # rows and columns on either side
-# Rows and columns of the taps, one of each set that the symmetry of kappa in q_x and q_y makes equal.
-_TAPS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0))
-_LEAST = 0.02
-_WAVES = 64  # along each axis of a surface, its square along a line, for the fit
-
-
-def stencil(grid: Grid, stiffness: FloatArray) -> Any:
-    """Fit the stencil to a stiffness; return float32 weights of `_TAPS`, shape (6,)."""
-    symbols, sample = _symbols(grid), _sample(grid)
-    stiffest = grid.sums.maximum(float(stiffness.max()))
-    inverse = 1.0 / np.maximum(stiffness[sample], _LEAST * stiffest)
-    used = [k for k, (row, _) in enumerate(_TAPS) if row == 0 or len(grid.points) > 1]
-    columns = np.array([symbols(*_TAPS[k], sample) * inverse for k in used])
-    normal = grid.sums.total(np.hstack((columns @ columns.T, columns.sum(axis=1)[:, np.newaxis])))
-    weights = np.zeros(len(_TAPS), dtype=np.float32)
-    weights[used] = np.linalg.lstsq(normal[:, :-1], normal[:, -1], rcond=None)[0]
-    return weights
-
-
-def _sample(grid: Grid) -> IntArray:
-    """Modes for the fit that this process holds, spread evenly over all of the grid."""
-    number = _WAVES ** (2 // len(grid.points))
-    rows = _spread(grid.points[0], number, 0.0) if len(grid.points) > 1 else np.zeros(1, dtype=int)
-    # The last axis has the waves from 0 to the largest: each that is taken is in the middle of its part.
-    own, columns = grid.waves_y, _spread(grid.points[-1] // 2 + 1, number, 0.5)
-    columns = columns[(columns >= own.start) & (columns < own.stop)] - own.start
-    return np.asarray((rows[:, np.newaxis] * len(own) + columns).ravel())
-
-
-def _spread(points: int, number: int, place: float) -> IntArray:
-    """Return so many of the points, or all, each at a place in its part of them."""
-    number = min(points, number)
-    return np.asarray((np.arange(number) + place) * points // number, dtype=np.int64)
-
-
-def _symbols(grid: Grid) -> Callable[[int, int, IntArray], FloatArray]:
-    """The sum of the cosines of the taps at +-row and +-column, as a function of these and of the modes."""
-    phases = [
-        axis.ravel() * (length / points)
-        for axis, length, points in zip(grid.wavevectors, grid.period, grid.points, strict=True)
-    ]
-    across, along = (np.zeros(1), *phases) if len(phases) == 1 else phases
-
-    def symbol(row: int, column: int, modes: IntArray) -> FloatArray:
-        copies = (2 if row else 1) * (2 if column else 1)
-        y, x = across[modes // along.size], along[modes % along.size]
-        return np.asarray(copies * np.cos(row * y) * np.cos(column * x))
-
-    return symbol
-
-
-@kernel(inner=True)
-def _row(k: int, rows: Any, before: Any, after: Any) -> Any:
-    """A row of a field, or one of those beside it."""
-    if k < 0:
-        return before[k + REACH]
-    return rows[k] if k < rows.shape[0] else after[k - rows.shape[0]]
-
-
-@kernel(reorder=True, inner=True)
-def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, result: Any, work: Any) -> None:
-    """Write row i of the stencil applied to a periodic field, shape (rows, columns).
-
-    `before` and `after` are the two rows on either side of those of this process (`Grid.halo`); `work` is
-    space for a row.
-    """
-    here, n = field[i], field.shape[1]
-    up, down = _row(i - 1, field, before, after), _row(i + 1, field, before, after)
-    top, bottom = _row(i - 2, field, before, after), _row(i + 2, field, before, after)
-    w0, w1, w2, w3, w4, w5 = weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]
-    for j in range(n):
-        beside = up[j] + down[j]
-        result[j] = w0 * here[j] + w3 * beside + w5 * (top[j] + bottom[j])
-        work[j] = w1 * here[j] + w4 * beside
-    # Arrays that begin where they are read need no checks of indices, and the loop is vectorised.
-    inner, left, right, last = result[2:], work[1:], work[3:], here[4:]
-    for j in range(n - 4):
-        inner[j] += left[j] + right[j] + w2 * (here[j] + last[j])
-    for k in range(min(n, 4)):
-        j = k if k < 2 else n + 1 - k
-        result[j] += work[(j - 1) % n] + work[(j + 1) % n] + w2 * (here[(j - 2) % n] + here[(j + 2) % n])
-
 
 _GONE = 1e-6  # part of a pressure that is left by rounding in single precision where it was to vanish
 _MEMBER = np.float32(1e-37)  # r of a point of C whose gap is exactly right

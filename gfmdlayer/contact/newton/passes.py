@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.newton.cycle import Cycle, run_cycle, set_cycle
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.transforms import Plans, backward, forward
 from gfmdlayer.interface.forms import Terms, term
@@ -19,6 +20,7 @@ from gfmdlayer.kernels import LANES, kernel
 _NO_CURVATURE = 1e-6  # part of the elastic stiffness along a direction below which its curvature is rounding
 _STIFF = 0.3  # curvature, over the stiffness of a point, from which on it outweighs the body's
 _ROUNDING = 1e-15
+_OF_SINGLE = 2e-7  # likewise in single precision
 
 
 class AdhesiveSystem(NamedTuple):
@@ -48,7 +50,7 @@ class AdhesiveState(NamedTuple):
 class Step(NamedTuple):
     """The linear system of a step, on the free points, and its solution.
 
-    All but the first four are in single precision.
+    All but the first four are in single precision. Without a cycle the preconditioner takes a transform.
     """
 
     free: FloatArray  # 1 where the point moves, 0 where it is pressed
@@ -66,6 +68,8 @@ class Step(NamedTuple):
     kappa: Any
     softening: Any  # preconditioner, one value a mode
     work: Any  # spectrum
+    response: Any  # K d
+    cycle: Cycle
 
 
 @kernel(reorder=True, inner=True)
@@ -176,24 +180,21 @@ def begin(
     single: Plans, system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float, lack: float
 ) -> int:
     """Begin with no step, or with one that lifts all free points by the lack; return the FFT pairs."""
-    n, d, force, total, stiffest = step.d.size, step.d, step.force, 0.0, curvature.max()
-    for k in range(step.softening.size):
-        # The factor n^2 turns the stiffness per point into that for a backward transform.
-        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
-        step.kappa[k], step.softening[k] = system.kappa[k], softening
-        total += softening
-    step.point[0] = n * total / (_STIFF * step.softening.size)
+    n, d, force, free, pressure = step.d.size, step.d, step.force, step.free, step.pressure
+    moves, stiffness, response, direction = step.moves, step.stiffness, step.response, step.direction
     for i in range(n):
-        d[i], force[i] = 0.0, step.free[i] * step.pressure[i]
-        step.moves[i], step.stiffness[i], step.share[i] = step.free[i], curvature[i] + damping, 1.0
-    if stiffest > 0.0:
-        for i in range(n):
-            step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
+        d[i], force[i], response[i] = 0.0, free[i] * pressure[i], 0.0
+        moves[i], stiffness[i] = free[i], curvature[i] + damping
+    step.kappa[:] = system.kappa
+    if step.cycle.grids.size > 0:
+        set_cycle(step.cycle, moves, stiffness, 1.0)
+    else:
+        _set_softening(system, curvature, step, damping)
     if lack == 0.0:
         return 0
     for i in range(n):
-        step.direction[i] = step.free[i]
-    precondition(single, step, step.direction, step.z)
+        direction[i] = free[i]
+    pairs = 1 + precondition(single, step, direction, step.z)
     total = 0.0
     for i in range(n):
         d[i] = step.free[i] * step.z[i]
@@ -203,19 +204,39 @@ def begin(
         step.direction[i] = d[i]
     apply(single, step.kappa, step.direction, step.work, step.applied)
     for i in range(n):
+        step.response[i] = step.applied[i]
         off = step.applied[i] + (curvature[i] + damping) * d[i]
         force[i] = step.free[i] * (step.pressure[i] - off)
-    return 2
+    return pairs
 
 
 @kernel(reorder=True, inner=True)
-def precondition(single: Plans, step: Step, r: Any, z: Any) -> None:
-    """Write z = M r, M close to the inverse of K + w'' + damping; one FFT pair.
+def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float) -> None:
+    """Set the preconditioner that takes a transform."""
+    n, total, stiffest = step.d.size, 0.0, curvature.max()
+    for k in range(step.softening.size):
+        # The factor n^2 turns the stiffness per point into that for a backward transform.
+        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
+        step.softening[k] = softening
+        total += softening
+    step.point[0] = n * total / (_STIFF * step.softening.size)
+    step.share[:] = 1.0
+    if stiffest > 0.0:
+        for i in range(n):
+            step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
 
-    M = S C S + (1 - S^2)/(k + w'') with C = 1/(K + damping + kappa_1/2), the stiffness k of the body at a
-    point by itself, and S^2 = k/(k + w''), 1 where w'' < 0: points that the interface holds more stiffly than
-    only the body answer.
+
+@kernel(reorder=True, inner=True)
+def precondition(single: Plans, step: Step, r: Any, z: Any) -> int:
+    """Write z = M r, M close to the inverse of K + w'' + damping; return the FFT pairs.
+
+    It is the cycle if there is one. Else M = S C S + (1 - S^2)/(k + w'') with C the inverse of
+    K + damping + kappa_1/2, the stiffness k of the body at a point by itself, and S^2 = k/(k + w''), 1 where
+    w'' < 0: points that the interface holds more stiffly than only the body answer.
     """
+    if step.cycle.grids.size > 0:
+        run_cycle(step.cycle, r, z)
+        return 0
     share = step.share
     for i in range(z.size):
         z[i] = share[i] * r[i]
@@ -223,6 +244,13 @@ def precondition(single: Plans, step: Step, r: Any, z: Any) -> None:
     for i in range(z.size):
         square = share[i] * share[i]
         z[i] = share[i] * z[i] + step.point[0] * square * (np.float32(1.0) - square) * r[i]
+    return 1
+
+
+@kernel(inner=True)
+def lifted(step: Step) -> Any:
+    """Return the answer of M, as far as it knows the free points, to a pressure that is even on them."""
+    return step.cycle.one if step.cycle.grids.size > 0 else step.moves
 
 
 @kernel(reorder=True, inner=True)
@@ -233,8 +261,7 @@ def minimise(
 
     They go on from the given d and force, with the mean of the change of d zero where the mean is fixed.
     `floor` and `inexact` are the largest force that may be left on a point, and as a part of the first one.
-    Returns iterations, of two FFT pairs each, and the curvature along the last direction, per area, where it
-    is negative, else 0.
+    Returns the FFT pairs, and the curvature along the last direction, per area, where it is negative, else 0.
     """
     d, force, direction, applied, z, moves, stiffness = (
         step.d, step.force, step.direction, step.applied, step.z, step.moves, step.stiffness,
@@ -248,40 +275,49 @@ def minimise(
         system.mean_is_fixed,
     )
     direction[:] = 0.0
+    one, whole, pairs = lifted(step), 0.0, 0
+    for i in range(n):
+        whole += one[i]
     for iteration in range(_MOST):
-        precondition(single, step, force, z)
+        pairs += 1 + precondition(single, step, force, z)
         # Forces are zero where points are pressed, and in the mean where that is fixed.
-        total, across = _sums(z, moves, force)
-        mean, beta = np.float32(total / count if centred else 0.0), np.float32(across / last)
+        total, across, lift = _sums(z, moves, force, one)
+        mean = np.float32(total / whole if centred else 0.0)
+        across -= float(mean) * lift
+        beta = np.float32(across / last)
         beta, last = beta if iteration > 0 else np.float32(0.0), across
         for i in range(n):
-            direction[i] = moves[i] * (z[i] - mean) + beta * direction[i]
+            direction[i] = moves[i] * (z[i] - mean * one[i]) + beta * direction[i]
         apply(single, step.kappa, direction, step.work, applied)
         elastic, along, square, total = _curvatures(direction, applied, stiffness, moves)
         if square == 0.0:
-            return iteration + 1, 0.0
+            return pairs, 0.0
         if not along > _NO_CURVATURE * (elastic + kappa_1 * square):
-            return iteration + 1, min(along / square, -1e-300)
+            return pairs, min(along / square, -1e-300)
         way, mean = across / along, np.float32(total / count if centred else 0.0)
         if _advance(way, mean, step) <= aim:
-            return iteration + 1, 0.0
-    return _MOST, 0.0
+            return pairs, 0.0
+    return pairs, 0.0
 
 
 @kernel(reorder=True, inner=True)
-def _sums(z: Any, moves: Any, force: Any) -> tuple[float, float]:
-    """Sums of z over the free points, and of force z; in single precision over few points only."""
-    total, across = 0.0, 0.0
+def _sums(z: Any, moves: Any, force: Any, one: Any) -> tuple[float, float, float]:
+    """Sums of z over the free points, of force z and force one; in single precision over few points only."""
+    total, across, lift = 0.0, 0.0, 0.0
     for first in range(0, z.size, LANES):
-        zs, frees, fs = z[first : first + LANES], moves[first : first + LANES], force[first : first + LANES]
+        end = first + LANES
+        zs, frees, fs, ones = z[first:end], moves[first:end], force[first:end], one[first:end]
         some: Any = np.float32(0.0)
         others: Any = np.float32(0.0)
+        mean: Any = np.float32(0.0)
         for i in range(zs.size):
             some += zs[i] * frees[i]
             others += fs[i] * zs[i]
+            mean += fs[i] * ones[i]
         total += some
         across += others
-    return total, across
+        lift += mean
+    return total, across, lift
 
 
 @kernel(reorder=True, inner=True)
@@ -321,9 +357,10 @@ def _advance(way: float, mean: Any, step: Step) -> float:
             step.moves[first:end],
             step.direction[first:end],
         )
-        Ks, hs = step.applied[first:end], step.stiffness[first:end]
+        Ks, hs, Kds = step.applied[first:end], step.stiffness[first:end], step.response[first:end]
         for i in range(ds.size):
             ds[i] += part * ss[i]
+            Kds[i] += part * Ks[i]
             left = fs[i] - part * frees[i] * (Ks[i] + hs[i] * ss[i] - mean)
             fs[i] = left
             largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
@@ -365,6 +402,27 @@ def move(system: AdhesiveSystem, at: AdhesiveState, step: Step, mean: float, to:
                 break
             for i in range(v.size):
                 v[i] = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
+
+
+@kernel(reorder=True, inner=True)
+def set_stress_after(single: Plans, at: AdhesiveState, step: Step, stiff: float, to: AdhesiveState) -> int:
+    """Write the stress after a step from K d, in single precision; return the FFT pairs.
+
+    What the wall has cut off, or the mean has shifted, takes a pair. `step.kappa` is over `stiff`.
+    """
+    d, cut, largest, farthest = step.d, step.direction, 0.0, 0.0
+    for i in range(d.size):
+        off = to.u[i] - at.u[i] - d[i]
+        cut[i] = stiff * off
+        largest, farthest = max(largest, abs(off)), max(farthest, abs(d[i]))
+    for i in range(d.size):
+        to.stress[i] = at.stress[i] - step.response[i]
+    if largest <= _OF_SINGLE * farthest:
+        return 0
+    apply(single, step.kappa, cut, step.work, step.applied)
+    for i in range(d.size):
+        to.stress[i] -= step.applied[i]
+    return 1
 
 
 @kernel(reorder=True, inner=True)

@@ -23,12 +23,15 @@ on the way of a step at most. `Solution.released_energy` is the energy that a de
 has lost, at a fixed s: exact for the state from which it started, which lies past the end of the branch by a
 part of the step, so that its error is of first order in the step. Elsewhere it is zero.
 
-Linear systems are solved on the free points by conjugate gradients in single precision: what they correct is
-evaluated in double. The preconditioner is 1/(K + c + kappa_1/2), scaled where the interface is stiffer than
-the body (`passes.precondition`); an iteration takes two FFT pairs. A direction of negative curvature ends
-them and begins a descent. Points that a step drives through the wall are put onto it; if that turns the step
-uphill, a shorter one of the descent takes its place. In balance `find_margin` looks for a deformation of
-negative curvature, which no symmetry hides.
+Linear systems are solved on the free points by conjugate gradients in single precision. On surfaces the
+preconditioner is a V-cycle of stencils (`cycle`), and an iteration takes one FFT pair, in single precision;
+states on the way are in single precision too, by K d of the linear system, and those near balance are
+evaluated in double. On lines, on less than 64^2 points, and where stencils do not describe the stiffness, it
+is 1/(K + c + kappa_1/2), scaled where the interface is stiffer than the body (`passes.precondition`); an
+iteration takes two pairs, and all states are evaluated in double. The stiffness decides which. A direction
+of negative curvature ends them and begins a descent. Points that a step drives through the wall are put onto
+it; if that turns the step uphill, a shorter one of the descent takes its place. In balance `find_margin`
+looks for a deformation of negative curvature, which no symmetry hides.
 """
 
 from __future__ import annotations
@@ -41,6 +44,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.newton.cycle import cycle_of, no_cycle
 from gfmdlayer.contact.newton.passes import (
     AdhesiveState,
     AdhesiveSystem,
@@ -49,12 +53,14 @@ from gfmdlayer.contact.newton.passes import (
     balance,
     begin,
     compare,
+    lifted,
     lost,
     minimise,
     move,
     precondition,
     set_interaction,
     set_stress,
+    set_stress_after,
     shorten,
 )
 from gfmdlayer.contact.pressure_form import trivial_solution
@@ -75,10 +81,12 @@ _SETTLED = 0.1  # error of the traction in a step without damping at which the d
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
 _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
 _NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
+_WORTH_CYCLE = 1 << 12  # points
 _FAR = 1e300  # range of the hard wall
 _LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
 _OF_SUMS = 1e-12  # likewise over the largest displacement: what rounding leaves of a mean
 _ROUNDING = 1e-13  # of energies, over their parts
+_OF_SINGLE = 1e-6  # likewise of states in single precision, over the elastic part
 IN_SINGLE = 0.5  # a pair of transforms in single precision counts as this part of one
 
 
@@ -106,6 +114,7 @@ class Progress(NamedTuple):
     multiplier: float
     residual: float
     energy: float  # of the interface, sum over the points; NaN where the state has to be evaluated anew
+    exact: bool  # whether the stress of the state is in double precision
     pairs: float
     iterations: int
 
@@ -138,13 +147,14 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     at, to, swapped = fields.at, fields.to, False
     (
         done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, energy,
-        pairs, _,
+        exact, pairs, _,
     ) = given  # fmt: skip
     iterations, settled, evaluated = 0, False, np.isnan(energy)
     if evaluated:
         set_stress(plans, system, at, fields.spectrum, step.spectrum)
         energy = set_interaction(system, at)
-        pairs += 1.0
+        pairs, exact = pairs + 1.0, True
+    stiff, in_single = _unit(system), _in_single(step)
     while True:
         target = done if descends else 1.0
         residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
@@ -169,9 +179,15 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
             continue
         move(system, at, step, mean, to)
-        set_stress(plans, system, to, fields.spectrum, step.spectrum)
+        # In double precision once the step aims at the tolerance.
+        now = not in_single or (done == 1.0 and inexact * largest <= _WELL_WITHIN * aim)
+        if now:
+            set_stress(plans, system, to, fields.spectrum, step.spectrum)
+            pairs += 1.0
+        else:
+            pairs += IN_SINGLE * set_stress_after(single, at, step, stiff, to)
         after = set_interaction(system, to)
-        pairs, evaluated = pairs + 1.0, False
+        evaluated = False
         first, last, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         most, way = (_RESOLVED if descends else _CHANGE), 1.0
         if error > most:
@@ -186,7 +202,10 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             after = set_interaction(system, to)
             _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         change = elastic + after - energy
-        uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
+        rounding = _ROUNDING * (abs(energy) + abs(elastic)) + (
+            0.0 if now and exact else _OF_SINGLE * abs(elastic)
+        )
+        uphill = not first < 0.0 or change > rounding
         if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled = True, False
@@ -194,7 +213,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             if damping > _HOPELESS * (system.kappa_1 + max(at.curvature.max(), -at.curvature.min())):
                 break
             continue
-        at, to, swapped, energy, evaluated = to, at, not swapped, after, way == 1.0
+        at, to, swapped, energy = to, at, not swapped, after
+        evaluated, exact = now and way == 1.0, now and (exact or way == 1.0)
         if not descends:
             done += way * (target - done)
             continue
@@ -223,6 +243,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         multiplier,
         residual,
         energy if evaluated or residual > tolerance else np.nan,
+        exact,
         pairs,
         iterations,
     )
@@ -253,18 +274,32 @@ def _find_step(
     """Solve for a step; return the FFT pairs and the least curvature, as `minimise`."""
     pairs = begin(single, system, at.curvature, step, damping, lack)
     # Stresses and stiffnesses of order one: in SI units squares would underflow in single precision.
-    unit, d, force = max(np.abs(step.force).max(), 1e-30), step.d, step.force
-    stiff = 2.0 ** np.floor(np.log2(max(system.kappa_1, 1e-300)))  # to which no digit is lost
+    unit, d, force, response = max(np.abs(step.force).max(), 1e-30), step.d, step.force, step.response
+    stiff, stiffness = _unit(system), step.stiffness
     for i in range(d.size):
-        d[i], force[i] = d[i] * (stiff / unit), force[i] / unit
-        step.stiffness[i] /= stiff
+        d[i], force[i], response[i] = d[i] * (stiff / unit), force[i] / unit, response[i] / unit
+        stiffness[i] /= stiff
     for k in range(step.kappa.size):
-        step.kappa[k], step.softening[k] = step.kappa[k] / stiff, step.softening[k] * stiff
+        step.kappa[k] /= stiff
+        step.softening[k] *= stiff
     step.point[0] *= stiff
-    turns, least = minimise(single, system, system.kappa_1 / stiff, step, floor / unit, inexact)
+    spent, least = minimise(single, system, system.kappa_1 / stiff, step, floor / unit, inexact)
     for i in range(d.size):
         d[i] *= unit / stiff
-    return pairs + 2 * turns, least * stiff
+        response[i] *= unit
+    return pairs + spent, least * stiff
+
+
+@kernel(inner=True)
+def _in_single(step: Step) -> bool:
+    """Whether states on the way are in single precision."""
+    return bool(step.cycle.grids.size > 0)
+
+
+@kernel(inner=True)
+def _unit(system: AdhesiveSystem) -> float:
+    """Return a power of two near kappa_1, to which no digit is lost."""
+    return float(2.0 ** np.floor(np.log2(max(system.kappa_1, 1e-300))))
 
 
 @kernel(inner=True)
@@ -305,8 +340,9 @@ def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields) -> float:
 # falls to zero as the square root of the distance to that point. A state in balance may be no minimum: an
 # even film stays flat, and a symmetric contact symmetric, without a force that tells. So x is found by
 # itself, by preconditioned conjugate gradients on this ratio (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517),
-# and kept from step to step, so that one turn of two FFT pairs follows it. Single precision knows the ratio
-# to 1e-6.
+# and kept from step to step, so that one turn of one or two FFT pairs follows it. Single precision knows the
+# ratio to 1e-6. With the preconditioner by transforms a law much stiffer than the body, as Lennard-Jones'
+# repulsion, leaves the margin far above the least; the cycle finds it.
 
 _MOST = 30  # turns
 _STEADY = 0.02, 0.003  # fall of the margin in a turn, over itself and in all, at which it is known
@@ -337,7 +373,7 @@ def find_margin(
     x, before, d, Kd = lowest
     begin(single, system, curvature, step, 0.0, 0.0)  # the preconditioner
     d[:], Kd[:] = 0.0, 0.0
-    _admit(system, free, x)
+    _admit(system, free, x, step.moves)
     apply(single, step.kappa, x, step.work, Kx)
     pairs, margin, last, across = 1, np.inf, np.inf, 1.0
     for turn in range(_MOST + 1):
@@ -353,11 +389,10 @@ def find_margin(
         for i in range(n):
             before[i] = slope[i]
             slope[i] = free[i] * ((1.0 - margin) * Kx[i] + (curvature[i] - margin * half) * x[i])
-        _admit(system, free, slope)
-        precondition(single, step, slope, w)
-        _admit(system, free, w)
+        _admit(system, free, slope, step.moves)
+        pairs += 1 + precondition(single, step, slope, w)
+        _admit(system, free, w, lifted(step))
         apply(single, step.kappa, w, step.work, Kw)
-        pairs += 2
         previous, across, change = across, 0.0, 0.0
         for i in range(n):
             across += slope[i] * w[i]
@@ -398,16 +433,16 @@ def _lowest(xHx: float, xHd: float, dHd: float, xBx: float, xBd: float, dBd: flo
 
 
 @kernel(reorder=True, inner=True)
-def _admit(system: AdhesiveSystem, free: FloatArray, x: Any) -> None:
-    """Remove motions that the constraints do not allow."""
-    total, count = 0.0, 0.0
+def _admit(system: AdhesiveSystem, free: FloatArray, x: Any, one: Any) -> None:
+    """Remove motions that the constraints do not allow; a mean by a part of `one`."""
+    total, whole = 0.0, 0.0
     for i in range(x.size):
         x[i] *= free[i]
         total += x[i]
-        count += free[i]
-    mean = total / count if system.mean_is_fixed and count > 0.0 else 0.0
+        whole += free[i] * one[i]
+    mean = total / whole if system.mean_is_fixed and whole > 0.0 else 0.0
     for i in range(x.size):
-        x[i] -= mean * free[i]
+        x[i] -= mean * free[i] * one[i]
 
 
 @kernel(reorder=True)
@@ -457,6 +492,7 @@ class Newton:
     def __init__(self, transforms: Transforms) -> None:
         self._transforms = transforms
         self._mode = _any_deformation(transforms.size)
+        self._stiffness: FloatArray = np.empty(0)  # of the cycle
         self._margin, self._part = math.nan, 0.0  # of a pair that is counted with the next step
 
     @cached_property
@@ -468,12 +504,15 @@ class Newton:
     def _fields(self) -> NewtonFields:
         field, spectrum, small = self._transforms.empty_field, self._transforms.empty_spectrum, self._single
         at, to = (AdhesiveState(field(), field(), field(), field()) for _ in range(2))
-        force, direction, applied, z, share, moves, stiffness = (small.empty_field() for _ in range(7))
+        force, direction, applied, z, share, moves, stiffness, response = (
+            small.empty_field() for _ in range(8)
+        )
         work = small.empty_spectrum()
         kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
         step = Step(
             field(), field(), field(), spectrum(),
-            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work,
+            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work, response,
+            no_cycle(),
         )  # fmt: skip
         return NewtonFields(at, to, field(), step, spectrum())
 
@@ -487,7 +526,7 @@ class Newton:
         """Solve from the gap of the last step; infinite where there is none, and the surface at rest."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
-        system, fields = _system(problem), self._fields
+        system, fields = _system(problem), self._prepared(problem)
         plans, single = self._transforms.plans, self._single.plans
         progress, u = self._begin(system, start), fields.at.u
         chunk, converged = max(4, _CHUNK // u.size), False
@@ -514,6 +553,15 @@ class Newton:
             within=np.inf if converged else -1.0,
         )
         return replace(solution, released_energy=released / u.size, margin=self._margin)
+
+    def _prepared(self, problem: Problem) -> NewtonFields:
+        """The work arrays, with the cycle for the stiffness of the step."""
+        fields, stiffness = self._fields, problem.stiffness
+        if self._transforms.size >= _WORTH_CYCLE and not np.array_equal(self._stiffness, stiffness):
+            cycle = cycle_of(self._transforms.shape, stiffness, problem.residual_floor.stiffness)
+            self._stiffness = stiffness.copy()
+            self._fields = fields._replace(step=fields.step._replace(cycle=cycle))
+        return self._fields
 
     def _check(self, system: AdhesiveSystem, progress: Progress, tolerance: float) -> tuple[Progress, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
@@ -550,7 +598,7 @@ class Newton:
         fields, size = self._fields, self._mode.size
         stiffness = np.ones(fields.spectrum.size)
         system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))
-        for array in (*fields.at, *fields.to, *fields.step, self._lowest.x):
+        for array in (*fields.at, *fields.to, *fields.step[:-1], self._lowest.x):
             array[:] = 0.0
         leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x)
 
@@ -576,7 +624,8 @@ class Newton:
             project(u, system.h, system.mean_is_fixed)
         return Progress(
             done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
-            multiplier=0.0, residual=np.inf, energy=energy, pairs=float(done == 0.0), iterations=0,
+            multiplier=0.0, residual=np.inf, energy=energy, exact=True, pairs=float(done == 0.0),
+            iterations=0,
         )  # fmt: skip
 
 
