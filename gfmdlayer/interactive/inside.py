@@ -156,8 +156,14 @@ def _checked(data: xarray.Dataset) -> list[str]:
         )
     if data.sizes.get("snapshot", 1) == 0:
         raise ConfigError(["data: has no snapshot; set output.snapshots and run the configuration again"])
-    if "reach" in data.attrs or ("config" in data.attrs and "L" not in data.attrs):
+    is_isolated = (
+        "reach" in data.attrs or "area" in data or ("config" in data.attrs and "L" not in data.attrs)
+    )
+    if is_isolated:  # beyond its reach the displacement is not known
         raise ConfigError(["data: is an isolated contact; must have a periodic grid"])
+    for name in ("displacement", "pressure"):
+        if not np.isfinite(data[name]).all():
+            raise ConfigError([f"data: {name} has values that are not finite; must be known at all points"])
     for name, reason in (("traction", "attraction"), ("shear_x", "friction")):
         if name in data:
             raise ConfigError([f"data: is a contact with {reason}; must be one of pressure alone"])
@@ -216,7 +222,10 @@ def _stack(body: object, data: xarray.Dataset) -> LayerStack:
 
 def _places(stack: LayerStack, depths: Sequence[float] | FloatArray) -> list[tuple[float, int]]:
     """Return depth and number of the layer of each row; a depth at an interface has two."""
-    given = np.atleast_1d(np.asarray(depths, dtype=float))
+    try:
+        given = np.atleast_1d(np.asarray(depths, dtype=float))
+    except (TypeError, ValueError):
+        given = np.array([math.nan])
     if given.ndim != 1 or not given.size or not np.isfinite(given).all() or (given < 0).any():
         raise ConfigError([f"depths: got {shown(depths)}; must be numbers >= 0, finite"])
     if (np.diff(given) <= 0).any():

@@ -145,6 +145,7 @@ def test_snapshots_have_both_sides_of_an_interface_and_the_surface() -> None:
         (LayerStack((Layer(0.1, 0.5, Elastic(1.0)),), rigid=True), [0.05, 0.2], "at most 0.1"),
         (gfmdlayer.halfspace(1.0), [-0.1], "numbers >= 0"),
         (gfmdlayer.halfspace(1.0), [0.2, 0.1], "must increase"),
+        (gfmdlayer.halfspace(1.0), ["a"], "numbers >= 0"),
         (None, [0.1], "body: missing"),
     ],
 )
@@ -153,3 +154,15 @@ def test_what_cannot_be_used_is_refused(body: Any, depths: list[float], said: st
     data = xr.Dataset({"pressure": ("x", x), "displacement": ("x", x)}, {"x": x})
     with pytest.raises(ConfigError, match=said):
         gfmdlayer.inside(data, depths, body=body)
+
+
+def test_isolated_contacts_and_unknown_displacements_are_refused() -> None:
+    body = gfmdlayer.halfspace(1.0)
+    given: dict[str, Any] = {"punch": gfmdlayer.Parabola(radius=1.0), "points": (32, 32)}
+    isolated = gfmdlayer.solve(body, **given, force=0.005, isolated=True)
+    with pytest.raises(ConfigError, match="is an isolated contact; must have a periodic grid"):
+        gfmdlayer.inside(isolated, [0.1], body=body)
+    periodic = gfmdlayer.solve(body, **given, force=0.005)
+    unknown = periodic.assign(displacement=periodic.displacement.where(periodic.x > 0))
+    with pytest.raises(ConfigError, match="displacement has values that are not finite"):
+        gfmdlayer.inside(unknown, [0.1], body=body)
