@@ -419,15 +419,8 @@ class _Way:
                 break
             new = min(new, self._part(at, x, Cx, drift, path, part), key=lambda state: state.merit)
         if new.drift > 0.1 * new.residual:
-            again = assess(
-                problem,
-                new.x,
-                newton.displacements(problem, new.x),
-                0.0,
-                new.path if path is not None else None,
-                balance_only=self._balance_only,
-            )
-            new = again
+            exact, path = newton.displacements(problem, new.x), None if path is None else new.path
+            new = assess(problem, new.x, exact, 0.0, path, balance_only=self._balance_only)
         return new
 
     def _part(

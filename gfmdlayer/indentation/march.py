@@ -841,12 +841,8 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
     a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
     bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
     weights, stopped = Weights(0.0, 0.0), nt
-    edge, bent, stays, largest = (
-        -1,
-        state.points.bent,
-        False,
-        0.0,
-    )  # point of the edge; whether the past stays bent there
+    # The point of the edge, -1 without one; whether the past stays bent there; the largest radius so far.
+    edge, bent, stays, largest = -1, state.points.bent, False, 0.0
     found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE)
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
