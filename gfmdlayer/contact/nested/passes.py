@@ -384,6 +384,7 @@ def settle(
             us[i] = hs[i] - apart[i]
             if cap is not None:
                 us[i] += flow[begin + i]
+        for i in range(ps.size):  # see `kernels.FASTMATH`: sums beside what is written may change their bits
             gaps += apart[i]
             mean += us[i]
             load += ps[i]
