@@ -228,9 +228,10 @@ def _computed(
             reporter.note(f"reading the {work.unread} complete cases that were not read before the run")
             later = {case.index: case for case in work.damaged_later()}
             made |= later
+            work.complete, work.todo = work.complete - len(later), work.todo + len(later)
+            reporter.complete_no_more(len(later))
             for line in set_damaged_aside(folder, later):
                 reporter.note(line)
-            reporter.complete_no_more(len(later))
             yield from ended(later.values())
 
 
