@@ -110,7 +110,12 @@ class EnergyBalance(Observable):
         over = None
         if released > 0:
             over = work_over_fold(*self._rows, now, depth_given=step.problem.mean_pressure is None)
-        normal, part = over or (_area(*(row.point for row in (*self._rows, now))), 0.5)
+        points = [row.point for row in (*self._rows, now)]
+        if step.solution.flow is not None:
+            points = points[
+                -2:
+            ]  # the depth of a yielding contact may jump, and no parabola leads over a jump
+        normal, part = over or (_area(*points), 0.5)
         work = normal + _area(*self._tangential, tangential)
         if self._field is not None:
             work += self._work_of_the_field(*self._field, step, part)
