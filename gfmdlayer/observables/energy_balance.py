@@ -72,6 +72,7 @@ class EnergyBalance(Observable):
     def __init__(self, case: Parts) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
         self._interface, self._has_losses = case.interface, bool(case.config.interfaces)
+        self._yields = case.config.hardness is not None
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[Row] = deque(maxlen=2)  # of the way up to here
@@ -111,10 +112,8 @@ class EnergyBalance(Observable):
         if released > 0:
             over = work_over_fold(*self._rows, now, depth_given=step.problem.mean_pressure is None)
         points = [row.point for row in (*self._rows, now)]
-        if step.solution.flow is not None:
-            points = points[
-                -2:
-            ]  # the depth of a yielding contact may jump, and no parabola leads over a jump
+        if self._yields:  # then the depth may jump, and no parabola leads over a jump
+            points = points[-2:]
         normal, part = over or (_area(*points), 0.5)
         work = normal + _area(*self._tangential, tangential)
         if self._field is not None:
