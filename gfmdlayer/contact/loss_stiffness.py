@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, project, surface_at
-from gfmdlayer.contact.residual import residual_scales
+from gfmdlayer.contact.residual import scales_over
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -344,9 +344,9 @@ def _with_loss(
     if flow is None:
         return state
     wall = problem.wall_pressure(pressure, solution.gap)
-    over, scale = wall - problem.hardness, residual_scales(wall, u, problem.residual_floor)[0]
+    over, scale = wall - problem.hardness, scales_over(problem.ranks, wall, u, problem.residual_floor)[0]
     over = np.where(problem.at_hardness(solution.pressure, solution.gap), abs(over), over)
-    residual = max(state.residual, float(over.max()) / scale)
+    residual = max(state.residual, problem.ranks.maximum(float(over.max())) / scale)
     return replace(state, residual=residual, converged=residual <= tolerance)
 
 
