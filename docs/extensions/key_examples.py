@@ -97,6 +97,33 @@ punch: {shape: radial_profile, file: profile.txt}""",
     "LennardJones": "interface: {law: lennard_jones, work: 2.0e-4, separation: 1.0e-3}",
     "Electrostatic": """\
 interface: {law: electrostatic, voltage: 600.0, insulation: 3.0e-6, permittivity: 8.854e-12}""",
+    "Coulomb": """\
+interface: {law: coulomb, coefficient: 0.4}
+---
+interface: {law: coulomb, coefficient: friction.txt}    # two columns, slip speed and coefficient""",
+    "ShearStrength": """\
+interface: {law: shear_strength, stress: 0.05}
+---
+interface: [{law: coulomb, coefficient: 0.4}, {law: shear_strength, stress: 0.05}]    # the smaller one""",
+    "Tangential": """\
+interface: {law: coulomb, coefficient: 0.4}
+trajectory:
+  tangential: {control: displacement, kind: ramp, displacement: 0.002, start: 1.0, ramp_time: 1.0}
+---
+grid: {points: [128, 128]}
+interface: {law: coulomb, coefficient: 0.4}
+trajectory:
+  control: load
+  load: 0.01
+  tangential: {control: force, kind: oscillation, force: 0.002, start: 1, period: 2, cycles: 3, direction: 30}
+---
+interface: {law: coulomb, coefficient: 0.4}
+trajectory:
+  tangential: {kind: table, file: displacement.txt}
+---
+interface: {law: coulomb, coefficient: 0.4}
+trajectory: {velocity: 0.1, creepage: 0.005}
+time: {step: 0.0005, end: 0.5}""",
     "Insulator": """\
 units: {length: m, stress: Pa, time: s}
 interface: {law: electrostatic, voltage: 600.0, insulation: [{thickness: 1.0e-5, permittivity: 3.0}]}""",
