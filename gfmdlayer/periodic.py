@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.simulation import Case
 
+_COARSE = 64  # points along an axis, of an estimate
+
 
 class PeriodicContact(Model):
     """The model of a case with grid.geometry: periodic, of either boundary."""
@@ -161,6 +163,8 @@ class PeriodicContact(Model):
             message = f"{given.velocity_file}: ends at rest; must end with a velocity, or remove time.steady"
             yield "trajectory.velocity_file", message
         values = drive.values if isinstance(drive, Table) else np.array([drive(math.inf)])
+        if config.grid.isolated and (message := self._too_wide()):
+            yield f"trajectory.{given.control}" if given.file is None else "trajectory.file", message
         if given.control != "depth":
             if (values < 0).any() and not config.interfaces:
                 message = (
@@ -177,6 +181,50 @@ class PeriodicContact(Model):
         deepest, height = float(values.max()), mean(heights, self.case.grid.ranks)
         if message := too_deep(deepest, height, config.solid.mean_stiffness):
             yield "trajectory.depth" if given.file is None else "trajectory.file", message
+
+    def _too_wide(self) -> str:
+        """Return why an isolated contact grows beyond its reach, or "".
+
+        An elastic contact without attraction, on a coarse grid, at the largest depth or force. Glassy or
+        relaxed, it has to be too wide by more than a tenth: a spacing of the grid at either edge. Between
+        these two is a body of which one material relaxes; of others nothing is known beforehand.
+        """
+        import numpy as np
+
+        from gfmdlayer.body.isolated import period_for
+        from gfmdlayer.contact.loading import CONTROLS
+        from gfmdlayer.contact.nested.solver import NestedGradient
+        from gfmdlayer.contact.reach import Reach
+        from gfmdlayer.grid.grid import Grid
+        from gfmdlayer.grid.transforms import Transforms
+        from gfmdlayer.time_functions import Constant
+
+        config, case, drive = self.config, self.case, self.programme.drive
+        body, fine = case.isolated, case.grid
+        times = [*(time for time in drive.breakpoints if time < config.time.end), config.time.end]
+        most = max(map(drive, times))
+        relaxing = sum(bool(series.material.maxwell_branches) for series in case.series)
+        if body is None or not fine.is_whole or not most > 0 or relaxing > 1:
+            return ""
+        each = [max(1, n // _COARSE) if n % max(1, n // _COARSE) == 0 else 1 for n in fine.shape]
+        coarse = Grid(tuple(n // k for n, k in zip(fine.shape, each, strict=True)), fine.period)
+        heights = np.ravel(case.punch.reshape(fine.shape)[tuple(slice(None, None, k) for k in each)])
+        loading = CONTROLS[config.trajectory.control](heights, Constant(most))
+        solver, spectrum, widths = (
+            NestedGradient(Transforms(coarse.shape), coarse),
+            body.spectrum(coarse.waves),
+            [],
+        )
+        for stiffness in (spectrum.glassy, spectrum.relaxed):
+            kappa = np.ravel(stiffness)
+            nothing = np.zeros(kappa.shape, dtype=np.complex128)
+            found = solver.solve(loading.problem(kappa, nothing, 0.0), np.zeros(heights.size), 1e-3)
+            widths.append(Reach(coarse, body).width(found.pressure) if found.converged else 0.0)
+        if (width := min(widths)) <= 1.1 * body.reach:
+            return ""
+        given = most * (math.prod(fine.period) if config.trajectory.control == "force" else 1.0)
+        contact = f"got {given:.6g}, at which the contact is some {width:.2g} periods wide"
+        return f"{contact}; must be at most {body.reach:g} periods wide{period_for(body, width)}"
 
     def warm_up(self, folder: Path | None = None, results: Path | None = None, *, plan: bool = True) -> str:
         """Plan the transforms, keep the seconds of an FFT pair beside the plans, and compile the kernels."""

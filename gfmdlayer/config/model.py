@@ -177,12 +177,6 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
     if config.interfaces:
         message = "needs the hard wall alone: the solver of adhesion keeps points in contact at a gap of zero"
         yield Problem((*at, "hardness"), f"{message}; remove it, or the laws that attract", ("interface",))
-    if config.trajectory.moves:
-        message = "needs a punch that does not move along the surface, on which it would leave grooves"
-        yield Problem((*at, "hardness"), f"{message}; remove it, or the velocity", ("trajectory",))
-    if config.grid.isolated:
-        message = "not available with grid.boundary: isolated; remove it, or take a periodic boundary"
-        yield Problem((*at, "hardness"), message, ("grid.boundary",))
     if config.solver.method != AUTO and not SOLVERS[config.solver.method].yields:
         able = " or ".join(name for name, declared in SOLVERS.items() if declared.yields)
         message = f"got {config.solver.method}, which cannot solve for a hardness; must be {able}"

@@ -199,8 +199,6 @@ def solve(
         _check_friction(frictional, plain=not alone and law is HARD_WALL and config.hardness is None)
     if mean_pressure is not None and alone:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
-    if config.hardness is not None and alone:
-        raise ConfigError(["interface: its hardness is not available with isolated=True; remove it"])
     reach, response = None, body
     if alone:
         try:

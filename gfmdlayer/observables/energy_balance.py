@@ -74,6 +74,7 @@ class EnergyBalance(Observable):
     def __init__(self, case: Parts) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
         self._interface, self._has_losses = case.interface, bool(case.config.interfaces)
+        self._yields = case.config.hardness is not None
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[Row] = deque(maxlen=2)  # of the way up to here
@@ -116,8 +117,11 @@ class EnergyBalance(Observable):
         over = None
         if released > 0:
             over = work_over_fold(*self._rows, now, depth_given=step.problem.mean_pressure is None)
-        normal, part = over or (_area(*(row.point for row in (*self._rows, now))), 0.5)
-        work = normal + sum(_area(*points) for points in zip(*self._tangential, tangential, strict=True))
+        points = [row.point for row in (*self._rows, now)]
+        if self._yields:  # then the depth may jump, and no parabola leads over a jump
+            points = points[-2:]
+        normal, part = over or (_area(*points), 0.5)
+        work = normal + sum(_area(*curve) for curve in zip(*self._tangential, tangential, strict=True))
         if self._field is not None:
             work += self._work_of_the_field(*self._field, step, part)
         if released > 0:

@@ -5,10 +5,10 @@ slope of the surface it pulls along x by p du/dx. The mean of p du/dx over the s
 stress against the motion; times the velocity it is the power that the body turns into heat. A punch that
 rolls without friction meets the same resistance as one that slides: the normal contact is the same.
 
-With friction at the interface the mean of the shear traction t of the punch on the body adds to the tangential
-force. Under a moving punch t moves with the surface, which stretches by dv/dx, v the displacement along it: the
-body takes the mean of p du/dx less that of t dv/dx, and the rest is heat of slip. The heat of a step of slip s
-is -t.s, with the mean of t at the beginning and at the end of the step.
+With friction at the interface the mean of the shear traction t of the punch on the body adds to the
+tangential force. Under a moving punch t moves with the surface, which stretches by dv/dx, v the displacement
+along it: the body takes the mean of p du/dx less that of t dv/dx, and the rest is heat of slip. The heat of a
+step of slip s is -t.s, with the mean of t at the beginning and at the end of the step.
 
 With P and U the transforms of p and u, the mean is sum_q w q Im(P conj(U)), w the weights of Parseval's sum.
 """

@@ -121,7 +121,6 @@ HARD = {"law": "hard_wall", "hardness": 0.5}
             {"interface": [LAW, HARD]},
             "interface[1].hardness: needs the hard wall alone: the solver of adhesion keeps points",
         ),
-        ({"trajectory": {"velocity": 1.0}}, "interface.hardness: needs a punch that does not move along"),
         (
             {"solver": {"method": "active_set"}},
             "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient",
