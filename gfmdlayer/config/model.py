@@ -32,7 +32,7 @@ from gfmdlayer.config.sections import Output
 from gfmdlayer.config.sweeps import unswept
 from gfmdlayer.config.tangential import problems_of_the_friction
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
-from gfmdlayer.contact.solvers import AUTO, FRICTIONAL, SOLVERS, Choice, choose, contrast, finer
+from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
 from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.friction import Friction
 from gfmdlayer.interface.interface import Interface
@@ -383,7 +383,7 @@ class Config(Section):
     def solver_where(self, attracts: bool) -> Choice:
         """The solver where the interface attracts, or does not."""
         if self.friction:
-            return Choice(FRICTIONAL.place.rpartition(":")[2], "pressure and shear traction together")
+            return Choice("friction", "one Newton method for pressure and shear traction")
         axes, rough = len(self.grid.points), self.punch.rough
         yields = self.hardness is not None
         return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts, yields=yields)

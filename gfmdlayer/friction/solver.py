@@ -63,6 +63,9 @@ class FrictionSolver(Stateless):
             at, steps = self._gradually(problem, at, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
 
+    def compile(self) -> None:
+        """Compile nothing: ordinary steps call all kernels."""
+
     def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
         """Raise friction and force from zero, in steps that are halved where one fails."""
         x, part, step, steps = None, 0.0, 0.0, 0

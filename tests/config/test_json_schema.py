@@ -131,13 +131,13 @@ sweep: {counterbody.layers.0.thickness: [0.1, 0.2]}
     + """\
 interface: [{law: coulomb, coefficient: 0.3}, {law: shear_strength, stress: 0.1}]
 trajectory:
-  tangential: {control: force, kind: oscillation, force: 0.1, start: 1, period: 2.0, cycles: 1.5, direction: 0}
+  tangential: {control: force, kind: oscillation, force: 0.1, start: 1, period: 2, cycles: 1.5, direction: 0}
 sweep: {interface.0.coefficient: [0.1, heights.txt], interface.1.stress: [0, 0.1]}
 """,
     SURFACE
     + """\
 interface: {law: coulomb, coefficient: heights.txt}
-trajectory: {tangential: {control: displacement, kind: ramp, displacement: 0.1, ramp_time: 1.0, direction: 45}}
+trajectory: {tangential: {kind: ramp, displacement: 0.1, ramp_time: 1.0, direction: 45}}
 sweep: {trajectory.tangential.displacement: [0.1, 0.2]}
 """,
     LINE
