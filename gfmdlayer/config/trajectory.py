@@ -92,9 +92,9 @@ class Trajectory(Section):
     velocity_file: Annotated[File | None, given] = None
     """file with two columns, time and velocity (length/time)"""
     tangential: Annotated[Tangential | None, given] = None
-    """with friction: force or displacement of the punch along the surface"""
+    """with friction: displacement of the punch, or force, along the surface"""
     creepage: Annotated[Finite | None, given] = None
-    """rolling with friction: sliding speed of the punch over velocity; 1: it does not roll"""
+    """with friction: sliding speed over velocity, default 1; less: it rolls"""
 
     @property
     def moves(self) -> bool:
