@@ -137,7 +137,11 @@ trajectory: {control: force, force: 0.02, velocity_file: velocity.txt}
 trajectory: {kind: approach_retract, start: 0.0, depth: 0.01, approach_speed: 0.01, dwell: 5.0,
   retract_speed: 0.02, final: 0.0, cycles: 3}
 ---
-trajectory: {kind: table, file: depth.txt}""",
+trajectory: {kind: table, file: depth.txt}
+---
+interface: {law: coulomb, coefficient: 0.4}
+trajectory: {velocity: 0.1, creepage: 0.005}
+time: {end: 0.5, step: adaptive}""",
     "Time": """\
 time: {end: 20.0, step: adaptive, integrator: exponential, tolerance: 1.0e-4}
 ---

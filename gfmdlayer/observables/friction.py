@@ -111,6 +111,7 @@ class Friction(Observable):
 
 
 _SINCE, _CELL = "from the beginning of the run", "over the cell"
+_FROM_ROWS = "the first row in which it is so"
 
 
 class Slip(Observable):
@@ -144,9 +145,9 @@ class Slip(Observable):
         ),
     )
     NUMBERS = (
-        Column("first_slip", "time at which slip begins", "time"),
-        Column("full_slip", "time at which no point sticks any more", "time"),
-        Column("restick", "time at which a point sticks again after full slip", "time"),
+        Column("first_slip", "time at which slip begins", "time", origin=_FROM_ROWS),
+        Column("full_slip", "time at which no point sticks any more", "time", origin=_FROM_ROWS),
+        Column("restick", "time at which a point sticks again after full slip", "time", origin=_FROM_ROWS),
     )
 
     @classmethod
