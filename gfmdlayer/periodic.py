@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks
+    from gfmdlayer.interface.law import Interaction
     from gfmdlayer.model import Progress, Resume
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.simulation import Case
@@ -163,24 +164,35 @@ class PeriodicContact(Model):
             message = f"{given.velocity_file}: ends at rest; must end with a velocity, or remove time.steady"
             yield "trajectory.velocity_file", message
         values = drive.values if isinstance(drive, Table) else np.array([drive(math.inf)])
+        key_of_drive = f"trajectory.{given.control}" if given.file is None else "trajectory.file"
+        if message := weak(self.programme.interface, config.hardness):
+            yield "interface", message
+            return
         if config.grid.isolated and (message := self._too_wide()):
-            yield f"trajectory.{given.control}" if given.file is None else "trajectory.file", message
+            yield key_of_drive, message
         if given.control != "depth":
-            if (values < 0).any() and not config.interfaces:
-                message = (
-                    f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
-                )
-                yield "trajectory.file", message
-            if (most := config.largest_drive) <= (found := float(values.max())):
-                message = f"{given.file}: holds the {given.control} {found:.6g}; must be below {most:.6g}"
-                message += ", the hardness over the whole cell: more has no equilibrium"
-                yield "trajectory.file", message
+            yield from ((key_of_drive, message) for message in self._impossible_loads(values))
             return
         if config.grid.isolated:
             return
         deepest, height = float(values.max()), mean(heights, self.case.grid.ranks)
         if message := too_deep(deepest, height, config.solid.mean_stiffness):
-            yield "trajectory.depth" if given.file is None else "trajectory.file", message
+            yield key_of_drive, message
+
+    def _impossible_loads(self, values: FloatArray) -> Iterator[str]:
+        """Yield why there is no equilibrium under some of the mean pressures."""
+        config, law = self.config, self.programme.interface
+        control, file = config.trajectory.control, config.trajectory.file
+        if (values < 0).any() and not config.interfaces:
+            yield f"{file}: holds a negative {control}; must be >= 0, there is no adhesion"
+        pull, found = law.traction_in_contact if law.attracts else 0.0, float(values.max())
+        if config.hardness is not None and (most := config.hardness - pull) <= found:
+            unit = math.prod(config.grid.period) if control == "force" else 1.0
+            holds = "got" if file is None else f"{file}: holds the {control}"
+            limit = f"{unit * most:.6g}, the hardness over the whole cell" + ", less the attraction" * (
+                pull > 0
+            )
+            yield f"{holds} {unit * found:.6g}; must be below {limit}: more has no equilibrium"
 
     def _too_wide(self) -> str:
         """Return why an isolated contact grows beyond its reach, or "".
@@ -251,6 +263,16 @@ class PeriodicContact(Model):
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Run the time loop."""
         return self.case.run(recorder, progress, resume)
+
+
+def weak(law: Interaction, hardness: float | None) -> str:
+    """Return why surfaces of a hardness do not bear the attraction in contact by themselves, or ""."""
+    pull = law.traction_in_contact if law.attracts else 0.0
+    if hardness is None or hardness > pull:
+        return ""
+    return (
+        f"got the hardness {hardness:.6g}, which the attraction in contact exceeds; must be above {pull:.6g}"
+    )
 
 
 def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:

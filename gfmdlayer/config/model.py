@@ -174,11 +174,11 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
     at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
     if at is None:
         return
-    if config.interfaces:
-        message = "needs the hard wall alone: the solver of adhesion keeps points in contact at a gap of zero"
-        yield Problem((*at, "hardness"), f"{message}; remove it, or the laws that attract", ("interface",))
-    if config.solver.method != AUTO and not SOLVERS[config.solver.method].yields:
-        able = " or ".join(name for name, declared in SOLVERS.items() if declared.yields)
+    attracts, declared = bool(config.interfaces), SOLVERS.get(config.solver.method)
+    if declared is not None and not declared.yields and (declared.adhesive or not attracts):
+        able = " or ".join(
+            name for name, other in SOLVERS.items() if other.yields and (other.adhesive or not attracts)
+        )
         message = f"got {config.solver.method}, which cannot solve for a hardness; must be {able}"
         yield Problem(("solver", "method"), message, (dotted((*at, "hardness")),))
     control, most = config.trajectory.control, config.largest_drive

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, project, surface_at
-from gfmdlayer.contact.residual import residual_scales
+from gfmdlayer.contact.residual import scales_over
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -278,16 +278,16 @@ class LossStiffnessSolver:
                 break
             last = mixture.next(last, solution.spectrum)
             start = getattr(solution, self.starts_from)
+        if problem.hardness < np.inf:
+            yields = problem.at_hardness(solution.pressure, solution.gap)
+            state = replace(state, pressure=problem.capped(state.pressure, yields))
         if problem.interface.attracts:
             return replace(state, released_energy=released, margin=solution.margin)
         contact = solution.pressure > 0
         if not state.converged and not alone:
             state, contact = self._by_pivoting(problem, state, contact, tolerance)
         # Out of contact, stress within the tolerance is set to zero.
-        pressure = np.where(contact, np.clip(state.pressure, 0, problem.hardness), 0.0)
-        return replace(
-            state, pressure=np.where(solution.pressure < problem.hardness, pressure, problem.hardness)
-        )
+        return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
 
     def compile(self) -> None:
         """Compile the solver's own kernels."""
@@ -336,14 +336,17 @@ def _with_loss(
     problem: Problem, solution: Solution, change: FloatArray, spent: tuple[int, int], tolerance: float
 ) -> Solution:
     """Return the solution of a problem without loss, whose pressure changes by the loss that it has left."""
-    u, pressure, flow = solution.displacement, solution.pressure + change, solution.flow
-    under = problem if flow is None else replace(problem, obstacle=problem.obstacle + flow)
-    state = make_solution(under, u, pressure, solution.spectrum, spent=spent, within=tolerance, flow=flow)
+    pressure, flow, gap, under = solution.pressure + change, solution.flow, None, problem
+    if flow is not None:
+        gap, under = solution.gap, replace(problem, obstacle=problem.obstacle + flow)
+    u, spectrum = solution.displacement, solution.spectrum
+    state = make_solution(under, u, pressure, spectrum, spent=spent, within=tolerance, gap=gap, flow=flow)
     if flow is None:
         return state
-    hardness, (scale, _) = problem.hardness, residual_scales(pressure, u, problem.residual_floor)
-    over = np.where(solution.pressure < hardness, pressure - hardness, abs(pressure - hardness))
-    residual = max(state.residual, float(over.max()) / scale)
+    wall = problem.wall_pressure(pressure, solution.gap)
+    over, scale = wall - problem.hardness, scales_over(problem.ranks, wall, u, problem.residual_floor)[0]
+    over = np.where(problem.at_hardness(solution.pressure, solution.gap), abs(over), over)
+    residual = max(state.residual, problem.ranks.maximum(float(over.max())) / scale)
     return replace(state, residual=residual, converged=residual <= tolerance)
 
 

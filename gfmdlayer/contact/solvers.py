@@ -70,7 +70,9 @@ SOLVERS: Mapping[str, Declaration] = {
         adhesive=True,
         pairs_with={("inertia", "uniform"): (238, 0.3)},
     ),
-    "newton": Declaration("gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=46, adhesive=True),
+    "newton": Declaration(
+        "gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=46, adhesive=True, yields=True
+    ),
 }
 
 

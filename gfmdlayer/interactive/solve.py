@@ -24,7 +24,7 @@ from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import totals
 from gfmdlayer.observables.contact_statistics import area_error, closed_gap, in_contact, interpolated_area
-from gfmdlayer.periodic import too_deep
+from gfmdlayer.periodic import too_deep, weak
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.shape import Cell, Shape
@@ -222,8 +222,12 @@ def solve(
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     case = Case(config, grid=grid, body=body, punch=heights, interface=law)
     problem = case.imprint.under(loading.problem(kappa, nothing, 0.0))
-    if control == "load" and target >= problem.hardness:
-        raise ConfigError([f"mean pressure: got {target!r}; must be below the hardness {problem.hardness!r}"])
+    if message := weak(problem.interface, problem.hardness):
+        raise ConfigError([f"interface: {message}"])
+    if control == "load" and target >= problem.flow_stress:
+        less = ", less the attraction in contact" if problem.interface.attracts else ""
+        most = f"{problem.flow_stress!r}{less}"
+        raise ConfigError([f"mean pressure: got {target!r}; must be below the hardness {most}"])
     solution = case.solve(problem, 0.0)
     if not solution.converged:
         solver = config.solver

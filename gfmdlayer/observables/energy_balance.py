@@ -118,8 +118,9 @@ class EnergyBalance(Observable):
         if released > 0:
             over = work_over_fold(*self._rows, now, depth_given=step.problem.mean_pressure is None)
         points = [row.point for row in (*self._rows, now)]
-        if self._yields:  # then the depth may jump, and no parabola leads over a jump
-            points = points[-2:]
+        flow = step.solution.flow if self._yields else None
+        if flow is not None and self._sums.mean(flow) > 0:
+            points = points[-2:]  # the depth may jump where points yield, and no parabola leads over a jump
         normal, part = over or (_area(*points), 0.5)
         work = normal + sum(_area(*curve) for curve in zip(*self._tangential, tangential, strict=True))
         if self._field is not None:

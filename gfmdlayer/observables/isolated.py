@@ -45,7 +45,10 @@ TOTALS: dict[str, Column | None] = {
         origin=_SINCE,
     ),
     "plastic_work": Column(
-        "plastic_work", "plastic work, the hardness times the volume of the imprint", _ENERGY, origin=_SINCE
+        "plastic_work",
+        "plastic work, the hardness (less the attraction in contact) times the volume of the imprint",
+        _ENERGY,
+        origin=_SINCE,
     ),
     "yielded_area": Column("yielded_area", "area whose pressure is the hardness", "length^2", origin=_WHOLE),
     "lost": Column("lost", "energy lost in instabilities", _ENERGY, origin=_SINCE),

@@ -153,6 +153,7 @@ interface:
   - {law: dugdale, work: 0.1, stress: 2, smoothing: 0.3}
   - {law: lennard_jones, work: 0.1, separation: 0.01}
   - {law: electrostatic, voltage: heights.txt, permittivity: 1.0, insulation: 0.1}
+  - {law: hard_wall, hardness: 1.0e+6}
 sweep: {interface.0.work: [0.1, 0.2], interface.2.voltage: [5, heights.txt]}
 """,
     LINE
