@@ -222,12 +222,8 @@ def solve(
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     case = Case(config, grid=grid, body=body, punch=heights, interface=law)
     problem = case.imprint.under(loading.problem(kappa, nothing, 0.0))
-    if message := weak(problem.interface, problem.hardness):
-        raise ConfigError([f"interface: {message}"])
-    if control == "load" and target >= problem.flow_stress:
-        less = ", less the attraction in contact" if problem.interface.attracts else ""
-        most = f"{problem.flow_stress!r}{less}"
-        raise ConfigError([f"mean pressure: got {target!r}; must be below the hardness {most}"])
+    if message := _beyond_the_hardness(problem):
+        raise ConfigError([message])
     solution = case.solve(problem, 0.0)
     if not solution.converged:
         solver = config.solver
@@ -300,6 +296,19 @@ def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) ->
         return fitting("punch", punch.heights(grid), grid.shape).ravel()
     except TableError as error:
         raise ConfigError([f"punch: {error}"]) from None
+
+
+def _beyond_the_hardness(problem: Problem) -> str:
+    """Return why surfaces of a hardness do not bear the attraction or the mean pressure, or ""."""
+    target, hardness = problem.mean_pressure, problem.hardness
+    if message := weak(problem.interface, hardness):
+        return f"interface: {message}"
+    if target is None or target < problem.flow_stress:
+        return ""
+    most = f"the hardness {hardness!r}"
+    if problem.interface.attracts:
+        most = f"{problem.flow_stress:.6g}, {most} less the attraction in contact"
+    return f"mean pressure: got {target!r}; must be below {most}"
 
 
 def _dataset(

@@ -413,7 +413,10 @@ def test_solve_gives_the_imprint_and_refuses_a_load_beyond_the_hardness() -> Non
     )
     assert float(found.pressure.max()) == 0.1
     assert ((found.imprint > 0) <= (found.pressure == 0.1)).all()
-    with pytest.raises(
-        gfmdlayer.ConfigError, match=r"mean pressure: got 0.2; must be below the hardness 0.1"
-    ):
-        gfmdlayer.solve(body, gfmdlayer.Parabola(radius=1.0), mean_pressure=0.2, interface=wall, points=256)
+    sticky = [{"law": "exponential", "work": 2e-4, "range": 0.01}, wall]
+    most = "0.08, the hardness 0.1 less the attraction in contact"
+    for laws, load, said in ((wall, 0.2, "the hardness 0.1"), (sticky, 0.09, most)):
+        with pytest.raises(gfmdlayer.ConfigError, match=f"mean pressure: got {load}; must be below {said}"):
+            gfmdlayer.solve(
+                body, gfmdlayer.Parabola(radius=1.0), mean_pressure=load, interface=laws, points=256
+            )
