@@ -44,9 +44,11 @@ class PeriodicContact(Model):
     @cached_property
     def case(self) -> Case:
         """The parts of the simulation."""
+        from gfmdlayer.frictional import FrictionalCase
         from gfmdlayer.simulation import Case
 
-        return Case(self.config, self._wisdom, self._threads, self._ranks, programme=self.programme)
+        made = FrictionalCase if self.config.friction else Case
+        return made(self.config, self._wisdom, self._threads, self._ranks, programme=self.programme)
 
     @property
     def grid(self) -> Grid:
@@ -140,6 +142,10 @@ class PeriodicContact(Model):
             drive = self.programme.drive
             key = "trajectory.velocity_file"
             velocity = self.programme.velocity
+            key = "trajectory.tangential"
+            _ = self.programme.tangential
+            key = "interface"
+            _ = self.programme.friction
             key = "temperature.file"
             _ = self.programme.temperature
             key = "interface"
@@ -248,9 +254,8 @@ class PeriodicContact(Model):
     def _compile(self) -> None:
         """Compile the kernels of the case by a small one."""
         from gfmdlayer.results.journal import Recording
-        from gfmdlayer.simulation import Case
 
-        small = Case(smallest_equivalent_case(self.config))
+        small = PeriodicContact(smallest_equivalent_case(self.config)).case
         small.solver.compile()
         with suppress(ConvergenceError):  # of lengths that do not go together; the kernels are compiled
             small.run(Recording())
@@ -296,7 +301,7 @@ def smallest_equivalent_case(config: Config) -> Config:
         | {
             "grid": {"points": 256},
             "punch": {"shape": "parabola"},
-            "solver.method": config.contact_solver.method,
+            **({} if config.friction else {"solver.method": config.contact_solver.method}),
             "trajectory": {"control": control, control: peak, "ramp_time": ramp_time, **moves},
             "time.end": 3 * ramp_time,
             **loose,

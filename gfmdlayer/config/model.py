@@ -30,9 +30,11 @@ from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
 from gfmdlayer.config.sections import Output
 from gfmdlayer.config.sweeps import unswept
+from gfmdlayer.config.tangential import problems_of_the_friction
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
 from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
+from gfmdlayer.interface.friction import Friction
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -245,7 +247,7 @@ class Config(Section):
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
-    """attraction across the gap, besides the hard wall: one law or several"""
+    """attraction or friction, besides the hard wall: one law or several"""
     trajectory: Trajectory = Field(default_factory=Trajectory)
     """prescribed depth, load or force over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
@@ -283,6 +285,7 @@ class Config(Section):
         yield from self.geometry.problems(self)
         yield from problems_of_the_counterbody(self)
         yield from problems_of_the_interface(self)
+        yield from problems_of_the_friction(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
 
@@ -347,15 +350,22 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract; they add. Empty for the hard wall."""
+        return tuple(law for law in self._every_law if law.attracts)
+
+    @property
+    def friction(self) -> tuple[Friction, ...]:
+        """The laws of friction, of which the smaller traction counts; empty without friction."""
+        return tuple(law for law in self._every_law if isinstance(law, Friction))
+
+    @property
+    def _every_law(self) -> tuple[Interface, ...]:
         given = self.interface
-        every = given if isinstance(given, tuple) else () if given is None else (given,)
-        return tuple(law for law in every if law.attracts)
+        return given if isinstance(given, tuple) else () if given is None else (given,)
 
     @property
     def hardness(self) -> float | None:
         """The pressure at which the surfaces yield, the least one given; None where they do not."""
-        every = self.interface if isinstance(self.interface, tuple) else (self.interface,)
-        given = (getattr(law, "hardness", None) for law in every)
+        given = (getattr(law, "hardness", None) for law in self._every_law)
         return min((each for each in given if each is not None), default=None)
 
     @property
@@ -372,6 +382,8 @@ class Config(Section):
 
     def solver_where(self, attracts: bool) -> Choice:
         """The solver where the interface attracts, or does not."""
+        if self.friction:
+            return Choice("friction", "one Newton method for pressure and shear traction")
         axes, rough = len(self.grid.points), self.punch.rough
         yields = self.hardness is not None
         return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts, yields=yields)
@@ -458,7 +470,9 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
-    if not config.interfaces and config.hardness is None:  # a given hard wall is the default one
+    if (
+        not config.interfaces and config.hardness is None and not config.friction
+    ):  # a given hard wall is the default one
         left_out = left_out | {"interface": True}
     if isinstance(config.body, Layers):  # by the keys beside it
         left_out = left_out | {"body": True}
