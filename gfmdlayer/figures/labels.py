@@ -174,6 +174,7 @@ _POWERS = {prefix: power for power, prefix in PREFIXES.items()} | {"u": -6, "μ"
 # Magnitudes that are written as they are: in units that take a prefix, and others.
 WITH_PREFIX, PLAIN = (1e-1, 1e3), (1e-2, 1e5)
 SHORT_TICK = 4  # letters
+SPAN_OF_ROUND = 3.0  # of a logarithmic axis, in which there may be only one multiple of a power of ten
 DECADES = 1e4  # values within it have the same prefix in a legend
 
 _FACTOR = re.compile(r"(/?)\s*([^\s/*^()]+)(?:\^(-?\d+))?")
@@ -348,7 +349,7 @@ def _round_ticks(axis: Axis, drawn: Quantity) -> None:
     axis.set_minor_formatter(NullFormatter())
     if high / low <= 1e3:
         subs = range(1, 10) if high / low <= 4 else (1, 2, 5) if high / low <= 100 else (1,)
-        axis.set_major_locator(LogLocator(subs=subs))
+        axis.set_major_locator(LogLocator(subs=subs) if high / low > SPAN_OF_ROUND else MaxNLocator(5))
         axis.set_major_formatter(Ticks(drawn, is_log=True))
 
 
