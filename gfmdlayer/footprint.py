@@ -16,7 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.contact.solvers import FRICTIONAL, SOLVERS
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.history.time_points import number_of_steps
 from gfmdlayer.model import PROGRAM, Footprint
@@ -48,6 +48,7 @@ THIN, THINNEST = 0.05, 1 / 9
 STEP_SECONDS = 3e-4  # of a step beside its pairs, measured at 2^8 points
 REAL = 8  # bytes
 ISOLATED_FIELDS = 9  # of the modes of an isolated contact, while they are made; measured at 1024 x 1024
+TRACTION_FIELDS = 12  # of a mode under tractions in all directions, an axis
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
@@ -61,9 +62,9 @@ def estimate(programme: Programme, width: int, observed: tuple[float, float] = (
     config = programme.config
     size = math.prod(config.grid.points)
     steps, turns = count_steps(programme)
-    solver = SOLVERS[config.contact_solver.method]
+    solver = FRICTIONAL if config.friction else SOLVERS[config.contact_solver.method]
     pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
-    pairs *= SLIDING if config.trajectory.moves else 1
+    pairs *= SLIDING if config.trajectory.moves and not config.friction else 1
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
     pairs *= SURFACE if len(config.grid.points) == 2 else 1
     pairs *= solver.rough if config.punch.rough else 1
@@ -75,7 +76,11 @@ def estimate(programme: Programme, width: int, observed: tuple[float, float] = (
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
     modes = BRANCH_FIELDS * branches + (ISOLATED_FIELDS if config.grid.isolated else 0)
-    fields = (3 + bool(config.interfaces) + (config.hardness is not None)) * size * snapshots
+    fields = 3 + bool(config.interfaces) + (config.hardness is not None)
+    if config.friction:
+        fields += 2 * len(config.grid.points)
+        modes += TRACTION_FIELDS * len(config.grid.points) * (1 + branches)
+    fields *= size * snapshots
     return Footprint(
         steps=steps,
         pairs=pairs,

@@ -24,9 +24,12 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks
+    from gfmdlayer.interface.law import Interaction
     from gfmdlayer.model import Progress, Resume
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.simulation import Case
+
+_COARSE = 64  # points along an axis, of an estimate
 
 
 class PeriodicContact(Model):
@@ -41,9 +44,11 @@ class PeriodicContact(Model):
     @cached_property
     def case(self) -> Case:
         """The parts of the simulation."""
+        from gfmdlayer.frictional import FrictionalCase
         from gfmdlayer.simulation import Case
 
-        return Case(self.config, self._wisdom, self._threads, self._ranks, programme=self.programme)
+        made = FrictionalCase if self.config.friction else Case
+        return made(self.config, self._wisdom, self._threads, self._ranks, programme=self.programme)
 
     @property
     def grid(self) -> Grid:
@@ -137,6 +142,10 @@ class PeriodicContact(Model):
             drive = self.programme.drive
             key = "trajectory.velocity_file"
             velocity = self.programme.velocity
+            key = "trajectory.tangential"
+            _ = self.programme.tangential
+            key = "interface"
+            _ = self.programme.friction
             key = "temperature.file"
             _ = self.programme.temperature
             key = "interface"
@@ -155,22 +164,79 @@ class PeriodicContact(Model):
             message = f"{given.velocity_file}: ends at rest; must end with a velocity, or remove time.steady"
             yield "trajectory.velocity_file", message
         values = drive.values if isinstance(drive, Table) else np.array([drive(math.inf)])
+        key_of_drive = f"trajectory.{given.control}" if given.file is None else "trajectory.file"
+        if message := weak(self.programme.interface, config.hardness):
+            yield "interface", message
+            return
+        if config.grid.isolated and (message := self._too_wide()):
+            yield key_of_drive, message
         if given.control != "depth":
-            if (values < 0).any() and not config.interfaces:
-                message = (
-                    f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
-                )
-                yield "trajectory.file", message
-            if (most := config.largest_drive) <= (found := float(values.max())):
-                message = f"{given.file}: holds the {given.control} {found:.6g}; must be below {most:.6g}"
-                message += ", the hardness over the whole cell: more has no equilibrium"
-                yield "trajectory.file", message
+            yield from ((key_of_drive, message) for message in self._impossible_loads(values))
             return
         if config.grid.isolated:
             return
         deepest, height = float(values.max()), mean(heights, self.case.grid.ranks)
         if message := too_deep(deepest, height, config.solid.mean_stiffness):
-            yield "trajectory.depth" if given.file is None else "trajectory.file", message
+            yield key_of_drive, message
+
+    def _impossible_loads(self, values: FloatArray) -> Iterator[str]:
+        """Yield why there is no equilibrium under some of the mean pressures."""
+        config, law = self.config, self.programme.interface
+        control, file = config.trajectory.control, config.trajectory.file
+        if (values < 0).any() and not config.interfaces:
+            yield f"{file}: holds a negative {control}; must be >= 0, there is no adhesion"
+        pull, found = law.traction_in_contact if law.attracts else 0.0, float(values.max())
+        if config.hardness is not None and (most := config.hardness - pull) <= found:
+            unit = math.prod(config.grid.period) if control == "force" else 1.0
+            holds = "got" if file is None else f"{file}: holds the {control}"
+            limit = f"{unit * most:.6g}, the hardness over the whole cell" + ", less the attraction" * (
+                pull > 0
+            )
+            yield f"{holds} {unit * found:.6g}; must be below {limit}: more has no equilibrium"
+
+    def _too_wide(self) -> str:
+        """Return why an isolated contact grows beyond its reach, or "".
+
+        An elastic contact without attraction, on a coarse grid, at the largest depth or force. Glassy or
+        relaxed, it has to be too wide by more than a tenth: a spacing of the grid at either edge. Between
+        these two is a body of which one material relaxes; of others nothing is known beforehand.
+        """
+        import numpy as np
+
+        from gfmdlayer.body.isolated import period_for
+        from gfmdlayer.contact.loading import CONTROLS
+        from gfmdlayer.contact.nested.solver import NestedGradient
+        from gfmdlayer.contact.reach import Reach
+        from gfmdlayer.grid.grid import Grid
+        from gfmdlayer.grid.transforms import Transforms
+        from gfmdlayer.time_functions import Constant
+
+        config, case, drive = self.config, self.case, self.programme.drive
+        body, fine = case.isolated, case.grid
+        times = [*(time for time in drive.breakpoints if time < config.time.end), config.time.end]
+        most = max(map(drive, times))
+        relaxing = sum(bool(series.material.maxwell_branches) for series in case.series)
+        if body is None or not fine.is_whole or not most > 0 or relaxing > 1:
+            return ""
+        each = [max(1, n // _COARSE) if n % max(1, n // _COARSE) == 0 else 1 for n in fine.shape]
+        coarse = Grid(tuple(n // k for n, k in zip(fine.shape, each, strict=True)), fine.period)
+        heights = np.ravel(case.punch.reshape(fine.shape)[tuple(slice(None, None, k) for k in each)])
+        loading = CONTROLS[config.trajectory.control](heights, Constant(most))
+        solver, spectrum, widths = (
+            NestedGradient(Transforms(coarse.shape), coarse),
+            body.spectrum(coarse.waves),
+            [],
+        )
+        for stiffness in (spectrum.glassy, spectrum.relaxed):
+            kappa = np.ravel(stiffness)
+            nothing = np.zeros(kappa.shape, dtype=np.complex128)
+            found = solver.solve(loading.problem(kappa, nothing, 0.0), np.zeros(heights.size), 1e-3)
+            widths.append(Reach(coarse, body).width(found.pressure) if found.converged else 0.0)
+        if (width := min(widths)) <= 1.1 * body.reach:
+            return ""
+        given = most * (math.prod(fine.period) if config.trajectory.control == "force" else 1.0)
+        contact = f"got {given:.6g}, at which the contact is some {width:.2g} periods wide"
+        return f"{contact}; must be at most {body.reach:g} periods wide{period_for(body, width)}"
 
     def warm_up(self, folder: Path | None = None, results: Path | None = None, *, plan: bool = True) -> str:
         """Plan the transforms, keep the seconds of an FFT pair beside the plans, and compile the kernels."""
@@ -188,9 +254,8 @@ class PeriodicContact(Model):
     def _compile(self) -> None:
         """Compile the kernels of the case by a small one."""
         from gfmdlayer.results.journal import Recording
-        from gfmdlayer.simulation import Case
 
-        small = Case(smallest_equivalent_case(self.config))
+        small = PeriodicContact(smallest_equivalent_case(self.config)).case
         small.solver.compile()
         with suppress(ConvergenceError):  # of lengths that do not go together; the kernels are compiled
             small.run(Recording())
@@ -198,6 +263,16 @@ class PeriodicContact(Model):
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Run the time loop."""
         return self.case.run(recorder, progress, resume)
+
+
+def weak(law: Interaction, hardness: float | None) -> str:
+    """Return why surfaces of a hardness do not bear the attraction in contact by themselves, or ""."""
+    pull = law.traction_in_contact if law.attracts else 0.0
+    if hardness is None or hardness > pull:
+        return ""
+    return (
+        f"got the hardness {hardness:.6g}, which the attraction in contact exceeds; must be above {pull:.6g}"
+    )
 
 
 def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
@@ -226,7 +301,7 @@ def smallest_equivalent_case(config: Config) -> Config:
         | {
             "grid": {"points": 256},
             "punch": {"shape": "parabola"},
-            "solver.method": config.contact_solver.method,
+            **({} if config.friction else {"solver.method": config.contact_solver.method}),
             "trajectory": {"control": control, control: peak, "ramp_time": ramp_time, **moves},
             "time.end": 3 * ramp_time,
             **loose,

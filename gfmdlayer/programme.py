@@ -1,4 +1,4 @@
-"""The quantities that a configuration imposes over time: drive, velocity, temperature, voltage.
+"""The quantities that a configuration imposes over time: drives, velocity, temperature, voltage.
 
 A `Programme` is made once for each case. The model, its footprint, the notes, the checks and growing studies
 read it, so that the breakpoints of all imposed quantities are found in one place. Files are read when a
@@ -8,11 +8,12 @@ quantity is first used, and each file once.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.body.materials import Material
 from gfmdlayer.body.shifts import Shift
@@ -20,11 +21,19 @@ from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.history import time_points
 from gfmdlayer.history.time_points import Instant
-from gfmdlayer.time_functions import Constant, RampHold, Table, Trajectory
+from gfmdlayer.interface.friction import Coulomb
+from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, Trajectory
 
 if TYPE_CHECKING:
+    from gfmdlayer.friction.problem import Law
     from gfmdlayer.history.reduced_time import ReducedTime
     from gfmdlayer.interface.law import Interaction
+
+
+# Steps of a stretch in which a punch with friction moves, times the root of the tolerance: 50 at 1e-4.
+# Measured (docs/theory/friction.md), the tangential force is then within 1e-3 of the largest where load and
+# displacement grow together, and 4e-5 where the load is held.
+_STEPS_OF_SLIP = 0.5
 
 
 class Programme:
@@ -65,6 +74,66 @@ class Programme:
         if given.velocity_file is not None:
             return _table(given.velocity_file, "velocity")
         return None if given.velocity is None else Constant(given.velocity)
+
+    @cached_property
+    def tangential(self) -> Trajectory | None:
+        """Displacement of the punch along the surface, or mean shear traction, over time; None without one.
+
+        A force is divided by the area of the cell, or by the length of a line's cell.
+        """
+        given, end = self.config.trajectory.tangential, self.config.time.end
+        if given is None:
+            return None
+        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
+        if given.file is not None:
+            table = _table(given.file, given.control)
+            return Table(table.times, table.values / unit)
+        value, start = getattr(given, given.control) / unit, given.start or 0.0
+        if given.period is not None:
+            cycles = max(end - start, 0.0) / given.period if given.cycles is None else given.cycles
+            return Oscillation(value, given.period, start, min(cycles, end / given.period))
+        import numpy as np
+
+        assert given.ramp_time is not None
+        begin = [0.0] * (start > 0)
+        return Table(np.array([*begin, start, start + given.ramp_time]), np.array([*begin, 0.0, value]))
+
+    @cached_property
+    def friction(self) -> Law | None:
+        """Bound of the shear traction at rest, with the coefficient at no slip speed; None without friction.
+
+        TableError if a coefficient is negative.
+        """
+        from gfmdlayer.friction.problem import Law
+
+        laws = {law.law: law for law in self.config.friction}
+        if not laws:
+            return None
+        strength = getattr(laws.get("shear_strength"), "stress", math.inf)
+        return Law(math.inf if "coulomb" not in laws else self.coefficient(0.0), strength)
+
+    @cached_property
+    def coefficient(self) -> Callable[[Any], Any]:
+        """Coefficient of friction as a function of the slip speed, a number or an array."""
+        given = next((law.coefficient for law in self.config.friction if isinstance(law, Coulomb)), math.inf)
+        if not isinstance(given, Path):
+            return lambda _speed: given
+        import numpy as np
+
+        from gfmdlayer.files.tables import read_columns
+
+        def refused(row: Sequence[float]) -> str:
+            return "" if min(row) >= 0 else f"holds {min(row):g}; speed and coefficient must be >= 0"
+
+        speeds, values = read_columns(given, ("speed", "coefficient"), increasing=True, row_error=refused).T
+        return lambda speed: np.interp(speed, speeds, values)
+
+    @property
+    def depends_on_speed(self) -> bool:
+        """Whether the coefficient of friction depends on the slip speed."""
+        return any(
+            isinstance(law, Coulomb) and isinstance(law.coefficient, Path) for law in self.config.friction
+        )
 
     @cached_property
     def temperature(self) -> Constant | Table | None:
@@ -127,7 +196,7 @@ class Programme:
         thermal = next((each.temperature for each in self.reduced_times if each is not None), None)
         # The law of a hard wall needs no import.
         attracts = self.config.interfaces or "interface" in vars(self)
-        every = self.drive, self.velocity, self.interface if attracts else None, thermal
+        every = self.drive, self.velocity, self.tangential, self.interface if attracts else None, thermal
         return tuple(time for each in every if each is not None for time in each.breakpoints)
 
     @property
@@ -143,10 +212,37 @@ class Programme:
         """Times on which the steps land, with the length of fixed steps to each of them."""
         time, snapshots = self.config.time, self.config.output.snapshot_times
         if isinstance(time.step, str):
-            return time_points.stops(time.end, snapshots, self.breakpoints, self.output_times)
+            times = (*self.output_times, *self._resolving_slip())
+            return time_points.stops(time.end, snapshots, self.breakpoints, times)
         equal = time.integrator == "backward_euler"
         fixed = time_points.equal_stops if equal else time_points.landing_stops
         return fixed(time.end, time.step, snapshots, self.breakpoints)
+
+    def _resolving_slip(self) -> Iterator[float]:
+        """Yield times that adaptive steps do not pass over where surfaces slip: tractions depend on the path.
+
+        Each stretch between breakpoints in which the punch moves has some steps. Material that moves through
+        the contact moves by at most one point of the grid.
+        """
+        time, grid = self.config.time, self.config.grid
+        if not self.config.friction:
+            return
+        import numpy as np
+
+        assert time.tolerance is not None
+        fastest = 0.0 if self.velocity is None else _fastest(self.velocity)
+        crossing = (
+            min(L / n for L, n in zip(grid.period, grid.points, strict=True)) / fastest if fastest else 0.0
+        )
+        stops = sorted({0.0, time.end, *(each for each in self.breakpoints if 0 < each < time.end)})
+        for begin, end in pairwise(stops):
+            drives = [drive for drive in (self.drive, self.tangential) if drive is not None]
+            count = (
+                _STEPS_OF_SLIP / math.sqrt(time.tolerance) if any(d(begin) != d(end) for d in drives) else 1
+            )
+            if fastest:
+                count = max(count, (end - begin) / crossing)
+            yield from np.linspace(begin, end, math.ceil(count) + 1)[1:-1].tolist()
 
     def fixed_steps(self) -> time_points.FixedSteps:
         """Return fixed steps: backward Euler takes equal ones, other schemes land on breakpoints."""
@@ -174,11 +270,8 @@ class Programme:
             shortest = time.tolerance * min(map(float, np.diff([0.0, *inner, time.end])))
         else:
             shortest = time.step
-        if self.velocity is not None:
-            moving = self.velocity
-            values = moving.values if isinstance(moving, Table) else moving.value
-            if fastest := float(np.abs(values).max()) * wavenumber:
-                shortest = min(shortest, 1 / fastest)
+        if self.velocity is not None and (fastest := _fastest(self.velocity) * wavenumber):
+            shortest = min(shortest, 1 / fastest)
         least, most = (1.0, 1.0) if reduced is None else reduced.extremes
         return shortest / most, time.end / least
 
@@ -186,10 +279,19 @@ class Programme:
         """Yield file, quantity and last time of the tables of drive, velocity and voltages."""
         given = self.config.trajectory
         named = [(given.file, given.control), (given.velocity_file, "velocity")]
+        if (along := given.tangential) is not None:
+            named.append((along.file, along.control))
         named += [(getattr(law, "voltage", None), "voltage") for law in self.config.interfaces]
         for file, quantity in named:
             if isinstance(file, Path):
                 yield file, quantity, float(_table(file, quantity).times[-1])
+
+
+def _fastest(velocity: Constant | Table) -> float:
+    """Return the largest speed."""
+    import numpy as np
+
+    return float(np.abs(velocity.values if isinstance(velocity, Table) else velocity.value).max())
 
 
 def _table(file: Path, quantity: str, felt: tuple[Shift, ...] = ()) -> Table:

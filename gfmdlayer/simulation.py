@@ -116,6 +116,8 @@ class Case:
             raise TypeError(f"a case has no part {', '.join(sorted(unknown))}")
         if "body" in parts:
             check_body(parts["body"], "mean_stiffness")
+        if config.friction and type(self) is Case:
+            raise TypeError("a case with friction at the interface has other parts; use gfmdlayer.simulate")
         self.config, self._wisdom, self._threads, self._ranks = config, wisdom, threads, ranks or ALONE
         vars(self).update(parts)  # where the cached properties look first
 

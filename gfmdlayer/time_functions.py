@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -93,6 +94,28 @@ class Table:
         import numpy as np
 
         return float(np.interp(time, self.times, self.values))
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """amplitude sin(2 pi (t - start)/period) from `start` on, for a number of cycles, not always whole."""
+
+    amplitude: float
+    period: float
+    start: float
+    cycles: float
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Start and end, and the turning points, at which slip ends."""
+        turns = range(math.ceil(2 * self.cycles - 0.5 - 1e-9))
+        times = (self.start + self.period * (0.25 + 0.5 * turn) for turn in turns)
+        return tuple(dict.fromkeys((self.start, *times, self.start + self.period * self.cycles)))
+
+    def __call__(self, time: float) -> float:
+        """Value at a time."""
+        passed = min(max((time - self.start) / self.period, 0.0), self.cycles)
+        return self.amplitude * math.sin(2 * math.pi * (passed % 1.0))
 
 
 def distance(velocity: Constant | Table, time: float) -> float:

@@ -14,8 +14,8 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 ORDER = (
     "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "time_functions",
     "interface", "contact", "friction", "history", "transport", "config", "programme", "notes", "observables",
-    "results", "figures", "model", "footprint", "indentation", "simulation", "periodic", "execution",
-    "fitting", "interactive", "verification", "cli", "__main__", "__init__",
+    "results", "figures", "model", "footprint", "indentation", "simulation", "frictional", "periodic",
+    "execution", "fitting", "interactive", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
 

@@ -97,6 +97,33 @@ punch: {shape: radial_profile, file: profile.txt}""",
     "LennardJones": "interface: {law: lennard_jones, work: 2.0e-4, separation: 1.0e-3}",
     "Electrostatic": """\
 interface: {law: electrostatic, voltage: 600.0, insulation: 3.0e-6, permittivity: 8.854e-12}""",
+    "Coulomb": """\
+interface: {law: coulomb, coefficient: 0.4}
+---
+interface: {law: coulomb, coefficient: friction.txt}    # two columns, slip speed and coefficient""",
+    "ShearStrength": """\
+interface: {law: shear_strength, stress: 0.05}
+---
+interface: [{law: coulomb, coefficient: 0.4}, {law: shear_strength, stress: 0.05}]    # the smaller one""",
+    "Tangential": """\
+interface: {law: coulomb, coefficient: 0.4}
+trajectory:
+  tangential: {control: displacement, kind: ramp, displacement: 0.002, start: 1.0, ramp_time: 1.0}
+---
+grid: {points: [128, 128]}
+interface: {law: coulomb, coefficient: 0.4}
+trajectory:
+  control: load
+  load: 0.01
+  tangential: {control: force, kind: oscillation, force: 0.002, start: 1, period: 2, cycles: 3, direction: 30}
+---
+interface: {law: coulomb, coefficient: 0.4}
+trajectory:
+  tangential: {kind: table, file: displacement.txt}
+---
+interface: {law: coulomb, coefficient: 0.4}
+trajectory: {velocity: 0.1, creepage: 0.005}
+time: {step: 0.0005, end: 0.5}""",
     "Insulator": """\
 units: {length: m, stress: Pa, time: s}
 interface: {law: electrostatic, voltage: 600.0, insulation: [{thickness: 1.0e-5, permittivity: 3.0}]}""",
@@ -110,7 +137,11 @@ trajectory: {control: force, force: 0.02, velocity_file: velocity.txt}
 trajectory: {kind: approach_retract, start: 0.0, depth: 0.01, approach_speed: 0.01, dwell: 5.0,
   retract_speed: 0.02, final: 0.0, cycles: 3}
 ---
-trajectory: {kind: table, file: depth.txt}""",
+trajectory: {kind: table, file: depth.txt}
+---
+interface: {law: coulomb, coefficient: 0.4}
+trajectory: {velocity: 0.1, creepage: 0.005}
+time: {end: 0.5, step: adaptive}""",
     "Time": """\
 time: {end: 20.0, step: adaptive, integrator: exponential, tolerance: 1.0e-4}
 ---

@@ -11,8 +11,10 @@ from gfmdlayer.cli.terminal import COMPLETE, note_incomplete, refuse
 KINDS = {
     "curves": "contact area and mean pressure over time (depth if the load is prescribed; also friction for "
     "a moving punch), or the columns --y over --x",
-    "loop": "force over depth for the whole run, with the area of the loop",
+    "loop": "force over depth for the whole run, with the area of the loop; --y tangential_force or friction "
+    "over the displacement along the surface",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
+    "stick": "where the surfaces stick and slip at the snapshot times, with the shear traction",
     "waterfall": "pressure profiles through time",
     "body": "the layers and their moduli; DIR may also be a configuration file",
     "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
@@ -21,7 +23,7 @@ KINDS = {
 KINDS_WITH: dict[str, tuple[str | None, ...]] = {
     "log": (None, "curves"),
     "log_time": (None, "curves"),
-    "times": (None, "snapshots", "waterfall", "movie"),
+    "times": (None, "snapshots", "stick", "waterfall", "movie"),
     "inset": (None, "curves"),
     "x": (None, "curves", "map"),
     "y": (None, "curves", "loop", "map"),

@@ -30,9 +30,11 @@ from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
 from gfmdlayer.config.sections import Output
 from gfmdlayer.config.sweeps import unswept
+from gfmdlayer.config.tangential import problems_of_the_friction
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
 from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
+from gfmdlayer.interface.friction import Friction
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -172,17 +174,11 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
     at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
     if at is None:
         return
-    if config.interfaces:
-        message = "needs the hard wall alone: the solver of adhesion keeps points in contact at a gap of zero"
-        yield Problem((*at, "hardness"), f"{message}; remove it, or the laws that attract", ("interface",))
-    if config.trajectory.moves:
-        message = "needs a punch that does not move along the surface, on which it would leave grooves"
-        yield Problem((*at, "hardness"), f"{message}; remove it, or the velocity", ("trajectory",))
-    if config.grid.isolated:
-        message = "not available with grid.boundary: isolated; remove it, or take a periodic boundary"
-        yield Problem((*at, "hardness"), message, ("grid.boundary",))
-    if config.solver.method != AUTO and not SOLVERS[config.solver.method].yields:
-        able = " or ".join(name for name, declared in SOLVERS.items() if declared.yields)
+    attracts, declared = bool(config.interfaces), SOLVERS.get(config.solver.method)
+    if declared is not None and not declared.yields and (declared.adhesive or not attracts):
+        able = " or ".join(
+            name for name, other in SOLVERS.items() if other.yields and (other.adhesive or not attracts)
+        )
         message = f"got {config.solver.method}, which cannot solve for a hardness; must be {able}"
         yield Problem(("solver", "method"), message, (dotted((*at, "hardness")),))
     control, most = config.trajectory.control, config.largest_drive
@@ -251,7 +247,7 @@ class Config(Section):
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
-    """attraction across the gap, besides the hard wall: one law or several"""
+    """attraction or friction, besides the hard wall: one law or several"""
     trajectory: Trajectory = Field(default_factory=Trajectory)
     """prescribed depth, load or force over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
@@ -289,6 +285,7 @@ class Config(Section):
         yield from self.geometry.problems(self)
         yield from problems_of_the_counterbody(self)
         yield from problems_of_the_interface(self)
+        yield from problems_of_the_friction(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
 
@@ -353,15 +350,22 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract; they add. Empty for the hard wall."""
+        return tuple(law for law in self._every_law if law.attracts)
+
+    @property
+    def friction(self) -> tuple[Friction, ...]:
+        """The laws of friction, of which the smaller traction counts; empty without friction."""
+        return tuple(law for law in self._every_law if isinstance(law, Friction))
+
+    @property
+    def _every_law(self) -> tuple[Interface, ...]:
         given = self.interface
-        every = given if isinstance(given, tuple) else () if given is None else (given,)
-        return tuple(law for law in every if law.attracts)
+        return given if isinstance(given, tuple) else () if given is None else (given,)
 
     @property
     def hardness(self) -> float | None:
         """The pressure at which the surfaces yield, the least one given; None where they do not."""
-        every = self.interface if isinstance(self.interface, tuple) else (self.interface,)
-        given = (getattr(law, "hardness", None) for law in every)
+        given = (getattr(law, "hardness", None) for law in self._every_law)
         return min((each for each in given if each is not None), default=None)
 
     @property
@@ -378,6 +382,8 @@ class Config(Section):
 
     def solver_where(self, attracts: bool) -> Choice:
         """The solver where the interface attracts, or does not."""
+        if self.friction:
+            return Choice("friction", "one Newton method for pressure and shear traction")
         axes, rough = len(self.grid.points), self.punch.rough
         yields = self.hardness is not None
         return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts, yields=yields)
@@ -464,7 +470,9 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
-    if not config.interfaces and config.hardness is None:  # a given hard wall is the default one
+    if (
+        not config.interfaces and config.hardness is None and not config.friction
+    ):  # a given hard wall is the default one
         left_out = left_out | {"interface": True}
     if isinstance(config.body, Layers):  # by the keys beside it
         left_out = left_out | {"body": True}

@@ -17,6 +17,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from gfmdlayer.config.sections import Time
+from gfmdlayer.config.tangential import Tangential
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
 from gfmdlayer.validation.problems import Problem, shown
 from gfmdlayer.validation.sections import Section
@@ -90,6 +91,10 @@ class Trajectory(Section):
     """velocity of the punch along x: length/time"""
     velocity_file: Annotated[File | None, given] = None
     """file with two columns, time and velocity (length/time)"""
+    tangential: Annotated[Tangential | None, given] = None
+    """with friction: displacement of the punch, or force, along the surface"""
+    creepage: Annotated[Finite | None, given] = None
+    """with friction: sliding speed over velocity, default 1; less: it rolls"""
 
     @property
     def moves(self) -> bool:

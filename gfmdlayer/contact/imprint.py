@@ -11,6 +11,8 @@ with gap0 the gap without pressure, and A the compliance. With g = gap0 + W + A 
 
 -g is the multiplier of p <= H. The dual problem is the least sum of elastic energy and H (W' - W) over
 displacements u <= h + W' and W' >= W: an implicit step of flow, of which H times the growth of W is the work.
+With attraction the pressure of the wall, p + tau(g), ends at H; the flow leaves no gap, and its work is that
+of the stress H - tau(0).
 So W does not depend on the number of steps as long as no point leaves the hardness.
 
 W belongs to punch and body together: it adds to the height of the punch, and is no displacement of the body.

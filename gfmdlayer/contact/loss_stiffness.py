@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, project, surface_at
+from gfmdlayer.contact.residual import scales_over
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -231,7 +232,7 @@ class Pivoting:
 
 SHARE = 0.3  # of the tolerance is left to a problem without loss, so that the iteration's error shows
 _MOST_PROBLEMS = 12
-_MOST_ATTRACTED = 100  # where no other method takes over
+_MOST_ALONE = 100  # where no other method takes over
 _MIXED = 6  # surfaces at most
 
 
@@ -259,7 +260,8 @@ class LossStiffnessSolver:
         mixture = _Mixture(symmetric * self._weights)
         last = self._guess(problem, start)
         transforms, iterations, released = 1, 0, 0.0
-        for _ in range(_MOST_ATTRACTED if problem.interface.attracts else _MOST_PROBLEMS):
+        alone = problem.interface.attracts or problem.hardness < np.inf  # which pivoting does not know
+        for _ in range(_MOST_ALONE if alone else _MOST_PROBLEMS):
             intercept = problem.intercept + difference * last
             solution = self._solver.solve(
                 replace(problem, stiffness=symmetric, intercept=intercept, loss_stiffness=None),
@@ -271,22 +273,18 @@ class LossStiffnessSolver:
             transforms += solution.transforms + 1
             iterations += solution.iterations
             released += solution.released_energy
-            state = make_solution(
-                problem,
-                solution.displacement,
-                solution.pressure + change,
-                solution.spectrum,
-                spent=(transforms, iterations),
-                within=tolerance,
-            )
+            state = _with_loss(problem, solution, change, (transforms, iterations), tolerance)
             if state.converged or not solution.converged:
                 break
             last = mixture.next(last, solution.spectrum)
             start = getattr(solution, self.starts_from)
+        if problem.hardness < np.inf:
+            yields = problem.at_hardness(solution.pressure, solution.gap)
+            state = replace(state, pressure=problem.capped(state.pressure, yields))
         if problem.interface.attracts:
             return replace(state, released_energy=released, margin=solution.margin)
         contact = solution.pressure > 0
-        if not state.converged:
+        if not state.converged and not alone:
             state, contact = self._by_pivoting(problem, state, contact, tolerance)
         # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
@@ -332,6 +330,24 @@ class LossStiffnessSolver:
         )
         stiff = problem.stiffness > 0
         return np.asarray(np.where(stiff, problem.intercept - spectrum, 0) / np.where(stiff, stiffness, 1))
+
+
+def _with_loss(
+    problem: Problem, solution: Solution, change: FloatArray, spent: tuple[int, int], tolerance: float
+) -> Solution:
+    """Return the solution of a problem without loss, whose pressure changes by the loss that it has left."""
+    pressure, flow, gap, under = solution.pressure + change, solution.flow, None, problem
+    if flow is not None:
+        gap, under = solution.gap, replace(problem, obstacle=problem.obstacle + flow)
+    u, spectrum = solution.displacement, solution.spectrum
+    state = make_solution(under, u, pressure, spectrum, spent=spent, within=tolerance, gap=gap, flow=flow)
+    if flow is None:
+        return state
+    wall = problem.wall_pressure(pressure, solution.gap)
+    over, scale = wall - problem.hardness, scales_over(problem.ranks, wall, u, problem.residual_floor)[0]
+    over = np.where(problem.at_hardness(solution.pressure, solution.gap), abs(over), over)
+    residual = max(state.residual, problem.ranks.maximum(float(over.max())) / scale)
+    return replace(state, residual=residual, converged=residual <= tolerance)
 
 
 class _Mixture:

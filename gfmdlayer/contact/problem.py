@@ -14,8 +14,8 @@ the traction tau of the interface (zero for the hard wall), satisfies p_c >= 0 a
 g = h - u is open. lambda is the multiplier of the first constraint, the given pressure in the second case and
 zero in the third. The mean pressure is mean(f) + lambda in each.
 
-With a hardness H pressures end there: p <= H, and where p = H the surface may overlap the punch, u > h. The
-overlap is the height that the surfaces lose in the step, see `imprint`.
+With a hardness H the pressure of the wall ends there: p_c <= H, and where p_c = H the surface may overlap the
+punch, u > h. The overlap is the height that the surfaces lose in the step, see `imprint`; it leaves no gap.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import mean
@@ -38,6 +38,7 @@ from gfmdlayer.resumable import Resumable
 # Depths count as at least this part of the range of the punch's heights: less is rounding of h - u.
 # A surface that heals under a flat punch at depth zero stops there.
 _DEPTH_FLOOR = 1e-14
+_OF_SUMS = 1e-12  # relative, of the sum of a stress and a traction
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Problem:
     height: float = 0.0  # range of the punch's heights, beside which depths are rounded; zero where exact
     interface: Interaction = HARD_WALL  # across the gap, beside u <= h
     ranks: Ranks = ALONE  # the processes of whose grid these are the points and modes
-    hardness: float = math.inf  # largest pressure; infinite where the surfaces do not yield
+    hardness: float = math.inf  # largest pressure of the wall; infinite where the surfaces do not yield
 
     @cached_property
     def mean_stiffness(self) -> float:
@@ -90,6 +91,19 @@ class Problem:
     def wall_pressure(self, pressure: FloatArray, gap: FloatArray) -> FloatArray:
         """Pressure p_c = p + tau(g) of the wall, from the compressive stress p of the surface."""
         return pressure + self.interface.traction(gap) if self.interface.attracts else pressure
+
+    @property
+    def flow_stress(self) -> float:
+        """Stress p of the surface where it yields: the hardness less the traction in contact."""
+        return self.hardness - (self.interface.traction_in_contact if self.interface.attracts else 0.0)
+
+    def at_hardness(self, pressure: FloatArray, gap: FloatArray) -> BoolArray:
+        """Whether the pressure of the wall is the hardness, from the stress p."""
+        return np.asarray(self.wall_pressure(pressure, gap) >= (1.0 - _OF_SUMS) * self.hardness)
+
+    def capped(self, pressure: FloatArray, yields: BoolArray) -> FloatArray:
+        """Return stresses p that are the flow stress where the surface yields, and nowhere more."""
+        return np.where(yields, self.flow_stress, np.minimum(pressure, self.flow_stress))
 
 
 @dataclass(frozen=True)

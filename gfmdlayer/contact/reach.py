@@ -34,11 +34,15 @@ class Reach(Resumable):
         self._origin = np.zeros(len(grid.period))
         self._support = np.full(self._directions.shape[1], -math.inf)
 
-    def refusal(self, pressure: FloatArray) -> str:
-        """Return why pressures, one value a point, are not those of an isolated contact, if so."""
+    def width(self, pressure: FloatArray) -> float:
+        """Return the largest distance of points that are or were pressed, in periods."""
         _, support = self._with(pressure)
         half = support.size // 2
-        width = float((support[:half] + support[half:]).max())
+        return float((support[:half] + support[half:]).max())
+
+    def refusal(self, pressure: FloatArray) -> str:
+        """Return why pressures, one value a point, are not those of an isolated contact, if so."""
+        width = self.width(pressure)
         if width <= self._body.reach:
             return ""
         found = f"pressed points are {width:.3g} periods apart, in which there are periodic images"

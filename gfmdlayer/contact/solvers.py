@@ -70,9 +70,17 @@ SOLVERS: Mapping[str, Declaration] = {
         adhesive=True,
         pairs_with={("inertia", "uniform"): (238, 0.3)},
     ),
-    "newton": Declaration("gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=46, adhesive=True),
+    "newton": Declaration(
+        "gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=46, adhesive=True, yields=True
+    ),
 }
 
+
+# With friction at the interface there is this one, which no word chooses: pairs of a step with slip, of one
+# component each.
+FRICTIONAL = Declaration(
+    "gfmdlayer.friction.solver:FrictionSolver", "pressure", 60, 0.08, fields=80, rough=1.5
+)
 
 # The solver that `solver.method: auto` takes. It follows only from the configuration: the solver that began a
 # run resumes it. Results carry the digest of the solver that is taken, not of the word `auto`.

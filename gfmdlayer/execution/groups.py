@@ -151,7 +151,9 @@ def _errors(config: Config, ranks: int) -> Iterator[tuple[str, str]]:
     if reason := refused(config.grid.points, ranks):
         yield "grid.points", f"got {reason}"
     chosen = config.contact_solver.method
-    if not SOLVERS[chosen].distributed:
+    if config.friction:
+        yield "interface", f"has friction; must have none {each}"
+    elif not SOLVERS[chosen].distributed:
         able = " or ".join(name for name, solver in SOLVERS.items() if solver.distributed)
         yield "solver.method", f"got {chosen!r}; must be {able} {each}"
     if config.interfaces:

@@ -204,6 +204,7 @@ def _input_errors(configs: Iterable[Config], ranks: Ranks | None) -> Iterator[tu
             *(config.body, config.solid.rigid_below, config.grid, config.punch),
             *(config.trajectory, config.time.steady, stiffness, config.interface),
             *(config.temperature, config.temperature and config.time.end, *relaxing),
+            *((config.layer, config.layers, config.halfspace, config.time) if config.grid.isolated else ()),
         )
         if decisive not in seen:
             seen.add(decisive)

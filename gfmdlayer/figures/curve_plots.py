@@ -212,6 +212,8 @@ def _draw_legend(figure: Figure, drawn: Family, columns: Columns, style: Style) 
 
 _NOTHING = 2e-3  # part of the largest value that cannot be seen
 _MARGIN = 0.05
+_CORNER: dict[str, Any] = {"x": 0.03, "y": 0.96, "va": "top"}  # of the area of a loop over depth
+_TANGENTIAL = ("tangential_force", "interface_friction", "friction")
 _SEPARATIONS = ("work_of_separation", "total_work_of_separation")  # per area, and of an isolated contact
 
 
@@ -219,7 +221,8 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
     """Draw a column against depth for each case, with areas in the legend or, of one case, in the panel.
 
     `path` is the folder of results or the file of a case, `dataset` its contents or a selection of cases, and
-    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file may
+    `y` one of force, mean_stress and mean_pressure; or tangential_force or friction of a punch with friction,
+    over its displacement along the surface. The cases come from their own files: a sweep file may
     hold only the times of `output.times`. The area is the integral of the mean pressure over the depth, the
     work that the punch has done at the end; the part below zero in retraction is the work of separation.
     """
@@ -239,7 +242,9 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
             if titles:
                 legend.append((", ".join([titles[i], *areas[1:]]), curve.colour, curve.dashes))
             elif len(drawn.curves) == 1:
-                axes.text(0.03, 0.96, "\n".join(areas), transform=axes.transAxes, va="top")
+                # Loops over the displacement along the surface are empty in the middle, others above.
+                at: dict[str, Any] = {"x": 0.5, "y": 0.25, "ha": "center"} if y in _TANGENTIAL else _CORNER
+                axes.text(s="\n".join(areas), transform=axes.transAxes, **at)
         if not axes.lines:
             raise ResultsError(f"{path}: no case is complete")
         _zoom(axes)
@@ -273,17 +278,24 @@ def _zoom(axes: Axes) -> None:
 def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> list[str]:
     """Draw one case; return its areas in words, the area of the loop first."""
     y = column_name(case, y)
-    along, up = quantity(case["depth"], case.attrs), quantity(case[y], case.attrs)
-    depth, values = case["depth"].to_numpy(), case[y].to_numpy()
+    sheared = y in _TANGENTIAL
+    if sheared and "tangential_displacement" not in case:
+        raise ResultsError(f"{y}: has a loop only with friction at the interface")
+    way = "tangential_displacement" if sheared else "depth"
+    along, up = quantity(case[way], case.attrs), quantity(case[y], case.attrs)
+    depth, values = case[way].to_numpy(), case[y].to_numpy()
     axes.plot(depth / along.scale, values / up.scale, color=colour, linestyle=dashes)
-    if alone:
+    if alone and not sheared:
         back = np.append(False, np.diff(depth) < 0)
         pulls = np.where(back, np.minimum(values, 0.0), np.nan)
         axes.fill_between(depth / along.scale, pulls / up.scale, 0.0, color=colour, alpha=0.15, linewidth=0)
     name_axes(axes, along, up)
     pressed = case["mean_stress" if "mean_stress" in case else "force"]  # the latter of an isolated contact
-    found = {"loop_area": float(np.trapezoid(pressed.to_numpy(), depth))}
-    found |= {name: float(case.attrs[name]) for name in _SEPARATIONS if name in case.attrs}
+    if sheared:
+        found = {"tangential_work": float(np.trapezoid(case["tangential_force"].to_numpy(), depth))}
+    else:
+        found = {"loop_area": float(np.trapezoid(pressed.to_numpy(), depth))}
+        found |= {name: float(case.attrs[name]) for name in _SEPARATIONS if name in case.attrs}
     written = []
     for name, value in found.items():
         area = quantity(case["work"].isel(time=0).rename(name), case.attrs)

@@ -42,6 +42,7 @@ PAPER_SYMBOLS = {
     "pull_off_force": r"F_\mathrm{pull}",
     "pull_off_stress": r"\bar{p}_\mathrm{pull}",
     "work_of_separation": r"W_\mathrm{sep}",
+    "tangential_work": r"\int\bar{t}\,\mathrm{d}D",
     "loop_area": r"\oint\bar{p}\,\mathrm{d}\delta",
     "traction": r"\tau",
     **{f"flow_{each}": f"K_{{{each}}}" for each in ("xx", "xy", "yy")},
@@ -49,6 +50,16 @@ PAPER_SYMBOLS = {
     **{f"critical_gap_{each}": rf"u_{{\mathrm{{c}}{each}}}" for each in "xy"},
     "spot_radius": r"a_\mathrm{eq}",
     "resistance": "R",
+    "tangential_force": r"\bar{t}",
+    "transverse_force": r"\bar{t}_\perp",
+    "interface_friction": r"\mu_\mathrm{interface}",
+    "hysteresis_friction": r"\mu_\mathrm{hysteresis}",
+    "stick_area": r"\tilde{a}_\mathrm{stick}",
+    "slip_heat": r"w_\mathrm{slip}",
+    "tangential_displacement": "D",
+    "creepage": r"\xi",
+    **{f"shear_{axis}": f"t_{axis}" for axis in "xy"},
+    **{f"slip_velocity_{axis}": rf"\dot{{s}}_{axis}" for axis in "xy"},
     "displacement": "u",
     "pressure": "p",
     "gap": "g",
@@ -163,6 +174,7 @@ _POWERS = {prefix: power for power, prefix in PREFIXES.items()} | {"u": -6, "μ"
 # Magnitudes that are written as they are: in units that take a prefix, and others.
 WITH_PREFIX, PLAIN = (1e-1, 1e3), (1e-2, 1e5)
 SHORT_TICK = 4  # letters
+SPAN_OF_ROUND = 3.0  # of a logarithmic axis, in which there may be only one multiple of a power of ten
 DECADES = 1e4  # values within it have the same prefix in a legend
 
 _FACTOR = re.compile(r"(/?)\s*([^\s/*^()]+)(?:\^(-?\d+))?")
@@ -337,7 +349,7 @@ def _round_ticks(axis: Axis, drawn: Quantity) -> None:
     axis.set_minor_formatter(NullFormatter())
     if high / low <= 1e3:
         subs = range(1, 10) if high / low <= 4 else (1, 2, 5) if high / low <= 100 else (1,)
-        axis.set_major_locator(LogLocator(subs=subs))
+        axis.set_major_locator(LogLocator(subs=subs) if high / low > SPAN_OF_ROUND else MaxNLocator(5))
         axis.set_major_formatter(Ticks(drawn, is_log=True))
 
 

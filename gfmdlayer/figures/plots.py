@@ -13,6 +13,7 @@ from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes, select
+from gfmdlayer.figures.slip_plots import stick_figure
 from gfmdlayer.figures.snapshot_plots import (
     MOST_CASES,
     Inset,
@@ -28,16 +29,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-Kind = Literal["curves", "loop", "snapshots", "waterfall", "map", "movie", "body"]
+Kind = Literal["curves", "loop", "snapshots", "stick", "waterfall", "map", "movie", "body"]
 
 
 class Options(TypedDict, total=False):
     """What is drawn, and how. Times are in the units of the config."""
 
     # curves: columns against time. loop: force against depth. snapshots: the surface at the snapshot times.
-    # waterfall: pressure profiles through time. map: columns over two swept keys. movie: displacement and
-    # pressure. body: the layers and their moduli, also of a configuration that has not been run. By default
-    # the curves and, as NAME-snapshots, the snapshots if there are any; with x or y only the curves.
+    # stick: where the surfaces stick and slip. waterfall: pressure profiles through time. map: columns over
+    # two swept keys. movie: displacement and pressure. body: the layers and their moduli, also of a
+    # configuration that has not been run. By default the curves and, as NAME-snapshots, the snapshots if
+    # there are any; with x or y only the curves.
     kind: Kind | None
     select: Mapping[str, Wanted]  # swept key -> value of the cases, of which the nearest is taken, or a range
     x: str  # of curves: time, a column, or a swept key; of a map: a swept key
@@ -108,6 +110,7 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
             "curves": lambda: _curves(dataset, first, options),
             "loop": lambda: loop_figure(path, dataset, look, _one(options.get("y", ()), "a loop") or "force"),
             "snapshots": lambda: snapshots_figure(cases, look, said, every=asked),
+            "stick": lambda: stick_figure(first, title, look, said, every=asked),
             "waterfall": lambda: waterfall_figure(first, title, look, said, every=asked),
             "map": lambda: _map(dataset, options),
         }

@@ -12,7 +12,7 @@ import numpy as np
 
 from gfmdlayer.body.materials import Law, Prony
 from gfmdlayer.body.shifts import WLF
-from gfmdlayer.figures.labels import Quantity, finish, name_axes
+from gfmdlayer.figures.labels import SPAN_OF_ROUND, Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.laws import Fit, fit, fit_law
@@ -86,7 +86,7 @@ def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
 
 def fit_figure(fitted: Fit) -> Figure:
     """Draw measured moduli with the fit, and below them the error, in one column of a journal."""
-    from matplotlib.ticker import LogLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator
 
     curve = fitted.measurement
     is_master = isinstance(curve, MasterCurve)
@@ -104,7 +104,8 @@ def fit_figure(fitted: Fit) -> Figure:
         above.set(xscale="log", yscale="log")
         span = curve.moduli.max() / curve.moduli.min()
         if span < 100:  # fewer than two powers of ten to label
-            above.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if span > 10 else range(1, 10)))
+            few = LogLocator(subs=(1, 2, 5) if span > 10 else range(1, 10))
+            above.yaxis.set_major_locator(few if span > SPAN_OF_ROUND else MaxNLocator(5))
             above.yaxis.set_major_formatter("{x:g}")
             above.yaxis.set_minor_formatter("")
         above.set_title("(a)", loc="left")

@@ -201,6 +201,8 @@ def balanced_depth(y: FloatArray, total: float) -> float:
     d = total - float(y.max())
     for _ in range(200):
         y = y[y + d > 0]
+        if not y.size:  # the total is rounding beside the values
+            break
         change = (total - float((y + d).sum())) / y.size
         d += change
         if not abs(change) > 1e-14 * (abs(d) + 1):

@@ -18,7 +18,7 @@ from gfmdlayer.resumable import Stateless
 
 _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
-_LIMIT = 60  # Newton steps
+LIMIT = 60  # Newton steps
 _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
 # Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
 _FEWEST, _APART = 64, 64
@@ -47,7 +47,7 @@ class FrictionSolver(Stateless):
         start: FloatArray | None = None,
         *,
         tolerance: float = 1e-7,
-        limit: int = _LIMIT,
+        limit: int = LIMIT,
     ) -> Solution:
         """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing."""
         self._spent.pairs = 0.0
@@ -62,6 +62,9 @@ class FrictionSolver(Stateless):
         if not at.residual < tolerance and problem.has_shear and not problem.law.sticks:
             at, steps = self._gradually(problem, at, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
+
+    def compile(self) -> None:
+        """Compile nothing: ordinary steps call all kernels."""
 
     def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
         """Raise friction and force from zero, in steps that are halved where one fails."""

@@ -59,6 +59,7 @@ class VectorModes:
         self.step = math.nan
         self.x = np.zeros((count, components), dtype=np.complex128)
         self._stretch = np.zeros(spectrum.times.shape, dtype=np.complex128)
+        self._phases: ComplexArray | None = None
         self.stored = self.dissipated = 0.0
 
     @property
@@ -68,11 +69,16 @@ class VectorModes:
         relevant = (np.abs(self._spectrum.vectors) ** 2).sum(axis=-1) > RELEVANT * glassy
         return float(self._spectrum.times[relevant].min(initial=math.inf))
 
+    @property
+    def relaxing(self) -> tuple[FloatArray, NDArray[Any]]:
+        """Times, (modes, nq), and vectors, (modes, nq, n), of the modes."""
+        return self._spectrum.times, self._spectrum.vectors
+
     def terms(self, step: float) -> tuple[NDArray[Any], ComplexArray]:
         """Return kappa, (nq, n, n), and b, (nq, n), at the end of a step."""
         self._prepare(step)
-        f = self._factors
-        return self._stiffness, self._pull(f.gain * self._drive(self.x) - f.decay * self._stretch)
+        f, (x, stretch) = self._factors, self._begun
+        return self._stiffness, self._pull(f.gain * self._drive(x) - f.decay * stretch)
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""
@@ -80,21 +86,34 @@ class VectorModes:
 
     def advance(self, x: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms` to the displacements x, (nq, n)."""
-        f, before, moved = self._factors, self._stretch, self._drive(x - self.x)
+        f, (x_0, before) = self._factors, self._begun
+        moved = self._drive(x - x_0)
         after = f.decay * before + f.gain * moved
         heat = f.loss * _square(before + f.lead * moved) + f.remainder * _square(moved)
         if curvature is not None:
             c = self._drive(curvature)
             heat += f.curvature_loss * _square(c) - f.curvature_gain * ((before + after) * c.conj()).real
             after = after + f.curvature_gain * c
-        self.x, self._stretch = x.copy(), after
+        self.x, self._stretch, self._phases = x.copy(), after, None
         elastic = np.einsum("qa,qab,qb->q", x.conj(), self._spectrum.relaxed, x).real
         self.stored = float(self._weights @ (elastic + _square(after).sum(axis=0))) / 2
         self.dissipated += float(self._weights @ heat.sum(axis=0))
 
-    def turn(self, phases: ComplexArray) -> None:
-        """Multiply what is held at each wave by a phase: the material moves past the grid."""
-        self.x, self._stretch = self.x * phases[:, np.newaxis], self._stretch * phases
+    def turn(self, phases: ComplexArray | None) -> None:
+        """Multiply what is held at each wave by a phase in the next step: the material moves."""
+        self._phases = phases
+
+    @property
+    def begun(self) -> ComplexArray:
+        """Displacements at the beginning of the next step."""
+        return self._begun[0]
+
+    @property
+    def _begun(self) -> tuple[ComplexArray, ComplexArray]:
+        """Displacements and stretches at the beginning of the next step."""
+        if self._phases is None:
+            return self.x, self._stretch
+        return self.x * self._phases[:, np.newaxis], self._stretch * self._phases
 
     def state(self) -> State:
         """Return displacements, stretches and energies."""
@@ -142,9 +161,18 @@ class TractionModes:
         Of the body at the wavenumbers of the grid.
     scheme : Scheme
         `exponential` or `backward_euler` of `modes`.
+    velocity : float
+        Of the contact along x at the end of the run, for `slowest`.
     """
 
-    def __init__(self, grid: Grid, spectrum: TractionSpectrum, scheme: Scheme = exponential) -> None:
+    def __init__(
+        self,
+        grid: Grid,
+        spectrum: TractionSpectrum,
+        scheme: Scheme = exponential,
+        velocity: float = 0.0,
+    ) -> None:
+        self._velocity = velocity
         self._grid, self._axes = grid, len(grid.points)
         self._vectors, self._mode, self._share = _waves(grid)
         length = np.sqrt((self._vectors**2).sum(axis=0))
@@ -153,57 +181,104 @@ class TractionModes:
         self._along[0, still] = 1.0
         weights = np.ravel(grid.parseval_weights)[self._mode] / self._share
         parts = [spectrum.in_plane, VectorSpectrum.of(spectrum.across)]
-        self._parts = [VectorModes(_at(each, self._mode), scheme, weights) for each in parts[: self._axes]]
-        self._state = CompositeState(**dict(zip(("in_plane", "across"), self._parts, strict=False)))
+        self.parts = [VectorModes(_at(each, self._mode), scheme, weights) for each in parts[: self._axes]]
+        self.weights = weights
+        self.size = grid.size
+        self.phases: ComplexArray | None = None
+        self._response: Response | None = None
+        self._state = CompositeState(**dict(zip(("in_plane", "across"), self.parts, strict=False)))
 
     @property
     def stored(self) -> float:
         """Elastic energy per area after the last step."""
-        return sum(part.stored for part in self._parts)
+        return sum(part.stored for part in self.parts)
 
     @property
     def dissipated(self) -> float:
         """Heat of relaxation per area since the start."""
-        return sum(part.dissipated for part in self._parts)
+        return sum(part.dissipated for part in self.parts)
 
     @property
     def shortest_time(self) -> float:
         """Shortest relevant relaxation time; infinite for an elastic body."""
-        return min(part.shortest_time for part in self._parts)
+        return min(part.shortest_time for part in self.parts)
 
     @property
     def displacement(self) -> ComplexArray:
-        """Transforms of W, u_x[, u_y] after the last step, carried with the material."""
-        return self._seen([part.x for part in self._parts])
+        """Transforms of W, u_x[, u_y] at the beginning of the next step, carried with the material."""
+        return self._seen([part.begun for part in self.parts])
 
     def terms(self, step: float) -> tuple[Response, ComplexArray]:
-        """Return the response to tractions at the end of a step, and the displacements without tractions."""
-        found = [part.terms(step) for part in self._parts]
-        count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
-        in_plane, across = (kappa[:count] for kappa, _ in (found[0], found[-1]))
-        self._response = Response.of_stiffness(
-            in_plane.reshape(*shape, 2, 2), across[:, -1, -1].reshape(shape)
-        )
-        self._b = [b for _, b in found]
-        return self._response, self._seen(self._moved(self._b))
+        """Return the response to tractions at the end of a step, and the displacements without tractions.
 
-    def advance(self, tractions: ComplexArray) -> None:
-        """Advance the history over the step of the last `terms`, at whose end these tractions act."""
+        The response is the same object for steps of equal length.
+        """
+        known = self._response is not None and step == self.parts[0].step
+        found = [part.terms(step) for part in self.parts]
+        if not known:
+            count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
+            in_plane, across = (kappa[:count] for kappa, _ in (found[0], found[-1]))
+            self._response = Response.of_stiffness(
+                in_plane.reshape(*shape, 2, 2), across[:, -1, -1].reshape(shape)
+            )
+        self._b = [b for _, b in found]
+        assert self._response is not None
+        return self._response, self._seen(self.moved(self._b))
+
+    def loads(self, tractions: ComplexArray) -> list[ComplexArray]:
+        """Return the tractions on the waves, (p, T) and S."""
         of_modes = tractions[:, self._mode] * self._share
         n = self._along
         along = -1j * (n * of_modes[1:]).sum(axis=0)
         loads = [np.stack((of_modes[0], along), axis=1)]
         if self._axes == 2:
             loads.append((n[0] * of_modes[2] - n[1] * of_modes[1])[:, np.newaxis])
-        moved = self._moved([b + load for b, load in zip(self._b, loads, strict=True)])
-        for part, x in zip(self._parts, moved, strict=True):
-            part.advance(x)
+        return loads
+
+    def under(self, loads: list[ComplexArray]) -> list[ComplexArray]:
+        """Return the displacements of the waves, (W, U) and V, at the end of the step of the last `terms`."""
+        return self.moved([b + load for b, load in zip(self._b, loads, strict=True)])
+
+    def advance(self, tractions: ComplexArray, curvatures: list[ComplexArray] | None = None) -> None:
+        """Advance the history over the step of the last `terms`, at whose end these tractions act.
+
+        `curvatures` are dt^2 x''/2 of the waves, where they are known.
+        """
+        every, given = self.under(self.loads(tractions)), curvatures or (None,) * self._axes
+        for part, x, c in zip(self.parts, every, given, strict=True):
+            part.advance(x, c)
+        self.phases = None
 
     def carry(self, *distance: float) -> None:
-        """Move the contact along the surface: what lies at x + distance in the material is then at x."""
-        phases = np.exp(1j * (np.array(distance)[:, np.newaxis] * self._vectors).sum(axis=0))
-        for part in self._parts:
-            part.turn(phases)
+        """Move the contact along the surface in the next step: what lies at x + distance is then at x."""
+        self.phases = None
+        if any(distance):
+            shifts = np.array(distance)[:, np.newaxis] * self._vectors
+            self.phases = np.exp(1j * shifts.sum(axis=0))
+        for part in self.parts:
+            part.turn(self.phases)
+
+    def carried(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return a transform as it is carried with the material in the next step."""
+        if self.phases is None:
+            return spectrum
+        return spectrum * self.phases[: spectrum.shape[-1]]
+
+    def slowest(self, tolerance: float) -> float:
+        """Return the longest time on the way to the steady state of a moving contact.
+
+        That is the time of one passage over the period, or the longest relaxation time with more than the
+        part `tolerance` of the loss of the longest waves, as in `SlidingModes.slowest`.
+        """
+        q, speed = np.abs(self._vectors[0]), abs(self._velocity)
+        longest = q[q > 0].min()
+        chosen = (q > 0) & (q < 1.5 * longest)
+        times, vectors = self.parts[0].relaxing
+        cycles = q[chosen] * speed * times[:, chosen]
+        loss = (np.abs(vectors[:, chosen]) ** 2).sum(axis=-1) * cycles / (1 + cycles**2)
+        relevant = loss > tolerance * loss.sum()
+        slow = float(times[:, chosen][relevant].max(initial=0.0))
+        return max(2 * math.pi / (float(longest) * speed), slow)
 
     def state(self) -> State:
         """Return the states of all modes."""
@@ -213,9 +288,10 @@ class TractionModes:
         """Continue from a state."""
         self._state.restore(state)
 
-    def _moved(self, loads: list[ComplexArray]) -> list[ComplexArray]:
-        """Return the displacements of the waves under loads, (W, U) and V."""
+    def moved(self, loads: list[ComplexArray]) -> list[ComplexArray]:
+        """Return the response of the waves to loads, (W, U) and V."""
         of = self._response
+        assert of is not None
         normal, coupling, along, across = (
             np.ravel(part)[self._mode] for part in (of.normal, of.coupling, of.along, of.across)
         )
@@ -258,12 +334,13 @@ def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
 
 def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:
     """Return the modes at waves, by the flat number of the wavevector of each."""
-    n = spectrum.relaxed.shape[-1]
-    return VectorSpectrum(
-        spectrum.relaxed.reshape(-1, n, n)[mode],
-        spectrum.vectors.reshape(len(spectrum.vectors), -1, n)[:, mode],
-        spectrum.times.reshape(len(spectrum.times), -1)[:, mode],
+    n, modes = spectrum.relaxed.shape[-1], len(spectrum.times)  # none of an elastic body
+    relaxed = spectrum.relaxed.reshape(-1, n, n)
+    vectors, times = (
+        spectrum.vectors.reshape(modes, len(relaxed), n),
+        spectrum.times.reshape(modes, len(relaxed)),
     )
+    return VectorSpectrum(relaxed[mode], vectors[:, mode], times[:, mode])
 
 
 def _square(values: ComplexArray) -> FloatArray:

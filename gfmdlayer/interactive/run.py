@@ -56,7 +56,13 @@ History = ArrayLike | tuple[ArrayLike, ArrayLike]
 def with_history(history: History) -> dict[str, object]:
     """Return the keys of a trajectory that is an array of shape (m, 2), or a pair of arrays: time, drive."""
     file = _table("history", history)
-    others = Trajectory.model_fields.keys() - {"control", "velocity", "velocity_file"}
+    others = Trajectory.model_fields.keys() - {
+        "control",
+        "velocity",
+        "velocity_file",
+        "tangential",
+        "creepage",
+    }
     left_out: dict[str, object] = {f"trajectory.{key}": None for key in others}
     return left_out | {"trajectory.kind": "table", "trajectory.file": file}
 

@@ -24,7 +24,7 @@ from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import totals
 from gfmdlayer.observables.contact_statistics import area_error, closed_gap, in_contact, interpolated_area
-from gfmdlayer.periodic import too_deep
+from gfmdlayer.periodic import too_deep, weak
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.shape import Cell, Shape
@@ -199,8 +199,6 @@ def solve(
         _check_friction(frictional, plain=not alone and law is HARD_WALL and config.hardness is None)
     if mean_pressure is not None and alone:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
-    if config.hardness is not None and alone:
-        raise ConfigError(["interface: its hardness is not available with isolated=True; remove it"])
     reach, response = None, body
     if alone:
         try:
@@ -224,8 +222,8 @@ def solve(
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     case = Case(config, grid=grid, body=body, punch=heights, interface=law)
     problem = case.imprint.under(loading.problem(kappa, nothing, 0.0))
-    if control == "load" and target >= problem.hardness:
-        raise ConfigError([f"mean pressure: got {target!r}; must be below the hardness {problem.hardness!r}"])
+    if message := _beyond_the_hardness(problem):
+        raise ConfigError([message])
     solution = case.solve(problem, 0.0)
     if not solution.converged:
         solver = config.solver
@@ -298,6 +296,19 @@ def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) ->
         return fitting("punch", punch.heights(grid), grid.shape).ravel()
     except TableError as error:
         raise ConfigError([f"punch: {error}"]) from None
+
+
+def _beyond_the_hardness(problem: Problem) -> str:
+    """Return why surfaces of a hardness do not bear the attraction or the mean pressure, or ""."""
+    target, hardness = problem.mean_pressure, problem.hardness
+    if message := weak(problem.interface, hardness):
+        return f"interface: {message}"
+    if target is None or target < problem.flow_stress:
+        return ""
+    most = f"the hardness {hardness!r}"
+    if problem.interface.attracts:
+        most = f"{problem.flow_stress:.6g}, {most} less the attraction in contact"
+    return f"mean pressure: got {target!r}; must be below {most}"
 
 
 def _dataset(

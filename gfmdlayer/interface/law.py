@@ -51,6 +51,11 @@ class Interaction:
         """Gap over which the traction falls, work over strength; infinite for the hard wall: length."""
         return self.work / self.strength if self.attracts else float("inf")
 
+    @property
+    def traction_in_contact(self) -> float:
+        """Traction at a gap of zero: pressure."""
+        return float(self.traction(np.zeros(1))[0])
+
     def energy(self, gap: FloatArray) -> FloatArray:
         """Energy w(g) per area, in the shape of the gap; it falls as the gap closes."""
         return self._sum("add_energy", gap)

@@ -13,4 +13,6 @@ LAWS: Mapping[str, type[Interface]] = load_table(
     "gfmdlayer.interface.adhesion:Dugdale",
     "gfmdlayer.interface.adhesion:LennardJones",
     "gfmdlayer.interface.electrostatic:Electrostatic",
+    "gfmdlayer.interface.friction:Coulomb",
+    "gfmdlayer.interface.friction:ShearStrength",
 )

@@ -17,7 +17,7 @@ from gfmdlayer.observables.contact import (
 from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
 from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.folds import Instabilities
-from gfmdlayer.observables.friction import Friction
+from gfmdlayer.observables.friction import Friction, Slip
 from gfmdlayer.observables.isolated import TOTALS, of_one_contact, totals
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.steady_state import SteadyState
@@ -47,6 +47,7 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "resolution": Resolution,
     "effort": Effort,
     "friction": Friction,
+    "slip": Slip,
     "adhesion": Adhesion,
     "yielding": Yielding,
     "energy": EnergyBalance,

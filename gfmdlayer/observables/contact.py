@@ -136,7 +136,7 @@ class Yielding(Observable):
     COLUMNS = (
         Column(
             "plastic_work",
-            "plastic work per area, the hardness times the mean imprint",
+            "plastic work per area, the hardness (less the attraction in contact) times the mean imprint",
             "pressure length",
             origin="from the beginning of the run",
         ),
@@ -153,9 +153,10 @@ class Yielding(Observable):
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return both; the work adds up over the steps."""
-        hardness, flow = step.problem.hardness, step.solution.flow
-        self._work += 0.0 if flow is None else hardness * self._sums.mean(flow)
-        at_hardness = (step.solution.pressure >= hardness).astype(float)
+        problem, solution = step.problem, step.solution
+        flow = solution.flow
+        self._work += 0.0 if flow is None else problem.flow_stress * self._sums.mean(flow)
+        at_hardness = problem.at_hardness(solution.pressure, solution.gap).astype(float)
         return {"plastic_work": self._work, "yielded_area": self._sums.mean(at_hardness)}
 
     def state(self) -> State:

@@ -65,7 +65,7 @@ class SpectrumError(Observable):
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
         """Return no columns, where modes may be merged."""
-        return () if config.solid.merges else None
+        return () if config.solid.merges and not config.friction else None
 
     def __init__(self, case: Parts) -> None:
         self.attributes = {"spectrum_error": case.integrator.spectrum_error}

@@ -1,10 +1,11 @@
-"""Energy balance: work = stored + dissipated + interface + plastic + lost, each per area of the surface.
+"""Energy balance: work = stored + dissipated + interface + plastic + slip + lost, per area of the surface.
 
 The work is the integral of the mean pressure over the depth and, for a punch that moves along the surface, of
-the mean tangential stress over the position. It does not use the modes, from which stored and dissipated
-energy follow. The energy of the interface is the mean of its law over the gap, zero for the hard wall. So the
-residual of the balance is an error of the time integration: of second order in dt with the exponential scheme
-and of first order with backward Euler.
+the mean tangential stress over the position; with friction at the interface also of the mean shear traction
+over the displacement of the punch along the surface, and the heat of slip is subtracted. It does not use the
+modes, from which stored and dissipated energy follow. The energy of the interface is the mean of its law over
+the gap, zero for the hard wall. So the residual of the balance is an error of the time integration: of second
+order in dt with the exponential scheme and of first order with backward Euler.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
@@ -28,9 +29,10 @@ friction at the interface the energy of an elastic contact does not depend on th
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.observables.folds import Row, work_over_fold
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
@@ -55,8 +57,8 @@ class EnergyBalance(Observable):
         Column("dissipated", "energy dissipated per area", _UNITS, origin=_SINCE),
         Column(
             "energy_residual",
-            "work - stored - dissipated - energy of the interface - plastic work - lost in instabilities, "
-            "per area",
+            "work - stored - dissipated - energy of the interface - plastic work - heat of slip - lost in "
+            "instabilities, per area",
             _UNITS,
             origin=_SINCE,
         ),
@@ -72,18 +74,21 @@ class EnergyBalance(Observable):
     def __init__(self, case: Parts) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
         self._interface, self._has_losses = case.interface, bool(case.config.interfaces)
+        self._yields = case.config.hardness is not None
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[Row] = deque(maxlen=2)  # of the way up to here
-        self._tangential: deque[Point] = deque(maxlen=2)  # positions and tangential stresses
+        # Positions and tangential stresses; displacements of the punch and shear tractions, along each axis.
+        self._tangential: deque[tuple[Point, ...]] = deque(maxlen=2)
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the balance; position and tangential force are read from the row, if it has them."""
         stored, dissipated, attraction = step.energy.stored, step.energy.dissipated, self._attraction(step)
-        attraction += float(step.row.get("plastic_work", 0.0))  # another part of the energy of the contact
+        # Other parts of the energy of the contact.
+        attraction += float(step.row.get("plastic_work", 0.0)) + float(step.row.get("slip_heat", 0.0))
         energies = stored + dissipated + attraction
         now = Row(step.time, step.surface.depth, step.solution.mean_pressure, step.solution.margin)
-        tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
+        tangential = _tangential(step)
         from gfmdlayer.interface.law import HARD_WALL  # columns are known without numpy
 
         torn = self._interface.attracts and step.problem.interface is HARD_WALL
@@ -104,14 +109,20 @@ class EnergyBalance(Observable):
             "energy_residual": self._work - stored - dissipated - attraction - self._lost,
         }
 
-    def _work_of_step(self, step: AcceptedStep, now: Row, tangential: Point, gained: float) -> float:
+    def _work_of_step(
+        self, step: AcceptedStep, now: Row, tangential: tuple[Point, ...], gained: float
+    ) -> float:
         """Work over a step in which the energies grow by `gained`, plus the loss."""
         released = step.solution.released_energy if self._has_losses else 0.0
         over = None
         if released > 0:
             over = work_over_fold(*self._rows, now, depth_given=step.problem.mean_pressure is None)
-        normal, part = over or (_area(*(row.point for row in (*self._rows, now))), 0.5)
-        work = normal + _area(*self._tangential, tangential)
+        points = [row.point for row in (*self._rows, now)]
+        flow = step.solution.flow if self._yields else None
+        if flow is not None and self._sums.mean(flow) > 0:
+            points = points[-2:]  # the depth may jump where points yield, and no parabola leads over a jump
+        normal, part = over or (_area(*points), 0.5)
+        work = normal + sum(_area(*curve) for curve in zip(*self._tangential, tangential, strict=True))
         if self._field is not None:
             work += self._work_of_the_field(*self._field, step, part)
         if released > 0:
@@ -139,7 +150,10 @@ class EnergyBalance(Observable):
 
     def state(self) -> State:
         """Return work and loss, and the last points of both curves."""
-        curves = {"normal": [tuple(row) for row in self._rows], "tangential": list(self._tangential)}
+        curves: dict[str, Any] = {"normal": [tuple(row) for row in self._rows]}
+        curves |= {
+            "tangential": [[each for point in points for each in point] for points in self._tangential]
+        }
         field = {} if self._field is None else {"field_time": self._field[0], "field_gap": self._field[1]}
         flight = {"torn": True} if self._torn else {}
         energies = {"work": self._work, "lost": self._lost, "energies": self._energies}
@@ -150,9 +164,20 @@ class EnergyBalance(Observable):
         self._work, self._energies = float(state["work"]), float(state["energies"])
         self._lost, self._torn = float(state["lost"]), "torn" in state
         self._rows.extend(Row(*values) for values in state["normal"].tolist())
-        self._tangential.extend((x, y) for x, y in state["tangential"].tolist())
+        for row in state["tangential"].tolist():
+            self._tangential.append(tuple(zip(row[::2], row[1::2], strict=True)))
         if "field_time" in state:
             self._field = float(state["field_time"]), state["field_gap"]
+
+
+def _tangential(step: AcceptedStep) -> tuple[Point, ...]:
+    """Return each displacement along the surface with the mean tangential stress that does work on it."""
+    position, force = (float(step.row.get(name, 0.0)) for name in ("position", "tangential_force"))
+    if step.shear is None:
+        return ((position, force),)
+    pairs = zip(step.shear.moved.tolist(), step.shear.traction.mean(axis=1).tolist(), strict=True)
+    loss = float(step.row.get("hysteresis_friction", 0.0)) * step.solution.mean_pressure
+    return (position, 0.0 if math.isnan(loss) else loss + step.shear.stretch), *pairs
 
 
 def _area(*points: Point) -> float:

@@ -1,9 +1,14 @@
-"""Friction of a moving punch: its position, the tangential force on it, and the centre of pressure.
+"""Friction: the tangential force on a punch that moves or slips, by parts, and the slip at the interface.
 
 Without friction at the interface the pressure p is normal to the surface, and where p is not even about a
 slope of the surface it pulls along x by p du/dx. The mean of p du/dx over the surface is the tangential
 stress against the motion; times the velocity it is the power that the body turns into heat. A punch that
 rolls without friction meets the same resistance as one that slides: the normal contact is the same.
+
+With friction at the interface the mean of the shear traction t of the punch on the body adds to the
+tangential force. Under a moving punch t moves with the surface, which stretches by dv/dx, v the displacement
+along it: the body takes the mean of p du/dx less that of t dv/dx, and the rest is heat of slip. The heat of a
+step of slip s is -t.s, with the mean of t at the beginning and at the end of the step.
 
 With P and U the transforms of p and u, the mean is sum_q w q Im(P conj(U)), w the weights of Parseval's sum.
 """
@@ -17,25 +22,37 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
     from gfmdlayer.config import Config
+
+
+def direction(config: Config) -> FloatArray:
+    """Return the unit vector of the tangential drive; that of the motion is along x."""
+    import numpy as np
+
+    drive = config.trajectory.tangential
+    angle = math.radians(0.0 if drive is None else drive.direction)
+    return np.array([math.cos(angle), math.sin(angle)])[: len(config.grid.points)]
 
 
 class Friction(Observable):
     """Position, mean tangential stress, its ratio to the mean pressure, and the centre of pressure.
 
-    The fields are on coordinates that move with the punch. The centre is found on the circle of one period.
-    Friction and centre are NaN without contact.
+    Position and centre are those of a punch that moves at a velocity. The fields are on coordinates that move
+    with the punch. The centre is found on the circle of one period. Friction and centre are NaN without
+    contact.
     """
 
     COLUMNS = (
         Column("position", "position of the punch along x", "length", origin="from its place at t = 0"),
         Column(
             "tangential_force",
-            "mean tangential stress against the motion along x",
+            "mean tangential stress against the motion",
             "pressure",
-            origin="mean over the whole cell of pressure times slope of the surface",
+            origin="mean over the whole cell of pressure times slope of the surface, and of shear traction",
         ),
         Column("friction", "tangential force / normal force", symbol=r"\mu", origin="of the whole cell"),
         Column(
@@ -48,8 +65,11 @@ class Friction(Observable):
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return the columns where the punch moves along the surface."""
-        return cls.COLUMNS if config.trajectory.moves else None
+        """Return the columns where the punch moves along the surface, or the surfaces have friction."""
+        position, force, friction, centre = cls.COLUMNS
+        if config.trajectory.moves:
+            return position, force, friction, centre
+        return (force, friction) if config.friction else None
 
     def __init__(self, case: Parts) -> None:
         import numpy as np
@@ -57,9 +77,13 @@ class Friction(Observable):
         from gfmdlayer.time_functions import distance
 
         grid = case.grid
-        assert case.velocity is not None
+        self._direction = direction(case.config)
+        self._sums = grid.sums
+        if case.velocity is None:
+            self._position = None
+            return
         self._position = partial(distance, case.velocity)
-        self._transforms, self._period, self._sums = case.transforms, grid.period[0], grid.sums
+        self._transforms, self._period = case.transforms, grid.period[0]
         one, other = grid.wavenumbers_x
         # The grid does not distinguish the shortest wave from its opposite; their mean has no slope there.
         self._slope = np.ravel(grid.parseval_weights * (one + other) / 2)
@@ -70,8 +94,13 @@ class Friction(Observable):
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return position, tangential stress, friction and centre of pressure."""
         pressure, mean = step.solution.pressure, self._sums.mean(step.solution.pressure)
+        shear = 0.0
+        if step.shear is not None:
+            shear = float(self._direction @ step.shear.traction.mean(axis=1)) - step.shear.stretch
+        if self._position is None:
+            return {"tangential_force": shear, "friction": shear / mean if mean > 0 else math.nan}
         p, u = self._transforms.forward(pressure), step.surface.spectrum
-        force = self._sums.total(float((self._slope * (p.imag * u.real - p.real * u.imag)).sum()))
+        force = self._sums.total(float((self._slope * (p.imag * u.real - p.real * u.imag)).sum())) + shear
         angle = cmath.phase(self._sums.total((self._phase * pressure).sum(keepdims=True))[0])
         return {
             "position": self._position(step.time),
@@ -79,3 +108,110 @@ class Friction(Observable):
             "friction": force / mean if mean > 0 else math.nan,
             "contact_centre": angle * self._period / (2 * math.pi) if mean > 0 else math.nan,
         }
+
+
+_SINCE, _CELL = "from the beginning of the run", "over the cell"
+_FROM_ROWS = "the first row in which it is so"
+
+
+class Slip(Observable):
+    """Friction by parts, stick, heat of slip, and the displacement of the punch along the surface.
+
+    Attributes: `first_slip`, `full_slip` and `restick`, the times at which slip first begins in the contact,
+    at which no point sticks any more, and at which one sticks again; NaN where that does not happen.
+    """
+
+    COLUMNS = (
+        Column("interface_friction", "shear traction / pressure, means over the cell", origin=_CELL),
+        Column(
+            "hysteresis_friction",
+            "tangential force by the loss of the body / normal force",
+            origin="loss of the body per distance and area, over mean pressure",
+        ),
+        Column("stick_area", "part of the surface that sticks to the punch", origin=_CELL),
+        Column("slip_heat", "heat of slip per area", "pressure length", origin=_SINCE),
+        Column(
+            "tangential_displacement",
+            "displacement of the punch along the surface, of its rolling the sliding part",
+            "length",
+            origin=_SINCE,
+        ),
+        Column("creepage", "sliding speed of the punch over its velocity", origin="over the step"),
+        Column(
+            "transverse_force",
+            "mean shear traction across the tangential drive",
+            "pressure",
+            origin="mean over the whole cell, to the left of the drive",
+        ),
+    )
+    NUMBERS = (
+        Column("first_slip", "time at which slip begins", "time", origin=_FROM_ROWS),
+        Column("full_slip", "time at which no point sticks any more", "time", origin=_FROM_ROWS),
+        Column("restick", "time at which a point sticks again after full slip", "time", origin=_FROM_ROWS),
+    )
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns of a case with friction at the interface."""
+        if not config.friction:
+            return None
+        left_out = set() if config.trajectory.moves else {"hysteresis_friction", "creepage"}
+        left_out |= {"transverse_force"} if len(config.grid.points) == 1 else set()
+        return tuple(column for column in cls.COLUMNS if column.name not in left_out)
+
+    def __init__(self, case: Parts) -> None:
+        self._direction, self._names = (
+            direction(case.config),
+            [c.name for c in self.columns(case.config) or ()],
+        )
+        self._heat, self._position = 0.0, 0.0
+        self._times = {column.name: math.nan for column in self.NUMBERS}
+
+    @property
+    def attributes(self) -> Mapping[str, float]:  # type: ignore[override]
+        """Times of the events."""
+        return self._times
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the columns of the case."""
+        shear, mean = step.shear, step.solution.mean_pressure
+        assert shear is not None
+        self._heat -= float((shear.mean_traction * shear.slip).sum(axis=0).mean())
+        n, touching = self._direction, step.solution.pressure > 0
+        self._take_note(step.time, touching=bool(touching.any()), sticks=bool(shear.stick.any()),
+                        slips=bool((touching & ~shear.stick).any()))  # fmt: skip
+        means = shear.traction.mean(axis=1)
+        force, position = float(n @ means), float(step.row.get("position", 0.0))
+        travelled, self._position = position - self._position, position
+        found = {
+            "interface_friction": force / mean if mean > 0 else math.nan,
+            "hysteresis_friction": (float(step.row["tangential_force"]) - force) / mean
+            if mean > 0
+            else math.nan,
+            "stick_area": float(shear.stick.mean()),
+            "slip_heat": self._heat,
+            "tangential_displacement": float(n @ shear.moved),
+            "creepage": float(shear.path[0]) / travelled if travelled else math.nan,
+            "transverse_force": float(n[0] * means[-1] - n[-1] * means[0]),
+        }
+        return {name: found[name] for name in self._names}
+
+    def _take_note(self, time: float, *, touching: bool, sticks: bool, slips: bool) -> None:
+        """Record the time of an event that has not happened before."""
+        happened = {
+            "first_slip": slips,
+            "full_slip": touching and not sticks,
+            "restick": sticks and not math.isnan(self._times["full_slip"]),
+        }
+        for name, is_now in happened.items():
+            if is_now and math.isnan(self._times[name]):
+                self._times[name] = time
+
+    def state(self) -> State:
+        """Return heat, place and the times of the events."""
+        return {"heat": self._heat, "position": self._position, **self._times}
+
+    def restore(self, state: State) -> None:
+        """Continue from there."""
+        self._heat, self._position = float(state["heat"]), float(state["position"])
+        self._times = {name: float(state[name]) for name in self._times}

@@ -40,10 +40,17 @@ TOTALS: dict[str, Column | None] = {
     "dissipated": Column("dissipated", "energy dissipated", _ENERGY, origin=_SINCE),
     "energy_residual": Column(
         "energy_residual",
-        "work - stored - dissipated - energy of the interface - lost in instabilities",
+        "work - stored - dissipated - energy of the interface - plastic work - lost in instabilities",
         _ENERGY,
         origin=_SINCE,
     ),
+    "plastic_work": Column(
+        "plastic_work",
+        "plastic work, the hardness (less the attraction in contact) times the volume of the imprint",
+        _ENERGY,
+        origin=_SINCE,
+    ),
+    "yielded_area": Column("yielded_area", "area whose pressure is the hardness", "length^2", origin=_WHOLE),
     "lost": Column("lost", "energy lost in instabilities", _ENERGY, origin=_SINCE),
     "instability_energy": Column(
         "instability_energy", "energy lost in each instability", _ENERGY, origin=_WHOLE

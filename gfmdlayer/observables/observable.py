@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 from gfmdlayer.resumable import Stateless
 
 if TYPE_CHECKING:
-    from gfmdlayer.arrays import Attribute, FloatArray
+    from gfmdlayer.arrays import Attribute, BoolArray, FloatArray
     from gfmdlayer.body.body import Body
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
@@ -88,6 +88,20 @@ class Column:
         return {"long_name": self.long_name, "units": self.units}
 
 
+@dataclass(frozen=True, slots=True)
+class Shear:
+    """Shear tractions and slip of a step, with friction at the interface; components along x[, y]."""
+
+    traction: FloatArray  # on the body, (axes, points)
+    mean_traction: FloatArray  # of the beginning, at the same places of the material, and the end of the step
+    slip: FloatArray  # of the surface against the punch in the step; at all points
+    stick: BoolArray  # points in contact whose traction is below the bound
+    path: FloatArray  # displacement of the punch in the step, (axes,)
+    moved: FloatArray  # displacement of the punch since the beginning of the run
+    duration: float  # of the step
+    stretch: float  # mean of traction times derivative of the tangential displacement along x
+
+
 @dataclass(slots=True)
 class AcceptedStep:
     """An accepted step."""
@@ -98,6 +112,7 @@ class AcceptedStep:
     surface: Surface  # its displacement, and the depth of the punch
     energy: Integrator  # with the energies `stored` and `dissipated` of the body after the step, per area
     row: dict[str, Value]  # columns measured so far, by the observables before this one in the table
+    shear: Shear | None = None  # with friction at the interface
 
 
 class Parts(Protocol):

@@ -53,13 +53,12 @@ class Recorder(Protocol):
         displacement: FloatArray,
         pressure: FloatArray,
         gap: FloatArray,
-        traction: FloatArray | None = None,
-        imprint: FloatArray | None = None,
         /,
+        *others: FloatArray | None,
     ) -> None:
-        """Record the surface at a time, by arrays of the grid's shape.
+        """Record the surface at a time, by arrays of the grid's shape, in the order of `schema.FIELDS`.
 
-        The traction is given with attraction only, the imprint with a hardness only.
+        The traction is given with attraction only, the imprint with a hardness, shear and slip with friction.
         """
         ...
 

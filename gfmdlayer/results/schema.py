@@ -68,11 +68,29 @@ VARIABLES: dict[str, Variable] = {
     "imprint": Variable(
         "height that the surfaces have lost", "length", origin="at each point, from the beginning of the run"
     ),
+    **{
+        f"shear_{axis}": Variable(
+            f"shear traction of the punch on the surface along {axis}", "pressure", origin="at each point"
+        )
+        for axis in "xy"
+    },
+    **{
+        f"slip_velocity_{axis}": Variable(
+            f"velocity of the surface against the punch along {axis}, zero where it sticks",
+            "length / time",
+            origin="at each point in contact, mean over the step; else NaN",
+        )
+        for axis in "xy"
+    },
     "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
 }
 
-# Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness.
-FIELDS = ("displacement", "pressure", "gap", "traction", "imprint")
+# Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness, shear
+# and slip with friction.
+FIELDS = (
+    "displacement", "pressure", "gap", "traction", "imprint", "shear_x", "shear_y", "slip_velocity_x",
+    "slip_velocity_y",
+)  # fmt: skip
 SWEEP_FILE = "sweep.h5"
 SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
@@ -98,6 +116,10 @@ SYMBOLS: dict[str, tuple[str, str]] = {
     "interface.separation": ("equilibrium separation", "z_0"),
     "interface.voltage": ("voltage", "V"),
     "interface.hardness": ("hardness", "H"),
+    "interface.coefficient": ("coefficient of friction", "mu"),
+    "trajectory.creepage": ("creepage", "xi"),
+    "trajectory.tangential.displacement": ("displacement along the surface", "D_0"),
+    "trajectory.tangential.force": ("force along the surface", "Q_0"),
     "trajectory.depth": ("depth of the indentation", "h_0"),
     "trajectory.load": ("mean pressure on the punch", "p_0"),
     "trajectory.force": ("force on the punch", "F_0"),

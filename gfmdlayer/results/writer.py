@@ -1,8 +1,8 @@
 """The file of one case: rows in time, snapshots of the surface, and where they come from.
 
     time(time), the columns of the observables                    x(x)[, y(y)]
-    snapshot(snapshot), displacement, pressure, gap, and traction with attraction, imprint with a hardness
-                                                                                       (snapshot, x[, y])
+    snapshot(snapshot), displacement, pressure, gap; traction with attraction, imprint with a hardness,
+    shear_x, slip_velocity_x with friction                                             (snapshot, x[, y])
 
 Rows are appended ROWS_HELD at a time and snapshots are written at once, so that a run of any length needs the
 same memory. Chunks carry checksums: damaged data are refused when they are read. The file ends with a seal,
@@ -200,21 +200,19 @@ class CaseWriter:
         time: float,
         displacement: NDArray[np.float64],
         pressure: NDArray[np.float64],
-        gap: NDArray[np.float64] | None = None,
-        traction: NDArray[np.float64] | None = None,
-        imprint: NDArray[np.float64] | None = None,
+        *others: NDArray[np.float64] | None,
     ) -> None:
-        """Record the surface at a time, by arrays of the shape of the grid.
+        """Record the surface at a time, by arrays of the shape of the grid, in the order of `schema.FIELDS`.
 
-        Gap, traction and imprint are given in every snapshot or in none. Arrays of another shape are a
+        Gap, traction and the others are given in every snapshot or in none. Arrays of another shape are a
         ValueError.
         """
         if self._columns is None:
             self._begin(("time",))
-        given = dict(zip(FIELDS, (displacement, pressure, gap, traction, imprint), strict=True))
+        given = dict(zip(FIELDS, (displacement, pressure, *others), strict=False))
         fields = {name: field for name, field in given.items() if field is not None}
         if not self._growing["snapshot"].shape[0]:
-            for name in fields.keys() - self._growing.keys():
+            for name in [name for name in fields if name not in self._growing]:
                 added = add_field(self._h5, name, tuple(self._coordinates), dict(self._fields)[name])
                 self._growing[name] = added.id
         for name in FIELDS:

@@ -87,7 +87,7 @@ _GROUPS = {
         indentation.without_images,
         indentation.peeled_sphere,
     ),
-    "Hardness": (hardness.yielding,),
+    "Hardness": (hardness.yielding, hardness.over_time),
     "Other codes": (crosschecks.tamaas, crosschecks.contact_mechanics, hardness.saturated),
 }
 _PEERS: dict[object, str] = {

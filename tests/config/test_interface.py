@@ -118,13 +118,12 @@ HARD = {"law": "hard_wall", "hardness": 0.5}
             "trajectory.force: got 1.5; must be below 1, the interface.hardness over the whole cell",
         ),
         (
-            {"interface": [LAW, HARD]},
-            "interface[1].hardness: needs the hard wall alone: the solver of adhesion keeps points",
+            {"interface": [LAW, HARD], "solver": {"method": "fire"}},
+            "solver.method: got fire, which cannot solve for a hardness; must be newton",
         ),
-        ({"trajectory": {"velocity": 1.0}}, "interface.hardness: needs a punch that does not move along"),
         (
             {"solver": {"method": "active_set"}},
-            "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient",
+            "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient or",
         ),
         (
             {"grid": {"geometry": "axisymmetric"}},
@@ -158,6 +157,41 @@ def test_a_table_of_loads_beyond_the_hardness_is_refused_before_the_run(tmp_path
         ConfigError, match=r"case.yaml:4:.*holds the load 0.6; must be below 0.5, the hardness"
     ):
         load(given, inspect=input_errors)
+
+
+@pytest.mark.parametrize(
+    ("hardness", "given_load", "said"),
+    [
+        (
+            1.5,
+            1.0,
+            "interface: got the hardness 1.5, which the attraction in contact exceeds; must be above 2",
+        ),
+        (
+            3.0,
+            1.0,
+            "trajectory.load: got 1; must be below 1, the hardness over the whole cell, less the attr",
+        ),
+        (3.0, 0.9, ""),
+    ],
+)
+def test_a_hardness_has_to_bear_the_attraction(
+    tmp_path: Path, hardness: float, given_load: float, said: str
+) -> None:
+    """The exponential law has the traction 0.02/0.01 in contact."""
+    given = tmp_path / "case.yaml"
+    given.write_text(
+        "name: a\ngrid: {points: 64}\n\ninterface: [{law: exponential, work: 0.02, range: 0.01}, "
+        f"{{law: hard_wall, hardness: {hardness}}}]\n"
+        f"trajectory: {{control: load, load: {given_load}}}\n"
+    )
+    if not said:
+        assert load(given, inspect=input_errors).contact_solver.method == "newton"
+        return
+    with pytest.raises(ConfigError) as refused:
+        load(given, inspect=input_errors)
+    (line,) = refused.value.problems
+    assert said in line
 
 
 def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None:

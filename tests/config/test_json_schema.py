@@ -127,6 +127,25 @@ sweep: {counterbody.layers.0.thickness: [0.1, 0.2]}
     "name: one\ngrid: {points: 64, boundary: isolated, datum: 2.0}\n",
     LINE + "interface: {law: exponential, work: 0.1, range: 0.01}\nsweep: {interface.work: [0.1, 0.2]}\n",
     LINE + "interface: {law: hard_wall, hardness: 0.5}\nsweep: {interface.hardness: [0.1, 0.2]}\n",
+    LINE
+    + """\
+interface: [{law: coulomb, coefficient: 0.3}, {law: shear_strength, stress: 0.1}]
+trajectory:
+  tangential: {control: force, kind: oscillation, force: 0.1, start: 1, period: 2, cycles: 1.5, direction: 0}
+sweep: {interface.0.coefficient: [0.1, heights.txt], interface.1.stress: [0, 0.1]}
+""",
+    SURFACE
+    + """\
+interface: {law: coulomb, coefficient: heights.txt}
+trajectory: {tangential: {kind: ramp, displacement: 0.1, ramp_time: 1.0, direction: 45}}
+sweep: {trajectory.tangential.displacement: [0.1, 0.2]}
+""",
+    LINE
+    + """\
+interface: {law: shear_strength, stress: 0}
+trajectory: {tangential: {kind: table, file: heights.txt}}
+""",
+    LINE + "interface: {law: coulomb, coefficient: 1}\ntrajectory: {velocity: 1.0, creepage: -0.1}\n",
     LINE + "interface: {law: hard_wall}\nsweep: {interface: [{work: 1, range: 1}, {law: hard_wall}]}\n",
     LINE
     + """\
@@ -134,6 +153,7 @@ interface:
   - {law: dugdale, work: 0.1, stress: 2, smoothing: 0.3}
   - {law: lennard_jones, work: 0.1, separation: 0.01}
   - {law: electrostatic, voltage: heights.txt, permittivity: 1.0, insulation: 0.1}
+  - {law: hard_wall, hardness: 1.0e+6}
 sweep: {interface.0.work: [0.1, 0.2], interface.2.voltage: [5, heights.txt]}
 """,
     LINE

@@ -8,14 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.linalg import circulant
-from scipy.optimize import lsq_linear
+from scipy.optimize import lsq_linear, minimize
 
 import gfmdlayer
 from gfmdlayer.config import Config
+from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.nested.solver import NestedGradient
+from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import residual_scales
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.results.journal import Recording
 from gfmdlayer.simulation import Case
 
@@ -195,6 +199,29 @@ def test_the_plastic_work_is_the_hardness_times_the_imprint(step: Any) -> None:
     assert (np.diff(column(found, "plastic_work")) >= 0).all()
 
 
+def test_the_balance_of_energy_holds_over_jumps_of_a_depth() -> None:
+    """Where all points in contact yield, the depth jumps until the next ones touch.
+
+    Over a jump the work is known to half the step of the load times the jump. The jumps add up to the depth
+    at most, and the work is half the load times the depth: a part `step` of it for a ramp of duration 1.
+    """
+    rubber = {"thickness": math.inf, "material": {"model": "zener", "G0": 0.25, "Ginf": 2.5}}
+    step = 1 / 80
+    found = run(
+        config(
+            0.12,
+            grid={"points": [32, 32], "period": 1.2},
+            layer=rubber,
+            punch={"shape": "parabola", "radius": 1.0},
+            trajectory={"control": "load", "load": 0.007},
+            time={"step": step, "end": 1.0},
+        )
+    )
+    jumps = np.diff(column(found, "depth"))
+    assert jumps.max() > 5 * np.median(jumps)
+    assert abs(column(found, "energy_residual")[-1]) <= step * column(found, "work")[-1]
+
+
 def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint() -> None:
     """The depth counts from the new punch: it touches where heights and imprint are least together."""
     given = config(0.02, trajectory=CYCLES | {"cycles": 1}, time={"step": 0.25})
@@ -224,6 +251,161 @@ def test_a_stiff_film_on_a_soft_base_yields() -> None:
         assert column(found, "plastic_work")[-1] > 0
 
 
+def test_a_sphere_without_images_yields_at_the_load_of_hertz() -> None:
+    """Within 3 %: the largest pressure goes with F^(1/3), and the fit of the body is within 1e-3."""
+    hardness, radius = 0.08, math.pi * 0.08 / 2
+    first, body = math.pi**3 * hardness**3 / 6, gfmdlayer.halfspace(0.25)
+    wall = {"law": "hard_wall", "hardness": hardness}
+    for part, yields in ((0.97, False), (1.03, True)):
+        found = gfmdlayer.solve(
+            body,
+            gfmdlayer.Parabola(radius=1.0),
+            force=part * first,
+            period=6 * radius,
+            points=(64, 64),
+            isolated=True,
+            interface=wall,
+        )
+        assert (float(found.imprint.max()) > 0) == yields
+
+
+def test_columns_of_a_contact_without_images_are_totals() -> None:
+    alone = {"points": [32, 32], "period": 1.4, "boundary": "isolated"}
+    path = {"control": "force", "force": 0.01}
+    sphere = {"shape": "parabola", "radius": 1.0}
+    given = config(0.08, grid=alone, punch=sphere, trajectory=path, output={"snapshots": [1.0]})
+    case, found = Case(given), Recording()
+    case.run(found)
+    cell = 1.4**2
+    assert column(found, "plastic_work")[-1] == pytest.approx(0.08 * case.imprint.depth.mean() * cell)
+    at_hardness = found.fields[-1][2] == 0.08
+    assert column(found, "yielded_area")[-1] == pytest.approx(at_hardness.mean() * cell)
+    assert at_hardness.any()
+
+
+@pytest.mark.parametrize("attracts", [False, True])
+def test_a_moving_punch_satisfies_the_conditions_of_plasticity(attracts: bool) -> None:
+    """The pressure is that of the displacement, by the stiffness with its loss, within the tolerance."""
+    n, load, hardness, tolerance = 128, 0.2, 0.5, 1e-8
+    grid, transforms = Grid((n,), (1.0,)), Transforms((n,))
+    x, q = grid.coordinates[0], grid.wavenumbers
+    loss, h = 0.5 * q * np.minimum(q / 10, 1), 0.4 * x**2 + 0.003 * np.cos(44 * np.pi * x)
+    loss[-1] = 0.0  # the shortest wave is its own opposite
+    law = gfmdlayer.Exponential(work=2e-4, range=0.004).interaction() if attracts else HARD_WALL
+    problem = Problem(q.copy(), 0j * q, h, load, loss, float(np.ptp(h)), law, hardness=hardness)
+    inner: Any = Newton(transforms) if attracts else NestedGradient(transforms)
+    start = np.full(n, np.inf) if attracts else np.zeros(n)
+    found = LossStiffnessSolver(inner, transforms, grid.parseval_weights).solve(problem, start, tolerance)
+    assert found.converged
+    assert found.flow is not None
+    p, u = found.pressure, found.displacement
+    wall = p + law.traction(found.gap)
+    yields = wall >= hardness * (1 - 1e-15)
+    assert wall.max() <= hardness * (1 + 1e-15)
+    assert 0 < np.count_nonzero(yields) < np.count_nonzero(wall > tolerance) < n
+    force = load - np.fft.irfft((problem.stiffness + 1j * loss) * np.fft.rfft(u), n)
+    scale, depth = residual_scales(wall, u, problem.residual_floor)
+    np.testing.assert_allclose(force, p, atol=tolerance * scale)
+    np.testing.assert_allclose(found.flow, np.where(yields, np.maximum(u - h, 0), 0), atol=1e-15)
+    assert (abs(np.minimum(wall / scale, found.gap / depth)) <= tolerance).all()
+    assert found.flow.max() > 0.01 * depth
+
+
+@pytest.mark.parametrize(
+    "law",
+    [gfmdlayer.Exponential(work=0.002, range=0.03), gfmdlayer.LennardJones(work=0.002, separation=0.05)],
+    ids=["exponential", "lennard_jones"],
+)
+def test_with_attraction_it_is_the_minimum_over_gaps_and_flows(law: Any) -> None:
+    """Of elastic energy, interface and flow stress times flow: no lower one, by another method.
+
+    The energy is convex, as no curvature of the law exceeds kappa, 5 at least. Rounding of the energies, of
+    1e-15, and SciPy's tolerance of them leave 1e-13; their root is the error of a displacement.
+    """
+    n, law = 64, law.interaction()
+    x = np.arange(n) / n - 0.5
+    kappa, h = 5.0 + 0.5 * np.arange(n // 2 + 1), 0.3 * x**2 + 0.005 * np.cos(38 * x) - 0.03
+    assert -law.curvature(np.linspace(0, 0.2, 400)).min() < 5.0
+    pull, hardness = float(law.traction(np.zeros(1))[0]), float(law.traction(np.zeros(1))[0]) + 0.1
+    problem = Problem(kappa, 0j * kappa, h, height=float(np.ptp(h)), interface=law, hardness=hardness)
+    found = Newton(Transforms((n,))).solve(problem, np.full(n, np.inf), 1e-10)
+    assert found.converged
+    assert found.flow is not None
+    stiffness = circulant(np.fft.irfft(kappa, n))
+
+    def energy(of: Any) -> tuple[float, Any]:
+        gap, flow = of[:n], of[n:]
+        u = h + flow - gap
+        stress = stiffness @ u
+        total = u @ stress / 2 + law.energy(gap).sum() + (hardness - pull) * flow.sum()
+        return float(total), np.concatenate((law.traction(gap) - stress, hardness - pull + stress))
+
+    bounds, options = [(0, None)] * (2 * n), {"maxiter": 20_000, "ftol": 1e-16, "gtol": 1e-11, "maxcor": 50}
+    start = np.maximum(np.concatenate((h, -h)), 0.0)
+    other = minimize(energy, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    least = energy(np.concatenate((found.gap, found.flow)))[0]
+    assert abs(least - other.fun) <= 1e-13 * abs(other.fun)
+    np.testing.assert_allclose(found.displacement, h + other.x[n:] - other.x[:n], atol=1e-6 * np.ptp(h))
+    assert 0 < np.count_nonzero(found.flow) < np.count_nonzero(found.gap == 0) < n
+    wall = found.pressure + law.traction(found.gap)
+    assert wall.max() == pytest.approx(hardness, rel=1e-15)
+    assert wall[found.gap > 0] == pytest.approx(0.0, abs=1e-10 * hardness)
+
+
+def test_flat_summits_stick_better_and_the_balance_of_energy_closes() -> None:
+    """The wall carries the hardness, the flow stress works on the imprint, and the pull-off grows.
+
+    The balance closes at least in proportion to the steps.
+    """
+    rubber = {"thickness": math.inf, "material": {"model": "zener", "G0": 1.0, "Ginf": 10.0}}
+    law, speed = {"law": "exponential", "work": 0.02, "range": 0.01}, 0.05
+    path = {"kind": "approach_retract", "start": -0.05, "depth": 0.03, "final": -0.1}
+    path |= {"approach_speed": speed, "retract_speed": speed}
+    pulls, residuals = [], []
+    for hardness, step in ((None, 0.1), (4.0, 0.1), (4.0, 0.025)):
+        wall = {"law": "hard_wall"} if hardness is None else {"law": "hard_wall", "hardness": hardness}
+        case = Case(
+            config(
+                None,
+                grid={"points": 256},
+                layer=rubber,
+                punch={"shape": "parabola", "radius": 0.25},
+                interface=[law, wall],
+                trajectory=path,
+                time={"step": step},
+                solver={"tolerance": 1e-6},
+                output={"snapshots": [1.6]},
+            )
+        )
+        found = Recording()
+        case.run(found)
+        pulls.append(-column(found, "mean_stress").min())
+        if hardness is not None:
+            _, _, pressure, _, traction, imprint = found.fields[-1]
+            assert (pressure + traction).max() == pytest.approx(hardness, rel=1e-12)
+            assert imprint.max() > 0
+            work = column(found, "plastic_work")[-1]
+            assert work == pytest.approx((hardness - 2.0) * case.imprint.depth.mean(), rel=1e-12)
+            residuals.append(abs(column(found, "energy_residual")[-1]) / column(found, "work")[-1])
+    assert pulls[1] > 1.1 * pulls[0]
+    assert residuals[1] <= residuals[0] / 4
+    assert residuals[1] < 0.02
+
+
+def test_the_balance_of_energy_closes_under_a_moving_punch() -> None:
+    """At least of first order; without the term of the friction or the plastic work it is off by parts."""
+    rubber = {"thickness": math.inf, "material": {"model": "zener", "G0": 0.25, "Ginf": 2.5}}
+    moving, residuals = {"control": "load", "load": 0.01, "velocity": 0.1}, []
+    for step in (0.2, 0.05):
+        found = run(config(0.1, layer=rubber, trajectory=moving, time={"step": step, "end": 2.0}))
+        work = column(found, "work")[-1]
+        assert column(found, "plastic_work")[-1] > 0.1 * work
+        assert column(found, "friction")[-1] > 0
+        residuals.append(abs(column(found, "energy_residual")[-1]) / work)
+    assert residuals[1] <= residuals[0] / 4
+    assert residuals[1] < 0.02
+
+
 def test_solve_gives_the_imprint_and_refuses_a_load_beyond_the_hardness() -> None:
     body, wall = gfmdlayer.halfspace(1.0), {"law": "hard_wall", "hardness": 0.1}
     found = gfmdlayer.solve(
@@ -231,7 +413,10 @@ def test_solve_gives_the_imprint_and_refuses_a_load_beyond_the_hardness() -> Non
     )
     assert float(found.pressure.max()) == 0.1
     assert ((found.imprint > 0) <= (found.pressure == 0.1)).all()
-    with pytest.raises(
-        gfmdlayer.ConfigError, match=r"mean pressure: got 0.2; must be below the hardness 0.1"
-    ):
-        gfmdlayer.solve(body, gfmdlayer.Parabola(radius=1.0), mean_pressure=0.2, interface=wall, points=256)
+    sticky = [{"law": "exponential", "work": 2e-4, "range": 0.01}, wall]
+    most = "0.08, the hardness 0.1 less the attraction in contact"
+    for laws, load, said in ((wall, 0.2, "the hardness 0.1"), (sticky, 0.09, most)):
+        with pytest.raises(gfmdlayer.ConfigError, match=f"mean pressure: got {load}; must be below {said}"):
+            gfmdlayer.solve(
+                body, gfmdlayer.Parabola(radius=1.0), mean_pressure=load, interface=laws, points=256
+            )

@@ -68,6 +68,21 @@ BODIES["yielding"] = {
     "trajectory": {"control": "load", "kind": "approach_retract", "load": 0.1, "cycles": 2},
     "time.end": 4.0,
 }
+FRICTION: dict[str, object] = {
+    "interface": {"law": "coulomb", "coefficient": 0.3},
+    "trajectory": {
+        "control": "load",
+        "load": 0.05,
+        "ramp_time": 0.8,
+        "tangential": {"kind": "oscillation", "displacement": 2e-3, "start": 0.4, "period": 1.2},
+    },
+}
+BODIES |= {
+    "frictional": FRICTION,
+    "rolling": FRICTION
+    | {"trajectory": {"control": "load", "load": 0.05, "velocity": 0.05, "creepage": 0.01}},
+}
+RUNS += [(body, steps, "auto") for body in ("frictional", "rolling") for steps in ("adaptive", "exponential")]
 RUNS += [("yielding", "adaptive", "nested_gradient"), ("yielding", "exponential", "nested_gradient")]
 RUNS += [("adhesive", "adaptive", "newton"), ("adhesive", "exponential", "newton")]
 RUNS += [("pulled off", "adaptive", "newton")]

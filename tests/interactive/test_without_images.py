@@ -26,6 +26,7 @@ from gfmdlayer import (
     simulate,
     solve,
 )
+from gfmdlayer.model import model_of
 from gfmdlayer.observables import columns
 from gfmdlayer.results.journal import Recording
 from gfmdlayer.resumable import CompositeState
@@ -253,10 +254,28 @@ def test_no_column_is_a_mean_over_the_cell(points: Any) -> None:
 def test_a_force_beyond_reach_ends_the_run_at_the_step_and_keeps_those_before() -> None:
     config = loaded("isolated", 0.5, {"poisson": 0.45}, 5.0, time={"step": 0.25, "end": 2.0})
     config["grid"]["points"] = [64, 64]
-    config["trajectory"] = {"control": "force", "force": 0.1, "ramp_time": 2.0}
+    config["trajectory"] = {"control": "force", "force": 0.06, "ramp_time": 2.0}  # within reach where glassy
     with pytest.raises(ConvergenceError, match=r"^t = .*periods apart.*would do") as refused:
         run(config)
     assert 1 < refused.value.data.sizes["time"] < 9
     assert float(refused.value.data.force[-1]) == pytest.approx(
-        0.05 * float(refused.value.data.time[-1]), rel=1e-9
+        0.03 * float(refused.value.data.time[-1]), rel=1e-9
     )
+
+
+@pytest.mark.parametrize(("control", "fits", "too_much"), [("depth", 0.01, 0.02), ("force", 0.02, 0.12)])
+def test_a_contact_that_will_be_too_wide_is_known_before_the_run(
+    control: str, fits: float, too_much: float
+) -> None:
+    """The larger value is refused where the layer is glassy too; the widest radius would be 0.105."""
+    config = loaded("isolated", 0.5, {"poisson": 0.45}, 5.0)
+    config["grid"]["points"] = [64, 64]
+    found = {}
+    for value in (fits, too_much):
+        path = {"control": control, control: value, "ramp_time": 1.0}
+        found[value] = list(model_of(Config(name="a", **config | {"trajectory": path})).problems())
+    assert found[fits] == []
+    ((key, message),) = found[too_much]
+    assert key == f"trajectory.{control}"
+    assert message.startswith(f"got {too_much:g}, at which the contact is some 0.")
+    assert "must be at most 0.42 periods wide; a period of " in message

@@ -147,7 +147,7 @@ def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth() -> None:
         surface = SimpleNamespace(depth=depth)
         solution = SimpleNamespace(mean_pressure=depth**2, margin=1.0)
         step: Any = SimpleNamespace(
-            time=0.0, row={}, energy=energy, surface=surface, solution=solution, problem=problem
+            time=0.0, row={}, energy=energy, surface=surface, solution=solution, problem=problem, shear=None
         )
         return balance.measure(step)["work"]
 

@@ -2,6 +2,10 @@
 
 Stiffness and intercept are those per point, K/n and b/n, as unnormalised transforms need them. States are in
 double precision, linear systems, whose solutions are corrections, in single.
+
+`cap` is the hardness, the largest pressure of the wall, or None without one: kernels are compiled for either,
+and those without a cap have no trace of it. Points that yield have u > h, or u = h and p_c > cap. They are
+free, and p_c - cap is out of balance on them: beyond h their energy grows by cap - tau(0) per length.
 """
 
 from __future__ import annotations
@@ -95,31 +99,42 @@ def set_stress(
 
 
 @kernel(reorder=True, inner=True)
-def set_interaction(system: AdhesiveSystem, at: AdhesiveState) -> float:
-    """Write traction and curvature of the interface; return the sum of its energy over the points."""
+def set_interaction(system: AdhesiveSystem, at: AdhesiveState, cap: Any) -> float:
+    """Write traction and curvature of the interface; return the sum of its energy over the points.
+
+    The energy is that of the gap, and of the flow where points yield.
+    """
     h, u, traction, curvature, total, terms = system.h, at.u, at.traction, at.curvature, 0.0, system.terms
     traction[:], curvature[:] = 0.0, 0.0
     # The points are the inner loop, for the vector units.
     for k in range(terms.form.size):
         form, stress, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
         for i in range(u.size):
-            energy, pull, change = term(h[i] - u[i], form, stress, length, width)
+            gap = h[i] - u[i]
+            if cap is not None:
+                gap = max(gap, 0.0)
+            energy, pull, change = term(gap, form, stress, length, width)
             total += energy
             traction[i] += pull
             curvature[i] += change
+    if cap is not None:
+        for i in range(u.size):
+            if u[i] > h[i]:
+                total += (cap - traction[i]) * (u[i] - h[i])
+                curvature[i] = 0.0
     return total
 
 
 @kernel(reorder=True, inner=True)
 def balance(
-    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step
+    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step, cap: Any
 ) -> tuple[float, float, float]:
-    """Find the free points, and the pressure of the wall, which is out of balance on them.
+    """Find the free points, and the pressure of the wall, less the cap on points that yield.
 
-    `held` is a traction that holds the surface, of which a part is left. Returns the residual, lambda, and
-    the largest pressure on a free point.
+    It is out of balance on the free points. `held` is a traction that holds the surface, of which a part is
+    left. Returns the residual, lambda, and the largest pressure out of balance.
     """
-    total, count, strongest, weakest, deepest = _open_pressure(system, at, held, part, step)
+    total, count, strongest, weakest, deepest = _open_pressure(system, at, held, part, step, cap)
     multiplier = system.load
     if system.mean_is_fixed:
         # In full contact any lambda that keeps the pressure positive will do.
@@ -133,8 +148,12 @@ def balance(
             value, gap = ps[i] + multiplier, h[i] - u[i]
             ps[i] = value
             off = violation(value, gap, per_pressure, per_gap)
-            worst[i] = off if off > worst[i] else worst[i]
             moves = 0.0 if (gap <= 0.0) & (value > 0.0) else 1.0
+            if cap is not None and (gap < 0.0 or (gap <= 0.0 and value > cap)):
+                value -= cap
+                ps[i], off, moves = value, abs(value) * per_pressure, 1.0
+                at.curvature[first + i] = 0.0  # as the point moves on to where it is
+            worst[i] = off if off > worst[i] else worst[i]
             free[i] = moves
             total += moves * value
             count += moves
@@ -150,11 +169,12 @@ def balance(
 
 @kernel(reorder=True, inner=True)
 def _open_pressure(
-    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step
+    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step, cap: Any
 ) -> tuple[float, float, float, float, float]:
     """Write the pressure but for the multiplier.
 
     Returns its sum over the points out of contact, their number, its extrema, and the depth of the surface.
+    Points beyond h, whose pressure counts from the cap, belong to the sum and the number too.
     """
     total, count, mean = 0.0, 0.0, 0.0
     most, least, lowest = np.full(LANES, -np.inf), np.full(LANES, np.inf), np.full(LANES, np.inf)
@@ -172,6 +192,9 @@ def _open_pressure(
             is_open = 1.0 if u[i] < h[i] else 0.0
             total += is_open * value
             count += is_open
+            if cap is not None and u[i] > h[i]:
+                total += value - cap
+                count += 1.0
     return total, count, most.max(), least.min(), max(mean / at.u.size, 0.0) - lowest.min()
 
 
@@ -381,27 +404,43 @@ def _centre(system: AdhesiveSystem, force: Any, free: FloatArray, count: float) 
 
 
 @kernel(reorder=True, inner=True)
-def move(system: AdhesiveSystem, at: AdhesiveState, step: Step, mean: float, to: AdhesiveState) -> None:
-    """Write the displacement after a step, kept below the punch.
+def move(
+    system: AdhesiveSystem, at: AdhesiveState, step: Step, mean: float, to: AdhesiveState, cap: Any
+) -> None:
+    """Write the displacement after a step, kept below the punch, and of points that yield above it.
 
-    Where the mean is fixed it is restored by a shift of the points below the punch.
+    Where the mean is fixed it is restored by a shift of the points that do not touch.
     """
     h, u, v = system.h, at.u, to.u
     for i in range(v.size):
         moved = u[i] + step.d[i]
-        v[i] = h[i] if moved > h[i] else moved
+        kept = h[i] if moved > h[i] else moved
+        if cap is not None and is_yielding(u[i] - h[i], step.pressure[i], step.free[i]):
+            kept = h[i] if moved < h[i] else moved
+        v[i] = kept
     if system.mean_is_fixed:
         for _ in range(60):
             total, free, largest = 0.0, 0.0, 0.0
             for i in range(v.size):
                 total += v[i]
                 free += 1.0 if v[i] < h[i] else 0.0
+                if cap is not None:
+                    free += 1.0 if v[i] > h[i] else 0.0
                 largest = max(largest, abs(v[i]))
             lack = mean * v.size - total
             if abs(lack) <= _ROUNDING * largest * v.size or free == 0.0:
                 break
             for i in range(v.size):
-                v[i] = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
+                shifted = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
+                if cap is not None and v[i] > h[i]:
+                    shifted = max(v[i] + lack / free, h[i])
+                v[i] = shifted
+
+
+@kernel(inner=True)
+def is_yielding(overlap: float, pressure: float, free: float) -> bool:
+    """Whether a point of a state that `balance` has assessed yields."""
+    return overlap > 0.0 or (overlap >= 0.0 and pressure > 0.0 and free > 0.0)
 
 
 @kernel(reorder=True, inner=True)
@@ -434,6 +473,8 @@ def compare(
     part: float,
     multiplier: float,
     to: AdhesiveState,
+    step: Step,
+    cap: Any,
 ) -> tuple[float, float, float, float]:
     """Compare two states, with the arguments of `balance` and its results for the first.
 
@@ -451,7 +492,10 @@ def compare(
         for i in range(u.size):
             way, dead = v[i] - u[i], multiplier - part * hold[i]
             first -= ps[i] * way
-            last -= (stress1[i] + dead + traction1[i]) * way
+            force = stress1[i] + dead + traction1[i]
+            if cap is not None and is_yielding(u[i] - system.h[begun + i], ps[i], step.free[begun + i]):
+                force -= cap
+            last -= force * way
             elastic -= (0.5 * (stress0[i] + stress1[i]) + dead) * way
             off = abs(traction1[i] - traction0[i] + curvature[i] * way)
             most[i] = off if off > most[i] else most[i]

@@ -18,6 +18,10 @@ descent
     difference from the tangent is the error, and large enough that the matrix is positive and the energy
     falls; it vanishes as a minimum comes near, and Newton's method ends there. Then s grows again.
 
+Where a hardness ends the pressures, points whose pressure exceeds it leave the wall on its other side. Beyond
+h their energy grows in proportion to the overlap, see `passes`. So the energy is one of the displacement
+alone, and all of the above holds; the overlap is the flow of the step.
+
 So a landing depends neither on the time step nor on a start or tolerance, so long as there is one instability
 on the way of a step at most. `Solution.released_energy` is the energy that a descent with a concave stretch
 has lost, at a fixed s: exact for the state from which it started, which lies past the end of the branch by a
@@ -138,6 +142,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     given: Progress,
     tolerance: float,
     limit: int,
+    cap: Any,
 ) -> Progress:
     """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
 
@@ -152,12 +157,12 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     iterations, settled, evaluated = 0, False, np.isnan(energy)
     if evaluated:
         set_stress(plans, system, at, fields.spectrum, step.spectrum)
-        energy = set_interaction(system, at)
+        energy = set_interaction(system, at, cap)
         pairs, exact = pairs + 1.0, True
     stiff, in_single = _unit(system), _in_single(step)
     while True:
         target = done if descends else 1.0
-        residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
+        residual, multiplier, largest = balance(system, at, held, 1.0 - target, step, cap)
         mean = (1.0 - target) * mean0
         lack = _lack(at.u, mean, mean0) if mean0 != 0.0 else 0.0
         # A flat surface is in balance at any mean: the residual does not tell whether it has moved.
@@ -178,7 +183,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             # Where there is no curvature at all, as of a punch that is pulled off, a step by the range.
             damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
             continue
-        move(system, at, step, mean, to)
+        move(system, at, step, mean, to, cap)
         # In double precision once the step aims at the tolerance.
         now = not in_single or (done == 1.0 and inexact * largest <= _WELL_WITHIN * aim)
         if now:
@@ -186,9 +191,11 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             pairs += 1.0
         else:
             pairs += IN_SINGLE * set_stress_after(single, at, step, stiff, to)
-        after = set_interaction(system, to)
+        after = set_interaction(system, to, cap)
         evaluated = False
-        first, last, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
+        first, last, elastic, error = compare(
+            system, at, step.pressure, held, 1.0 - target, multiplier, to, step, cap
+        )
         most, way = (_RESOLVED if descends else _CHANGE), 1.0
         if error > most:
             way = 0.9 * np.sqrt(most / error)
@@ -199,8 +206,10 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
                 descends, settled, done, damping = True, False, min(1.0, done + _SHORTEST), system.kappa_1
                 continue
             shorten(at, way, to)
-            after = set_interaction(system, to)
-            _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
+            after = set_interaction(system, to, cap)
+            _, _, elastic, error = compare(
+                system, at, step.pressure, held, 1.0 - target, multiplier, to, step, cap
+            )
         change = elastic + after - energy
         rounding = _ROUNDING * (abs(energy) + abs(elastic)) + (
             0.0 if now and exact else _OF_SINGLE * abs(elastic)
@@ -211,7 +220,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
                 # First rule out that single precision hides the descent, as it does on a body so stiff that
                 # it deforms by 1e-7 of what it moves.
                 set_stress(plans, system, at, fields.spectrum, step.spectrum)
-                energy = set_interaction(system, at)
+                energy = set_interaction(system, at, cap)
                 pairs, exact, evaluated = pairs + 1.0, True, True
                 continue
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
@@ -319,13 +328,13 @@ def _copy(source: AdhesiveState, target: AdhesiveState) -> None:
 
 
 @kernel(reorder=True)
-def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields) -> float:
+def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields, cap: Any) -> float:
     """Find the traction that holds a surface where it is; return its energy as `set_interaction`."""
     at, held, step = fields.at, fields.held, fields.step
     set_stress(plans, system, at, fields.spectrum, step.spectrum)
-    energy = set_interaction(system, at)
+    energy = set_interaction(system, at, cap)
     held[:] = 0.0
-    balance(system, at, held, 0.0, step)
+    balance(system, at, held, 0.0, step, cap)
     total, count = 0.0, 0.0
     for i in range(held.size):
         held[i] = step.free[i] * step.pressure[i]
@@ -454,7 +463,7 @@ def _admit(system: AdhesiveSystem, free: FloatArray, x: Any, one: Any) -> None:
 
 @kernel(reorder=True)
 def leave(
-    plans: Plans, system: AdhesiveSystem, at: AdhesiveState, to: AdhesiveState, step: Step, x: Any
+    plans: Plans, system: AdhesiveSystem, at: AdhesiveState, to: AdhesiveState, step: Step, x: Any, cap: Any
 ) -> tuple[float, int]:
     """Leave a state that is no minimum along x, to the side where the energy is lower.
 
@@ -463,7 +472,7 @@ def leave(
     n, strongest = x.size, 1e-300
     for i in range(n):
         strongest = max(strongest, abs(at.curvature[i] * x[i]))
-    far, energy, pairs = _KICK * system.strength / strongest, set_interaction(system, at), 0
+    far, energy, pairs = _KICK * system.strength / strongest, set_interaction(system, at, cap), 0
     mean = at.u.mean() if system.mean_is_fixed else 0.0
     for _ in range(_KICKS):
         best, side = 0.0, 0.0
@@ -472,10 +481,10 @@ def leave(
                 break  # neither is lower, or the last is
             for i in range(n):
                 step.d[i] = (sign if sign != 0.0 else side) * far * x[i]
-            move(system, at, step, mean, to)
+            move(system, at, step, mean, to, cap)
             set_stress(plans, system, to, step.spectrum, step.spectrum)
             pairs += 1
-            change = set_interaction(system, to) - energy
+            change = set_interaction(system, to, cap) - energy
             for i in range(n):
                 change -= (0.5 * (at.stress[i] + to.stress[i]) + system.load) * (to.u[i] - at.u[i])
             if change < best:
@@ -535,15 +544,16 @@ class Newton:
             return trivial
         system, fields = _system(problem), self._prepared(problem)
         plans, single = self._transforms.plans, self._single.plans
-        progress, u = self._begin(system, start), fields.at.u
+        cap = problem.hardness if problem.hardness < np.inf else None
+        progress, u = self._begin(system, start, cap), fields.at.u
         chunk, converged = max(4, _CHUNK // u.size), False
         self._lowest.x[:] = self._mode
         while not converged and progress.iterations < limit and not progress.pulled_off:
             before, most = progress.iterations, min(chunk, limit - progress.iterations)
-            progress = iterate(plans, single, system, fields, progress, tolerance, most)
+            progress = iterate(plans, single, system, fields, progress, tolerance, most, cap)
             within = progress.done == 1.0 and progress.residual <= tolerance
             if within and not math.isnan(progress.energy):
-                progress, converged = self._check(system, progress, tolerance)
+                progress, converged = self._check(system, progress, tolerance, cap)
             elif not within and progress.iterations < before + most:
                 break
         pairs, part = divmod(progress.pairs + self._part, 1.0)
@@ -551,14 +561,25 @@ class Newton:
             self._mode[:], self._part = self._lowest.x, part
         lost = is_lost(system, progress.drop, progress.unstable)
         released = progress.released + (progress.drop if lost else 0.0)
+        pressure, gap, flow, under = fields.at.stress + progress.multiplier, None, None, problem
+        if cap is not None:
+            gap, flow = np.maximum(system.h - u, 0.0), np.maximum(u - system.h, 0.0)
+            pressure, under = (
+                problem.capped(pressure, flow > 0),
+                replace(problem, obstacle=system.h + flow),
+            )
         solution = make_solution(
-            problem,
+            under,
             u.copy(),
-            fields.at.stress + progress.multiplier,
+            pressure,
             fields.spectrum.copy() if converged else self._transforms.forward(u),
             spent=(int(pairs), progress.iterations),
             within=np.inf if converged else -1.0,
+            gap=gap,
+            flow=flow,
         )
+        if cap is not None:  # the pressures above it count too
+            solution = replace(solution, residual=max(solution.residual, progress.residual))
         return replace(solution, released_energy=released / u.size, margin=self._margin)
 
     def _prepared(self, problem: Problem) -> NewtonFields:
@@ -570,7 +591,9 @@ class Newton:
             self._fields = fields._replace(step=fields.step._replace(cycle=cycle))
         return self._fields
 
-    def _check(self, system: AdhesiveSystem, progress: Progress, tolerance: float) -> tuple[Progress, bool]:
+    def _check(
+        self, system: AdhesiveSystem, progress: Progress, tolerance: float, cap: float | None
+    ) -> tuple[Progress, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
         fields, plans, lowest = self._fields, self._transforms.plans, self._lowest
         margin, curvature, attraction, turns = self._find_margin(system)
@@ -578,7 +601,7 @@ class Newton:
         # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
         if curvature >= -math.sqrt(2 * tolerance) * abs(attraction):
             return progress, True
-        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, lowest.x)
+        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, lowest.x, cap)
         return progress._replace(
             energy=math.nan,
             pairs=progress.pairs + pairs,
@@ -607,7 +630,7 @@ class Newton:
         system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))
         for array in (*fields.at, *fields.to, *fields.step[:-1], self._lowest.x):
             array[:] = 0.0
-        leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x)
+        leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x, None)
 
     def state(self) -> State:
         """Return the lowest mode, and the count of a part of a pair."""
@@ -617,7 +640,7 @@ class Newton:
         """Continue from a state."""
         self._mode[:], self._part = state["mode"], float(state["part"])
 
-    def _begin(self, system: AdhesiveSystem, start: FloatArray) -> Progress:
+    def _begin(self, system: AdhesiveSystem, start: FloatArray, cap: float | None) -> Progress:
         """Set the surface where it begins; return where the path is."""
         fields, done, mean, energy = self._fields, 1.0, 0.0, math.nan
         u = fields.at.u
@@ -625,7 +648,7 @@ class Newton:
         fields.held[:] = 0.0
         if np.isfinite(u).all():
             done, mean = 0.0, float(u.mean()) if system.mean_is_fixed else 0.0
-            energy = hold(self._transforms.plans, system, fields)
+            energy = hold(self._transforms.plans, system, fields, cap)
         else:
             u[:] = 0.0
             project(u, system.h, system.mean_is_fixed)

@@ -1,0 +1,339 @@
+"""A periodic contact whose surfaces stick and slip: the parts of such a case and its time loop.
+
+In the frame of the contact the material moves by V dt a step, and with it displacements and memory; the punch
+moves by D along the surface. One rule serves all motions:
+
+    presliding      V = 0, D the path of the punch, or the tangential force is given
+    sliding         V the velocity, D = V dt
+    rolling         V the velocity, D = xi V dt with the creepage xi, or the tangential force is given
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.loading import Surface
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.friction import problem as frictional
+from gfmdlayer.friction.problem import Law
+from gfmdlayer.friction.solver import LIMIT, FrictionSolver
+from gfmdlayer.history.modes import SCHEMES
+from gfmdlayer.history.time_points import Instant
+from gfmdlayer.history.traction_control import TractionControl
+from gfmdlayer.history.traction_modes import TractionModes
+from gfmdlayer.model import ConvergenceError
+from gfmdlayer.observables import AcceptedStep
+from gfmdlayer.observables.friction import direction
+from gfmdlayer.observables.observable import Shear
+from gfmdlayer.resumable import CompositeState, State
+from gfmdlayer.simulation import Case
+from gfmdlayer.time_functions import distance
+
+if TYPE_CHECKING:
+    from gfmdlayer.model import Progress, Resume
+    from gfmdlayer.results.journal import Recorder
+
+_ROUNDS = 40  # solves of a step for a coefficient that depends on the slip speed
+_UNDAMPED = 5  # of them without a mean of the last two coefficients
+_SLIDES = 1e-3  # part of the largest tangential force within which a step without a solution slides away
+
+
+class Motion:
+    """What a run carries beside the history of the body: place of the punch and last tractions."""
+
+    def __init__(self, axes: int, points: int) -> None:
+        self.time, self.step = 0.0, 0.0  # of the last accepted step
+        self.depth = 0.0
+        self.moved = np.zeros(axes)  # displacement of the punch along the surface
+        self.tractions = np.zeros((1 + axes, points))
+        self.before: FloatArray | None = None  # tractions a step earlier; None behind a breakpoint
+
+    def guess(self, step: float) -> FloatArray | None:
+        """Return tractions at the end of a step by extrapolation; None where there are none yet."""
+        if not self.tractions[0].any():
+            return None
+        if self.before is None or not self.step > 0 or not self.before[0].any():
+            return self.tractions
+        return self.tractions + (self.tractions - self.before) * min(step / self.step, 1.0)
+
+    def remember(self, instant: Instant, found: frictional.Solution) -> None:
+        """Take an accepted step as the beginning of the next one."""
+        self.before = None if instant.breakpoint else self.tractions
+        self.time, self.step, self.depth = instant.time, instant.step, found.depth
+        self.moved, self.tractions = self.moved + found.path, found.tractions
+
+    def state(self) -> State:
+        """Return times, places and tractions."""
+        before = {} if self.before is None else {"before": self.before}
+        places = {"time": self.time, "step": self.step, "depth": self.depth, "moved": self.moved}
+        return {**places, "tractions": self.tractions, **before}
+
+    def restore(self, state: State) -> None:
+        """Continue from there."""
+        self.time, self.step = float(state["time"]), float(state["step"])
+        self.depth, self.moved = float(state["depth"]), np.asarray(state["moved"])
+        self.tractions, self.before = np.asarray(state["tractions"]), state.get("before")
+
+
+class SlidesAwayError(Exception):
+    """The tangential force is larger than the friction; the message says by how much."""
+
+
+class FrictionalCase(Case):
+    """The parts of one simulation with friction at the interface, see `Case`."""
+
+    @cached_property
+    def integrator(self) -> Any:
+        """The history of the surface under tractions in all directions."""
+        spectrum = self.body.traction_spectrum(self.grid.waves)  # type: ignore[attr-defined]
+        last = 0.0 if self.velocity is None else self.velocity(math.inf)
+        return TractionModes(self.grid, spectrum, SCHEMES[self.config.time.integrator], last)
+
+    @cached_property
+    def error_control(self) -> Any:
+        """The control of the error of adaptive steps; None with fixed steps."""
+        tolerance = self.config.time.tolerance
+        return None if tolerance is None else TractionControl(self.integrator, tolerance)
+
+    @cached_property
+    def solver(self) -> Any:
+        """Newton's method for pressure and shear traction."""
+        return FrictionSolver(self.grid, self.transforms)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Place of the punch, and the last tractions."""
+        return Motion(len(self.grid.points), self.grid.size)
+
+    @cached_property
+    def _direction(self) -> FloatArray:
+        return direction(self.config)
+
+    @property
+    def resumable(self) -> CompositeState:
+        """All parts with a state."""
+        return CompositeState(
+            transforms=self.transforms,
+            integrator=self.history,
+            steps=self.steps,
+            motion=self.motion,
+            observables=CompositeState(**self.observables),
+        )
+
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
+        """Press and shear, one time step after the other; see `gfmdlayer.simulate`."""
+        history, control, observables = self.history, self.error_control, tuple(self.observables.values())
+        keeps_all, ended = self.config.output.snapshots == "every", ""
+        if resume is not None:
+            resume(self.resumable)
+        for instant in self.steps:
+            try:
+                found = self._attempt(instant)
+            except SlidesAwayError as reason:
+                ended = f"SLIDES AWAY at t = {instant.time:.6g}: {reason}"
+                recorder.note(ended=ended, slide_time=instant.time)
+                break
+            problem, solution = self._as_contact(found, instant.time)
+            for observable in observables:
+                observable.attempt(solution)
+            surface = Surface(solution.displacement, solution.spectrum, found.depth, self._response(found))
+            tractions = np.array([self.transforms.forward(field) for field in found.tractions])
+            if control is not None:
+                control.moves(found.depth - self.motion.depth, float(np.linalg.norm(found.path)))
+            if self.steps.accepts(tractions, surface.response, found.depth):
+                shear = self._shear(found, instant)
+                history.advance(tractions)
+                self.motion.remember(instant, found)
+                row: dict[str, float | FloatArray] = {}
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row, shear)
+                finished = False
+                for observable in observables:
+                    row |= observable.measure(step)
+                    finished = finished or observable.finished
+                recorder.row(**row)
+                if instant.snapshot or finished or keeps_all:
+                    self._snapshot(recorder, step)
+                if finished:
+                    break
+            if progress is not None:
+                progress(instant.time)
+        for observable in observables:
+            if observable.attributes:
+                recorder.note(**observable.attributes)
+        return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+
+    def _attempt(self, instant: Instant) -> frictional.Solution:
+        """Solve a step; SlidesAwayError where the force is too large, ConvergenceError without a solution."""
+        modes: TractionModes = self.integrator
+        travelled = 0.0
+        if self.velocity is not None:
+            travelled = distance(self.velocity, instant.time) - distance(self.velocity, self.motion.time)
+        modes.carry(travelled, *[0.0] * (len(self.grid.points) - 1))
+        response, offset = modes.terms(self.programme.elapsed(instant))
+        prescribed, by_depth = self.trajectory(instant.time), self.config.trajectory.control == "depth"
+        force, path = self._drive(instant.time, travelled)
+        law = self.programme.friction
+        assert law is not None
+        problem = frictional.Problem(
+            response,
+            self.punch,
+            law,
+            load=None if by_depth else prescribed,
+            depth=prescribed if by_depth else 0.0,
+            force=force,
+            path=path,
+            offset=self._fields(offset),
+            before=self._fields(modes.displacement[1:]),
+        )
+        lowest = float(problem.gap_at_rest.min())
+        if (prescribed <= lowest) if by_depth else (prescribed <= 0):
+            if force is not None and force.any():
+                raise SlidesAwayError("a tangential force acts on a punch that does not touch")
+            return _apart(problem, prescribed if by_depth else lowest)
+        return self._slipped(problem, instant)
+
+    def _drive(self, time: float, travelled: float) -> tuple[FloatArray | None, FloatArray | None]:
+        """Return the mean shear traction that is given, or the path of the punch in the step."""
+        drive, given = self.programme.tangential, self.config.trajectory
+        if drive is not None and given.tangential is not None:
+            value = self._direction * drive(time)
+            return (value, None) if given.tangential.control == "force" else (None, value - self.motion.moved)
+        path = np.zeros(len(self.grid.points))
+        path[0] = travelled * (1.0 if given.creepage is None else given.creepage)
+        return None, path
+
+    def _slipped(self, problem: frictional.Problem, instant: Instant) -> frictional.Solution:
+        """Solve a step; a coefficient that depends on the slip speed is the one of the slip that is found."""
+        start, tolerance = self.motion.guess(instant.step), self.config.solver.tolerance
+        limit = min(LIMIT, self.config.solver.max_iterations)
+        pairs, steps = 0.0, 0
+        for attempt in range(_ROUNDS if self.programme.depends_on_speed else 1):
+            if reason := problem.why_not_solvable():
+                raise SlidesAwayError(reason.partition(": the punch")[0])
+            found: frictional.Solution = self.solver.solve(problem, start, tolerance=tolerance, limit=limit)
+            pairs, steps = pairs + found.pairs, steps + found.iterations
+            if not found.converged:
+                break
+            if not self.programme.depends_on_speed or not instant.step > 0:
+                return replace(found, pairs=pairs, iterations=steps)
+            speed = np.where(found.stick, 0.0, frictional.norms(found.slip)) / instant.step
+            last, now = problem.law.coefficient, self.programme.coefficient(speed)
+            if np.abs(now - last)[found.contact].max() <= tolerance * np.max(now):
+                return replace(found, pairs=pairs, iterations=steps)
+            now = now if attempt < _UNDAMPED else 0.5 * (now + last)
+            problem, start = replace(problem, law=Law(now, problem.law.strength)), found.tractions
+        if found.converged:
+            reason = f"the coefficient of friction does not settle on the slip speed in {_ROUNDS} rounds"
+        elif problem.force is not None and _at_the_limit(problem, found):
+            raise SlidesAwayError("the tangential force is the largest one or above")
+        else:
+            reason = found.reason
+        raise ConvergenceError(
+            f"t = {instant.time:.6g}: {reason}", *self._as_contact(found, instant.time), instant.time
+        )
+
+    def _response(self, found: frictional.Solution) -> float:
+        """Return what is not prescribed: the mean pressure, or the depth."""
+        return float(found.pressure.mean()) if self.config.trajectory.control == "depth" else found.depth
+
+    def _as_contact(self, found: frictional.Solution, time: float) -> tuple[Problem, Solution]:
+        """Return the normal contact of a step, with displacements upward, for the observables."""
+        touching = found.contact
+        gap = np.where(touching, 0.0, np.maximum(found.gap, 0.0))
+        load = None if self.config.trajectory.control == "depth" else self.trajectory(time)
+        count = math.prod(self.grid.spectral_shape)
+        rest = np.zeros(count), np.zeros(count, dtype=np.complex128)
+        problem = Problem(*rest, self.punch - found.depth, load, height=self.loading.height)
+        up = -found.displacement[0]
+        solution = Solution(
+            displacement=up,
+            pressure=found.pressure,
+            gap=gap,
+            spectrum=self.transforms.forward(up),
+            mean_pressure=float(found.pressure.mean()),
+            mean_gap=float(gap.mean()),
+            contact_area=float(touching.mean()),
+            residual=found.residual,
+            transforms=round(found.pairs),
+            iterations=found.iterations,
+            converged=found.converged,
+        )
+        return problem, solution
+
+    def _shear(self, found: frictional.Solution, instant: Instant) -> Shear:
+        """Return shear tractions and slip of a step that has been accepted."""
+        before = self.motion.tractions[1:]
+        if self.integrator.phases is not None:
+            spectra = (self.integrator.carried(self.transforms.forward(field)) for field in before)
+            before = self._fields(np.array(list(spectra)))
+        return Shear(
+            traction=found.traction,
+            mean_traction=0.5 * (before + found.traction),
+            slip=found.slip,
+            stick=found.stick,
+            path=found.path,
+            moved=self.motion.moved + found.path,
+            duration=instant.step,
+            stretch=0.0 if self.velocity is None else self._stretch(found),
+        )
+
+    def _stretch(self, found: frictional.Solution) -> float:
+        """Return the mean of the shear traction times the derivative along x of the displacement."""
+        one, other = (np.ravel(q) for q in self.grid.wavenumbers_x)
+        slope = 0.5j * (
+            one + other
+        )  # of the shortest wave and its opposite, which the grid does not distinguish
+        spectra = [slope * self.transforms.forward(u) for u in found.displacement[1:]]
+        return float((found.traction * self._fields(np.array(spectra))).sum(axis=0).mean())
+
+    def _fields(self, spectra: ComplexArray) -> FloatArray:
+        """Return the fields of unnormalised transforms."""
+        return np.array([self.transforms.backward(each) for each in spectra]) / self.grid.size
+
+    def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
+        """Record the fields of a step, with shear traction and slip velocity, which is NaN apart."""
+        shear, touching = step.shear, step.solution.pressure > 0
+        assert shear is not None
+        slips = np.where(shear.stick, 0.0, shear.slip) / (shear.duration or math.inf)
+        speeds = np.where(touching, slips, np.nan)
+        fields = [step.surface.displacement, step.solution.pressure, step.solution.gap]
+        normal = [each.reshape(self.grid.shape) for each in fields]
+        along = [
+            [each.reshape(self.grid.shape) for each in fields] + [None] * (2 - len(fields))
+            for fields in (shear.traction, speeds)
+        ]
+        recorder.snapshot(step.time, *normal, None, None, *along[0], *along[1])
+
+
+def _apart(problem: frictional.Problem, depth: float) -> frictional.Solution:
+    """Return the state of a punch that does not touch."""
+    axes, points = problem.response.normal.ndim, problem.heights.size
+    offset = np.zeros((1 + axes, points)) if problem.offset is None else problem.offset
+    path = np.zeros(axes) if problem.path is None else problem.path
+    return frictional.Solution(
+        pressure=np.zeros(points),
+        traction=np.zeros((axes, points)),
+        displacement=offset,
+        gap=problem.gap_at_rest - depth,
+        slip=problem.slip_at_rest - path[:, np.newaxis],
+        depth=depth,
+        path=path,
+        stick=np.zeros(points, dtype=bool),
+        residual=0.0,
+        pairs=0.0,
+        iterations=0,
+        converged=True,
+    )
+
+
+def _at_the_limit(problem: frictional.Problem, found: frictional.Solution) -> bool:
+    """Whether the given force is the largest that the pressure of a state carries, or more."""
+    assert problem.force is not None
+    largest = float(problem.law.bound(found.pressure).mean())
+    return float(np.linalg.norm(problem.force)) >= (1 - _SLIDES) * largest

@@ -1,0 +1,210 @@
+"""Friction at the interface over time: closed forms, energy, symmetry, the path of the steps."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+
+MU, LOAD = 0.4, 0.02
+COULOMB = {"law": "coulomb", "coefficient": MU}
+
+
+def run(config: dict[str, Any], values: dict[str, Any] | None = None) -> Any:
+    """Run a configuration with other values of dotted keys."""
+    return gfmdlayer.run(config, **(values or {}))
+
+
+def halfspace(poisson: float, **more: object) -> dict[str, Any]:
+    """A rigid parabola with friction on an elastic halfspace, a line."""
+    return {
+        "grid": {"points": 512},
+        "layer": {"thickness": math.inf, "poisson": poisson, "material": {"model": "elastic", "G": 1.0}},
+        "interface": COULOMB,
+        "trajectory": {"control": "load", "load": LOAD},
+        "time": {"end": 2.0, "step": 0.1},
+        **more,
+    }
+
+
+def relaxing(**more: object) -> dict[str, Any]:
+    """The parabola that is pressed, rests, and moves to and fro on a layer that relaxes."""
+    trajectory = {
+        "control": "load",
+        "load": LOAD,
+        "tangential": {"displacement": 0.004, "start": 2.0, "ramp_time": 2.0},
+    }
+    return {
+        "grid": {"points": 256},
+        "layers": [{"thickness": 0.05, "poisson": 0.5}],
+        "halfspace": {"shear_modulus": 1.0, "poisson": 0.3},
+        "interface": COULOMB,
+        "trajectory": trajectory,
+        "time": {"end": 4.0, "step": 0.1},
+        **more,
+    }
+
+
+def test_partial_slip_is_the_difference_of_two_pressures() -> None:
+    """Traction: mu (p(P) - p(P - Q/mu)) with equal kernels (Cattaneo, Mindlin, Jaeger, Ciavarella).
+
+    The residual is 1e-8 of the largest pressure, and errors of a pressure may be some times as large.
+    """
+    force = 0.5 * MU * LOAD
+    drive = {"control": "force", "force": force, "start": 1.0}
+    config = halfspace(0.5, output={"snapshots": [2.0]}, solver={"tolerance": 1e-8})
+    found = run(config, {"trajectory.tangential": drive})
+    body = gfmdlayer.bonded_layer(math.inf, 1.0)
+    pressed = [
+        gfmdlayer.solve(
+            body, gfmdlayer.Parabola(radius=0.25), force=load, points=512, tolerance=1e-11
+        ).pressure
+        for load in (LOAD, LOAD - force / MU)
+    ]
+    expected = MU * (pressed[0] - pressed[1])
+    off = np.abs(found.shear_x[-1].to_numpy() - expected.to_numpy()).max()
+    assert off < 1e-6 * MU * float(pressed[0].max())
+    assert float(found.friction[-1]) == pytest.approx(0.5 * MU, rel=1e-6)
+    sticks = (
+        found.slip_velocity_x[-1].to_numpy() == 0
+    )  # between steps slip is past, too: only new slip is seen
+    assert 0.6 < sticks.sum() / (pressed[0].to_numpy() > 0).sum() < 0.8  # (1 - Q/mu P)^(1/2) = 0.71
+
+
+def test_rolling_with_creepage_is_carters() -> None:
+    """Q/(mu P) = 1 - (1 - xi R/(mu a))^2: 0.2736 (F. W. Carter, 1926), to one of 29 points.
+
+    The material moves by one point of the grid a step, three contact widths from the start.
+    """
+    trajectory = {"control": "force", "force": 0.01, "ramp_time": 0.01, "velocity": 0.2, "creepage": 0.005}
+    config = halfspace(0.5, interface=COULOMB | {"coefficient": 0.3}, trajectory=trajectory)
+    found = run(config, {"time": {"end": 1.0, "step": "adaptive"}})
+    assert float(found.friction[-1]) / 0.3 == pytest.approx(0.2736, rel=1 / 29)
+    assert float(found.creepage[-1]) == pytest.approx(0.005, rel=1e-9)
+    given = trajectory | {
+        "tangential": {"control": "force", "force": 0.01 * float(found.friction[-1]), "ramp_time": 0.1}
+    }
+    del given["creepage"]
+    back = run(config, {"trajectory": given, "time": {"end": 1.0, "step": "adaptive"}})
+    assert float(back.creepage[-1]) == pytest.approx(0.005, rel=0.02)  # the same curve, by the other side
+
+
+def test_a_sliding_cylinder_leans_back() -> None:
+    """Offset 2 gamma a, tan(pi gamma) = mu (1-2nu)/(2(1-nu)) (Johnson, section 7.5), to a grid spacing.
+
+    All of the friction is the interface's: an elastic body has no loss.
+    """
+    trajectory = {"control": "force", "force": 0.01, "ramp_time": 0.1, "velocity": 0.1}
+    config = halfspace(0.2, interface=COULOMB | {"coefficient": 0.5}, trajectory=trajectory)
+    more = {"grid.points": 1024, "time": {"end": 0.2, "step": 0.02}, "output": {"snapshots": [0.2]}}
+    found = run(config, more)
+    pressed = found.x.to_numpy()[found.pressure[-1].to_numpy() > 0]
+    gamma = math.atan(0.5 * (1 - 0.4) / (2 * 0.8)) / math.pi
+    width = 0.5 * (pressed[-1] - pressed[0])
+    assert 0.5 * (pressed[-1] + pressed[0]) == pytest.approx(-2 * gamma * width, abs=1 / 1024)
+    assert float(found.interface_friction[-1]) == pytest.approx(0.5, rel=1e-6)
+    assert abs(float(found.hysteresis_friction[-1])) < 1e-6  # residual of the solver
+
+
+@pytest.mark.parametrize("drive", ["oscillation", "rolling", "sliding"])
+def test_the_energy_balance_closes_to_second_order(drive: str) -> None:
+    motions: dict[str, dict[str, object]] = {
+        "oscillation": {
+            "tangential": {"kind": "oscillation", "displacement": 2e-3, "start": 1.0, "period": 2.0}
+        },
+        "rolling": {"velocity": 0.05, "creepage": 0.02},
+        "sliding": {"velocity": 0.05},
+    }
+    off = []
+    for step in (0.1, 0.05):  # material moves by 1.3 and 0.6 points of the grid
+        config = relaxing(trajectory={"control": "load", "load": LOAD, **motions[drive]})
+        found = run(config, {"time": {"end": 3.0, "step": step}, "output": {"snapshots": "every"}})
+        off.append(float(abs(found.energy_residual).max() / found.work.max()))
+        power = (found.shear_x * found.slip_velocity_x).fillna(0.0)  # of the punch on the slip, at each point
+        assert float(power.max()) <= 1e-5 * float(-power.min())  # the residual of a step is 1e-6
+    assert off[1] < 0.05**2 * 4
+    assert off[1] < 0.5 * off[0]  # contact changes by whole points
+
+
+def test_adaptive_steps_find_the_same() -> None:
+    """The force is within the bound of 50 steps a stretch, 1e-3 of mu P; the depth within the tolerance."""
+    fixed = run(relaxing(), {"time": {"end": 4.0, "step": 0.0125}})
+    free = run(relaxing(), {"time": {"end": 4.0, "step": "adaptive"}, "output": {"times": [1, 2, 2.1, 3, 4]}})
+    assert int(free.rejected.sum()) < 30
+    for t in (1, 2, 2.1, 3, 4):
+        one, other = (each.sel(time=t, method="nearest") for each in (fixed, free))
+        assert float(other.friction) == pytest.approx(float(one.friction), abs=2e-3 * MU)
+        assert float(other.depth) == pytest.approx(float(one.depth), rel=3e-4)
+
+
+def test_directions_are_alike_and_mirror_images_too() -> None:
+    """Along y as along x; towards -x as towards x, to the residual of the solver, 1e-6 of the pressure."""
+    surface = relaxing(grid={"points": [48, 48]}, punch={"shape": "parabola", "radius": 0.5})
+    surface |= {"time": {"end": 2.6, "step": 0.2}, "output": {"snapshots": [2.6]}}
+    drive = {"displacement": 2e-3, "start": 1.0}
+    load = {"control": "load", "load": 0.005}
+    along, across, back = (
+        run(surface, {"trajectory": {**load, "tangential": {**drive, **more}}})
+        for more in ({}, {"direction": 90.0}, {"displacement": -2e-3})
+    )
+    size = MU * float(along.pressure.max())
+    shear = along.shear_x[-1].to_numpy()
+    assert np.abs(across.shear_y[-1].to_numpy().T - shear).max() < 1e-5 * size
+    assert np.abs(back.shear_x[-1].to_numpy()[1:][::-1] + shear[1:]).max() < 1e-5 * size
+    np.testing.assert_allclose(across.friction, along.friction, atol=1e-5 * MU)
+    assert float(abs(along.transverse_force).max()) < 1e-5 * MU * 0.005
+
+
+def test_without_friction_there_is_none_and_with_much_all_sticks() -> None:
+    drive = {"trajectory.tangential": {"displacement": 1e-3, "start": 1.0}}
+    bare, smooth, rough = (
+        run(halfspace(0.3, interface=law), {"time.step": 0.25} | keys)
+        for law, keys in (
+            ({"law": "hard_wall"}, {}),
+            (COULOMB | {"coefficient": 0.0}, drive),
+            ({"law": "shear_strength", "stress": 1e6}, drive),
+        )
+    )
+    np.testing.assert_allclose(smooth.depth, bare.depth, rtol=1e-5, atol=1e-9)
+    assert float(abs(smooth.tangential_force).max()) == 0
+    assert math.isnan(rough.attrs["first_slip"])
+    # Points that leave the contact take the mean of their last traction and none: not more than the balance.
+    assert float(rough.slip_heat[-1]) < 1e-3 * float(rough.work[-1])
+    assert float(rough.stick_area[-1]) == float(rough.contact_area[-1])
+
+
+def test_a_force_that_is_too_large_slides_the_punch_away() -> None:
+    drive = {"control": "force", "force": 2 * MU * LOAD, "start": 1.0}
+    with pytest.warns(UserWarning, match=r"SLIDES AWAY at t = 1\.5: the tangential force"):
+        found = run(halfspace(0.3), {"trajectory.tangential": drive})
+    assert found.attrs["slide_time"] == pytest.approx(1.5)
+    assert float(found.time[-1]) == pytest.approx(1.4)
+
+
+def test_a_coefficient_may_depend_on_the_slip_speed(tmp_path: Path) -> None:
+    table = tmp_path / "friction.txt"
+    table.write_text("0 0.3\n0.01 0.32\n1 0.6\n")
+    law = {"law": "coulomb", "coefficient": str(table)}
+    drive = {"displacement": 0.01, "start": 1.0}
+    found = run(halfspace(0.3, interface=law), {"trajectory.tangential": drive, "time.end": 2.5})
+    sliding, resting = (float(found.friction.sel(time=t, method="nearest")) for t in (1.9, 2.5))
+    assert sliding == pytest.approx(0.32, rel=1e-3)  # the whole punch slides at 0.01
+    assert resting <= 0.3 * (1 + 1e-5)  # the residual is 1e-6 of the pressure
+    table.write_text("0 0.3\n1 -0.1\n")
+    with pytest.raises(
+        gfmdlayer.ConfigError, match=r"friction\.txt:2: holds -0\.1; speed and coefficient must be"
+    ):
+        run(halfspace(0.3, interface=law), {"trajectory.tangential": drive})
+
+
+def test_the_events_have_times() -> None:
+    drive = {"kind": "oscillation", "displacement": 4e-3, "start": 1.0, "period": 2.0}
+    found = run(halfspace(0.5), {"trajectory.tangential": drive, "time": {"end": 2.0, "step": 0.05}})
+    first, full, again = (found.attrs[name] for name in ("first_slip", "full_slip", "restick"))
+    assert 1.0 < first < full < 1.5 < again <= 1.55  # it turns at 1.5
+    assert float(found.stick_area.sel(time=full, method="nearest")) == 0
