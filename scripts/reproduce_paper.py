@@ -129,7 +129,7 @@ def reproduce(number: int, options: argparse.Namespace, pool: WorkerPool) -> lis
     for method, config in configs.items():
         print(f"{name}, {method}:", file=sys.stderr)
         summary = run_sweep(config, folders[method], pool, display=lambda: make_display(sys.stderr))
-        if summary.count("complete") < len(summary.outcomes):
+        if summary.count("complete") < summary.total:
             sys.exit(f"{folders[method]}: not all cases are complete; the same command tries them again")
     every = cases(configs["paper"])
     found = [compare(case, folders) for case in every]

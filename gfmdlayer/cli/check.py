@@ -50,7 +50,9 @@ def check(options: argparse.Namespace) -> int:
         first = some if part == 1 else every[:LISTED]
         lines += cut_short((f"  {case.index:04d}  {label(case.values)}" for case in first), len(every))
     if part < 1:
-        lines.append(f"examined   {len(some)} cases at random; a run examines all before it starts")
+        lines.append(
+            f"examined   {len(some)} cases at random, as a run does; it checks each before its start"
+        )
     lines += [
         f"steps      {'about ' * (part < 1)}{cost.steps:,}",
         *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
@@ -91,8 +93,10 @@ def _in_folder(
         found = growth.compare(folder, config)
     except FolderError as error:
         return every, [f"warning: a run would be rejected: {error}"]
-    every = growth.with_earlier(folder, found.numbered(every))
-    first, *others = growth.lines(folder, found, every)
+    files = folder.numbers()
+    continued = growth.with_earlier(folder, files)
+    every = [continued(case) for case in found.numbered(every)]
+    first, *others = growth.lines(files, found, [case.index for case in every], every)
     return every, [f"cases      {first}", *(f"           {line}" for line in others)]
 
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from gfmdlayer.execution.sweep import Shard
     from gfmdlayer.execution.workers import WorkerPool
 
-MANY_CASES = 20_000  # a larger sweep takes seconds before its first case
-
 EXAMPLE = f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}"
 
 
@@ -112,7 +110,6 @@ def _pool(
 
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.config.sweeps import count
     from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError
     from gfmdlayer.execution.progress import make_display
@@ -132,8 +129,6 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
             options.checkpoint_every,
             options.ranks_per_case,
         )
-        if (number := count(config.sweep)) > MANY_CASES:
-            print(f"preparing {number} cases, some thousands per second", file=sys.stderr)
         summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
     except (ConfigError, FolderError) as error:  # caught here, since it would abort the ranks
         return refuse(*input_problems(error))

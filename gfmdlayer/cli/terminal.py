@@ -148,7 +148,7 @@ def conclude(summary: Summary, directory: Path, noun: str, shard: Shard | None =
         print(f"stopped: {left}; the same command continues")
         return RESUMABLE
     if summary.failures:
-        print(f"{len(summary.failures)} of {len(summary.outcomes)} {noun}s failed:")
+        print(f"{len(summary.failures)} of {summary.total} {noun}s failed:")
         print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
         print(f"complete {noun}s are in {directory}; the same command retries the failed ones")
         return FAILED

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from gfmdlayer.execution.progress import Log
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Earlier, SweepCase, label
+from gfmdlayer.files.cache import user_cache
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
@@ -286,7 +287,7 @@ def run_case(
     begun, ranks = time.monotonic(), ranks or ALONE
     try:
         with ending_together(ranks):
-            run = _Run(case, folder, (wisdom or {}).get(case.config.grid.points), threads, ranks)
+            run = _Run(case, folder, _wisdom_of(case, folder, wisdom or {}, threads, ranks), threads, ranks)
             note = run.simulate(checkpoint_every)
     except Stopped:
         return Outcome(case.index, "stopped")
@@ -296,6 +297,24 @@ def run_case(
             record_failure(folder, case, reason, traceback.format_exc())
         return Outcome(case.index, "failed", reason, time.monotonic() - begun)
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
+
+
+def _wisdom_of(case: SweepCase, folder: Folder, wisdom: Wisdom, threads: int, ranks: Ranks) -> str | None:
+    """Return the plans of a case; those of a grid that no case had before the run are kept with the results.
+
+    So all processes agree, also where a sweep is too long for a look at all of its grids.
+    """
+    points = case.config.grid.points
+    if points in wisdom or ranks.count > 1 or not case.config.geometry.on_grid:
+        return wisdom.get(points)
+    return _planned(points, threads, folder.wisdom)
+
+
+@lru_cache(maxsize=64)
+def _planned(points: tuple[int, ...], threads: int, results: Path) -> str:
+    from gfmdlayer.grid.wisdom import planned
+
+    return planned(points, user_cache(), threads, results)
 
 
 def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "") -> None:

@@ -30,7 +30,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.reader import Inspection
@@ -44,6 +44,7 @@ from gfmdlayer.validation.sections import files_named
 MARK = stored.MARK
 FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
 ASIDE = ".aside"
+Numbers: TypeAlias = Mapping[str, set[int]]  # kind of file -> numbers of the cases that have one
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
@@ -94,13 +95,14 @@ class Folder:
         """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or journal."""
         return self.cases / f"{index:04d}.{kind}"
 
-    def numbers(self) -> Mapping[str, set[int]]:
+    def numbers(self) -> Numbers:
         """Return the numbers of the cases that have a file, by its kind, from one listing of the folder."""
         found: defaultdict[str, set[int]] = defaultdict(set)
         with suppress(FileNotFoundError), os.scandir(self.cases) as entries:
             for entry in entries:
                 number, _, kind = entry.name.partition(".")
-                if number.isdecimal() and entry.name == f"{int(number):04d}.{kind}":
+                as_written = len(number) == 4 or (len(number) > 4 and number[0] != "0")
+                if as_written and kind and number.isascii() and number.isdecimal():
                     found[kind].add(int(number))
         return found
 

@@ -21,7 +21,7 @@ from gfmdlayer.execution.case_run import ending_together, run_case
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.sweep import SweepCase, cases, input_errors
+from gfmdlayer.execution.sweep import Cases, SweepCase, examined, input_errors
 from gfmdlayer.execution.workers import LauncherError, WorkerPool, alone, guarded, ranks, world
 
 if TYPE_CHECKING:
@@ -117,22 +117,22 @@ def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[
 
 def input_errors_together(config: Config, ranks_per_case: int) -> Iterable[tuple[str, str]]:
     """Check the cases for several ranks, and by these ranks their numbers and input files."""
-    found = [error for case in cases(config) for error in _errors(case.config, ranks_per_case)]
+    found = [error for case in Cases(config).examined() for error in _errors(case.config, ranks_per_case)]
     return list(dict.fromkeys(found)) or _Member.group.run(_input_errors, config)
 
 
-def refuse_other_ranks(folder: Folder, todo: Sequence[SweepCase], ranks_per_case: int) -> None:
-    """Refuse to go on with a case that another number of ranks has begun."""
+def refuse_other_ranks(folder: Folder, begun: Sequence[int], ranks_per_case: int) -> None:
+    """Refuse to go on with cases that another number of ranks has begun; of very many some are read."""
     from gfmdlayer.results.checkpoint import read_about
 
-    for case in todo:
-        path = folder.case(case.index, "checkpoint")
+    for number in examined(begun):
+        path = folder.case(number, "checkpoint")
         about = read_about(path) if path.exists() else None
-        begun = int(about["made_by"].get("ranks", 1)) if about else ranks_per_case
-        if begun != ranks_per_case:
+        ranks = int(about["made_by"].get("ranks", 1)) if about else ranks_per_case
+        if ranks != ranks_per_case:
             raise FolderError(
-                f"{path}: was written by {begun} rank{'s' * (begun > 1)} a case, and only this number can "
-                f"continue it; resume with --ranks-per-case {begun}, or --restart to start over"
+                f"{path}: was written by {ranks} rank{'s' * (ranks > 1)} a case, and only this number can "
+                f"continue it; resume with --ranks-per-case {ranks}, or --restart to start over"
             )
 
 

@@ -14,8 +14,9 @@ from __future__ import annotations
 import json
 import os
 import re
+import sys
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,9 +24,9 @@ from typing import Any
 
 from gfmdlayer.config import Config, digest, sweeps
 from gfmdlayer.config.model import stem
-from gfmdlayer.execution.folder import ASIDE, FOREIGN, WAYS_OUT, Folder, FolderError
+from gfmdlayer.execution.folder import ASIDE, FOREIGN, WAYS_OUT, Folder, FolderError, Numbers
 from gfmdlayer.execution.status import running
-from gfmdlayer.execution.sweep import Earlier, SweepCase, cases, with_files
+from gfmdlayer.execution.sweep import Cases, Change, Earlier, SweepCase, with_files
 from gfmdlayer.files.locks import exclusive, no_link, open_for_writing, try_lock
 from gfmdlayer.files.whole import cannot_be_written, is_intact, is_unfinished, unfinished_path
 from gfmdlayer.validation.sections import files_named
@@ -42,7 +43,6 @@ class Growth:
     changed: bool = False  # whether the configuration is not the folder's
     # number -> why a case of the same swept values, which the folder holds, is not this case
     reasons: Mapping[int, str] = field(default_factory=dict)
-    left: Sequence[int] = ()  # complete cases of the folder that the sweep does not have
 
     def numbered(self, cases: Sequence[SweepCase]) -> Sequence[SweepCase]:
         """Return cases, numbered by their places in the sweep, with the numbers of their files."""
@@ -56,14 +56,13 @@ def compare(folder: Folder, config: Config) -> Growth:
     try:
         stored = folder.stored_config()
         numbers = folder.case_numbers()
-        must_agree(folder, numbers, len(cases(stored)))
+        must_agree(folder, numbers, len(Cases(stored)))
     except FolderError as error:
         raise FolderError(f"{error}; {WAYS_OUT}") from None
-    files = folder.numbers()
     if not (changed := changed_keys(stored, config)):
-        own = set(numbers) if isinstance(numbers, list) else numbers
-        return Growth(numbers, left=sorted(number for number in files["h5"] if number not in own))
-    before, after = cases(stored), cases(config)
+        return Growth(numbers)
+    files = folder.numbers()
+    before, after = Cases(stored), Cases(config)
     had = dict(zip((digest(case.config) for case in before), numbers, strict=True))
     digests = [digest(case.config) for case in after]
     if had.keys().isdisjoint(digests) and not all(key.startswith(_MAY_GROW) for key in changed):
@@ -76,13 +75,15 @@ def compare(folder: Folder, config: Config) -> Growth:
     for each in digests:
         found.append(known.pop(each, following))  # a case that the sweep has twice is computed twice
         following += found[-1] == following
-    same = {_values(case): case for case, n in zip(before, numbers, strict=True) if n in files["h5"]}
-    reasons = {
-        number: "; ".join(changed_keys(same[_values(case)].config, case.config))
-        for number, case, each in zip(found, after, digests, strict=True)
-        if each not in had and number not in files["h5"] and _values(case) in same
-    }
-    return Growth(found, True, reasons, sorted(files["h5"].difference(found)))
+    same = {_written(before.values(place)): place for place, n in enumerate(numbers) if n in files["h5"]}
+    reasons = {}
+    for place, (number, each) in enumerate(zip(found, digests, strict=True)):
+        if each not in had and number not in files["h5"]:
+            earlier = same.get(_written(after.values(place)))
+            if earlier is not None:
+                different = changed_keys(before[earlier].config, after[place].config)
+                reasons[number] = sys.intern("; ".join(different))
+    return Growth(found, True, reasons)
 
 
 def must_agree(folder: Folder, numbers: Sequence[int], count: int) -> None:
@@ -106,24 +107,37 @@ def _digests_of_files(folder: Folder, numbers: Iterable[int]) -> dict[str, int]:
     return found
 
 
-def _values(case: SweepCase) -> str:
-    return json.dumps(case.values, sort_keys=True, default=str)
+def _written(values: Mapping[str, object]) -> str:
+    return json.dumps(values, sort_keys=True, default=str)
 
 
-def with_inputs(folder: Folder, every: Sequence[SweepCase], changed: bool) -> Sequence[SweepCase]:
-    """Let cases read the folder's copies of their input files, which no one changes while they run."""
-    files = {path for case in every for path in files_named(case.config).values()}
-    if not files:
-        return every
+def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Change:
+    """Let a case read the folder's copies of its input files, which no one changes while cases run.
+
+    The files that `some` cases name are copied at once, others when the first case that names them is made.
+    """
+    files = {path for case in some for path in files_named(case.config).values()}
     kept = {path: folder.keep_input(path, changed).absolute() for path in sorted(files)}
-    return [replace(case, config=with_files(case.config, kept), given=case.config) for case in every]
+
+    def copied(case: SweepCase) -> SweepCase:
+        named = set(files_named(case.config).values())
+        for path in sorted(named - kept.keys()):
+            kept[path] = folder.keep_input(path, changed).absolute()
+        if not named:
+            return case
+        return replace(case, config=with_files(case.config, kept), given=case.config)
+
+    return copied
 
 
-def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCase]:
-    """Give cases that have not begun the complete cases from whose kept states they go on, if any."""
-    files = folder.numbers()
-    if not (states := files["state"] & files["h5"]):
-        return every
+def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) -> Change:
+    """Give a case that has not begun the complete case from whose kept state it goes on, if any.
+
+    The states of the `omitted` cases are not looked at; `files` are those of `Folder.numbers`.
+    """
+    states = [number for number in files["state"] & files["h5"] if number not in omitted]
+    if not states:
+        return lambda case: case
     begun = files["checkpoint"] | files["h5"]
     from gfmdlayer.history.time_points import Course
     from gfmdlayer.programme import Programme
@@ -138,37 +152,41 @@ def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCa
             if about is not None and about["made_by"] == made_by(about["made_by"].get("digest")):
                 course = Course(**about["course"])
                 kept[about["stem"]].append((course, Earlier(number, course.time, about["made_by"])))
-    found = []
-    for case in every:
+
+    def continued(case: SweepCase) -> SweepCase:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
             planned = Programme(case.config).landings
             fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
-        found.append(case)
-    return found
+        return case
+
+    return continued
 
 
-def lines(folder: Folder, growth: Growth, every: Sequence[SweepCase]) -> list[str]:
-    """List in lines: the cases by state, why cases are computed again, and cases that the sweep has lost."""
-    files = folder.numbers()
-    undone = [case for case in every if case.index not in files["h5"]]
-    begun = sum(case.index in files["checkpoint"] for case in undone)
-    times = Counter(case.earlier.time for case in undone if case.earlier is not None)
+def lines(files: Numbers, growth: Growth, numbers: Sequence[int], made: Iterable[SweepCase]) -> list[str]:
+    """List in lines: the cases by state, why cases are computed again, and cases that the sweep has lost.
+
+    `numbers` are those of the cases. Only the `made` ones are known to go on from earlier cases.
+    """
+    undone = [number for number in numbers if number not in files["h5"]]
+    begun = sum(number in files["checkpoint"] for number in undone)
+    earlier = {case.index: case.earlier.time for case in made if case.earlier is not None}
+    times = Counter(earlier[number] for number in undone if number in earlier)
     again = defaultdict(list)
-    for case in undone:
-        if case.index in growth.reasons and case.earlier is None:
-            again[growth.reasons[case.index]].append(case.index)
+    for number in undone:
+        if number in growth.reasons and number not in earlier:
+            again[growth.reasons[number]].append(number)
     new = len(undone) - begun - times.total() - sum(map(len, again.values()))
     parts = (
-        f"{len(every) - len(undone)} complete",
+        f"{len(numbers) - len(undone)} complete",
         f"{begun} at a checkpoint" if begun else "",
         *(f"{n} go{'es' * (n == 1)} on from t = {time:g}" for time, n in sorted(times.items())),
         f"{new} new" if new else "",
     )
     found = [", ".join(filter(None, parts))]
     found += [f"computed again: {_listed(numbers)}: {reason}" for reason, numbers in again.items()]
-    if growth.left:
-        found.append(f"not in the sweep, left in place: {_listed(growth.left)}")
+    if left := sorted(files["h5"].difference(growth.numbers)):
+        found.append(f"not in the sweep, left in place: {_listed(left)}")
     return found
 
 
@@ -230,7 +248,7 @@ _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.turn|\.admission|\.collection")  # the 
 
 @contextmanager
 def claimed(
-    folder: Folder, config: Config, restart: bool = False, own: Collection[int] | None = None
+    folder: Folder, config: Config, restart: bool = False, own: Iterable[int] | None = None
 ) -> Iterator[Growth]:
     """Hold the folder, or a shard's part of it, for a run of `config`; make the folder if there is none.
 
@@ -293,25 +311,22 @@ def leftovers(folder: Folder) -> Iterator[list[Path]]:
     if at_work := running(folder):  # also where a file system has no locks
         raise _in_use(folder, f"another run is writing here, on {at_work[0].host}")
     with held(folder) if folder.cases.is_dir() else nullcontext():
-        below = _files(folder.cases)
-        locks = {path for path in below if _LOCK.fullmatch(path.name)}
-        others = {path for path in (*_files(folder.path), *below) if is_unfinished(path.name)}  # of figures
-        yield sorted({*_leftovers(folder), *locks, *others})
+        locks = _files(folder.cases, _LOCK.fullmatch)
+        others = (path for place in (folder.path, folder.cases) for path in _files(place, is_unfinished))
+        yield sorted({*_leftovers(folder), *locks, *others})  # the others are of figures
 
 
 def _leftovers(folder: Folder) -> list[Path]:
-    complete = folder.numbers()["h5"]
-
     def is_left(name: str) -> bool:
+        if name.endswith(".h5"):  # there may be a million
+            return False
         if _OF_A_RUN.fullmatch(name):
             return True
         state = _matched(_STATE, name)
-        return _matched(_OF_A_CASE, name) is not None or (state is not None and int(state[1]) in complete)
+        ended = state is not None and folder.case(int(state[1])).exists()
+        return ended or _matched(_OF_A_CASE, name) is not None
 
-    return [
-        *(path for path in _files(folder.path) if _IN_FOLDER.fullmatch(path.name)),
-        *(path for path in _files(folder.cases) if is_left(path.name)),
-    ]
+    return [*_files(folder.path, _IN_FOLDER.fullmatch), *_files(folder.cases, is_left)]
 
 
 def _matched(pattern: re.Pattern[str], name: str) -> re.Match[str] | None:
@@ -320,13 +335,15 @@ def _matched(pattern: re.Pattern[str], name: str) -> re.Match[str] | None:
     return match if match is not None and match[1] == f"{int(match[1]):04d}" else None
 
 
-def _files(folder: Path) -> list[Path]:
+def _files(folder: Path, meant: Callable[[str], object] = bool) -> list[Path]:
+    """Return the files of a folder whose names are `meant`; other ones cost no memory."""
     with suppress(FileNotFoundError), os.scandir(folder) as entries:
-        return sorted(Path(entry.path) for entry in entries if entry.is_file(follow_symlinks=False))
+        named = (entry for entry in entries if meant(entry.name))
+        return sorted(Path(entry.path) for entry in named if entry.is_file(follow_symlinks=False))
     return []
 
 
-def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int] | None) -> Growth:
+def _prepare(folder: Folder, config: Config, restart: bool, own: Iterable[int] | None) -> Growth:
     """Remove files of dead runs, of all cases or only `own` beside other runs; store the configuration."""
     if restart:
         remove_results(folder)
@@ -347,10 +364,9 @@ def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int]
 
 def remove_results(folder: Folder) -> None:
     """Remove the results in a claimed folder, known by their exact names, and nothing else."""
-    results = (path for path in _files(folder.cases) if _matched(_RESULT, path.name))
-    inputs = (path for path in _files(folder.path / "inputs") if _INPUT.fullmatch(path.name))
-    wisdom = (path for path in _files(folder.wisdom) if _WISDOM.fullmatch(path.name))
-    for path in (folder.sweep, *results, *inputs, *wisdom, folder.config):
+    results = _files(folder.cases, lambda name: _matched(_RESULT, name))
+    inputs = _files(folder.path / "inputs", _INPUT.fullmatch)
+    for path in (folder.sweep, *results, *inputs, *_files(folder.wisdom, _WISDOM.fullmatch), folder.config):
         path.unlink(missing_ok=True)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from io import StringIO
@@ -122,8 +122,15 @@ class Screen:
 class Reporter:
     """Watches a run and updates a display; a context manager around the run, with a thread of its own.
 
-    `own` are the cases of this run, `complete` the number of those that were complete before; `seconds` are
-    expected for each case to be run, of which `workers` run at a time. Without a display nothing is shown.
+    `own` are the cases of this run, `complete` the number of those that were complete before. `seconds` are
+    expected for each case to be run, or of very many for those that are under way, and `whole` for all of
+    them; `workers` run at a time. Without a display nothing is shown.
+
+    Attributes
+    ----------
+    at_work : callable, optional
+        Returns the numbers of the cases whose status is shown; by default those with a status file, which
+        takes a listing of the folder.
     """
 
     def __init__(
@@ -134,7 +141,10 @@ class Reporter:
         display: Callable[[], Display] | None = None,
         seconds: Mapping[int, float] | None = None,
         workers: int = 1,
+        whole: float | None = None,
     ) -> None:
+        self.at_work: Callable[[], Iterable[int]] = lambda: folder.numbers()["running"]
+        self._whole = sum((seconds or {}).values()) if whole is None else whole
         self._folder, self._own, self._total = folder, own, len(own)
         self._seconds, self._workers, self._ended = seconds, workers, 0.0
         self._display = Log(StringIO()) if display is None else display()
@@ -192,6 +202,12 @@ class Reporter:
                 rest = f"further cases that {'fail' if failed else 'are complete'} are only counted"
                 self._display.note(self._end(outcome) if number <= SHOWN_ENDS else rest)
 
+    def complete_no_more(self, number: int) -> None:
+        """Take note of cases that were taken to be complete before, and are not."""
+        with self._lock:
+            self._complete -= number
+            self._before -= number
+
     def _end(self, outcome: Outcome) -> str:
         place = f"{self._complete + self._failed} of {self._total}"
         if outcome.state == "failed":
@@ -209,7 +225,8 @@ class Reporter:
 
     def _advance(self) -> None:
         try:
-            at_work = [case for case in running(self._folder) if case.index in self._own]
+            shown = [number for number in self.at_work() if number in self._own]
+            at_work = running(self._folder, shown)
         except OSError:  # the folder may be unreadable for a while
             return
         with self._lock:
@@ -222,13 +239,12 @@ class Reporter:
             rate = (now.done - self._before) / spent if spent > 0 else 0.0
             return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
         # The expected seconds weigh the cases against each other; the pace is only what was measured.
-        total = sum(self._seconds.values())
         done = self._ended + sum(case.effort * self._seconds.get(case.index, 0.0) for case in at_work)
         if done <= 0:
             return now
         ratio = self._workers * spent / done
         workers = max(1, min(self._workers, self._total - now.complete - now.failed))
-        return replace(now, seconds_left=max(total - done, 0.0) * ratio / workers)
+        return replace(now, seconds_left=max(self._whole - done, 0.0) * ratio / workers)
 
     def _summary(self, slowest: Outcome) -> str:
         ended = self._complete + self._failed - self._before

@@ -4,30 +4,40 @@ The run claims the folder and finds the complete cases (`growth`). It compiles k
 once; a pool of processes computes the other cases (`schedule`), each into its own file (`case_run`). At the
 end sweep.h5 collects all of them. A case that fails is recorded while the others go on. The results do not
 depend on the process that ran a case: all processes compute with the same FFTW wisdom.
+
+Up to `EXAMINED` cases are made and examined before the first one runs. A longer sweep is known from the
+places of its cases, one listing of the folder, and a sample of cases; each case is made in its turn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from array import array
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from statistics import fmean
+from typing import TYPE_CHECKING, overload
 
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.execution.case_run import Wisdom, record_failure, run_case, warm_up
-from gfmdlayer.execution.cost import CostModel, estimate
-from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
+from gfmdlayer.execution.cost import SAMPLE, CostModel, estimate
+from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError, Numbers
 from gfmdlayer.execution.groups import refuse_other_ranks, run_case_together
 from gfmdlayer.execution.growth import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.progress import Display, Reporter
-from gfmdlayer.execution.schedule import Outcome, Schedule
-from gfmdlayer.execution.sweep import Cases, Shard, SweepCase, own_cases
+from gfmdlayer.execution.schedule import Labelled, Outcome, Schedule, State
+from gfmdlayer.execution.sweep import Cases, OwnCases, Shard, SweepCase, examined
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, read_json
 from gfmdlayer.notes import notes
+
+if TYPE_CHECKING:
+    from gfmdlayer.results.gathering import CaseRecord
 
 
 @dataclass(frozen=True)
@@ -48,29 +58,72 @@ class RunOptions:
 class Summary:
     """Outcomes of a run."""
 
-    # of all cases of the run or of its shard, in their order, those complete before included
-    outcomes: tuple[Outcome, ...]
+    # number of cases of the run or of its shard in each state, those complete before included
+    states: Mapping[State, int]
+    failures: Sequence[Outcome]  # the cases that failed, by their numbers
     collected: bool  # whether the sweep file was written: no case waits any more, in any shard
     # lines on the sweep file: columns that some cases lack, cases of different versions
     notes: tuple[str, ...] = ()
 
-    def count(self, state: str) -> int:
+    def count(self, state: State) -> int:
         """Return the number of cases in a state."""
-        return sum(outcome.state == state for outcome in self.outcomes)
+        return self.states.get(state, 0)
 
     @property
-    def failures(self) -> list[Outcome]:
-        """The cases that failed."""
-        return [outcome for outcome in self.outcomes if outcome.state == "failed"]
+    def total(self) -> int:
+        """Number of cases."""
+        return sum(self.states.values())
 
 
-@dataclass(frozen=True)
 class _Work:
-    """The cases of a run: `own` by its shard, `undone` of these, `todo` of these now."""
+    """What is to be done of the cases of a run, from one listing of the folder.
 
-    own: Sequence[SweepCase]
-    undone: Sequence[SweepCase]
-    todo: Sequence[SweepCase]
+    The files of complete cases are read before the run. In a very long sweep a sample of them is, and the
+    others are after it, so that the first case begins soon.
+    """
+
+    def __init__(self, folder: Folder, files: Numbers, own: OwnCases, only_failed: bool) -> None:
+        self.own, self._folder, self._only_failed, self._found = own, folder, only_failed, files
+        present = array("q", (at for at, i in enumerate(own.indices) if i in self._found["h5"]))
+        self._read = frozenset(examined(present, SAMPLE) if own.many else present)
+        self._damaged = frozenset(at for at in sorted(self._read) if not _is_done(own[at], folder))
+        self.complete = len(present) - len(self._damaged)  # number of cases
+        # Of these, those that are taken to be so until the others have run.
+        self.unread = 0 if only_failed else len(present) - len(self._read)
+        places = array("q", self.places())
+        self.todo = len(places)  # number of cases to be run
+        self.waiting = len(own) - self.complete - self.todo  # number of cases that are not to be run
+        self.some = [own[at] for at in examined(places)]  # cases to be run, or some of very many
+        numbers = (own.indices[at] for at in places)
+        self.begun = [number for number in numbers if number in self._found["checkpoint"]]
+
+    def places(self) -> Iterator[int]:
+        """Yield the places in `own` of the cases to be run."""
+        complete, failed = self._found["h5"], self._found["failed"]
+        for at, number in enumerate(self.own.indices):
+            undone = number not in complete or at in self._damaged
+            if undone and (number in failed or not self._only_failed):
+                yield at
+
+    @property
+    def done(self) -> list[SweepCase]:
+        """The complete cases, or some of very many."""
+        return [self.own[at] for at in sorted(self._read - self._damaged)]
+
+    @property
+    def damaged(self) -> list[int]:
+        """Numbers of cases to be run whose files are damaged."""
+        return [self.own.indices[at] for at in sorted(self._damaged)]
+
+    def damaged_later(self) -> Iterator[SweepCase]:
+        """Read the files of complete cases that were not read before; yield the cases of damaged ones."""
+        for at, number in enumerate(self.own.indices):
+            if interrupts.stop_requested():
+                return
+            if number in self._found["h5"] and at not in self._read:
+                case = self.own[at]
+                if not _is_done(case, self._folder):
+                    yield case
 
 
 def run_sweep(
@@ -88,30 +141,48 @@ def run_sweep(
     """
     options = options or RunOptions()
     folder = Folder(Path(directory), options.shard)
-    made = Cases(config)
-    own: Sequence[SweepCase] = own_cases(made, options.shard)
-    with claimed(folder, config, options.restart, [case.index for case in own]) as found:
-        every = found.numbered(made)  # of a shard only its own are kept
-        own = growth.with_inputs(folder, found.numbered(own), found.changed)
+    every = Cases(config)
+    with interrupts.at_once():
+        own = OwnCases(every, options.shard)
+    with claimed(folder, config, options.restart, own.indices) as found:
+        files = folder.numbers()
+        own = own.numbered(found.numbers)
+        own = own.each(growth.with_inputs(folder, own.examined, found.changed))
         if options.ranks_per_case == 1:
-            own = growth.with_earlier(folder, own)
-        work = _find_work(folder, own, options.only_failed)
-        refuse_open_files(folder, [case.index for case in work.todo])
-        _refuse_too_large(work.todo, pool, options)
-        refuse_other_ranks(folder, work.todo, options.ranks_per_case)
+            own = own.each(growth.with_earlier(folder, files, _of_no_use(config, own, found.numbers)))
+        work = _Work(folder, files, own, options.only_failed)
+        refuse_open_files(folder, work.damaged)
+        _refuse_too_large(work, work.some, pool, options)
+        refuse_other_ranks(folder, work.begun, options.ranks_per_case)
 
-        outcomes = {case.index: Outcome(case.index, "complete") for case in own}
-        outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
-        lines = growth.lines(folder, found, own) if found.changed else []
+        ended: Counter[State] = Counter()
+        failed: dict[int, Outcome] = {}
+        lines = growth.lines(files, found, own.indices, own.examined) if found.changed else []
         for outcome in _computed(work, folder, pool, options, display, lines):
-            outcomes[outcome.index] = outcome
+            ended[outcome.state] += 1
+            if outcome.state == "failed":
+                failed[outcome.index] = outcome
+        ended["stopped"] = work.todo - ended["complete"] - ended["failed"]
+        ended["complete"] += work.complete
+        ended["waiting"] = work.waiting
 
         collected = None
-        if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
-            collected = _collect(config, folder, every, outcomes)
-        notes, lost = collected or ([], [])
-        outcomes |= {outcome.index: outcome for outcome in lost}
-    return Summary(tuple(outcomes.values()), collected is not None, tuple(notes))
+        if not ended["stopped"] and not ended["waiting"]:
+            collected = _collect(config, folder, every, found.numbers, own, failed)
+        said, lost = collected or ([], [])
+        ended["complete"] -= sum(outcome.index in own.numbers for outcome in lost)
+        ended["failed"] += len(lost)
+        failed |= {outcome.index: outcome for outcome in lost}
+    failures = [failed[number] for number in sorted(failed)]
+    return Summary(ended, failures, collected is not None, tuple(said))
+
+
+def _of_no_use(config: Config, own: OwnCases, numbers: Sequence[int]) -> Collection[int]:
+    """Return the cases of a very long sweep, if none of them can go on from the state of another of them."""
+    beyond = [key for key in swept_keys(config.sweep) if key.partition(".")[0] in {"time", "output"}]
+    if beyond or not own.many:
+        return ()
+    return numbers if isinstance(numbers, range) else frozenset(numbers)
 
 
 def _computed(
@@ -123,25 +194,84 @@ def _computed(
     lines: Sequence[str],
 ) -> Iterator[Outcome]:
     """Compute the cases that are to be run; yield the outcome of each, which the display shows too."""
-    seconds, indices = _expected_seconds(work, folder), frozenset(case.index for case in work.own)
-    complete = len(work.own) - len(work.undone)
-    with Reporter(folder, indices, complete, display, seconds, pool.size) as reporter:
-        aside = set_damaged_aside(folder, [case.index for case in work.todo])
+    model = CostModel.of_files({folder.case(case.index): case.config for case in work.done})
+    expected = {case.index: model.seconds(case.config) for case in work.some}
+    whole = fmean(expected.values()) * work.todo if expected else 0.0
+    made: dict[int, Labelled] = {case.index: case for case in work.some}
+    with Reporter(folder, work.own.numbers, work.complete, display, expected, pool.size, whole) as reporter:
+        aside = set_damaged_aside(folder, work.damaged)
         for line in (_opening(work, pool, options), *_warnings(work, pool, folder), *lines, *aside):
             reporter.note(line)
         task = partial(
             run_case if options.ranks_per_case == 1 else run_case_together,
             folder=folder,
-            wisdom=_prepare(work.todo, options, folder, reporter),
+            wisdom=_prepare(work.some, options, folder, reporter),
             threads=options.threads,
             checkpoint_every=options.checkpoint_every,
         )
         schedule = Schedule(pool, task, folder, reporter.ended)
-        for outcome in schedule.run(_ordered(work.todo, seconds, pool)):
-            if outcome.state == "failed":
-                case = next(case for case in work.own if case.index == outcome.index)
-                record_failure(folder, case, outcome.reason)
-            yield outcome
+        reporter.at_work = schedule.at_work
+
+        def ended(items: Iterable[SweepCase | Outcome]) -> Iterator[Outcome]:
+            for outcome in schedule.run(items):
+                expected.pop(outcome.index, None)
+                case = made.pop(outcome.index, None)
+                if case is not None and outcome.state == "failed":
+                    record_failure(folder, case, outcome.reason)
+                yield outcome
+
+        if work.own.many:
+            yield from ended(_made_in_turn(work, made, model, expected, pool, options))
+        else:
+            yield from ended(_ordered(work.some, expected, pool))
+        if work.unread and not interrupts.stop_requested():
+            reporter.note(f"reading the {work.unread} complete cases that were not read before the run")
+            later = {case.index: case for case in work.damaged_later()}
+            made |= later
+            work.complete, work.todo = work.complete - len(later), work.todo + len(later)
+            reporter.complete_no_more(len(later))
+            for line in set_damaged_aside(folder, later):
+                reporter.note(line)
+            yield from ended(later.values())
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A case that cannot be made."""
+
+    index: int
+    values: dict[str, object]
+
+
+def _made_in_turn(
+    work: _Work,
+    made: dict[int, Labelled],
+    model: CostModel,
+    expected: dict[int, float],
+    pool: WorkerPool,
+    options: RunOptions,
+) -> Iterator[SweepCase | Outcome]:
+    """Yield the cases to be run, each made in its turn, until the run is asked to stop.
+
+    Those on the way are in `made` and `expected`. A case that is not possible yields its outcome.
+    """
+    largest = 0.0
+    for at in work.places():
+        if interrupts.stop_requested():
+            return
+        number = work.own.indices[at]
+        try:
+            case = work.own[at]
+            if (memory := estimate(case.config).memory) > largest:
+                _refuse_too_large(work, [case], pool, options)
+                largest = memory
+            expected[number] = model.seconds(case.config)
+        except Exception as error:
+            made[number] = _Named(number, work.own.values(at))
+            yield Outcome(number, "failed", f"{type(error).__name__}: {error}")
+        else:
+            made[number] = case
+            yield case
 
 
 def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
@@ -159,13 +289,6 @@ def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, rep
     return wisdom
 
 
-def _find_work(folder: Folder, own: Sequence[SweepCase], only_failed: bool) -> _Work:
-    found = folder.numbers()
-    undone = [case for case in own if case.index not in found["h5"] or not _is_done(case, folder)]
-    todo = [case for case in undone if not only_failed or case.index in found["failed"]]
-    return _Work(own, undone, todo)
-
-
 def _is_done(case: SweepCase, folder: Folder) -> bool:
     from gfmdlayer.results.reader import attributes, is_complete
 
@@ -177,36 +300,29 @@ def _is_done(case: SweepCase, folder: Folder) -> bool:
     return True
 
 
-def _refuse_too_large(todo: Sequence[SweepCase], pool: WorkerPool, options: RunOptions) -> None:
-    """Refuse cases that need more memory than this job may have."""
-    largest = max((estimate(case.config).memory for case in todo), default=0.0) / options.ranks_per_case
-    number = min(pool.size, len(todo)) if pool.kind == "processes" else 1
+def _refuse_too_large(work: _Work, cases: Iterable[SweepCase], pool: WorkerPool, options: RunOptions) -> None:
+    """Refuse cases that need more memory than this job may have, of which there is other `work` too."""
+    largest = max((estimate(case.config).memory for case in cases), default=0.0) / options.ranks_per_case
+    number = min(pool.size, work.todo) if pool.kind == "processes" else 1
     if refused := preflight.memory_refusal(largest, number):
         raise ConfigError(refused)
 
 
 def _opening(work: _Work, pool: WorkerPool, options: RunOptions) -> str:
-    number, complete = len(work.own), len(work.own) - len(work.undone)
+    number = len(work.own)
     cases = "1 case" if number == 1 else f"{number} cases"
     part = "" if options.shard is None else f" in shard {options.shard}"
-    before = f", {complete} complete already" if complete else ""
-    before += f", {len(work.todo)} to be run" if len(work.todo) < len(work.undone) else ""
+    before = f", {work.complete} complete already" if work.complete else ""
+    before += f", {work.todo} to be run" if work.waiting else ""
     each = "one thread" if options.threads == 1 else f"{options.threads} threads"
     return f"{cases}{part}{before}; {pool.size} {pool.kind}, {each} each"
 
 
 def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
-    space = preflight.disk_warnings(folder.path, sum(estimate(case.config).storage for case in work.todo))
-    found = (*notes(case.config for case in work.own), *pool.warnings, *space)
+    storage = sum(estimate(case.config).storage for case in work.some)
+    space = preflight.disk_warnings(folder.path, storage * work.todo / max(len(work.some), 1))
+    found = (*notes(case.config for case in work.own.examined), *pool.warnings, *space)
     return [f"warning: {warning}" for warning in found]
-
-
-def _expected_seconds(work: _Work, folder: Folder) -> dict[int, float]:
-    """Return the expected seconds of the cases to be run, from finished ones."""
-    undone = {case.index for case in work.undone}
-    done = {folder.case(case.index): case.config for case in work.own if case.index not in undone}
-    model = CostModel.of_files(done)
-    return {case.index: model.seconds(case.config) for case in work.todo}
 
 
 def _ordered(
@@ -218,40 +334,62 @@ def _ordered(
     return sorted(todo, key=lambda case: (-seconds[case.index], case.index))
 
 
+class _Records(Sequence["CaseRecord"]):
+    """The cases for the sweep file, each made when it is asked for: very many differ in little."""
+
+    def __init__(
+        self, folder: Folder, every: Cases, numbers: Sequence[int], reasons: Mapping[int, str]
+    ) -> None:
+        self._folder, self._every, self._numbers, self._reasons = folder, every, numbers, reasons
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, place: int) -> CaseRecord: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[CaseRecord]: ...
+    def __getitem__(self, place: int | slice) -> CaseRecord | list[CaseRecord]:
+        from gfmdlayer.results.gathering import CaseRecord
+
+        if isinstance(place, slice):
+            return [self[i] for i in range(*place.indices(len(self)))]
+        number = self._numbers[place]
+        values, reason = self._every.values(place), self._reasons.get(number)
+        return CaseRecord(number, self._folder.case(number), values, reason)
+
+
 def _collect(
-    config: Config, folder: Folder, every: Sequence[SweepCase], outcomes: dict[int, Outcome]
+    config: Config,
+    folder: Folder,
+    every: Cases,
+    numbers: Sequence[int],
+    own: OwnCases,
+    failed: Mapping[int, Outcome],
 ) -> tuple[list[str], list[Outcome]] | None:
     """Write the sweep file; return notes, and cases that cannot be read; None while shards are at work."""
-    from gfmdlayer.results.gathering import CaseRecord, collect
+    from gfmdlayer.results.gathering import collect
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
 
     try:
         with exclusive(folder.turn):
-            reasons = {outcome.index: outcome.reason for outcome in outcomes.values()} | {
-                case.index: _failure_reason(folder, case) for case in every if case.index not in outcomes
-            }
-            if None in reasons.values():
-                return None
-            records = [
-                CaseRecord(case.index, folder.case(case.index), case.values, reasons[case.index] or None)
-                for case in every
-            ]
+            reasons = {number: outcome.reason for number, outcome in failed.items()}
+            complete = folder.numbers()["h5"]
+            for number in numbers:
+                if number not in complete and number not in own.numbers:
+                    record = read_json(folder.case(number, "failed"))
+                    if record is None:
+                        return None
+                    reasons[number] = str(record.get("reason"))
+            records = _Records(folder, every, numbers, reasons)
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
             times = None if "output.times" in keys else config.output.times
             path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit, times)
             found = attributes(path)
             named = (line.partition(": ") for line in str(found["failed"]).splitlines())
-            failed = {int(number): reason for number, _, reason in named if number.isdecimal()}
-            lost = [Outcome(i, "failed", reason) for i, reason in failed.items() if reasons.get(i) == ""]
+            unusable = {int(number): reason for number, _, reason in named if number.isdecimal()}
+            lost = [Outcome(i, "failed", reason) for i, reason in unusable.items() if i not in reasons]
             return str(found["notes"]).splitlines(), lost
     except PermissionError as error:  # lost during the run
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error
-
-
-def _failure_reason(folder: Folder, case: SweepCase) -> str | None:
-    """Return why another shard's case failed; empty where it is complete, None where it has not ended."""
-    if folder.case(case.index).exists():
-        return ""
-    record = read_json(folder.case(case.index, "failed"))
-    return None if record is None else str(record.get("reason"))

@@ -4,31 +4,35 @@ A sweep is a product of values and of lists of combinations (`gfmdlayer.config.s
 fastest; without one there is a single case. A shard is the part of a sweep that one of several runs over a
 results folder computes, such as the jobs of an array. The division follows only from the configuration, not
 from the cases that are complete: shards that start at different times never claim each other's cases.
+
+A sweep may have a million cases. What a run must know of all of them before the first, it knows from their
+places; it looks at `EXAMINED` of them, and makes each of the others when its turn comes.
 """
 
 from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
 from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from gfmdlayer.body.temperature import shifts
-from gfmdlayer.config import Config, ConfigError
+from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, axes
-from gfmdlayer.execution import interrupts, preflight
 from gfmdlayer.execution.cost import estimate
-from gfmdlayer.model import PROGRAM
 from gfmdlayer.validation.sections import Part, replaced
 
 if TYPE_CHECKING:
     from gfmdlayer.grid.ranks import Ranks
 
-EXAMINED = 2_000  # cases that are examined before a run, at most: about two seconds
-CASE_BYTES = 6_500  # of a case that waits in a run, measured; it is made in a third of a millisecond
+EXAMINED = 2_000  # cases that are made before a run, at most: in about a second
+WEIGHED = 20_000  # cases whose work is estimated for the division into shards, at most: in some ten seconds
+_GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
 
@@ -76,22 +80,32 @@ class Cases(Sequence[SweepCase]):
             return [self[i] for i in range(*place.indices(len(self)))]
         if not 0 <= place < len(self):
             raise IndexError(place)
-        left, rows = place, []
-        for axis in reversed(self._axes):
-            left, i = divmod(left, len(axis.rows))
-            rows.append(axis.rows[i])
-        values = {key: value for row in reversed(rows) for key, value in row.items()}
+        values = self.values(place)
         case = self._config.with_values(values)
         if self._config.sweep and case.time.step == "adaptive" and case.output.times is None:
             case = case.with_values({"output.times": case.time.end / _ROWS})
         return SweepCase(place, case, values)
 
+    def values(self, place: int) -> dict[str, object]:
+        """Return the swept keys and their values in a case, which is not made."""
+        left, rows = place, []
+        for axis in reversed(self._axes):
+            left, i = divmod(left, len(axis.rows))
+            rows.append(axis.rows[i])
+        return {key: value for row in reversed(rows) for key, value in row.items()}
+
     def examined(self) -> list[SweepCase]:
         """Return all cases, or of more than `EXAMINED` the first, the last and others drawn at random."""
-        if len(self) <= EXAMINED:
-            return self[:]
-        drawn = random.Random(0).sample(range(1, len(self) - 1), EXAMINED - 2)
-        return [self[place] for place in (0, *sorted(drawn), len(self) - 1)]
+        return [self[place] for place in examined(range(len(self)))]
+
+
+def examined(places: Sequence[int], most: int | None = None) -> Sequence[int]:
+    """Return all places, or of more than `most` (`EXAMINED`) the first, the last and some drawn at random."""
+    most = EXAMINED if most is None else most
+    if len(places) <= most:
+        return places
+    drawn = random.Random(0).sample(range(1, len(places) - 1), most - 2)
+    return [places[i] for i in (0, *sorted(drawn), len(places) - 1)]
 
 
 def cases(config: Config) -> list[SweepCase]:
@@ -99,14 +113,75 @@ def cases(config: Config) -> list[SweepCase]:
     return Cases(config)[:]
 
 
-def own_cases(every: Cases, shard: Shard | None) -> list[SweepCase]:
-    """Return the cases of a run or of its shard; ConfigError for impossible values, or too many cases."""
-    number = len(every) if shard is None else -(-len(every) // shard.count)
-    needed, instead = PROGRAM + CASE_BYTES * number, "fewer values, or more parts (--shard I/N)"
-    if refused := preflight.memory_warnings(needed, instead=instead):
-        raise ConfigError([f"sweep: {number} cases in one run: {refused[0]}"])
-    with interrupts.at_once():
-        return every[:] if shard is None else shard.share(every)
+Change = Callable[[SweepCase], SweepCase]
+
+
+class OwnCases(Sequence[SweepCase]):
+    """The cases of a run: those of a sweep, or of one of its shards, with the numbers of their files.
+
+    Up to `EXAMINED` cases, drawn at random where there are more, are made at once and kept: ConfigError where
+    their values are not possible. Each of the others is made when it is asked for.
+
+    Attributes
+    ----------
+    indices : sequence of int
+        Numbers of the cases' files, in the order of the sweep.
+    many : bool
+        Whether there are more cases than those that are kept.
+    """
+
+    def __init__(self, cases: Cases, shard: Shard | None = None) -> None:
+        self._cases = cases
+        self._places: Sequence[int] = range(len(cases)) if shard is None else shard.places(cases)
+        self.indices = self._places
+        self._changes: tuple[Change, ...] = ()
+        self.many = len(self._places) > EXAMINED
+        self._made = {at: cases[self._places[at]] for at in examined(range(len(self._places)))}
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    @overload
+    def __getitem__(self, at: int) -> SweepCase: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[SweepCase]: ...
+    def __getitem__(self, at: int | slice) -> SweepCase | list[SweepCase]:
+        if isinstance(at, slice):
+            return [self[i] for i in range(*at.indices(len(self)))]
+        if (case := self._made.get(at)) is None:
+            case = self._cases[self._places[at]]
+            for change in self._changes:
+                case = change(case)
+        return case
+
+    def values(self, at: int) -> dict[str, object]:
+        """Return the swept values of a case, which is not made."""
+        return self._cases.values(self._places[at])
+
+    @property
+    def examined(self) -> list[SweepCase]:
+        """The cases that are kept: all, or of more than `EXAMINED` so many drawn at random."""
+        return list(self._made.values())
+
+    @cached_property
+    def numbers(self) -> Collection[int]:
+        """The numbers of the cases' files, of which membership is found at once."""
+        return frozenset(self.indices) if isinstance(self.indices, list) else self.indices
+
+    def numbered(self, numbers: Sequence[int]) -> OwnCases:
+        """Return the cases with the numbers that their files have, by their places in the sweep."""
+        if isinstance(numbers, range):
+            return self
+        found = self.each(lambda case: replace(case, index=numbers[case.index]))
+        found.indices = [numbers[place] for place in self._places]
+        return found
+
+    def each(self, change: Change) -> OwnCases:
+        """Return the cases with a change of each."""
+        found = copy(self)
+        found._changes = (*self._changes, change)
+        found._made = {at: change(case) for at, case in self._made.items()}
+        return found
 
 
 def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[str, str]]:
@@ -169,11 +244,18 @@ class Shard:
         return cls(int(number), int(count))
 
     def share(self, cases: Sequence[SweepCase]) -> list[SweepCase]:
-        """Return this shard's cases, in their order.
+        """Return this shard's cases, in their order."""
+        return [cases[place] for place in self.places(cases)]
+
+    def places(self, cases: Sequence[SweepCase]) -> Sequence[int]:
+        """Return the places of this shard's cases, in their order.
 
         The cases are dealt out from the longest to the shortest, each to the shard with the least estimated
-        work so far; in whole numbers, so that every host adds up the same.
+        work so far; in whole numbers, so that every host adds up the same. More than `WEIGHED` are dealt out
+        without a look at them, see `Dealt`.
         """
+        if len(cases) > WEIGHED:
+            return Dealt(self, len(cases))
         work = [max(1, round(estimate(case.config).work)) for case in cases]
         loads = [(0, number) for number in range(1, min(self.count, len(cases)) + 1)]
         heapify(loads)
@@ -183,4 +265,41 @@ class Shard:
             heappush(loads, (load + work[place], number))
             if number == self.number:
                 own.append(place)
-        return [cases[place] for place in sorted(own)]
+        return sorted(own)
+
+
+@dataclass(frozen=True)
+class Dealt(Sequence[int]):
+    """Places of a shard in a very long sweep, one in each block of as many cases as there are shards.
+
+    Its place in a block goes on by the golden ratio from block to block, so that each shard meets every
+    value of every key as often as the others.
+    """
+
+    shard: Shard
+    total: int  # number of cases
+
+    def __len__(self) -> int:
+        blocks, left = divmod(self.total, self.shard.count)
+        return blocks + (self._within(blocks) < left)
+
+    @overload
+    def __getitem__(self, block: int) -> int: ...
+    @overload
+    def __getitem__(self, block: slice) -> list[int]: ...
+    def __getitem__(self, block: int | slice) -> int | list[int]:
+        if isinstance(block, slice):
+            return [self[i] for i in range(*block.indices(len(self)))]
+        if not 0 <= block < len(self):
+            raise IndexError(block)
+        return block * self.shard.count + self._within(block)
+
+    def __contains__(self, place: object) -> bool:
+        if not isinstance(place, int) or not 0 <= place < self.total:
+            return False
+        block, within = divmod(place, self.shard.count)
+        return within == self._within(block)
+
+    def _within(self, block: int) -> int:
+        turned = (block * _GOLDEN % 2**64) * self.shard.count >> 64
+        return (self.shard.number - 1 + turned) % self.shard.count

@@ -310,7 +310,8 @@ class ForceMap:
                 reasons = {each.index: each.reason for each in outcomes.values() if each.state == "failed"}
                 collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name},
                         self._model.config.unit)  # fmt: skip
-        return Summary(tuple(outcomes[index] for index in sorted(outcomes)), collected)
+        failures = [outcomes[index] for index in sorted(outcomes) if outcomes[index].state == "failed"]
+        return Summary(Counter(each.state for each in outcomes.values()), failures, collected)
 
     def _warm_up(self, pool: WorkerPool, todo: Sequence[MapCase]) -> None:
         """Compile the kernels here, before several processes do."""

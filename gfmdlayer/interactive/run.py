@@ -29,7 +29,7 @@ from gfmdlayer.execution.folder import Folder, read_config
 from gfmdlayer.execution.growth import refuse_foreign_folder
 from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.sweep import SweepCase, cases, input_errors, label
+from gfmdlayer.execution.sweep import Cases, SweepCase, cases, input_errors, label
 from gfmdlayer.files.cache import MemoryFile, user_cache
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
@@ -402,23 +402,21 @@ def _run_in_folder(
     """Run the cases as the command line does; return the opened results."""
     refuse_foreign_folder(Folder(out))
     config = on_disk(config, out / "arrays")
-    _warn(notes(case.config for case in cases(config)), 4)
+    _warn(notes(case.config for case in Cases(config).examined()), 4)
     display = chosen_display(progress)
     show = None if display is None else lambda: display
     with interrupts.listening(), pool_of(jobs) as pool:
         summary = run_sweep(config, out, pool, RunOptions(threads=threads), show)
     if summary.count("stopped"):
         raise KeyboardInterrupt
-    if len(summary.failures) == len(summary.outcomes):
+    if len(summary.failures) == summary.total:
         name, _, reason = summary.failures[0].reason.partition(": ")
         raise (
             ConvergenceError(reason)
             if name == ConvergenceError.__name__
             else RuntimeError(f"{name}: {reason}")
         )
-    _warn_of_failures(
-        [f"{each.index:04d}: {each.reason}" for each in summary.failures], len(summary.outcomes)
-    )
+    _warn_of_failures([f"{each.index:04d}: {each.reason}" for each in summary.failures], summary.total)
     return open_results(out)
 
 

@@ -264,6 +264,7 @@ class Gathered:
         self._of_first: frozenset[str] | None = None
         self._layouts: dict[tuple[str, ...], dict[str, Column]] = {}
         self._held: dict[int, frozenset[str]] = {}
+        self._alike: dict[frozenset[str], frozenset[str]] = {}  # one set for all cases with equal columns
         times = _Times()
         for record in records:
             if record.index not in self.failed and not self._add(record, times):
@@ -290,7 +291,7 @@ class Gathered:
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
         every.add(times)
-        self._held[record.index] = held
+        self._held[record.index] = self._alike.setdefault(held, held)
         for name, value in own.items():
             if value is not None:
                 self._numbers.setdefault(name, {})[record.index] = float(str(value))
