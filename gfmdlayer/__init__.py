@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
+    from gfmdlayer.body.crystals import Anisotropic, Lattice, Tabulated
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Elastic, Prony, Zener
     from gfmdlayer.body.pair import Pair
@@ -48,14 +49,14 @@ if TYPE_CHECKING:
     from gfmdlayer.simulation import Case
 
 __all__ = [
-    "WLF", "Arrhenius", "BluntedCone", "Case", "Cone", "Config", "ConfigError", "ConvergenceError",
-    "Cylinder", "Dugdale", "Elastic", "Electrostatic", "Exponential", "Flat", "FlatPunch", "ForceCurve",
-    "FractionalZener", "HavriliakNegami", "Kohlrausch", "Layer", "LayerStack", "LayeredHalfspace",
-    "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid", "RadialProfile", "SelfAffine",
-    "Sinusoid",
-    "Solid", "Spectrum", "Sphere", "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer",
-    "fit_indentation", "halfspace", "indent", "inside", "leakage", "load", "open_case",
-    "open_results", "relaxation_spectrum", "run", "simulate", "solve",
+    "WLF", "Anisotropic", "Arrhenius", "BluntedCone", "Case", "Cone", "Config", "ConfigError",
+    "ConvergenceError", "Cylinder", "Dugdale", "Elastic", "Electrostatic", "Exponential", "Flat",
+    "FlatPunch", "ForceCurve", "FractionalZener", "HavriliakNegami", "Kohlrausch", "Lattice", "Layer",
+    "LayerStack", "LayeredHalfspace", "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid",
+    "RadialProfile", "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere", "Tabulated",
+    "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "fit_indentation", "halfspace",
+    "indent", "inside", "leakage", "load", "open_case", "open_results", "relaxation_spectrum", "run",
+    "simulate", "solve",
 ]  # fmt: skip
 
 _MODULES = {
@@ -78,6 +79,7 @@ _MODULES = {
     ),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
+    "gfmdlayer.body.crystals": ("Anisotropic", "Lattice", "Tabulated"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Elastic", "Prony", "Zener"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),

@@ -13,6 +13,20 @@ grid: {points: 512, boundary: isolated, datum: 2.0}
 grid: {geometry: axisymmetric, points: 1024, extent: 2.0}
 punch: {shape: sphere, radius: 5.0}""",
     "Layers": "body: {kind: layers}",
+    "Anisotropic": """\
+body: {kind: anisotropic, C11: 165.8, C12: 63.9, C44: 79.6, angle: 45}    # silicon, GPa; x along [110]
+---
+body: {kind: anisotropic, C11: 163, C12: 34.8, C13: 51.6, C33: 181, C44: 57.3, C66: 64.1,
+  material: {model: zener, G0: 1, Ginf: 2, tau: 1.0}}""",
+    "Lattice": """\
+grid: {points: [64, 64], period: 64.0}
+body: {kind: lattice, crystal: fcc, nearest: 1.0, spacing: 1.0}
+---
+grid: {points: 128, period: 64.0}
+body: {kind: lattice, crystal: simple_cubic, nearest: 1.0, next_nearest: 0.5, spacing: 0.5, layers: 20,
+  material: {model: zener, G0: 1, Ginf: 2, tau: 1.0}}""",
+    "Tabulated": """\
+body: {kind: table, table: stiffness.txt, mean: 0.0, material: {model: zener, G0: 1, Ginf: 5, tau: 1.0}}""",
     "BodyFile": "body: {file: bed.py, kind: file, k: 5.0}    # k is a field of the class in bed.py",
     "StackedLayer": """\
 layers:

@@ -135,6 +135,10 @@ class Solid(Kind):
         """Whether relaxing modes may be merged: results then have a bound on the error, `spectrum_error`."""
         return True
 
+    def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Problem]:  # noqa: ARG002
+        """Yield why a periodic grid does not suit the body, in keys of the configuration."""
+        yield from ()
+
     def problems_isolated(self) -> Iterator[Problem]:
         """Yield why the body does not carry an isolated indenter, in keys of the configuration."""
         if not self.isolated:

@@ -28,6 +28,9 @@ from gfmdlayer.validation.sections import OneOf, Section, explained, keys_of_fil
 # The first is meant where `kind` is left out.
 BODIES: dict[str, type[Solid]] = load_table(
     "gfmdlayer.config.layers:Layers",
+    "gfmdlayer.body.crystals:Anisotropic",
+    "gfmdlayer.body.crystals:Lattice",
+    "gfmdlayer.body.crystals:Tabulated",
 )
 
 

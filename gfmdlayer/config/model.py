@@ -282,6 +282,8 @@ class Config(Section):
         moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
         yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
         yield from self.geometry.problems(self)
+        if isinstance(self.body, Solid) and self.geometry.on_grid:
+            yield from self.body.problems_on_grid(self.grid.points, self.grid.period)
         yield from problems_of_the_counterbody(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_friction(self)

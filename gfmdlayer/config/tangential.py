@@ -50,7 +50,7 @@ class Tangential(Section):
     file: Annotated[File | None, given] = None
     """kind: table: file with two columns, time and displacement or force"""
     direction: Finite = 0.0
-    """angle from the x axis in degrees, on a surface"""
+    """angle from the x axis, on a surface: degrees"""
 
     def problems(self) -> Iterator[Problem]:
         """Refuse keys that have no meaning for this control and kind, and missing ones."""

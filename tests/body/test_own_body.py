@@ -165,7 +165,7 @@ def test_a_file_and_a_line_in_the_table_make_a_body(here: Path) -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False,
                           env=os.environ | {"PYTHONPATH": str(here)})  # fmt: skip
     assert done.stdout == f"{package / '__init__.py'} 4.0\n", done.stderr
-    assert "body.kind: got the text 'winkle'; must be one of layers, winkler, file" in done.stderr
+    assert "body.kind: got the text 'winkle'; must be one of layers, winkler, " in done.stderr
 
 
 FILE = "{file: winkler.py, k: 1}"

@@ -113,6 +113,12 @@ sweep:
     LINE + "layer: {material: {file: fitted.yaml}}\n",
     LINE + "body: {kind: layers}\n",
     LINE + "body: {file: bed.py}\n",
+    LINE + "body: {kind: anisotropic, C11: 3, C12: -1.0, C44: 1, C13: 0.5, C33: 2, C66: 1, angle: 30,\n"
+    "  material: {model: elastic, G: 1}}\n",
+    LINE + "body: {kind: lattice, crystal: simple_cubic, nearest: 1, next_nearest: 2, spacing: 0.03125,\n"
+    "  layers: 4}\n",
+    LINE + "body: {kind: lattice, nearest: 1, spacing: 0.03125}\n",
+    LINE + "body: {kind: table, table: heights.txt, mean: 0.5}\n",
     LINE
     + "counterbody: {layer: {thickness: 0.1, poisson: 0.4, material: {}}, halfspace: {shear_modulus: 3}}\n",
     LINE + "counterbody: {body: {file: bed.py}}\n",
@@ -298,6 +304,8 @@ def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
     used |= {
         f"counterbody.{key}" for key in used if key.startswith(("layer.material.", "halfspace.material."))
     }
+    used |= {key.replace("layer.", "body.", 1) for key in used if key.startswith("layer.material.")}
+    used |= {f"counterbody.{key}" for key in used if key.startswith("body.")}
     swept = {key for key in SCHEMA["$defs"]["Sweep"]["properties"] if "." in key}
     known = SCHEMA["properties"].keys() | swept
     assert known <= used

@@ -1,0 +1,185 @@
+"""Anisotropic halfspaces, lattices of springs and tables: closed forms, limits, symmetries, contacts."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+from gfmdlayer import Anisotropic, Elastic, Lattice, Tabulated, Wavevectors, Zener
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.solid import fault
+
+R = math.sqrt(0.5)
+
+
+def cubic(next_nearest: float, **more: Any) -> Lattice:
+    return Lattice(crystal="simple_cubic", nearest=1.0, next_nearest=next_nearest, spacing=1.0, **more)
+
+
+def fcc(**more: Any) -> Lattice:
+    """Edge of the cubic cell 1: surface atoms at a distance of 2^-1/2."""
+    return Lattice(crystal="fcc", nearest=1.0, spacing=R, **more)
+
+
+def at(angles: Any, q: float) -> Wavevectors:
+    phi = np.radians(angles)
+    return Wavevectors.of_components(q * np.cos(phi), q * np.sin(phi))
+
+
+# Of an independent solution by Stroh's eigenproblem: K/q along 0, 22.5 and 45 degrees from the surface axis,
+# and the first-order part of the lattice's K/K_continuum - 1 over q times the spacing.
+CONTINUUM = {
+    "k2 = k1": (cubic(1.0), (4 / 3, 4 / 3, 4 / 3), (1 / 12, 0.0937500, 0.1041667)),
+    "k2 = k1/2": (cubic(0.5), (0.818317088, 0.812985996, 0.808145213), (0.0981980, 0.1028890, 0.1078326)),
+    "k2 = 2 k1": (cubic(2.0), (2.312023907, 2.328553840, 2.346371951), (0.0707762, 0.0863171, 0.1006044)),
+    "fcc": (fcc(), (0.994411576, 0.969387385, 0.948683298), (0.0671453, 0.0544400, 0.0372678)),
+}
+
+
+def continuum(lattice: Lattice) -> Anisotropic:
+    C11, C12, C44 = lattice.constants
+    return Anisotropic(C11=C11, C12=C12, C44=C44, angle=45.0 if lattice.crystal == "fcc" else 0.0)
+
+
+@pytest.mark.parametrize("name", CONTINUUM)
+def test_long_waves_of_a_lattice_are_those_of_its_continuum(name: str) -> None:
+    lattice, expected, first = CONTINUUM[name]
+    angles = [0.0, 22.5, 45.0]
+    limit = continuum(lattice).stiffness(at(angles, 1.0), 0.0)
+    np.testing.assert_allclose(limit, expected, rtol=1e-9)
+    off = []
+    for qb in (2e-3, 1e-3):
+        found = lattice.stiffness(at(angles, qb / lattice.spacing), 0.0) / (qb / lattice.spacing)
+        off.append((found / limit - 1) / qb)
+    np.testing.assert_allclose(2 * off[1] - off[0], first, atol=1e-6)  # the next order is extrapolated
+    tiny = lattice.stiffness(at(angles, 1e-7), 0.0) / 1e-7
+    np.testing.assert_allclose(tiny, limit, rtol=1e-7)  # no digits are lost but by the first order itself
+
+
+# K b at (pi, 0), (pi, pi), (pi/2, 0), (pi/2, pi/2): closed forms at the first two, else one big matrix.
+ZONE = {
+    "k2 = k1": (8**0.5, 8**0.5, 2.058493404377, 2.565511329447),
+    "k2 = k1/2": (3**0.5, 2.0, 1.257257101639, 1.628371063618),
+    "k2 = 2 k1": (24**0.5, 4.0, 3.568065590679, 4.288983351519),
+    "fcc": ((8 / 3) ** 0.5 * 2 * R, 4 * R, 1.571726345359, 2.058332061573),
+}
+
+
+@pytest.mark.parametrize("name", ZONE)
+def test_short_waves_are_those_of_the_springs(name: str) -> None:
+    lattice = CONTINUUM[name][0]
+    x, y = np.pi * np.array([[1, 1, 0.5, 0.5], [0, 1, 0, 0.5]]) / lattice.spacing
+    found = lattice.stiffness(Wavevectors.of_components(x, y), 0.0) * lattice.spacing
+    np.testing.assert_allclose(found, ZONE[name], rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("lattice", "expected"),
+    [
+        (cubic(1.0), 0.745147757896),
+        (cubic(1.0, layers=4), 0.898513186592),
+        (fcc(), 0.535471993935),
+        (fcc(layers=4), 0.763185188684),
+    ],
+)
+def test_layers_on_a_rigid_one_are_stiffer(lattice: Lattice, expected: float) -> None:
+    waves = Wavevectors.of_components([0.0, 0.5 / lattice.spacing], [0.0, 0.2 / lattice.spacing])
+    found = lattice.stiffness(waves, 0.0)
+    assert found[1] * lattice.spacing == pytest.approx(expected, rel=1e-11)
+    assert found[0] == pytest.approx(lattice.mean_stiffness, rel=1e-12)
+
+
+def test_many_layers_tend_to_a_layer_on_a_rigid_base_in_the_first_order() -> None:
+    """Poisson's ratio 1/4, q d = 1: off by 3.16e-4 and 4.71e-5 with 8 and 64 layers."""
+    off = []
+    for layers in (8, 64):
+        layer = LayeredHalfspace(float(layers), 0.25, math.inf)
+        K = cubic(1.0, layers=layers).stiffness(np.array([1.0 / layers]), 0.0)
+        off.append(float(K[0]) / float(layer.stiffness(1.0 / layers, 1.0)) - 1)
+    np.testing.assert_allclose(np.abs(off), [3.16e-4, 4.71e-5], rtol=5e-3)
+
+
+def test_an_isotropic_halfspace_is_one_of_all_directions() -> None:
+    """K = q G/(1 - nu) with C11 - C12 = 2 C44; a transversely isotropic one has no direction in the plane."""
+    angles = np.linspace(0, 360, 13)
+    one = Anisotropic(C11=3.0, C12=1.0, C44=1.0)
+    np.testing.assert_allclose(one.stiffness(at(angles, 2.0), 0.0), 2 / 0.75, rtol=1e-13)
+    other = Anisotropic(C11=163.0, C12=34.8, C13=51.6, C33=181.0, C44=57.3, C66=(163.0 - 34.8) / 2)
+    found = other.stiffness(at(angles, 1.0), 0.0)
+    # A. Delafargue and F.-J. Ulm, Int. J. Solids Struct. 41 (2004) 7351: the indentation modulus is 2 K/q.
+    C11, C13, C33, C44 = 163.0, 51.6, 181.0, 57.3
+    softness = 1 / C44 + 2 / (math.sqrt(C11 * C33) + C13)
+    np.testing.assert_allclose(found, math.sqrt((C11 * C33 - C13**2) / (C11 * softness)), rtol=1e-12)
+
+
+def test_bodies_turn_with_their_angle_and_keep_their_promises(tmp_path: Path) -> None:
+    turned = Anisotropic(C11=165.8, C12=63.9, C44=79.6, angle=20.0)
+    plain = Anisotropic(C11=165.8, C12=63.9, C44=79.6)
+    waves, back = at([30.0, 110.0], 3.0), at([10.0, 90.0], 3.0)
+    np.testing.assert_allclose(turned.stiffness(waves, 0.0), plain.stiffness(back, 0.0), rtol=1e-13)
+    table = tmp_path / "stiffness.txt"
+    table.write_text("0.1 0.2\n1 2\n100 200\n")
+    law = Zener(G0=2.0, Ginf=8.0, tau=0.5)
+    grid = Wavevectors.of_components([0.0, 1.0, 2.0, -3.0], [0.0, 0.5, -1.0, 0.0])
+    for body in (
+        plain.model_copy(update={"material": law}),
+        cubic(0.5, material=law, layers=3),
+        fcc(material=law),
+        Tabulated(table=table, material=law),
+    ):
+        assert fault(body, grid) == ""
+        glassy = body.spectrum(grid).glassy
+        np.testing.assert_allclose(glassy, 4 * body.stiffness(grid, 0.0), rtol=1e-12)  # Ginf/G0
+
+
+def test_a_table_is_a_body_between_its_rows(tmp_path: Path) -> None:
+    table = tmp_path / "stiffness.txt"
+    q = np.geomspace(1.0, 1e4, 30)
+    np.savetxt(table, np.column_stack((q, 2 * q)))
+    config = {"grid": {"points": 512}, "time": {"end": 1.0, "step": 0.5}, "trajectory": {"depth": 0.005}}
+    found = gfmdlayer.run(config, body={"kind": "table", "table": str(table)})
+    alone = gfmdlayer.run(
+        config, layer={"thickness": math.inf, "poisson": 0.5, "material": {"model": "elastic", "G": 1.0}}
+    )
+    np.testing.assert_allclose(found.mean_stress, alone.mean_stress, rtol=1e-5)
+    np.savetxt(table, np.column_stack((q[:10], 2 * q[:10])))
+    with pytest.raises(gfmdlayer.ConfigError, match=r"has q from 1 to .*must hold those of the grid"):
+        gfmdlayer.run(config, body={"kind": "table", "table": str(table)})
+
+
+def test_a_contact_on_a_crystal_tends_to_that_on_its_continuum() -> None:
+    """A sphere of 2^-1/2 times the number of atoms over the radius; the area is known to a ring of atoms."""
+    areas = []
+    for points in (32, 96):
+        base = {"grid": {"points": [points, points]}, "time": {"end": 1.0, "step": 1.0}}
+        base |= {"punch": {"shape": "parabola", "radius": 1.0}, "trajectory": {"depth": 0.01}}
+        crystal = {"kind": "lattice", "crystal": "fcc", "nearest": 1.0, "spacing": 1 / points}
+        lattice = Lattice(**{key: value for key, value in crystal.items() if key != "kind"})
+        C11, C12, C44 = lattice.constants
+        halfspace = {"kind": "anisotropic", "C11": C11, "C12": C12, "C44": C44, "angle": 45.0}
+        one, other = (gfmdlayer.run(base, body=body) for body in (crystal, halfspace))
+        areas.append(float(one.force[-1] / other.force[-1]))
+    # The surface is stiffer by beta q b: an atom in a contact of 3 and 10 atoms' radius.
+    assert 1 < areas[1] < areas[0] < 1.1
+    assert (areas[0] - 1) / (areas[1] - 1) == pytest.approx(3.0, rel=0.3)
+
+
+@pytest.mark.parametrize("method", ["active_set", "nested_gradient", "conjugate_gradient"])
+def test_all_solvers_find_the_same_contact_on_a_lattice(method: str) -> None:
+    config = {"grid": {"points": [32, 32]}, "time": {"end": 1.0, "step": 1.0}, "trajectory": {"depth": 0.01}}
+    config |= {"body": {"kind": "lattice", "crystal": "fcc", "nearest": 1.0, "spacing": 1 / 32}}
+    config |= {"punch": {"shape": "parabola", "radius": 1.0}, "output": {"snapshots": [1.0]}}
+    one, other = (
+        gfmdlayer.run(config, solver={"method": each, "tolerance": 1e-10}).pressure
+        for each in (method, "fire")
+    )
+    assert float(abs(one - other).max()) < 1e-7 * float(one.max())
+
+
+def test_elastic_is_the_default() -> None:
+    assert isinstance(fcc().material, Elastic)
