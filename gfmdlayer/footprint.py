@@ -79,7 +79,8 @@ def estimate(programme: Programme, width: int, observed: tuple[float, float] = (
     fields = 3 + bool(config.interfaces) + (config.hardness is not None)
     if config.friction:
         fields += 2 * len(config.grid.points)
-        modes += TRACTION_FIELDS * len(config.grid.points) * (1 + branches)
+        every = sum(len(branches) for _, branches in config.solid.roughly(config.time.end))
+        modes += TRACTION_FIELDS * len(config.grid.points) * (1 + every)
     fields *= size * snapshots
     return Footprint(
         steps=steps,

@@ -29,6 +29,7 @@ _FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
 _SHORT = 1e-2  # of the paper's times: where all that are given are shorter they have another unit
 # Error of the force at the end of a ramp, of which a note is given, and a part of it that is small enough.
 _COARSE, _ENOUGH = 0.02, 0.1
+_POINTS_PASSED = 2.0  # of the grid, by which material may move in a step through a contact with friction
 
 
 def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
@@ -36,7 +37,8 @@ def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
 
     These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
     tables that end before the run does, a ramp that is not completed, steps that are too long for the
-    relaxation, defaults beside numbers in other units, and interface laws that the grid does not resolve.
+    relaxation, defaults beside numbers in other units, interface laws that the grid does not resolve, and
+    friction that the force exceeds or the steps do not resolve.
     TableError if a file cannot be used.
     """
     every = list(configs)
@@ -47,7 +49,11 @@ def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
     found += [*_between_steps(every), *_coarse_steps(every)]
     if any(map(files_named, every)):
         found += _short_tables(every)
-    found += [note for config in every for note in (*_on_values(config), *_unresolved_zones(config))]
+    found += [
+        note
+        for config in every
+        for note in (*_on_values(config), *_unresolved_zones(config), *_on_friction(config))
+    ]
     return list(dict.fromkeys(found))
 
 
@@ -97,13 +103,13 @@ def _on_values(config: Config) -> Iterator[str]:
     """Yield notes on defaults beside numbers in other units, and on a ramp that does not end."""
     left, given = _defaults(config)
     if config.units is not None:
-        listed = [f"{key} = {value:g} {config.unit(DIMENSIONS[_last(key)])}" for key, value in left.items()]
+        listed = [f"{key} = {value:g} {config.unit(_dimension(key))}" for key, value in left.items()]
         if listed:
             yield f"left at defaults, in the units given: {', '.join(listed)}"
     else:
         for dimension, plural in _PLURALS.items():
-            own = [key for key in left if DIMENSIONS[_last(key)] == dimension]
-            ratios = {key: each for key, each in given.items() if DIMENSIONS[_last(key)] == dimension}
+            own = [key for key in left if _dimension(key) == dimension]
+            ratios = {key: each for key, each in given.items() if _dimension(key) == dimension}
             if dimension == "time":  # long relaxation times and runs are common
                 foreign = list(ratios) if max(ratios.values(), default=1.0) < _SHORT else []
             else:
@@ -206,6 +212,35 @@ def _unresolved_zones(config: Config) -> Iterator[str]:
             )
 
 
+def _coefficient(config: Config) -> float:
+    """Return the coefficient of friction; infinite where it is a table, or there is none."""
+    given = (getattr(law, "coefficient", math.inf) for law in config.friction)
+    return min((each for each in given if isinstance(each, float)), default=math.inf)
+
+
+def _on_friction(config: Config) -> Iterator[str]:
+    """Yield notes on a tangential force that friction does not hold, and on steps that pass over slip."""
+    if not config.friction:
+        return
+    given, drive, time = config.trajectory, config.trajectory.tangential, config.time
+    most = _coefficient(config)
+    pressed = given.load if given.control == "load" else given.force
+    if drive is not None and drive.force is not None and pressed is not None:
+        most *= pressed * (math.prod(config.grid.period) if given.control == "load" else 1.0)
+        if most * (1 - 1e-9) <= abs(drive.force):
+            yield (
+                f"trajectory.tangential.force = {drive.force:g}: friction holds at most {most:g}; the punch "
+                "slides away, and the run ends there"
+            )
+    if given.velocity and not isinstance(time.step, str):
+        spacing = config.grid.period[0] / config.grid.points[0]
+        if (passed := abs(given.velocity) * time.step / spacing) > _POINTS_PASSED:
+            yield (
+                f"time.step = {time.step:g}: the material moves by {passed:.3g} grid points in a step; "
+                f"with friction use time.step: {spacing / abs(given.velocity):.4g}, or adaptive"
+            )
+
+
 def _defaults(config: Config) -> tuple[dict[str, float], dict[str, float]]:
     """Return the dimensional keys left out, with their defaults, and those given, over the paper's values."""
     left: dict[str, float] = {}
@@ -247,5 +282,7 @@ def _number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else 0.0
 
 
-def _last(key: str) -> str:
-    return key.rpartition(".")[2]
+def _dimension(key: str) -> str:
+    """Return the dimension of a dotted key; the period of an oscillation is a time."""
+    *_, section, last = f".{key}".split(".")
+    return "time" if (section, last) == ("tangential", "period") else DIMENSIONS[last]

@@ -30,6 +30,7 @@ from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import animated
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Style, styled
 from gfmdlayer.figures.selection import case_dimensions, swept
+from gfmdlayer.figures.slip_plots import stick_figure
 from gfmdlayer.figures.snapshot_plots import Inset, cases_with_snapshots, snapshots_figure, waterfall_figure
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.results.schema import FIELDS, ResultsError
@@ -117,6 +118,8 @@ def pictures(path: Path) -> Iterator[Picture]:
         cases = {title: case.load() for title, case in opened.items()}
         yield "body", lambda: body_figure(config_of(path, None)), PAPER
         yield "loop", lambda: loop_figure(path, results), PAPER
+        if "slip_heat" in results:
+            yield "loop along the surface", lambda: loop_figure(path, results, y="tangential_force"), PAPER
         yield from _of(results, cases, "")
         if path.name in ALSO_IN_SI:
             yield from _of(in_si(results), {title: in_si(case) for title, case in cases.items()}, "SI ")
@@ -137,6 +140,12 @@ def _of(results: Dataset, cases: dict[str, Dataset], prefix: str) -> Iterator[Pi
     keys = [str(key.name) for key in swept(results) if key.ndim]
     for key in keys:
         yield f"{prefix}key {key}", lambda key=key: curves_figure(results, x=key, time="max"), PAPER
+    if "slip_heat" in results:
+        yield (
+            f"{prefix}slip",
+            lambda: curves_figure(results, x="tangential_displacement", y=["friction"]),
+            PAPER,
+        )
     if len(keys) > 1:
         yield f"{prefix}map", lambda: map_figure(results, z=["force", "work"]), PAPER
     title, first = next(iter(cases.items()), ("", None))
@@ -149,6 +158,8 @@ def _of(results: Dataset, cases: dict[str, Dataset], prefix: str) -> Iterator[Pi
     yield f"{prefix}snapshots", lambda: snapshots_figure({title: first}), PAPER
     if len(cases) > 1:
         yield f"{prefix}cases", lambda: snapshots_figure(cases), PAPER
+    if "shear_x" in first:
+        yield f"{prefix}stick", lambda: stick_figure(first, title), PAPER
     yield f"{prefix}waterfall", lambda: waterfall_figure(first, title), PAPER
     for style in (PAPER, SCREEN) if not prefix else (SCREEN,):
         yield f"{prefix}movie", lambda style=style: _frame(first, title, style), style

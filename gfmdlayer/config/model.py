@@ -174,12 +174,11 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
     at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
     if at is None:
         return
-    attracts, declared = bool(config.interfaces), SOLVERS.get(config.solver.method)
-    if declared is not None and not declared.yields and (declared.adhesive or not attracts):
-        able = " or ".join(
-            name for name, other in SOLVERS.items() if other.yields and (other.adhesive or not attracts)
-        )
-        message = f"got {config.solver.method}, which cannot solve for a hardness; must be {able}"
+    attracts, method = bool(config.interfaces), config.solver.method
+    able = [name for name, other in SOLVERS.items() if other.yields and other.adhesive == attracts]
+    if method not in {AUTO, *able} and (SOLVERS[method].adhesive or not attracts):
+        reason = "is slow" if SOLVERS[method].yields else "cannot solve"
+        message = f"got {method}, which {reason} for a hardness; must be {' or '.join(able)}"
         yield Problem(("solver", "method"), message, (dotted((*at, "hardness")),))
     control, most = config.trajectory.control, config.largest_drive
     given = getattr(config.trajectory, control)

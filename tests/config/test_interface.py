@@ -118,12 +118,16 @@ HARD = {"law": "hard_wall", "hardness": 0.5}
             "trajectory.force: got 1.5; must be below 1, the interface.hardness over the whole cell",
         ),
         (
+            {"solver": {"method": "newton"}},
+            "solver.method: got newton, which is slow for a hardness; must be nested_gradient",
+        ),
+        (
             {"interface": [LAW, HARD], "solver": {"method": "fire"}},
             "solver.method: got fire, which cannot solve for a hardness; must be newton",
         ),
         (
             {"solver": {"method": "active_set"}},
-            "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient or",
+            "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient",
         ),
         (
             {"grid": {"geometry": "axisymmetric"}},

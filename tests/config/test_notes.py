@@ -188,3 +188,34 @@ def test_steps_that_follow_the_relaxation_or_a_slow_ramp_are_not_noted() -> None
     fast = {"layer.material.tau": 1e-3, "time": {"end": 1.0, "step": 5e-3}}
     assert of(fast | {"trajectory.ramp_time": 0.1}) == []
     assert of(fast | {"trajectory.ramp_time": 1e-3, "time.step": "adaptive"}) == []
+
+
+def test_what_friction_does_not_hold_or_resolve_is_noted() -> None:
+    law = {"interface": {"law": "coulomb", "coefficient": 0.4}, "grid.period": 2.0, "time.step": 0.01}
+    load = {"control": "load", "load": 0.1}
+    pull, less = (
+        {"trajectory": load | {"tangential": {"control": "force", "force": force}}} for force in (0.08, 0.079)
+    )
+    assert of(law | pull) == [
+        "trajectory.tangential.force = 0.08: friction holds at most 0.08; the punch slides away, and the run "
+        "ends there"
+    ]
+    assert of(law | less) == []
+    rolling = {"trajectory": load | {"velocity": 1.0, "creepage": 0.01}}
+    assert of(law | rolling | {"grid.points": 1000}) == [
+        "time.step = 0.01: the material moves by 5 grid points in a step; with friction use time.step: "
+        "0.002, or adaptive"
+    ]
+
+
+def test_the_period_of_an_oscillation_is_a_time() -> None:
+    drive = {"kind": "oscillation", "displacement": 1e-5}
+    law = {
+        "interface": {"law": "coulomb", "coefficient": 0.4},
+        "units": UNITS,
+        "halfspace.shear_modulus": 8e10,
+    }
+    trajectory = {"control": "load", "load": 1e4, "ramp_time": 1.0, "tangential": drive}
+    time = {"end": 4.0, "step": 0.01}
+    found = of(SI | law | {"halfspace.shear_modulus": 8e10, "trajectory": trajectory, "time": time})
+    assert found == ["left at defaults, in the units given: trajectory.tangential.period = 1 s"]
