@@ -58,6 +58,7 @@ def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False) 
 def _compiled(function: Any, reorder: bool, inner: bool) -> Any:
     fastmath = FASTMATH if reorder else False
     options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "no_cpython_wrapper": inner}
+    options["no_cfunc_wrapper"] = True  # no library calls a kernel by its address
     dispatcher = nb.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
         _choose_place()

@@ -26,6 +26,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.active_set.loop import iterate
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.iteration import Extent, Fields, Level, Search
@@ -34,7 +35,7 @@ from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import assess, scales_over
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import compiling, kernel
 from gfmdlayer.resumable import CompositeState, State
 
 # Nested grids: the problem on a coarser grid has truncated Fourier series of the gap and of the stiffness.
@@ -320,7 +321,6 @@ class NestedGradient:
 
     def compile(self) -> None:
         """Compile the kernels that few steps come to."""
-        ActiveSet(self._transforms).compile()
         single = np.zeros(1, np.float32)
         for p in (single, np.zeros(1)):
             passes.project(0, 1, 1.0, 0.0, None, p, single, single, single)
@@ -454,6 +454,9 @@ class NestedGradient:
     ) -> Solution:
         """Leave the problem to the active set, after some pairs and iterations."""
         pairs, iterations = spent
+        if not iterate.signatures:  # type: ignore[attr-defined]
+            with compiling():  # rarely needed, and thus not compiled beforehand
+                ActiveSet(self._transforms).compile()
         solver = self._active_set or ActiveSet(self._transforms, windows=False)
         found = solver.solve(problem, start, tolerance, max(limit - iterations, 1))
         if found.converged:
