@@ -19,6 +19,7 @@ from gfmdlayer.body.materials import Material
 from gfmdlayer.body.shifts import Shift
 from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
+from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points
 from gfmdlayer.history.time_points import Instant
 from gfmdlayer.interface.friction import Coulomb
@@ -242,7 +243,7 @@ class Programme:
             )
             if fastest:
                 count = max(count, (end - begin) / crossing)
-            yield from np.linspace(begin, end, math.ceil(count) + 1)[1:-1].tolist()
+            yield from np.linspace(begin, end, min(math.ceil(count), MOST_ROWS) + 1)[1:-1].tolist()
 
     def fixed_steps(self) -> time_points.FixedSteps:
         """Return fixed steps: backward Euler takes equal ones, other schemes land on breakpoints."""

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config.layers import Layers
+from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.friction import Friction
 from gfmdlayer.validation.fields import File, Finite, NotNegative, Optional, Word, given
@@ -72,8 +73,6 @@ class Tangential(Section):
         if getattr(self, other) is not None:
             message = f"only for control: {other}; remove it or set control: {other}"
             yield Problem((other,), message, others)
-        if self.cycles is not None and self.cycles > _MOST_CYCLES:
-            yield Problem(("cycles",), f"got {self.cycles!r}; must be at most {_MOST_CYCLES}", ())
 
 
 def problems_of_the_friction(config: Any) -> Iterator[Problem]:
@@ -101,6 +100,7 @@ def _problems_of_the_drive(config: Any) -> Iterator[Problem]:
     if motion.creepage is not None and not motion.moves:
         message = "needs a punch that rolls; set trajectory.velocity, or remove it"
         yield Problem(("trajectory", "creepage"), message, velocity)
+    yield from _problems_of_the_steps(config)
     if drive is None:
         return
     if motion.creepage is not None and drive.control == "force":
@@ -112,6 +112,24 @@ def _problems_of_the_drive(config: Any) -> Iterator[Problem]:
     if len(config.grid.points) == 1 and drive.direction != 0:
         message = f"got {drive.direction!r}; must be 0 on a line, whose only direction is x"
         yield Problem(("trajectory", "tangential", "direction"), message, ("grid.points",))
+
+
+def _problems_of_the_steps(config: Any) -> Iterator[Problem]:
+    """Yield oscillations and speeds for which a run would take too many steps."""
+    motion, drive, time = config.trajectory, config.trajectory.tangential, config.time
+    if drive is not None and drive.period is not None:
+        cycles = drive.cycles or (time.end - (drive.start or 0.0)) / drive.period
+        if cycles > _MOST_CYCLES:
+            message = f"got {drive.period!r}, {cycles:.3g} cycles in the run; must be at most {_MOST_CYCLES}"
+            yield Problem(("trajectory", "tangential", "period"), message, ("time.end",))
+    if motion.velocity and time.step == "adaptive":
+        spacing = min(L / n for L, n in zip(config.grid.period, config.grid.points, strict=True))
+        if (steps := time.end * abs(motion.velocity) / spacing) > MOST_ROWS:
+            message = (
+                f"got adaptive: with friction material moves by a grid point a step at most, {steps:.3g} steps; "
+                f"must be at most {MOST_ROWS}, by an earlier time.end or fewer grid.points"
+            )
+            yield Problem(("time", "step"), message, ("trajectory.velocity", "time.end", "grid.points"))
 
 
 def _problems_beside(config: Any, at: Location) -> Iterator[Problem]:
