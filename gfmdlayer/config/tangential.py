@@ -126,8 +126,8 @@ def _problems_of_the_steps(config: Any) -> Iterator[Problem]:
         spacing = min(L / n for L, n in zip(config.grid.period, config.grid.points, strict=True))
         if (steps := time.end * abs(motion.velocity) / spacing) > MOST_ROWS:
             message = (
-                f"got adaptive: with friction material moves by a grid point a step at most, {steps:.3g} steps; "
-                f"must be at most {MOST_ROWS}, by an earlier time.end or fewer grid.points"
+                f"got adaptive: with friction material moves by a grid point a step at most, {steps:.3g} "
+                f"steps; must be at most {MOST_ROWS}, by an earlier time.end or fewer grid.points"
             )
             yield Problem(("time", "step"), message, ("trajectory.velocity", "time.end", "grid.points"))
 
