@@ -116,7 +116,7 @@ SYMBOLS: dict[str, tuple[str, str]] = {
     "interface.separation": ("equilibrium separation", "z_0"),
     "interface.voltage": ("voltage", "V"),
     "interface.hardness": ("hardness", "H"),
-    "interface.coefficient": ("coefficient of friction", "mu"),
+    "interface.coefficient": ("coefficient of friction", "mu_C"),
     "trajectory.creepage": ("creepage", "xi"),
     "trajectory.tangential.displacement": ("displacement along the surface", "D_0"),
     "trajectory.tangential.force": ("force along the surface", "Q_0"),
