@@ -26,7 +26,10 @@ grid: {points: 128, period: 64.0}
 body: {kind: lattice, crystal: simple_cubic, nearest: 1.0, next_nearest: 0.5, spacing: 0.5, layers: 20,
   material: {model: zener, G0: 1, Ginf: 2, tau: 1.0}}""",
     "Tabulated": """\
-body: {kind: table, table: stiffness.txt, mean: 0.0, material: {model: zener, G0: 1, Ginf: 5, tau: 1.0}}""",
+body: {kind: table, table: stiffness.txt, mean: 0.0, material: {model: zener, G0: 1, Ginf: 5, tau: 1.0}}
+---
+grid: {points: 8, period: 2.0}
+body: {kind: table, table: stiffness.npy, period: 2.0}    # K at the waves of the grid""",
     "BodyFile": "body: {file: bed.py, kind: file, k: 5.0}    # k is a field of the class in bed.py",
     "StackedLayer": """\
 layers:

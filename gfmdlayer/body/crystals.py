@@ -36,8 +36,18 @@ from pydantic import Field
 from gfmdlayer.body.laws import LAWS
 from gfmdlayer.body.materials import Elastic, Law
 from gfmdlayer.body.solid import Solid
-from gfmdlayer.validation.fields import Count, File, Finite, NotNegative, Optional, Positive, Word, given
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.fields import (
+    Count,
+    File,
+    Finite,
+    Lengths,
+    NotNegative,
+    Optional,
+    Positive,
+    Word,
+    given,
+)
+from gfmdlayer.validation.problems import Problem, shown
 from gfmdlayer.validation.sections import OneOf
 
 if TYPE_CHECKING:
@@ -358,9 +368,11 @@ def _hermitian(matrices: Any) -> Any:
 
 
 class Tabulated(OneModulus):
-    """A body whose relaxed stiffness K(q), the same in all directions, is a table in a file.
+    """A body whose relaxed stiffness is a table in a file, over |q| or over (qx, qy).
 
-    Between the rows K is a monotone cubic in the logarithms. Waves beyond the table are refused.
+    Of a text file the columns are q and K, the same in all directions; between the rows K is a monotone cubic
+    in the logarithms, and waves beyond them are refused. A .npy file has K at the waves of the grid, in the
+    order of NumPy's FFT, such as another code computes them for its crystal.
 
     Examples
     --------
@@ -373,7 +385,9 @@ class Tabulated(OneModulus):
     kind: Literal["table"] = "table"
     """relaxed stiffness from a table"""
     table: File
-    """file with two columns, wavenumber q > 0 and stiffness: 1/length, pressure/length"""
+    """text with columns q and K, or K at the waves of the grid (.npy): 1/length, pressure/length"""
+    period: Annotated[Lengths | None, given] = None
+    """.npy: period of the grid of its waves, or [Lx, Ly]: length"""
     mean: NotNegative = 0.0
     """stiffness at q = 0; default 0: the mean displacement is prescribed: pressure/length"""
 
@@ -382,17 +396,61 @@ class Tabulated(OneModulus):
         """The stiffness at q = 0."""
         return self.mean
 
+    @property
+    def _on_waves(self) -> bool:
+        return self.table.suffix == ".npy"
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse a period beside columns, and an array without one."""
+        if self._on_waves and self.period is None:
+            yield Problem(("period",), "missing; a .npy file needs the period of its grid", ("table",))
+        if not self._on_waves and self.period is not None:
+            yield Problem(
+                ("period",), "only for a .npy file; columns have their wavenumbers; remove it", ("table",)
+            )
+
+    def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Problem]:
+        """Refuse an array of other waves than those of the grid."""
+        if not self._on_waves or self.period is None:
+            return
+        own = self.period if isinstance(self.period, tuple) else (self.period,) * len(points)
+        if any(abs(one / other - 1) > _SAME for one, other in zip(own, period, strict=False)):
+            message = f"got {shown(self.period)}; must be grid.period, {shown(tuple(period))}"
+            yield Problem(("body", "period"), message, ("grid.period",))
+        try:
+            shape = _array(self.table, self.table.stat().st_mtime_ns).shape
+        except ValueError as error:
+            yield Problem(("body", "table"), str(error), ())
+            return
+        if shape != tuple(points):
+            message = (
+                f"{self.table}: holds an array of shape {shape}; must be that of grid.points, {tuple(points)}"
+            )
+            yield Problem(("body", "table"), message, ("grid.points",))
+
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
-        """Return K(q) between the rows; a ValueError for waves beyond them, or a file that cannot be used."""
+        """Return K(q); a ValueError for waves beyond the rows, or a file that cannot be used."""
         import numpy as np
         from scipy.interpolate import PchipInterpolator
 
         from gfmdlayer.files.tables import TableError
 
-        q = waves.magnitude
+        q, changed = waves.magnitude, self.table.stat().st_mtime_ns
         moving = q[q > 0]
+        found = np.full(q.shape, float(self.mean))
+        if self._on_waves:
+            held = _array(self.table, changed)
+            assert self.period is not None
+            period = np.broadcast_to(self.period, held.ndim)
+            each = (np.ravel(component) for component in (waves.qx, waves.qy))
+            places = [
+                np.rint(x * L / (2 * np.pi)).astype(int) % n
+                for x, L, n in zip(each, period, held.shape, strict=False)
+            ]
+            found[q > 0] = held[tuple(places)].reshape(q.shape)[q > 0]
+            return np.asarray(found)
         try:
-            rows = _rows(self.table, self.table.stat().st_mtime_ns)
+            rows = _rows(self.table, changed)
         except TableError as error:
             raise ValueError(str(error)) from None
         least, most = rows[0][0], rows[0][-1]
@@ -401,10 +459,25 @@ class Tabulated(OneModulus):
                 f"{self.table}: has q from {least:.6g} to {most:.6g}; must hold those of the grid, "
                 f"{moving.min():.6g} to {moving.max():.6g}"
             )
-        found = np.full(q.shape, float(self.mean))
         logs = np.log(np.clip(moving, least, most))
         found[q > 0] = np.exp(PchipInterpolator(*np.log(rows))(logs))
         return np.asarray(found)
+
+
+@lru_cache(maxsize=2)
+def _array(file: Path, _changed: int) -> FloatArray:
+    """Return the array of a .npy file; a ValueError where it is none of positive numbers."""
+    import numpy as np
+
+    try:
+        found = np.asarray(np.load(file, allow_pickle=False), dtype=np.float64)
+    except (OSError, ValueError, EOFError) as error:
+        raise ValueError(
+            f"{file}: cannot be read as an array ({error}); must be a .npy file of numbers"
+        ) from None
+    if found.ndim not in (1, 2) or not np.isfinite(found).all() or (np.ravel(found)[1:] <= 0).any():
+        raise ValueError(f"{file}: must hold finite numbers along one axis or two, > 0 but at q = 0")
+    return found
 
 
 @lru_cache(maxsize=8)

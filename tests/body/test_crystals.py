@@ -152,6 +152,33 @@ def test_a_table_is_a_body_between_its_rows(tmp_path: Path) -> None:
         gfmdlayer.run(config, body={"kind": "table", "table": str(table)})
 
 
+def test_an_array_of_another_code_is_a_body_on_its_grid(tmp_path: Path) -> None:
+    """The stiffness of a lattice over the waves of a grid, in the order of NumPy's FFT."""
+    n, lattice = 32, Lattice(crystal="fcc", nearest=1.0, spacing=1 / 32)
+    q = 2 * np.pi * np.fft.fftfreq(n, 1 / n)
+    table = tmp_path / "lattice.npy"
+    np.save(table, lattice.stiffness(Wavevectors.of_components(q[:, np.newaxis], q), 0.0))
+    config: dict[str, Any] = {"grid": {"points": [n, n]}, "time": {"end": 1.0, "step": 0.5}}
+    config |= {"punch": {"shape": "parabola", "radius": [1.0, 2.0]}, "trajectory": {"depth": 0.01}}
+    own = {"kind": "table", "table": str(table), "period": 1.0}
+    crystal = {"kind": "lattice", "crystal": "fcc", "nearest": 1.0, "spacing": 1 / n}
+    one, other = (gfmdlayer.run(config, body=body).force for body in (own, crystal))
+    np.testing.assert_allclose(one, other, rtol=1e-10)
+    for body, message in (
+        (own | {"period": 2.0}, r"body\.period: got 2\.0; must be grid\.period"),
+        (
+            {key: own[key] for key in ("kind", "table")},
+            r"body\.period: missing; a \.npy file needs the period",
+        ),
+    ):
+        with pytest.raises(gfmdlayer.ConfigError, match=message):
+            gfmdlayer.run(config, body=body)
+    with pytest.raises(
+        gfmdlayer.ConfigError, match=r"holds an array of shape \(32, 32\); must be that of grid"
+    ):
+        gfmdlayer.run(config | {"grid": {"points": [16, 32]}}, body=own)
+
+
 def test_a_contact_on_a_crystal_tends_to_that_on_its_continuum() -> None:
     """A sphere of 2^-1/2 times the number of atoms over the radius; the area is known to a ring of atoms."""
     areas = []

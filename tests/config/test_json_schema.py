@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -119,6 +120,7 @@ sweep:
     "  layers: 4}\n",
     LINE + "body: {kind: lattice, nearest: 1, spacing: 0.03125}\n",
     LINE + "body: {kind: table, table: heights.txt, mean: 0.5}\n",
+    LINE + "body: {kind: table, table: stiffness.npy, period: 2.0}\n",
     LINE
     + "counterbody: {layer: {thickness: 0.1, poisson: 0.4, material: {}}, halfspace: {shear_modulus: 3}}\n",
     LINE + "counterbody: {body: {file: bed.py}}\n",
@@ -230,6 +232,7 @@ def in_a_folder_with_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.chdir(tmp_path)
     Path("heights.txt").write_text("0 0\n1 1\n")
     Path("degrees.txt").write_text("0 20\n8 30\n")
+    np.save("stiffness.npy", np.ones(64))
     Path("bed.py").write_text(BED)
     Path("fitted.yaml").write_text("layer: {material: {model: prony, branches: [{G: 1.0, tau: 2.0}]}}\n")
 

@@ -89,6 +89,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("bed.py").write_text(bed)
     Path("rubber.yaml").write_text("material: {model: prony, G0: 0.5, branches: [{G: 2.0, tau: 0.01}]}\n")
     Path("stiffness.txt").write_text("1 1\n1e6 1e6\n")
+    np.save("stiffness.npy", np.ones(8))
     for name in ("celsius.txt", "velocity.txt", "depth.txt", "displacement.txt", "friction.txt"):
         Path(name).write_text("0 0\n8 0.01\n")
     x = np.arange(512) / 512 - 0.5
