@@ -302,7 +302,7 @@ class Lattice(OneModulus):
                     f"got {self.spacing!r} on a grid of spacing {length / number:.10g}; each point "
                     f"is a surface atom: period {number * self.spacing:.10g} for {number} points"
                 )
-                yield Problem(("body", "spacing"), message, ("grid.points", "grid.period"))
+                yield Problem(("spacing",), message)
                 return
 
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
@@ -416,17 +416,17 @@ class Tabulated(OneModulus):
         own = self.period if isinstance(self.period, tuple) else (self.period,) * len(points)
         if any(abs(one / other - 1) > _SAME for one, other in zip(own, period, strict=False)):
             message = f"got {shown(self.period)}; must be grid.period, {shown(tuple(period))}"
-            yield Problem(("body", "period"), message, ("grid.period",))
+            yield Problem(("period",), message)
         try:
             shape = _array(self.table, self.table.stat().st_mtime_ns).shape
         except ValueError as error:
-            yield Problem(("body", "table"), str(error), ())
+            yield Problem(("table",), str(error))
             return
         if shape != tuple(points):
             message = (
                 f"{self.table}: holds an array of shape {shape}; must be that of grid.points, {tuple(points)}"
             )
-            yield Problem(("body", "table"), message, ("grid.points",))
+            yield Problem(("table",), message)
 
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
         """Return K(q); a ValueError for waves beyond the rows, or a file that cannot be used."""

@@ -136,7 +136,7 @@ class Solid(Kind):
         return True
 
     def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Problem]:  # noqa: ARG002
-        """Yield why a periodic grid does not suit the body, in keys of the configuration."""
+        """Yield why a periodic grid does not suit the body, at its own keys."""
         yield from ()
 
     def problems_isolated(self) -> Iterator[Problem]:

@@ -282,8 +282,11 @@ class Config(Section):
         moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
         yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
         yield from self.geometry.problems(self)
-        if isinstance(self.body, Solid) and self.geometry.on_grid:
-            yield from self.body.problems_on_grid(self.grid.points, self.grid.period)
+        second = None if self.counterbody is None else self.counterbody.body
+        for at, body in ((("body",), self.body), (("counterbody", "body"), second)):
+            if isinstance(body, Solid) and self.geometry.on_grid:
+                found = body.problems_on_grid(self.grid.points, self.grid.period)
+                yield from (problem.within(at, "grid.points", "grid.period") for problem in found)
         yield from problems_of_the_counterbody(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_friction(self)
