@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
+from functools import cache
 from importlib import import_module
 from operator import is_
 from pathlib import Path
@@ -36,6 +37,8 @@ _SHAPES = {
 
 # Tags for the forms of a value (one or several); pydantic adds them to the places of its errors.
 FORMS = frozenset({"<one>", "<list>", "<number>", "<file>", "<range>"})
+
+_PLAIN = frozenset({str, int, float, bool, type(None)})
 
 Init = TypeVar("Init", bound=Callable[..., None])
 
@@ -177,6 +180,8 @@ def sections_in(section: Section, at: Location = ()) -> Iterator[tuple[Location,
     """Yield a section and all sections below it, with their locations, in the order of the model."""
     yield at, section
     for key, value in vars(section).items():
+        if value.__class__ in _PLAIN:  # most values; this function is called often
+            continue
         if isinstance(value, Section):
             yield from sections_in(value, (*at, key))
         elif isinstance(value, tuple):
@@ -323,9 +328,17 @@ def files_named(section: Section) -> dict[str, Path]:
 
 def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
     """Yield the dotted keys below a section that may name a file."""
+    yield from (prefix + key for key in _files_below(section))
+
+
+@cache
+def _files_below(section: type[Section]) -> tuple[str, ...]:
+    """Return these keys, found once for each section: laws and bodies stand in many places."""
+    found: list[str] = []
     for key, field in section.fields().items():
         held = held_by(field)
         for member in held.members.values() if isinstance(held, OneOf) else filter(None, [held]):
-            yield from keys_of_files(member, f"{prefix}{key}.")
+            found += (f"{key}.{below}" for below in _files_below(member))  # type: ignore[arg-type]
         if Path in types_in(field.annotation):
-            yield prefix + key
+            found.append(key)
+    return tuple(found)
