@@ -23,9 +23,7 @@ from gfmdlayer.figures.snapshot_plots import (
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
     from xarray import DataArray, Dataset
 
 APART, STICK, SLIP = 0, 1, 2
@@ -144,7 +142,8 @@ def _surface(case: Dataset, seen: Extremes, style: Style) -> Figure:
         zip(snapshot_titles(case), each_snapshot(case["shear_x"]), strict=True)
     ):
         one = found.isel(snapshot=i)
-        _draw_states(panels[0, i], case, one, seen)
+        mesh = draw_map(panels[0, i], case, one.rename("state"), seen.view, (APART, SLIP))
+        mesh.set_cmap(_coloured()["cmap"])
         panels[0, i].set_title(time, loc="right")
         mesh = draw_map(panels[1, i], case, field, seen.view, (-largest, largest))
         mesh.set_cmap("RdBu_r")
@@ -154,12 +153,3 @@ def _surface(case: Dataset, seen: Extremes, style: Style) -> Figure:
     draw_bar(panels[1, -1], mesh, quantity(case["shear_x"], case.attrs))
     legend_above(figure, _entries())
     return figure
-
-
-def _draw_states(axes: Axes, case: Dataset, one: DataArray, seen: Extremes) -> None:
-    """Draw the map of states of one snapshot."""
-    mesh = draw_map(axes, case, one.rename("state"), seen.view, (APART, SLIP))
-    values: NDArray[Any] = np.asarray(mesh.get_array())
-    look = _coloured()
-    mesh.set_cmap(look["cmap"])
-    mesh.set_data(values)
