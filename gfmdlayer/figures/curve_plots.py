@@ -212,13 +212,12 @@ def _draw_legend(figure: Figure, drawn: Family, columns: Columns, style: Style) 
 
 _NOTHING = 2e-3  # part of the largest value that cannot be seen
 _MARGIN = 0.05
-_CORNER: dict[str, Any] = {"x": 0.03, "y": 0.96, "va": "top"}  # of the area of a loop over depth
 _TANGENTIAL = ("tangential_force", "interface_friction", "friction")
 _SEPARATIONS = ("work_of_separation", "total_work_of_separation")  # per area, and of an isolated contact
 
 
 def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "force") -> Figure:
-    """Draw a column against depth for each case, with areas in the legend or, of one case, in the panel.
+    """Draw a column against depth for each case, with areas in the legend or, of one case, above the panel.
 
     `path` is the folder of results or the file of a case, `dataset` its contents or a selection of cases, and
     `y` one of force, mean_stress and mean_pressure; or tangential_force or friction of a punch with friction,
@@ -242,9 +241,7 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
             if titles:
                 legend.append((", ".join([titles[i], *areas[1:]]), curve.colour, curve.dashes))
             elif len(drawn.curves) == 1:
-                # Loops over the displacement along the surface are empty in the middle, others above.
-                at: dict[str, Any] = {"x": 0.5, "y": 0.25, "ha": "center"} if y in _TANGENTIAL else _CORNER
-                axes.text(s="\n".join(areas), transform=axes.transAxes, **at)
+                axes.set_title("\n".join(areas), loc="left")
         if not axes.lines:
             raise ResultsError(f"{path}: no case is complete")
         _zoom(axes)
@@ -286,7 +283,8 @@ def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alo
     depth, values = case[way].to_numpy(), case[y].to_numpy()
     axes.plot(depth / along.scale, values / up.scale, color=colour, linestyle=dashes)
     if alone and not sheared:
-        back = np.append(False, np.diff(depth) < 0)
+        back = np.diff(depth) < 0
+        back = np.append(False, back) | np.append(back, False)  # from the turning point on
         pulls = np.where(back, np.minimum(values, 0.0), np.nan)
         axes.fill_between(depth / along.scale, pulls / up.scale, 0.0, color=colour, alpha=0.15, linewidth=0)
     name_axes(axes, along, up)

@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from matplotlib.axis import Axis, XAxis
-from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, Formatter, LogLocator, MaxNLocator, NullFormatter
 
 from gfmdlayer.observables import INDENTATION, TOTALS, known_columns
 from gfmdlayer.results.schema import OVER_TIME, SYMBOLS
@@ -43,7 +43,7 @@ PAPER_SYMBOLS = {
     "pull_off_stress": r"\bar{p}_\mathrm{pull}",
     "work_of_separation": r"W_\mathrm{sep}",
     "tangential_work": r"\int\bar{t}\,\mathrm{d}D",
-    "loop_area": r"\oint\bar{p}\,\mathrm{d}\delta",
+    "loop_area": r"\oint\,\bar{p}\,\mathrm{d}\delta",
     "traction": r"\tau",
     **{f"flow_{each}": f"K_{{{each}}}" for each in ("xx", "xy", "yy")},
     **{f"hydraulic_gap_{each}": f"h_{each}" for each in "xy"},
@@ -323,11 +323,14 @@ class Ticks(Formatter):
 
 
 def label_places(axis: Axis, places: Sequence[int], labels: Sequence[str]) -> None:
-    """Label places in their order; long words along x are broken after the first, or upright."""
+    """Label places in their order; long words along x are broken after the first, smaller, or upright."""
     if isinstance(axis, XAxis) and max(map(len, labels), default=0) * len(labels) > MOST_LETTERS:
         labels = [label.replace(" ", "\n", 1) for label in labels]
         longest = max(len(line) for label in labels for line in label.split("\n"))
-        axis.set_tick_params(rotation=90 if longest * len(labels) > 3 * MOST_LETTERS else 0)
+        letters = longest * len(labels)
+        axis.set_tick_params(rotation=90 if letters > 3 * MOST_LETTERS else 0)
+        if letters > 1.5 * MOST_LETTERS:
+            axis.set_tick_params(labelsize="small")
     axis.set_ticks(places, labels)
     axis.set_ticks([], minor=True)
 
@@ -371,7 +374,7 @@ def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
 def _part_ticks(axis: XAxis) -> None:
     """Take fewer ticks of a linear axis where they are so long that they would run together."""
     ticks = axis.get_major_formatter()
-    if isinstance(ticks, Ticks) and not ticks.is_log:
+    if isinstance(ticks, Ticks) and not (ticks.is_log or isinstance(axis.get_major_locator(), FixedLocator)):
         longest = max(map(len, ticks.format_ticks(axis.get_majorticklocs().tolist())), default=0)
         if longest > SHORT_TICK:
             # By the axis there is a tick for every 3 heights of a letter; the layout will shorten the axis.

@@ -538,6 +538,8 @@ class Inset(NamedTuple):
             axis.labelpad = 0
         axes.tick_params(which="both", labelsize="x-small")
         axes.locator_params(nbins=3)
+        seen = [tick for tick in axes.get_xticks() if ends[0] <= tick <= ends[1]]
+        axes.set_xticks(seen[:: max(len(seen) - 1, 1)])  # the outer two: more would run together
 
     def _colours(self) -> list[tuple[float, ...]]:
         from matplotlib import colormaps
@@ -597,7 +599,8 @@ def waterfall_figure(
     x = cut["x"].to_numpy() / along.scale
     pressure = cut["pressure"].transpose("snapshot", "x").to_numpy() / up.scale
     left, right = Extremes.of([cut]).view["x"]
-    scale = OVERLAP / (pressure.max() or 1.0)
+    peak = pressure.max() - min(pressure.min(), 0.0)
+    scale = OVERLAP / (peak or 1.0)
     with styled(style):
         figure = new_figure(1, 35.0 + min(6.0 * count, 85.0), style)
         axes = figure.subplots()
@@ -611,23 +614,25 @@ def waterfall_figure(
         axes.minorticks_off()
         axes.tick_params(right=False, top=False)
         axes.spines[["right", "top"]].set_visible(False)
-        axes.set(xlim=(left / along.scale, right / along.scale), ylim=(-0.3, count - 0.8 + OVERLAP))
+        lowest = (np.arange(count) + scale * pressure.min(axis=1)).min()
+        axes.set(
+            xlim=(left / along.scale, right / along.scale),
+            ylim=(min(lowest, 0.0) - 0.3, count - 0.8 + OVERLAP),
+        )
         name_axes(axes, along)
         axes.set_ylabel(clock.label)
         axes.set_title(title, loc="left")
-        _draw_scale(axes, up, pressure.max(), scale, count - 1)
+        _draw_scale(axes, up, peak, scale, count - 1)
         finish(figure, [*explained(case, ["pressure"]), *notes, *more])
     return figure
 
 
 def _draw_scale(axes: Axes, up: Quantity, peak: float, scale: float, base: float) -> None:
-    """Draw a scale bar as high as a round pressure beside the uppermost profile, at the height `base`."""
+    """Draw a scale bar as high as a round pressure, right of the panel, up from the height `base`."""
     if peak <= 0:
         return
     unit = 10.0 ** math.floor(math.log10(peak))
     value = max(step * unit for step in (1, 2, 5) if step * unit <= peak)
     position = axes.get_yaxis_transform()  # x as a fraction of the panel
-    axes.plot((0.97, 0.97), (base, base + scale * value), color="black", transform=position)
-    axes.text(
-        0.95, base + scale * value / 2, up.equals([value])[0], ha="right", va="center", transform=position
-    )
+    axes.vlines(1.03, base, base + scale * value, color="black", transform=position, clip_on=False)
+    axes.text(1.05, base + scale * value / 2, up.equals([value])[0], va="center", transform=position)

@@ -86,6 +86,7 @@ _GROUPS = {
         indentation.isolated_and_periodic,
         indentation.without_images,
         indentation.peeled_sphere,
+        indentation.peeled_thin_layer,
     ),
     "Hardness": (hardness.yielding, hardness.over_time),
     "Other codes": (crosschecks.tamaas, crosschecks.contact_mechanics, hardness.saturated),

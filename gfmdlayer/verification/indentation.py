@@ -160,3 +160,37 @@ def peeled_sphere(quick: bool) -> Iterator[Row]:  # noqa: ARG001
     force = 4 / 3 * E * a**3 / R - np.sqrt(8 * np.pi * w * E * a**3)
     off = float(np.abs(run.force[run.radius > 0] - force).max() / abs(theory))
     yield Row("F against a along approach and retraction", 0.0, off, 1e-8, "JKR (1971)")
+
+
+def peeled_thin_layer(quick: bool) -> Iterator[Row]:
+    """An adhesive sphere that is pulled off a bonded layer: the limit of a thin layer, a/d to infinity.
+
+    Without tension, F = pi M a^4/(4 R d) on a compressible layer of oedometric modulus M and
+    F = pi G a^6/(32 R d^3) on an incompressible one, the leading terms for a thin layer. A flat punch has
+    the stiffness k = pi M a^2/d or 3 pi G a^4/(8 d^3). JKR's energy balance k' D^2/2 = 2 pi a w takes the
+    depth D from the first force; the least value of F - k D over a is -2 pi w R or -3 pi w R. The next terms
+    are of order d/a: a parabola in d/a through three layers gives the limit. The bound is its difference
+    from the line through the last two, which is one order lower.
+    """
+    w = 1e-3
+    for nu, factor in ((0.3, 2.0), (0.5, 3.0)):
+        found = np.array([pull_off(nu, ratio, w) for ratio in ((3, 5, 8, 12) if quick else (4, 8, 12, 16))])
+        thin, forces = found.T
+        lower, limit = (np.polynomial.polynomial.polyfit(thin[-k:], forces[-k:], k - 1)[0] for k in (3, 4))
+        source = "Reedy (2006)" if nu < 0.5 else "Argatov, Mishuris & Popov (2016)"
+        name = f"pull-off/(pi w R) from a thin layer, nu = {nu:g}"
+        bound = abs(float(limit - lower)) + 1e-3 * factor
+        yield Row(name, factor, float(limit), bound, source)
+
+
+def pull_off(nu: float, ratio: float, work: float) -> tuple[float, float]:
+    """Return d/a and the force over -pi w R where a sphere leaves a layer with G = d = 1, at some a/d."""
+    if nu < 0.5:  # R and the depths are those of the thin layer, at its radius at pull-off
+        below = math.sqrt(work * (1 - 2 * nu) / (1 - nu))
+        radius = ratio**2 / (2 * below)
+    else:
+        below, radius = math.sqrt(8 * work / 3) / ratio, ratio**3 / math.sqrt(96 * work)
+    history = History(np.array([0.0, 1.0, 3.0]), np.array([-0.3, 2.0, -3.0]) * below)
+    run = follow(_body(_ELASTIC, 1.0, nu), paraboloid(radius), history, adhesion=work)
+    least = int(run.force.argmin())
+    return float(1 / run.radius[least]), float(run.force[least] / (-math.pi * work * radius))

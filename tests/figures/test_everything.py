@@ -7,6 +7,7 @@ import re
 import runpy
 import warnings
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,15 @@ def faults(figure: Figure, *, is_si: bool) -> Iterator[str]:
         part = 0.0 if axis is not None and axis is other else 0.3 if axis and other else 0.1
         if i < j and both[i, j].prod() > part * min(areas[i], areas[j]):
             yield f"{shown[i].get_text()!r} and {shown[j].get_text()!r} overlap"
+    for axis in axes_of(figure):
+        beside = sorted(label.get_window_extent().extents.tolist() for label in labels(axis))
+        if axis.axis_name == "x" and any(b[0] - a[2] < 0.2 * (a[3] - a[1]) for a, b in pairwise(beside)):
+            yield f"ticks of {axis.get_label_text()!r} run together"
+    for axes in figure.axes:
+        drawn = [line.get_transform().transform(line.get_xydata()) for line in axes.lines]
+        points = np.concatenate([path[np.isfinite(path).all(axis=1)] for path in drawn]) if drawn else []
+        if len(points) and not axes.bbox.padded(1.0).count_contains(points):
+            yield f"no curve over {axes.get_xlabel()!r} is in view"
     for words in {axis.get_label_text() for axis in axes_of(figure)} if is_si else ():
         if re.search(r"10\^\{-?\d+\}\$ ?\)", words) and words.partition(" ")[0] in OF_A_UNIT:
             yield f"{words!r} has a power of ten and no unit"

@@ -35,8 +35,12 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def texts(figure: Any) -> str:
-    found = [text.get_text() for axes in figure.axes for text in axes.texts]
+    found = [text for axes in figure.axes for text in (axes.get_title(loc="left"), *_written(axes))]
     return " ".join([*found, *(entry.get_text() for legend in figure.legends for entry in legend.texts)])
+
+
+def _written(axes: Any) -> list[str]:
+    return [text.get_text() for text in axes.texts]
 
 
 def shown(value: float) -> str:
@@ -144,3 +148,9 @@ def test_pictures_of_loops_lie_with_the_results(results: Path) -> None:
     assert plot_results(results, kind="loop") == [results / "pull-loop.png"]
     with pytest.raises(ResultsError, match="a loop has one quantity along y, not 2"):
         plot_results(results, kind="loop", y=["force", "depth"])
+
+
+def test_the_area_under_tension_begins_where_the_punch_turns(results: Path) -> None:
+    case = open_case(results / "cases" / "0000.h5").load()
+    (area, *_) = loop_figure(results, case.assign(force=0.0 * case.force - 1.0)).axes[0].collections
+    assert area.get_paths()[0].get_extents().x1 == float(case.depth.max())
