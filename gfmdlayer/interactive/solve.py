@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -23,7 +24,14 @@ from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import totals
-from gfmdlayer.observables.contact_statistics import area_error, closed_gap, in_contact, interpolated_area
+from gfmdlayer.observables.contact import FEWEST, UPSIDE_DOWN
+from gfmdlayer.observables.contact_statistics import (
+    area_error,
+    closed_gap,
+    in_contact,
+    interpolated_area,
+    is_upside_down,
+)
 from gfmdlayer.periodic import too_deep, weak
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
@@ -233,6 +241,9 @@ def solve(
         if beyond := reach.refusal(solution.pressure):
             raise ConvergenceError(beyond, problem, solution)
         reach.remember(solution.pressure)
+    points = int(in_contact(problem, solution).sum())
+    if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
+        warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
     return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0), reach)
 
 

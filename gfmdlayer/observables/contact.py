@@ -67,7 +67,7 @@ class Force(Observable):
 
 
 FEWEST = 30  # a run is coarse if its largest contact has fewer points
-_UPSIDE_DOWN = (
+UPSIDE_DOWN = (
     "is the punch upside down? It touches first in a cusp at the edge of the cell. Of arrays and topography "
     "files the largest height touches first, of profile files the lowest, unless touches_first: highest"
 )
@@ -126,7 +126,7 @@ class Resolution(Observable):
         self.attributes = {"most_contact_points": self._most}
         few = 0 < self._most < FEWEST
         touching = f"{self._most} point{'s' * (self._most != 1)}"
-        advice = _UPSIDE_DOWN if self._upside_down else "take more grid.points"
+        advice = UPSIDE_DOWN if self._upside_down else "take more grid.points"
         self.warning = f"COARSE: at most {touching} in contact; {advice}" if few else ""
 
 

@@ -355,7 +355,7 @@ def _solver(case: Case, kind: Any, **options: bool) -> dict[str, Any]:
 
 ACTIVE_SET = (
     _Ablation("windows", parts=lambda case: _solver(case, solver.ActiveSet, windows=False)),
-    _Ablation("a result of one stretch taken as it is", patches=lambda: _in_windows(_checked_iterate)),
+    _Ablation("a result of one stretch taken directly", patches=lambda: _in_windows(_checked_iterate)),
     _Ablation("preconditioner", patches=lambda: _compiled_anew(_precondition=_residual_itself)),
     _Ablation("conjugacy to the pressure", patches=lambda: _compiled_anew(_scale_pressure=_no_scaling)),
     _Ablation("points leave before convergence", patches=lambda: _compiled_anew(_WELL_UNDER=0.0)),

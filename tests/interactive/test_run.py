@@ -492,6 +492,10 @@ def test_a_run_on_few_points_asks_whether_a_round_punch_is_upside_down(points: t
             gfmdlayer.run(few, punch=heights)
         (coarse,) = [str(each.message) for each in caught if "COARSE" in str(each.message)]
         assert ("upside down" in coarse) == asked == ("take more grid.points" not in coarse)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            gfmdlayer.solve(gfmdlayer.halfspace(1.0), heights, depth=1e-4)
+        assert ["upside down" in str(each.message) for each in caught] == [True] * asked
 
 
 def test_a_file_with_the_heights_of_an_array_is_the_same_punch() -> None:
