@@ -159,9 +159,8 @@ the moduli. Its relaxation time is $\\tau_c/2$, its period 1.3 m, and its points
         ).isel(time=-1, snapshot=-1)
         found_cells = f"{float(found.contact_area_interpolated) * 8192:.1f}"
         pressures = _beside(largest, float(found.pressure.max()))
-        rows.append(
-            (f"{creep_time:g}", *pressures, cells, found_cells, friction, f"{float(found.friction):.5f}")
-        )
+        loss = f"{round(float(found.friction), 5) + 0.0:.5f}"  # no minus before a zero
+        rows.append((f"{creep_time:g}", *pressures, cells, found_cells, friction, loss))
     head = (
         r"$\tau_c$ [s]",
         r"$p_\mathrm{max}$ [MPa], CONTACT",

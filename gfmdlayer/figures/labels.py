@@ -268,7 +268,8 @@ def _over(written: str, scales: dict[str, int]) -> str:
 
 
 def mathtext_units(units: str) -> str:
-    """Write powers in units, and micro, as in print."""
+    """Write powers in units, micro and degrees as in print."""
+    units = units.replace("degrees Celsius", "°C")
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", re.sub(r"\bu(?=m\b|s\b|Pa\b|N\b)", "µ", units))
 
 

@@ -68,7 +68,7 @@ def faults(figure: Figure, *, is_si: bool) -> Iterator[str]:
     shown = texts(figure)
     boxes = np.array([text.get_window_extent().extents for text in shown])
     for text, (x0, y0, x1, y1) in zip(shown, boxes, strict=True):
-        if "$$" in text.get_text() or re.search(r"\bnan\b|\bNone\b|\{\}", text.get_text()):
+        if "$$" in text.get_text() or re.search(r"\bnan\b|\bNone\b|\{\}|degrees", text.get_text()):
             yield f"{text.get_text()!r} is no text"
         if x0 < -1 or y0 < -1 or x1 > width + 1 or y1 > height + 1:  # a dot, of antialiasing
             yield f"{text.get_text()!r} is outside of the canvas"
