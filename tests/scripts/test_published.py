@@ -27,11 +27,11 @@ def test_pull_off_agrees_with_maugis_within_the_bound_of_the_verification() -> N
         assert float(ours) == pytest.approx(float(printed), rel=0.01)
 
 
-def test_pull_off_from_thin_layers_tends_to_the_printed_limits() -> None:
+def test_pull_off_from_thin_layers_tends_to_the_limits_of_theory() -> None:
     """From some layers the limits are found within 1 %, ten times nearer than the force on the last layer."""
     cells = [[cell.strip() for cell in line.split("|")] for line in SECTIONS["thin-layer"][0]()]
     rows = [cell[1:4] for cell in cells if cell[1:] and re.match(r"[\d∞]", cell[1])]
     for last, limit in (rows[3:5], rows[8:10]):
-        printed = float(limit[1])
-        assert abs(float(limit[2]) - printed) < 0.1 * abs(float(last[2]) - printed)
-        assert float(limit[2]) == pytest.approx(printed, rel=0.01)
+        theory = float(limit[1])
+        assert abs(float(limit[2]) - theory) < 0.1 * abs(float(last[2]) - theory)
+        assert float(limit[2]) == pytest.approx(theory, rel=0.01)
