@@ -298,10 +298,11 @@ def thin_layer_with_adhesion() -> Iterator[str]:
 ## Pull-off of a sphere from a thin layer
 
 Pull-off force over π w R of a rigid sphere on a bonded layer of thickness d; a is the radius of contact at
-pull-off. JKR's theory gives 1.5 on a halfspace, a/d = 0. The leading-order theories of thin layers give limits, a/d = ∞: 2 for a compressible
-layer (the model of Reedy, *J. Mater. Res.* 21 (2006) 2660), and 3 for an incompressible one (the model of Argatov,
-Mishuris & Popov, *Q. J. Mech. Appl. Math.* 69 (2016) 161). The limit here is that of a cubic in d/a through the
-rows above it; `gfmdlayer verify` derives the limits and the bound.
+pull-off. JKR's theory gives 1.5 on a halfspace, a/d = 0. The leading-order
+theories of thin layers give limits, a/d = ∞: 2 for a compressible layer (the model of Reedy, *J. Mater. Res.*
+21 (2006) 2660), and 3 for an incompressible one (the model of Argatov, Mishuris & Popov, *Q. J. Mech. Appl.
+Math.* 69 (2016) 161). The limit here is that of a cubic in d/a through the rows above it; `gfmdlayer verify`
+derives the limits and the bound.
 """
     for nu, printed in ((0.3, "2"), (0.5, "3")):
         found = np.array([pull_off(nu, ratio, 1e-3) for ratio in (4.0, 8.0, 12.0, 16.0)])
