@@ -53,7 +53,7 @@ def inside(
         von_mises, largest_shear (half the difference of the largest and the least principal stress), and
         shear_on_plane (magnitude of the shear stress on the plane z = const: with stress_zz, the peel stress,
         the load of an interface). A depth at an interface is there twice: first the side above it, then the
-        side below; the coordinate `layer` counts the layers from the surface, 0 first.
+        side below. The dimension is z; its coordinate `layer` counts the layers from the surface, 0 first.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def _labelled(
     labels = str(data.attrs.get("units", ""))
     label = Units(**dict(part.split(": ") for part in labels.split(", "))).label if labels else str
     known = {name: each.in_units(label).described for name, each in VARIABLES.items()}
-    dims = [*leads, "depth", *grid]
+    dims = [*leads, "z", *grid]
     held = {named(name): (dims, values, known[named(name)]) for name, values in found.items()}
     for name, words, of in (
         ("von_mises", "von Mises stress", von_mises),
@@ -209,8 +209,8 @@ def _labelled(
         held[name] = (dims, of(found), {"long_name": words, "units": label("pressure")})
     coords = {name: each for name, each in data.coords.items() if {*map(str, each.dims)} <= {*leads, *grid}}
     coords |= {
-        "depth": ("depth", np.array([place.depth for place in rows]), known["depth"]),
-        "layer": ("depth", np.array([place.layer for place in rows]), known["layer"]),
+        "z": ("z", np.array([place.depth for place in rows]), known["z"]),
+        "layer": ("z", np.array([place.layer for place in rows]), known["layer"]),
     }
     scales = {name: data.attrs[name] for name in ("name", "L", "G0", "tau", "units") if name in data.attrs}
     return xarray.Dataset(held, coords, {**provenance(), **scales})

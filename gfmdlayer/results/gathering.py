@@ -610,7 +610,7 @@ def labelled(
             held[name] = ((*sweep.dimensions, *first[name].dims), fields, first[name].attrs)
         coords |= {
             name: first[name].variable
-            for name in ("snapshot", "x", "y", "depth", "layer", "spring")
+            for name in ("snapshot", "x", "y", "z", "layer", "spring")
             if name in first.coords
         }
     return xarray.Dataset(held, coords, sweep.attributes(attributes)).set_coords(TIME.name)
@@ -618,4 +618,4 @@ def labelled(
 
 def _surface(case: xarray.Dataset) -> list[Any]:
     """Return the coordinates of the snapshots, for a comparison."""
-    return [case[name].to_numpy().tolist() for name in ("snapshot", "x", "y", "depth") if name in case.coords]
+    return [case[name].to_numpy().tolist() for name in ("snapshot", "x", "y", "z") if name in case.coords]

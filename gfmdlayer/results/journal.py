@@ -361,11 +361,11 @@ class Recording:
                 if each is not None:
                     values[i] = each
             found[name] = ((("snapshot", first, *lengths)), values, known[name].described)
-            rows = [place.depth for place in places] if first == "depth" else range(len(example))
+            rows = [place.depth for place in places] if first == "z" else range(len(example))
             found[first] = ((first,), np.array(rows), known[first].described)
-        if "depth" in found:
+        if "z" in found:
             found["layer"] = (
-                ("depth",),
+                ("z",),
                 np.array([place.layer for place in places]),
                 known["layer"].described,
             )

@@ -275,7 +275,7 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
 
         axes = {
             name: example[name].variable.load()
-            for name in ("snapshot", "depth", "layer", "x", "y")
+            for name in ("snapshot", "z", "layer", "x", "y")
             if name in example.variables
         }
         added = {}

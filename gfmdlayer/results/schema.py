@@ -82,7 +82,7 @@ VARIABLES: dict[str, Variable] = {
         )
         for axis in "xy"
     },
-    "depth": Variable(
+    "z": Variable(
         "depth below the surface", "length", origin="of the undeformed body; an interface is there twice"
     ),
     "layer": Variable("number of the layer at the depth", "1", "i8", origin="from the surface, 0"),
@@ -125,9 +125,9 @@ FIELDS = (
 # Fields of the snapshots below the surface, after those above, and their first dimension. Springs only where
 # the layers relax by different laws: they determine the fields at all depths (`body.inside`).
 BELOW = {
-    **dict.fromkeys((f"displacement_{axis}" for axis in "xyz"), "depth"),
-    **dict.fromkeys((f"stress_{axes}" for axes in ("xx", "yy", "zz", "xy", "xz", "yz")), "depth"),
-    "von_mises": "depth",
+    **dict.fromkeys((f"displacement_{axis}" for axis in "xyz"), "z"),
+    **dict.fromkeys((f"stress_{axes}" for axes in ("xx", "yy", "zz", "xy", "xz", "yz")), "z"),
+    "von_mises": "z",
     "spring_strain": "spring",
     "spring_force": "spring",
 }

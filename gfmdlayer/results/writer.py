@@ -3,7 +3,7 @@
     time(time), the columns of the observables                    x(x)[, y(y)]
     snapshot(snapshot), displacement, pressure, gap; traction with attraction, imprint with a hardness,
     shear_x, slip_velocity_x with friction                                             (snapshot, x[, y])
-    depth(depth), layer(depth); displacement_x, stress_xx and others      (snapshot, depth, x[, y])
+    z(z), layer(z); displacement_x, stress_xx and others                  (snapshot, z, x[, y])
     spring_strain, spring_force, from which these follow at any depth     (snapshot, spring, x[, y])
 
 Rows are appended ROWS_HELD at a time and snapshots are written at once, so that a run of any length needs the
@@ -245,14 +245,14 @@ class CaseWriter:
         if (first := BELOW.get(name)) is not None:
             axes, options = (first, *axes), {"fillvalue": np.nan}
             if first not in self._h5:
-                values = [place.depth for place in self._places] if first == "depth" else range(len(field))
+                values = [place.depth for place in self._places] if first == "z" else range(len(field))
                 described = known[first].described
                 add_variable(self._h5, first, (first,), described, data=values, dtype=known[first].dtype)
-            if first == "depth" and "layer" not in self._h5:
+            if first == "z" and "layer" not in self._h5:
                 layers = [place.layer for place in self._places]
-                add_variable(self._h5, "layer", ("depth",), known["layer"].described, data=layers, dtype="i8")
+                add_variable(self._h5, "layer", ("z",), known["layer"].described, data=layers, dtype="i8")
         added = add_field(self._h5, name, axes, known[name], **options)
-        if first == "depth":
+        if first == "z":
             added.attrs["coordinates"] = "layer"
         self._growing[name] = added.id
         if count and first is not None:
