@@ -28,6 +28,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.error_control import Integrator
 from gfmdlayer.history.modes import Modes
 from gfmdlayer.history.stack_modes import StackModes
+from gfmdlayer.kernels import kernel
 
 _CHUNK = 4096  # waves whose stretches are summed at once
 
@@ -65,14 +66,11 @@ class Interior:
         different, where = np.unique(size, return_inverse=True)
         self._where: IntArray = where.ravel()
         self.inside = Inside(stack, different)
-        n = [np.ravel(each) / np.where(size > 0, size, 1.0) for each in (waves.qx, waves.qy)]
-        self._n = n[: len(grid.points)]
-        self._odd = []
-        for each, q, points, length in zip(
-            self._n, (waves.qx, waves.qy), grid.points, grid.period, strict=False
-        ):
-            largest = np.pi * points / length
-            self._odd.append(np.where(np.abs(np.ravel(q)) < (1 - 1e-9) * largest, each, 0.0))
+        axes = len(grid.points)
+        q = np.stack([np.ravel(waves.qx), np.ravel(waves.qy)])[:axes]
+        largest = np.pi * np.divide(grid.points, grid.period)[:, np.newaxis]
+        self._n = q / np.where(size > 0, size, 1.0)
+        self._odd = np.where(np.abs(q) < (1 - 1e-9) * largest, self._n, 0.0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -141,32 +139,21 @@ class Interior:
     def at(self, springs: Springs, place: Place) -> dict[str, FloatArray]:
         """Return the fields at a place by name, each of the grid's shape."""
         depth, number = place
-        own = np.flatnonzero(self.inside.layer == number)
-        T = self.inside.transfer(np.asarray(depth), number)[:, :, self._where]
-        e, f = springs.strains[own], springs.forces[own]
-        W, U = (_sum(each, e) for each in T[:2])
-        szz, S, snn, stt = (_sum(each, f) for each in T[2:])
+        own = self.inside.layer == number
+        T = np.ascontiguousarray(np.moveaxis(self.inside.transfer(np.asarray(depth), number), 2, 0))
+        spectra = np.empty((len(self.names), self._where.size), dtype=np.complex128)
+        superpose(T, self._where, springs.strains[own], springs.forces[own], self._n, self._odd, spectra)
         if (at := self._at_mean).size:
             p, nu = springs.forces[0, at], self.inside.stack.present[number].poisson
-            W[at], U[at], szz[at], S[at] = self._sunk(springs, depth), 0.0, -p, 0.0
-            snn[at] = stt[at] = -nu / (1 - nu) * p
-        along = [1j * each for each in self._odd]
-        spectra = {"x": along[0] * U, "z": W, "zz": szz, "xz": along[0] * S}
-        if len(self.grid.points) == 1:
-            spectra |= {"xx": snn, "yy": stt}
-        else:
-            one, two = (each**2 for each in self._n)
-            change = one * (snn - stt)
-            across = self._odd[0] * self._odd[1] * (snn - stt)
-            spectra |= {
-                "y": along[1] * U,
-                "yz": along[1] * S,
-                "xx": stt + change,
-                "yy": stt + two * (snn - stt),
-                "xy": across,
-            }
+            lateral = -nu / (1 - nu) * p
+            means = {"z": self._sunk(springs, depth), "zz": -p, "xx": lateral, "yy": lateral}
+            for name, spectrum in zip(self.names, spectra, strict=True):
+                spectrum[at] = means.get(name, 0.0)
         shape = self.grid.spectral_shape
-        return {name: self.grid.from_waves(spectra[name].reshape(shape)) for name in self.names}
+        return {
+            name: self.grid.from_waves(spectrum.reshape(shape))
+            for name, spectrum in zip(self.names, spectra, strict=True)
+        }
 
     def recorded(self, springs: Springs) -> dict[str, NDArray[Any]]:
         """Return the fields of a snapshot, (places, *grid), and where they are needed the springs."""
@@ -222,12 +209,38 @@ def _taken(y: ComplexArray, rows: IntArray, at: IntArray) -> ComplexArray:
     return np.where(rows >= 0, y[rows, at[:, np.newaxis]], 0.0)
 
 
-def _sum(transfer: FloatArray, springs: ComplexArray) -> ComplexArray:
-    """Sum the products over the springs."""
-    total: ComplexArray = transfer[0] * springs[0]
-    for one, spring in zip(transfer[1:], springs[1:], strict=True):
-        total += one * spring
-    return total
+@kernel(reorder=True)
+def superpose(
+    transfer: FloatArray,
+    column: IntArray,
+    strains: ComplexArray,
+    forces: ComplexArray,
+    n: FloatArray,
+    odd: FloatArray,
+    spectra: ComplexArray,
+) -> None:
+    """Set the transforms of the fields, in the order of `LINE` or `SURFACE`.
+
+    `transfer` has the shape (waves, 6, springs), `column` the numbers of the waves, (nq,); `n` and `odd` are
+    the directions of the waves, (axes, nq), the latter zero at the largest wavenumber of the axis.
+    """
+    for i in range(column.size):
+        T = transfer[column[i]]
+        W = U = szz = S = snn = stt = 0j
+        for j in range(len(strains)):
+            e, f = strains[j, i], forces[j, i]
+            W, U = W + T[0, j] * e, U + T[1, j] * e
+            szz, S, snn, stt = szz + T[2, j] * f, S + T[3, j] * f, snn + T[4, j] * f, stt + T[5, j] * f
+        along = 1j * odd[0, i]
+        if len(n) == 1:
+            spectra[0, i], spectra[1, i], spectra[2, i] = along * U, W, snn
+            spectra[3, i], spectra[4, i], spectra[5, i] = stt, szz, along * S
+        else:
+            across, change = 1j * odd[1, i], snn - stt
+            spectra[0, i], spectra[1, i], spectra[2, i] = along * U, across * U, W
+            spectra[3, i], spectra[4, i] = stt + n[0, i] ** 2 * change, stt + n[1, i] ** 2 * change
+            spectra[5, i], spectra[6, i] = szz, odd[0, i] * odd[1, i] * change
+            spectra[7, i], spectra[8, i] = along * S, across * S
 
 
 def named(name: str) -> str:
@@ -235,20 +248,31 @@ def named(name: str) -> str:
     return {1: f"displacement_{name}", 2: f"stress_{name}"}.get(len(name), name)
 
 
+INVARIANTS = {
+    "von_mises": "von Mises stress",
+    "largest_shear": "largest shear stress",
+    "shear_on_plane": "shear stress on planes of constant depth",
+}
+
+
 def von_mises(stress: Mapping[str, FloatArray]) -> FloatArray:
     """Return the von Mises stress, of stresses by the names of their components."""
     return np.asarray(np.sqrt(3 * _second(stress)))
 
 
-def largest_shear(stress: Mapping[str, FloatArray]) -> FloatArray:
-    """Return half the difference of the largest and the least principal stress."""
-    # Principal stresses: mean + 2 sqrt(J2/3) cos(angle + 2 pi k/3).
-    second, (a, b, c) = _second(stress), _deviator(stress)
-    xz, xy, yz = (stress.get(name, 0.0) for name in ("xz", "xy", "yz"))
-    third = a * b * c + 2 * xy * xz * yz - a * yz**2 - b * xz**2 - c * xy**2
+def largest_shear(stress: Mapping[str, FloatArray], equivalent: FloatArray) -> FloatArray:
+    """Return half the largest difference of principal stresses; `equivalent` is the von Mises stress."""
+    xx, yy, zz, xz = (stress[name] for name in ("xx", "yy", "zz", "xz"))
+    if "xy" not in stress:  # on a line the stress across it is principal
+        half, radius = (xx + zz) / 2, np.hypot((xx - zz) / 2, xz)
+        return np.maximum(radius, (np.abs(yy - half) + radius) / 2)
+    # Principal stresses: mean + 2/3 equivalent cos(angle + 2 pi k/3).
+    xy, yz, mean = stress["xy"], stress["yz"], (xx + yy + zz) / 3
+    a, b, c = xx - mean, yy - mean, zz - mean
+    third = a * b * c + 2 * xy * xz * yz - a * yz * yz - b * xz * xz - c * xy * xy
     with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = np.nan_to_num(np.clip(1.5 * np.sqrt(3.0) * third / second**1.5, -1, 1))
-    return np.asarray(np.sqrt(second) * np.sin((np.arccos(cosine) + np.pi) / 3))
+        cosine = np.nan_to_num(np.clip(13.5 * third / (equivalent * equivalent * equivalent), -1, 1))
+    return np.asarray(equivalent * np.sin((np.arccos(cosine) + np.pi) / 3) / np.sqrt(3.0))
 
 
 def shear_on_plane(stress: Mapping[str, FloatArray]) -> FloatArray:
@@ -256,13 +280,19 @@ def shear_on_plane(stress: Mapping[str, FloatArray]) -> FloatArray:
     return np.hypot(stress["xz"], stress["yz"]) if "yz" in stress else np.abs(stress["xz"])
 
 
-def _deviator(stress: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    xx, yy, zz = (stress[name] for name in ("xx", "yy", "zz"))
-    mean = (xx + yy + zz) / 3
-    return xx - mean, yy - mean, zz - mean
+def invariants(stress: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the fields of `INVARIANTS`."""
+    equivalent = von_mises(stress)
+    every = equivalent, largest_shear(stress, equivalent), shear_on_plane(stress)
+    return dict(zip(INVARIANTS, every, strict=True))
 
 
 def _second(stress: Mapping[str, FloatArray]) -> FloatArray:
     """Return the second invariant J2 of the deviator."""
-    total = sum(each * each for each in _deviator(stress)) / 2
-    return np.asarray(total + sum(stress[name] ** 2 for name in ("xy", "xz", "yz") if name in stress))
+    xx, yy, zz = (stress[name] for name in ("xx", "yy", "zz"))
+    a, b, c = xx - yy, yy - zz, zz - xx
+    total = (a * a + b * b + c * c) / 6
+    for name in ("xy", "xz", "yz"):
+        if name in stress:
+            total += stress[name] * stress[name]
+    return np.asarray(total)

@@ -17,7 +17,7 @@ from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import ConfigError, load
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history.inside import Interior, Springs, largest_shear, named, shear_on_plane, von_mises
+from gfmdlayer.history.inside import INVARIANTS, Interior, Springs, invariants, named
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import VARIABLES
 from gfmdlayer.validation.problems import shown
@@ -96,7 +96,8 @@ def inside(
         return np.fft.rfftn(values, axes=tuple(range(-len(axes), 0))).reshape(*lead, -1)
 
     shape = tuple(data.sizes[name] for name in leads)
-    found = {name: np.zeros((*shape, len(rows), *sizes)) for name in interior.names}
+    names = (*interior.names, *INVARIANTS)
+    found = {named(name): np.empty((*shape, len(rows), *sizes)) for name in names}
     if has_springs:
         strains, forces = (waves(f"spring_{each}", "spring") for each in ("strain", "force"))
     else:
@@ -104,8 +105,9 @@ def inside(
     for at in np.ndindex(shape):
         springs = Springs(strains[at], forces[at]) if has_springs else interior.of_surface(u[at], p[at])
         for row, place in enumerate(rows):
-            for name, field in interior.at(springs, place).items():
-                found[name][(*at, row)] = field
+            fields = interior.at(springs, place)
+            for name, field in (fields | invariants(fields)).items():
+                found[named(name)][(*at, row)] = field
     return _labelled(data, found, rows, leads, axes)
 
 
@@ -200,13 +202,8 @@ def _labelled(
     label = Units(**dict(part.split(": ") for part in labels.split(", "))).label if labels else str
     known = {name: each.in_units(label).described for name, each in VARIABLES.items()}
     dims = [*leads, "z", *grid]
-    held = {named(name): (dims, values, known[named(name)]) for name, values in found.items()}
-    for name, words, of in (
-        ("von_mises", "von Mises stress", von_mises),
-        ("largest_shear", "largest shear stress", largest_shear),
-        ("shear_on_plane", "shear stress on planes of constant depth", shear_on_plane),
-    ):
-        held[name] = (dims, of(found), {"long_name": words, "units": label("pressure")})
+    known |= {name: {"long_name": words, "units": label("pressure")} for name, words in INVARIANTS.items()}
+    held = {name: (dims, values, known[name]) for name, values in found.items()}
     coords = {name: each for name, each in data.coords.items() if {*map(str, each.dims)} <= {*leads, *grid}}
     coords |= {
         "z": ("z", np.array([place.depth for place in rows]), known["z"]),

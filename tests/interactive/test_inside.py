@@ -44,6 +44,23 @@ def test_hertz_sphere_by_huber_off_the_axis() -> None:
         assert abs(stress - value) < 2e-3, name  # spacing^1.5 at the rim over the distance to it
 
 
+def test_von_mises_and_largest_shear_are_those_of_the_principal_stresses() -> None:
+    draw = np.random.default_rng(1)
+    x = np.arange(16) / 16
+    p = draw.uniform(0, 1, (16, 16))
+    surface = xr.Dataset({"pressure": (("x", "y"), p), "displacement": (("x", "y"), p)}, {"x": x, "y": x})
+    line = surface.isel(y=0, drop=True)
+    for data in (surface, line):
+        found = gfmdlayer.inside(data, [0.1], body=gfmdlayer.halfspace(1.0, poisson=0.2)).isel(z=0)
+        nothing = 0 * found.stress_xx
+        names = ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz")
+        tensor = np.stack([found.get(f"stress_{each}", nothing).values for each in names], axis=-1)
+        one, two, three = np.moveaxis(np.linalg.eigvalsh(tensor.reshape(*nothing.shape, 3, 3)), -1, 0)
+        np.testing.assert_allclose(found.largest_shear, (three - one) / 2, rtol=1e-7)
+        known = np.sqrt(((one - two) ** 2 + (two - three) ** 2 + (three - one) ** 2) / 2)
+        np.testing.assert_allclose(found.von_mises, known, rtol=1e-12)
+
+
 def test_snapshots_have_both_sides_of_an_interface_and_the_surface() -> None:
     soft = {"G0": 1.0, "Ginf": 1.0, "tau": 1.0, "model": "zener"}
     data = gfmdlayer.run(
