@@ -37,7 +37,7 @@ from gfmdlayer.fitting.indentation.curve import in_si
 from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
-from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
+from gfmdlayer.fitting.indentation.problem import Correction, Free, Model, Prediction
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
@@ -318,7 +318,7 @@ class ForceMap:
         if todo and not pool.alone:
             with suppress(Exception):  # the fit repeats the error and records it
                 curve = read_curve(todo[0].entry, self.task.units)
-                Prediction(curve).force(self._model.config)
+                Prediction(curve).response(self._model.config, Correction())
 
     def _is_done(self, case: MapCase) -> bool:
         path = self.folder.case(case.index)

@@ -199,7 +199,7 @@ def test_a_noisy_depth_is_reduced_to_its_straight_pieces() -> None:
     drive = Drive.of(TIME, depth)
     assert drive.time.size <= 6
     assert drive.error == pytest.approx(1e-3, rel=0.2)
-    assert np.abs(np.interp(TIME, drive.time, drive.depth) - RAMP_HOLD).max() < 2e-3
+    assert np.abs(np.interp(TIME, drive.time, drive.value) - RAMP_HOLD).max() < 2e-3
 
 
 @pytest.mark.parametrize(
