@@ -104,7 +104,7 @@ class FitTask:
 
     def _fit(self, case: MapCase) -> IndentationFit:
         model = Model(self.model)
-        curve = read_curve(case.entry, self.units, in_si(model.config.units))
+        curve = read_curve(case.entry, self.units, in_si(model.config.units), self.options)
         fit = fit_curves([curve], model, self.free, self.options)
         if not all(np.isfinite(each.value) for each in fit.parameters):
             raise FitError("an estimate is not a finite number")
@@ -317,7 +317,7 @@ class ForceMap:
         """Compile the kernels here, before several processes do."""
         if todo and not pool.alone:
             with suppress(Exception):  # the fit repeats the error and records it
-                curve = read_curve(todo[0].entry, self.task.units)
+                curve = read_curve(todo[0].entry, self.task.units, options=self.task.options)
                 Prediction(curve).response(self._model.config, Correction())
 
     def _is_done(self, case: MapCase) -> bool:

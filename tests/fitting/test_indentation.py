@@ -324,7 +324,7 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path: Path) -> None:
     [
         ("time (s),depth (nm),force", None, "time and depth with a unit, but force without"),
         ("time (s),depth (nN),force (nN)", None, "got the unit 'nN' for depth; must be m, mm, um or nm"),
-        ("time,height,force", None, "no column is named depth"),
+        ("time,width,force", None, "no column is named depth"),
         ("time,depth,depth", None, "two columns are named depth"),
         ("time,depth,force", ("s", "nm", "kg"), "got the unit 'kg' for force"),
     ],

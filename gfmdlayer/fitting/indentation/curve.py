@@ -23,6 +23,7 @@ FEWEST_ROWS = 8
 GAP = 0.05  # of the duration: a longer pause between two rows gives a warning if the force changes in it
 GAP_STEPS = 20  # and if it is this many times longer than the usual step
 LARGEST = 1e30
+FIRST, BENT = 0.1, -0.25  # part of the largest force, from which a parabola of force over depth bends so much
 PRESCRIBED = ("depth", "force", "base")
 DEPTH, FORCE, BASE = PRESCRIBED
 
@@ -218,6 +219,16 @@ class ForceCurve:
         if np.ptp(self.force) > 0 and np.corrcoef(self.position_of_drive, self.force)[0, 1] < 0:
             yield "the force falls where the depth grows. Is a sign or the order of the columns wrong?"
 
+    def looks_swapped(self) -> bool:
+        """Whether the force bends down over the depth while it grows, as if the two were swapped."""
+        rows = np.arange(int(np.argmax(self.force)) + 1)
+        rows = rows[self.force[rows] > FIRST * float(np.max(self.force))]
+        if rows.size < FEWEST_ROWS or not np.ptp(self.position_of_drive[rows]) > 0:
+            return False
+        x, y = (values[rows] for values in (self.position_of_drive, self.force))
+        x, y = (x - x.min()) / np.ptp(x), (y - y.min()) / np.ptp(y)
+        return bool(np.polynomial.polynomial.polyfit(x, y, 2)[2] < BENT)
+
     @property
     def guessed(self) -> str:
         """The sentence that says which segments and prescribed quantities are guessed, or nothing."""
@@ -330,6 +341,8 @@ def _prescribed(curve: ForceCurve, first: int, end: int) -> str:
 
 TOLERANCE = 1e-3  # of the range
 SIGMAS = 4.5  # standard deviations of the noise: one row in 150 000 lies further away
+ROOM = 0.45  # of a piece: largest shift of a corner into it
+MOST_SHIFTED = 20  # corners whose times are fitted too
 CHANCE = 20.0  # a corner is removed if the sum of squares grows by less than this many variances
 SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of the response
 
@@ -341,7 +354,9 @@ class Drive:
     time: FloatArray  # shape (corners,)
     value: FloatArray  # shape (corners,)
     error: float  # standard deviation of the measured values from the pieces
-    covariance: FloatArray  # of the values at the corners over the variance of a row, (corners, corners)
+    # Of the values at the corners, then of the times of the inner ones where noise shifts them, over the
+    # variance of a row; shape (fitted, fitted).
+    covariance: FloatArray
 
     @classmethod
     def of(cls, time: FloatArray, values: FloatArray, span: float | None = None) -> Drive:
@@ -351,12 +366,23 @@ class Drive:
         noise = noise_of(values) if time.size > FEWEST_OF_SEGMENT else 0.0
         within = TOLERANCE * (float(np.ptp(values)) if span is None else span)
         times = time[corners(time, values, max(within, SIGMAS * noise))]
+        shifted = False
         if SIGMAS * noise > within:
             times = _pruned(time, values, times, CHANCE * noise**2)
-        at_corners, squares, banded = _least_squares(time, values, times)
-        normal = np.diag(banded[1]) + np.diag(banded[0, 1:], 1) + np.diag(banded[0, 1:], -1)
-        freedom = max(time.size - times.size, 1)
-        return cls(times, at_corners, (squares / freedom) ** 0.5, np.linalg.inv(normal))
+            if shifted := 2 < times.size <= MOST_SHIFTED:
+                times = _fewest_shifted(time, values, times, CHANCE * noise**2)
+        at_corners, squares = _least_squares(time, values, times)
+        columns = _derivatives(time, times, at_corners)[:, : None if shifted else times.size]
+        freedom = max(time.size - columns.shape[1], 1)
+        covariance = np.asarray(np.linalg.pinv(columns.T @ columns), dtype=float)
+        return cls(times, at_corners, (squares / freedom) ** 0.5, covariance)
+
+    def moved(self, by: FloatArray) -> Drive:
+        """Return the drive with changes of its values, and of the times of its inner corners."""
+        count = self.time.size
+        inner = by[count:] if by.size > count else np.zeros(max(count - 2, 0))
+        time = self.time + np.concatenate(([0.0], inner, [0.0]))[:count]
+        return Drive(time, self.value + by[:count], self.error, self.covariance)
 
     @property
     def breakpoints(self) -> FloatArray:
@@ -381,10 +407,65 @@ def _pruned(time: FloatArray, depth: FloatArray, corners: FloatArray, chance: fl
     return corners
 
 
-def _least_squares(
-    time: FloatArray, depth: FloatArray, corners: FloatArray
-) -> tuple[FloatArray, float, FloatArray]:
-    """Return least squares over all rows: values at the corners, sum of squares, normal matrix."""
+def _fewest_shifted(time: FloatArray, values: FloatArray, corners: FloatArray, chance: float) -> FloatArray:
+    """Shift corners to their best times, and remove those that the others then replace."""
+    corners = _shifted(time, values, corners)
+    squares = _least_squares(time, values, corners)[1]
+    while corners.size > 2:
+        without = [_shifted(time, values, np.delete(corners, i)) for i in range(1, corners.size - 1)]
+        sums = [_least_squares(time, values, each)[1] for each in without]
+        best = int(np.argmin(sums))
+        if sums[best] > squares + chance:
+            break
+        corners, squares = without[best], sums[best]
+    return corners
+
+
+def _shifted(time: FloatArray, values: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return the times of the corners by least squares: noise puts them on wrong rows."""
+    from scipy.optimize import least_squares
+
+    if corners.size == 2:
+        return corners
+
+    def joined(inner: FloatArray) -> FloatArray:
+        return np.concatenate((corners[:1], inner, corners[-1:]))
+
+    def residual(inner: FloatArray) -> FloatArray:
+        at = joined(inner)
+        return np.asarray(np.interp(time, at, _least_squares(time, values, at)[0]) - values)
+
+    def jacobian(inner: FloatArray) -> FloatArray:
+        at = joined(inner)
+        columns = _derivatives(time, at, _least_squares(time, values, at)[0])
+        linear, own = columns[:, : at.size], columns[:, at.size :]
+        return own - linear @ np.linalg.lstsq(linear, own, rcond=None)[0]  # Golub and Pereyra, after Kaufman
+
+    for _ in range(3):  # each may go half the way to its neighbours
+        inner, steps = corners[1:-1], ROOM * np.diff(corners)
+        bounds = inner - steps[:-1], inner + steps[1:]
+        scale = np.minimum(steps[:-1], steps[1:])
+        found = joined(least_squares(residual, inner, jac=jacobian, bounds=bounds, x_scale=scale).x)
+        settled = bool((np.abs(found - corners)[1:-1] < 0.5 * scale).all())
+        corners = found
+        if settled:
+            break
+    return corners
+
+
+def _derivatives(time: FloatArray, corners: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the derivatives of straight pieces to the values at corners, and to the times of inner ones."""
+    piece = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
+    slope = (np.diff(values) / np.diff(corners))[piece]
+    right = (time - corners[piece]) / (corners[piece + 1] - corners[piece])
+    columns = np.zeros((time.size, corners.size))
+    rows = np.arange(time.size)
+    columns[rows, piece], columns[rows, piece + 1] = 1 - right, right
+    return np.hstack((columns, -slope[:, np.newaxis] * columns[:, 1:-1]))
+
+
+def _least_squares(time: FloatArray, depth: FloatArray, corners: FloatArray) -> tuple[FloatArray, float]:
+    """Return the values at the corners by least squares over all rows, and the sum of squares."""
     from scipy.linalg import solveh_banded
 
     piece = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
@@ -398,7 +479,7 @@ def _least_squares(
     np.add.at(moment, piece, left * depth)
     np.add.at(moment, piece + 1, right * depth)
     found = np.asarray(solveh_banded(banded, moment))
-    return found, float(np.sum((depth - np.interp(time, corners, found)) ** 2)), banded
+    return found, float(np.sum((depth - np.interp(time, corners, found)) ** 2))
 
 
 # Units of measured columns in headings, and their sizes in metres, seconds and newtons.
@@ -408,12 +489,21 @@ PREFIXES = {
     "": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2,
     "k": 1e3, "M": 1e6,
 }  # fmt: skip
-BASES = {"time": {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}, "depth": {"m": 1.0}, "force": {"N": 1.0}}
-COLUMNS = ("time", "depth", "force")
+BASES = {
+    "time": {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0},
+    "depth": {"m": 1.0},
+    "base": {"m": 1.0},
+    "force": {"N": 1.0},
+}
+COLUMNS = ("time", "depth", "force")  # the base may replace the depth
+WORDS = ("segment", "prescribed")  # columns of words
 _NAMES = {
     "time": {"t", "time"},
     "depth": {"d", "depth", "indentation", "delta", "displacement"},
+    "base": {"base", "height", "piezo", "z"},
     "force": {"f", "force", "load", "p"},
+    "segment": {"segment"},
+    "prescribed": {"prescribed", "control"},
 }
 _HEADING = re.compile(r"\s*([^(\[/]*?)\s*(?:[(\[/]\s*([^)\]]*?)\s*[)\]]?)?\s*")
 
@@ -453,4 +543,6 @@ def in_si(units: Units | None) -> Sizes:
 
 def allowed(column: str) -> str:
     """Name the units of a column."""
-    return {"time": "s, ms, min or h", "depth": "m, mm, um or nm", "force": "N, mN, uN, nN or pN"}[column]
+    lengths = "m, mm, um or nm"
+    known = {"time": "s, ms, min or h", "depth": lengths, "base": lengths, "force": "N, mN, uN, nN or pN"}
+    return known[column]

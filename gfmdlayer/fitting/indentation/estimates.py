@@ -23,7 +23,7 @@ from scipy.special import stdtrit
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import FORCE, CurveError, ForceCurve, noise_of
+from gfmdlayer.fitting.indentation.curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
 from gfmdlayer.fitting.indentation.problem import LeastSquares, Parameter
 
 BAND = 0.95  # confidence of all intervals
@@ -44,6 +44,11 @@ class FitOptions:
     # the force, which start where the force begins to rise.
     contact: str = "given"
     segments: tuple[str, ...] = ()  # names of the segments whose rows count; all by default
+    # Of curves whose files do not name them: the prescribed quantity, and the stiffness of the cantilever, in
+    # the units of the model, with its relative standard error.
+    prescribed: str | None = None
+    stiffness: float | None = None
+    stiffness_error: float | None = None
 
     def __post_init__(self) -> None:
         problems = []
@@ -51,6 +56,14 @@ class FitOptions:
             problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(LOSSES)}")
         if self.contact not in {"given", "detect"}:
             problems.append(f"contact: got {self.contact!r}; must be given or detect")
+        if self.prescribed not in {None, *PRESCRIBED}:
+            problems.append(f"prescribed: got {self.prescribed!r}; must be one of {', '.join(PRESCRIBED)}")
+        for key in ("stiffness", "stiffness_error"):
+            value = getattr(self, key)
+            if value is not None and not 0 < value < math.inf:
+                problems.append(f"{key}: got {value!r}; must be > 0 and finite")
+        if isinstance(self.segments, str) or not all(isinstance(each, str) for each in self.segments):
+            problems.append(f"segments: got {self.segments!r}; must be names, such as ('approach', 'hold')")
         if problems:
             raise ConfigError(problems)
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
-from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve, Sizes, in_si
-from gfmdlayer.fitting.indentation.curve_files import Units, entries, read_curve
+from gfmdlayer.fitting.indentation.curve import DEPTH, WORDS, ForceCurve, Sizes, in_si
+from gfmdlayer.fitting.indentation.curve_files import Units, afm_curve, curve_facts, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, detect, minimised
 from gfmdlayer.fitting.indentation.problem import (
     MODULI,
@@ -59,23 +59,28 @@ def fit_indentation(
     loss: str = "linear",
     profile: bool = False,
     contact: str = "given",
+    segments: Sequence[str] = (),
+    prescribed: str | None = None,
+    stiffness: float | None = None,
+    stiffness_error: float | None = None,
 ) -> IndentationFit:
     """Fit moduli, times, thicknesses and more to measured force curves.
 
     Parameters
     ----------
     curves : ForceCurve, path, mapping or Dataset, or an iterable of these
-        Measured curves: files or folders (see `curve_files`), or columns time, depth and force. All curves
-        share the parameters of the model; each has its own contact point, drift and offset of the force.
+        Measured curves: files or folders (see `curve_files`), columns time, depth and force, or curves of
+        afmformats and nanite. All curves share the parameters of the model; each has its own contact point,
+        drift, stiffness and baseline of the force.
     model : mapping, str or Path
         Body and indenter with the keys of a configuration (layer or layers, halfspace, punch), or a YAML
         file with them. The fit starts from these values. A key `free` names the free parameters.
     free : sequence of str, or mapping
-        Dotted keys of the model, and contact_point, drift, force_offset; a mapping gives bounds as
-        [low, high], or None.
+        Dotted keys of the model, and contact_point, drift, force_offset, force_drift, tilt, stiffness; a
+        mapping gives bounds as [low, high], or None.
     units : sequence of str, optional
         Units of time, depth and force for columns without units, such as ("s", "nm", "nN").
-    loss, profile, contact
+    loss, profile, contact, segments, prescribed, stiffness, stiffness_error
         See `FitOptions`.
 
     Returns
@@ -108,27 +113,33 @@ def fit_indentation(
     >>> print(f"{fit['G0'].value:.2f}")
     7.00
     """
-    options = FitOptions(loss, profile, contact)
+    options = FitOptions(loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error)
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys")
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
     data, keys = read_model(model, free)
     made = Model(data)
-    given = list(_curves(every, units, in_si(made.config.units)))
+    given = list(_curves(every, units, in_si(made.config.units), options))
     if not given:
         raise FitError("got no curve; give at least one")
     return fit_curves(given, made, keys, options)
 
 
-def _curves(given: Iterable[Any], units: Units | None, into: Sizes) -> Iterator[ForceCurve]:
+def _curves(
+    given: Iterable[Any], units: Units | None, into: Sizes, options: FitOptions
+) -> Iterator[ForceCurve]:
     """Yield the curves, given in any form that `fit_indentation` takes."""
     for number, each in enumerate(given):
         if isinstance(each, ForceCurve):
             yield each
         elif isinstance(each, (str, Path)):
-            yield from (read_curve(entry, units, into) for entry in entries([Path(each)]))
+            yield from (read_curve(entry, units, into, options) for entry in entries([Path(each)]))
+        elif hasattr(each, "metadata") and hasattr(each, "columns"):  # of afmformats and nanite
+            yield afm_curve(each, f"{Path(each.path).stem}-{each.enum}", into, options)
         elif all(key in each for key in ("time", "depth", "force")):
             time, depth, force = (np.asarray(each[key]) for key in ("time", "depth", "force"))
-            yield ForceCurve(str(number), time, depth, force)
+            words = {key: list(map(str, np.asarray(each[key]))) for key in WORDS if key in each}
+            facts = curve_facts(words, options.stiffness, options)
+            yield ForceCurve(str(number), time, depth, force, **facts)
         else:
             raise FitError(f"curve {number}: must have the columns time, depth and force")
 

@@ -60,6 +60,8 @@ FEWEST = 2
 TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
 WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
 EVEN = 0.3  # fraction of the steps that is spread evenly over the time
+SHIFT = 1e-3  # of the range: smallest step of a difference to a corner
+CLOSE = 0.2  # of the shortest piece: largest step of a difference to the time of a corner
 LEAST_FORCE = 0.01  # of the largest: rows of a prescribed force below it do not count
 NOISY = 0.1  # noise of the prescribed quantity, over that of the measured one, that counts; both over ranges
 
@@ -134,9 +136,9 @@ class Prediction:
                 f"curve {curve.name}: no row is left in the segments {', '.join(segments) or known}; it has "
                 f"{known}"
             )
-        self._places = np.cumsum([0, *(each.time.size for each in self.drives)])
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
+        self._made: list[tuple[Config, Space, Compliance]] = []
         self.changes = 0  # of times and nodes; responses before and after a change must not be compared
 
     def _joined(self) -> tuple[FloatArray, FloatArray]:
@@ -161,11 +163,9 @@ class Prediction:
         if times.size > 2 and np.ptp(force) > 0:
             self._parts = _graded(times, force, depth, pieces, onset(as_revolution(config.punch)))
 
-    def response(
-        self, config: Config, at: Correction, moved: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth of the indenter at the rows; `moved` is added to the values at corners."""
-        rows, pieces = self.curve.time, self._pieces(at, moved)
+    def response(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth of the indenter at the rows."""
+        rows, pieces = self.curve.time, self._pieces(at)
         times, force, depth = self._solution(config, at, pieces)
         power = onset(as_revolution(config.punch))
         forces, depths = np.zeros(rows.size), np.zeros(rows.size)
@@ -177,11 +177,9 @@ class Prediction:
             depths[inside] = _as_power(times[nodes], depth[nodes], rows[inside], power)
         return forces, depths
 
-    def in_columns(
-        self, config: Config, at: Correction, moved: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def in_columns(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
         """Return force and depth as the columns of the curve would have them, at the rows."""
-        force, depth = self.response(config, at, moved)
+        force, depth = self.response(config, at)
         curve, since = self.curve, self.curve.time - self.curve.time[0]
         ratio = 1.0 if curve.stiffness is None else curve.stiffness / at.stiffness
         force = ratio * force + baseline(curve, at)
@@ -190,9 +188,9 @@ class Prediction:
             depth = np.where(curve.by_force, depth, curve.position_of_drive - force / (curve.stiffness or 1))
         return force, depth
 
-    def measured(self, config: Config, at: Correction, moved: FloatArray | None = None) -> FloatArray:
+    def measured(self, config: Config, at: Correction) -> FloatArray:
         """Return the predicted values of the measured quantity, at the rows."""
-        force, depth = self.in_columns(config, at, moved)
+        force, depth = self.in_columns(config, at)
         return np.where(self.curve.by_force, depth, force)
 
     def scatter(self, config: Config, at: Correction, noise: FloatArray) -> tuple[FloatArray, int]:
@@ -208,29 +206,33 @@ class Prediction:
             if drive.error < NOISY * relative * span or drive.time.size < 2:
                 continue
             derivatives = []
-            for corner in range(drive.time.size):
-                moved = np.zeros(self._places[-1])
-                step = max(drive.error * drive.covariance[corner, corner] ** 0.5, 1e-3 * span)
-                moved[self._places[k] + corner] = step
-                derivatives.append((self.measured(config, at, moved) - base) / step)
+            for number, variance in enumerate(np.diag(drive.covariance)):
+                shift = np.zeros(drive.covariance.shape[0])
+                shift[number] = max(drive.error * variance**0.5, SHIFT * span)
+                if number >= drive.time.size:
+                    shift[number] = min(
+                        drive.error * variance**0.5, CLOSE * float(np.min(np.diff(drive.time)))
+                    )
+                self.drives[k] = drive.moved(shift)
+                derivatives.append((self.measured(config, at) - base) / shift[number])
+                self.drives[k] = drive
                 solutions += 1
-            root = np.linalg.cholesky(drive.covariance)
+            values, vectors = np.linalg.eigh(drive.covariance)
+            root = vectors * np.sqrt(np.maximum(values, 0.0))
             columns.append(drive.error * np.stack(derivatives, axis=1) @ root)
         return np.hstack(columns) if columns else np.zeros((base.size, 0)), solutions
 
-    @cached_property
+    @property
     def _breakpoints(self) -> FloatArray:
         """Times between which the response is smooth; the first piece of a drive begins at the last's end."""
         found = [each.breakpoints for each in self.drives]
         return np.concatenate([found[0], *(each[1:] if each.size > 1 else each for each in found[1:])])
 
-    def _pieces(self, at: Correction, moved: FloatArray | None = None) -> _Pieces:
+    def _pieces(self, at: Correction) -> _Pieces:
         curve, parts = self.curve, []
         begin: float | None = None
-        for k, (drive, kind) in enumerate(zip(self.drives, self._kinds, strict=True)):
+        for drive, kind in zip(self.drives, self._kinds, strict=True):
             time, value = drive.time, drive.value
-            if moved is not None:
-                value = value + moved[self._places[k] : self._places[k + 1]]
             since = time - curve.time[0]
             if kind == FORCE:
                 position = np.interp(time, curve.time, curve.position_of_drive) - curve.position_of_drive[0]
@@ -255,15 +257,15 @@ class Prediction:
         both = np.empty(2 * times.size - 1)
         both[::2], both[1::2] = times, (times[1:] + times[:-1]) / 2
         history = History(both, *pieces.at(both))
-        body, profile = IsolatedContact(config).body, as_revolution(config.punch)
+        profile = as_revolution(config.punch)
         if not history.value.max() > 0:
             return times, np.zeros(times.size), np.zeros(times.size)
         while True:
             space = self._space = self._space or self._find_space(config, at, pieces)
             try:
-                made = space.compliance(body)
+                made = self._compliance(config, space)
                 if self.curve.by_base:
-                    space, made = _with_spring(space, made, at.stiffness)
+                    space, made = with_spring(space, made, at.stiffness)
                 found = on_halved_steps(made, space, profile, history, times)
             except LeftGridError:
                 nodes = self._space.nodes
@@ -274,6 +276,15 @@ class Prediction:
             else:
                 force, depth = found.force[::2], found.depth[::2]
                 return times, force, depth - force / at.stiffness if self.curve.by_base else depth
+
+    def _compliance(self, config: Config, space: Space) -> Compliance:
+        """Return the compliance of the body at the nodes of a space; the last two are kept."""
+        for known, nodes, made in self._made:
+            if known is config and nodes is space:
+                return made
+        made = space.compliance(IsolatedContact(config).body)
+        self._made = [(config, space, made), *self._made[:1]]
+        return made
 
     def _find_space(self, config: Config, at: Correction, pieces: _Pieces) -> Space:
         """Return the nodes for the largest contact of each prescribed quantity."""
@@ -292,7 +303,7 @@ class Prediction:
         return max(found, key=lambda space: space.nodes.reach)
 
 
-def _with_spring(space: Space, body: Compliance, stiffness: float) -> tuple[Space, Compliance]:
+def with_spring(space: Space, body: Compliance, stiffness: float) -> tuple[Space, Compliance]:
     """Return a space with the node q = 0, and the body with a spring of this stiffness there.
 
     (2/pi) C X(0) = F/stiffness for the weight 1, with F = 4 X(0).
@@ -511,6 +522,7 @@ def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
             yield place, float(value)
 
 
+_KEPT = 4  # configurations: a correction of a curve does not change the body
 TRIES = 3  # the differences are repeated when the nodes changed on the way, at most so often
 # Steps of the differences, in a logarithm and in the range of a linear parameter: a derivative is off by half
 # a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a shorter step would
@@ -544,6 +556,7 @@ class LeastSquares:
         self._roots = [_Root(np.zeros((int(each.used.sum()), 0))) for each in predictions]
         self.solutions = 0  # number of solved contact problems, each over a whole curve
         self._last: tuple[object, list[FloatArray]] = (None, [])
+        self._configs: dict[tuple[object, ...], Config] = {}  # the latest
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -604,7 +617,11 @@ class LeastSquares:
         """Return the configuration at u, with the indenter of a curve."""
         values = self.values(u)
         own = {each.key: values[each.name] for each in self.parameters if each.key not in OF_A_CURVE}
-        return (self.model if curve is None else self._models[curve]).with_values(own)
+        model = self.model if curve is None else self._models[curve]
+        known = (id(model), *own.items())
+        if known not in self._configs:
+            self._configs = {known: model.with_values(own)} | dict(list(self._configs.items())[: _KEPT - 1])
+        return self._configs[known]
 
     def correction(self, u: FloatArray, curve: ForceCurve) -> Correction:
         """Return the values of a curve at u."""
@@ -677,8 +694,8 @@ class LeastSquares:
         except (ValidationError, FitError):
             return np.full(self.rows + len(self._given), np.inf)
         away = [f - each.curve.measured for f, each in zip(found, self.predictions, strict=True)]
-        given = [(u[i] - math.log(at)) / error for i, at, error in self._given]
-        return np.concatenate((self._scaled(away), given))
+        given: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._given])
+        return np.asarray(np.concatenate((self._scaled(away), given)))
 
     def _scaled(self, rows: Sequence[FloatArray]) -> FloatArray:
         """Return values at the rows of each curve that count, over the noise, uncorrelated."""
@@ -843,6 +860,11 @@ def warnings_before(
     radius = model.keys.get("punch.radius", np.inf)
     for curve in curves:
         yield from (f"curve {curve.name}: {warning}" for warning in curve.warnings())
+        if curve.looks_swapped() and onset(as_revolution(model.config.punch)) > 1:
+            yield (
+                f"curve {curve.name}: the force bends down as the depth grows, where this indenter bends it "
+                "up; are force and depth swapped, or is the contact point wrong?"
+            )
         depth = reached[curve.name]
         for size, name in ((thickness, "thickness of the layer"), (radius, "radius of the punch")):
             if STRAIN * size < depth:
@@ -864,7 +886,8 @@ def _other_modulus(model: Model, factor: float) -> str:
     key, modulus = next((k, v) for k, v in model.keys.items() if k.rpartition(".")[2] in MODULI)
     return (
         f"the forces need moduli {factor:.2g} times larger than in the model ({key} = {modulus * factor:.3g} "
-        f"instead of {modulus:g}). Do force, depth, punch and moduli have the same units?"
+        f"instead of {modulus:g}). Do force, depth, punch and moduli have the same units? Are force and "
+        "depth swapped?"
     )
 
 
