@@ -55,7 +55,7 @@ def test_a_cycle_is_close_to_the_inverse_on_the_free_points(shape: tuple[int, in
     """
     grid, rng = Grid(shape, (1.0, 1.0)), np.random.default_rng(1)
     kappa, n = 2.0 * np.ravel(grid.wavenumbers), grid.size
-    given = cycle_of(shape, kappa, 4 * np.pi)
+    given = cycle_of(Grid(shape, (1.0, 1.0)), kappa, 4 * np.pi)
     for free, D in (
         (np.arange(n) < n // 2, np.full(n, 1.0)),
         (rng.random(n) < 0.8, 10 ** rng.uniform(0, 4, n)),
@@ -75,8 +75,8 @@ def test_lines_and_stiffnesses_that_no_stencil_describes_have_no_cycle() -> None
     grid = Grid((64, 64), (1.0, 1.0))
     q = np.ravel(grid.wavenumbers) / (2 * np.pi)
     layer = np.where(q > 0, 1.0 + 1e4 / np.maximum(q, 1.0) ** 4, 0.0)
-    assert cycle_of((64, 64), 2.0 * q, 2.0).grids.size > 0
-    assert cycle_of((64, 64), layer, 1.0).grids.size == 0
+    assert cycle_of(Grid((64, 64), (1.0, 1.0)), 2.0 * q, 2.0).grids.size > 0
+    assert cycle_of(Grid((64, 64), (1.0, 1.0)), layer, 1.0).grids.size == 0
     line = np.ravel(Grid((4096,), (1.0,)).wavenumbers)
     assert cycle_of((4096,), line, 1.0).grids.size == 0
 
