@@ -117,13 +117,11 @@ def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[
 
 
 def with_shared_solver(config: Config) -> Config:
-    """Return the configuration with nested gradients, if `auto` would take a solver that ranks cannot share."""
-    chosen = {case.config.contact_solver.method for case in Cases(config).examined()}
-    if (
-        config.solver.method != AUTO
-        or config.friction
-        or all(SOLVERS[name].distributed for name in chosen & SOLVERS.keys())
-    ):
+    """Return the configuration with nested gradients where `auto` takes a solver that ranks cannot share."""
+    if config.solver.method != AUTO:
+        return config
+    chosen = {case.config.contact_solver.method for case in Cases(config).examined()} & SOLVERS.keys()
+    if all(SOLVERS[method].distributed for method in chosen):
         return config
     return from_python(config, {"solver.method": "nested_gradient"})
 

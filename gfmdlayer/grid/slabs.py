@@ -411,10 +411,7 @@ _FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_vo
 
 
 def callable_by_address(ranks: MpiRanks, function: Callable[[int, int, int], None]) -> Any:
-    """Return a function of a number and two addresses for `transforms.execute`; it lives as long as it is held.
-
-    Compiled code cannot pass on an exception.
-    """
+    """Return a function of a number and two addresses for `transforms.execute`, which cannot raise."""
 
     def call(number: int | None, source: int, target: int) -> None:
         try:

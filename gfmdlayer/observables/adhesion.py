@@ -81,7 +81,7 @@ class Adhesion(Observable):
         attracted = apart & (traction >= PART * law.strength) if law.attracts else apart & False
         return {
             "interface_energy": self._sums.mean(law.energy(solution.gap)),
-            "attractive_area": self._sums.mean(attracted),
+            "attractive_area": self._sums.mean(attracted.astype(float)),
             "largest_tension": max(-self._sums.minimum(float(solution.pressure.min())), 0.0),
         }
 

@@ -304,7 +304,7 @@ def _smooth(cycle: Cycle, level: int, force: Any, field: Any, target: Any) -> No
 
 @kernel(inner=True)
 def _places(fine: int, coarse: int, first: int, number: int) -> tuple[Any, Any]:
-    """Point of the coarse axis to the left of so many of the fine one, and the part of the way to the next."""
+    """Point of the coarse axis to the left of each of the fine one, and the part of the way to the next."""
     left, part = np.empty(number, np.int64), np.empty(number, np.float32)
     for i in range(number):
         j = first + i
@@ -382,17 +382,9 @@ def _join(cycle: Cycle, level: int, target: Any) -> None:
 
 @nb.njit(inline="always")
 def _add_row(
-    i: int,
-    left: Any,
-    part: Any,
-    per: Any,
-    row: Any,
-    here: Any,
-    after: Any,
-    begin: Any,
-    shares: Any,
+    i: int, left: Any, part: Any, per: Any, row: Any, here: Any, after: Any, begin: Any, shares: Any,
     found: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Add row i to those of the next grid on either side, `here` and `after`; write the first when full.
 
     Both have two more points on either side. The first row of the next grid is the last to be full.

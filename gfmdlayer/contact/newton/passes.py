@@ -125,8 +125,7 @@ def set_interaction(system: AdhesiveSystem, at: AdhesiveState, cap: Any) -> floa
             if u[i] > h[i]:
                 total += (cap - traction[i]) * (u[i] - h[i])
                 curvature[i] = 0.0
-    (total,) = summed(system.over, (total,))
-    return total
+    return float(summed(system.over, (total,))[0])
 
 
 @kernel(reorder=True, inner=True)
@@ -415,8 +414,7 @@ def _centre(system: AdhesiveSystem, force: Any, free: FloatArray, count: float) 
     for i in range(force.size):
         force[i] -= mean * free[i]
         largest = max(largest, abs(force[i]))
-    (largest,) = greatest(system.over, (largest,))
-    return largest
+    return float(greatest(system.over, (largest,))[0])
 
 
 @kernel(reorder=True, inner=True)
