@@ -104,7 +104,7 @@ class FrictionalCase(Case):
     @cached_property
     def solver(self) -> Any:
         """Newton's method for pressure and shear traction."""
-        return FrictionSolver(self.grid, self.transforms)
+        return FrictionSolver(self.grid, self.transforms, rough=self.config.punch.rough)
 
     @cached_property
     def motion(self) -> Motion:
@@ -120,6 +120,7 @@ class FrictionalCase(Case):
         """All parts with a state."""
         return CompositeState(
             transforms=self.transforms,
+            solver=self.solver,
             integrator=self.history,
             steps=self.steps,
             motion=self.motion,
