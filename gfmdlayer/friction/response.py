@@ -13,8 +13,10 @@ Fields stand one below the other, (p, t_x[, t_y]) and (W, u_x[, u_y]), of shape 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -63,6 +65,16 @@ class Response:
             alone = 1 / normal, np.zeros(normal.shape), 1 / along, 1 / across
         return cls(*(_finite(np.where(mean, one, other)) for one, other in zip(alone, found, strict=True)))
 
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the values."""
+        parts = (self.normal, self.coupling, self.along, self.across)
+        return blake2b(b"".join(part.tobytes() for part in parts)).hexdigest()
+
+    def equals(self, other: Response) -> bool:
+        """Whether another response has the same values."""
+        return self is other or self.digest == other.digest
+
     @property
     def couples(self) -> bool:
         """Whether shear moves the surface up and down."""
@@ -106,7 +118,6 @@ class Work:
         self._transforms, self.spent, self._share = transforms, spent, share
         self._parts = parts(self.shape)
         self._made: dict[tuple[int, bool], Fields] = {}
-        self.known: set[tuple[int, ...]] = set()  # kernels that were counted before a run was resumed
 
     def fields(self, part: int = 1, *, single: bool) -> Fields:
         """Return transforms and fields of a window with 1/part of the points of each axis."""
@@ -183,11 +194,14 @@ def _extent(places: NDArray[Any], n: int) -> tuple[int, int]:
 
 
 class Operator:
-    """A response at the points of a grid, in double and in single precision."""
+    """A response at the points of a grid, in double and in single precision.
 
-    def __init__(self, grid: Grid, response: Response, work: Work, number: int) -> None:
+    `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
+    """
+
+    def __init__(self, grid: Grid, response: Response, work: Work, counted: Collection[int] = ()) -> None:
         self.size, self.axes = grid.size, len(grid.points)
-        self._response, self._work, self._number = response, work, number
+        self._response, self._work, self._counted = response, work, counted
         self._double = self._parts(grid)
         self._single = {1: tuple(part.astype(np.float32) for part in self._double)}
         weights = np.ravel(grid.parseval_weights) * grid.size
@@ -280,7 +294,7 @@ class Operator:
                     ) / window.plan.size
                 found.append(np.ascontiguousarray(made, dtype=np.float32))
             self._single[part] = tuple(found)
-            if (self._number, part) in self._work.known:
+            if part in self._counted:
                 self._work.spent.pairs = before
         return self._single[part]
 

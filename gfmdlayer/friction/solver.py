@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,10 +44,12 @@ class FrictionSolver:
         Whether the punch is rough, for the choice of the solver without friction.
     """
 
+    starts_from: ClassVar[Literal["pressure"]] = "pressure"
+
     def __init__(self, grid: Grid, transforms: Transforms, *, rough: bool = False) -> None:
         self._spent, self._transforms = Spent(), transforms
         self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=False)
-        self._mark: float | None = None  # of the last response before the run was resumed
+        self._mark = ""  # digest of the last response before the run was resumed
         self._levels = [_Level(grid, transforms, self._spent, 1.0)]
         while (coarser := self._levels[-1].coarser()) is not None:
             self._levels.append(coarser)
@@ -86,7 +88,7 @@ class FrictionSolver:
         last, smooth = self._levels[0].response, {}
         if "_frictionless" in vars(self):
             smooth = {f"frictionless.{name}": value for name, value in self._frictionless.state().items()}
-        windows = {} if last is None else {"mark": _mark(last), "windows": np.array(every).reshape(-1, 3)}
+        windows = {} if last is None else {"mark": last.digest, "windows": np.array(every).reshape(-1, 3)}
         return windows | smooth
 
     def restore(self, state: SavedState) -> None:
@@ -99,16 +101,16 @@ class FrictionSolver:
         if smooth:
             self._frictionless.restore(smooth)
         if "mark" in state:
-            self._mark = float(state["mark"])
+            self._mark = str(state["mark"])
             for level, *window in state["windows"].tolist():
-                self._levels[level].known.add(tuple(window))
+                self._levels[level].counted.add(tuple(window))
 
     def _forget_windows(self, response: Response) -> None:
         """Forget the windows of a resumed run whose kernels count anew, since the response is another."""
-        if self._mark is not None and self._mark != _mark(response):
+        if self._mark and self._mark != response.digest:
             for level in self._levels:
-                level.known.clear()
-        self._mark = None
+                level.counted.clear()
+        self._mark = ""
 
     @cached_property
     def _frictionless(self) -> frictionless.Solver:
@@ -217,12 +219,8 @@ class _Level:
         self._work = Work(transforms, spent, share)
         self._finer: Response | None = None
         self.response: Response | None = None
+        self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
         self._newton: Newton | None = None
-
-    @property
-    def known(self) -> set[tuple[int, ...]]:
-        """Operator and part of windows whose kernels count as known."""
-        return self._work.known
 
     @property
     def windows(self) -> list[tuple[int, int]]:
@@ -232,11 +230,11 @@ class _Level:
 
     def newton(self, response: Response) -> Newton:
         """Return Newton's method for a response."""
-        if self._newton is None or response is not self.response:
+        if self._newton is None or self.response is None or not response.equals(self.response):
             if self._newton is not None:
-                self.known.clear()
+                self.counted.clear()
             C, K = (
-                Operator(self.grid, each, self._work, number)
+                Operator(self.grid, each, self._work, {part for i, part in self.counted if i == number})
                 for number, each in enumerate((response, response.inverse(self.grid)))
             )
             self.response, self._newton = response, Newton(C, K)
@@ -258,11 +256,6 @@ class _Level:
         grid = replace(self.grid, points=points)
         share = self._share * grid.size / self.grid.size
         return _Level(grid, self.transforms.of_shape(points), self._spent, share)
-
-
-def _mark(response: Response) -> float:
-    """Return a number by which responses are told apart."""
-    return float(response.normal.sum() + response.along.sum())
 
 
 def _levels_of(start: FloatArray, grid: Grid) -> int:
