@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.indentation.compliance import (
     Compliance,
@@ -37,7 +37,7 @@ class History(NamedTuple):
 
     time: FloatArray  # (nt,), ascending
     value: FloatArray  # (nt,)
-    by_force: bool = False
+    by_force: bool | BoolArray = False  # of all times, or (nt,) of the pieces that end at them
 
 
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
@@ -147,7 +147,9 @@ def march_on(
     value = np.interp(time, history.time, history.value)
     breakpoints = np.isin(time, breakpoints_of(history))
     kept = np.isin(time, [] if snapshots is None else snapshots)
-    drive = Drive(time, value, history.by_force, breakpoints, kept, adhesion, _EDGE)
+    pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
+    by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
+    drive = Drive(time, value, by_force, breakpoints, kept, adhesion, _EDGE)
     found = march(body, profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
@@ -160,8 +162,14 @@ def march_on(
 def breakpoints_of(history: History) -> FloatArray:
     """Return the times between the first and the last at which the rate of a history jumps."""
     rate = np.diff(history.value) / np.diff(history.time)
-    jumps = np.abs(np.diff(rate)) > _JUMP * max(float(np.abs(rate).max()), 1e-300)
-    return np.asarray(history.time[1:-1][jumps])
+    by_force = np.broadcast_to(history.by_force, history.time.shape)
+    switch = by_force[1:] != by_force[:-1]
+    rate[switch] = 0.0
+    largest = np.zeros(rate.size)
+    for each in (True, False):
+        largest[by_force[1:] == each] = np.abs(rate[by_force[1:] == each]).max(initial=1e-300)
+    jumps = np.abs(np.diff(rate)) > _JUMP * np.maximum(largest[1:], largest[:-1] * ~switch[1:])
+    return np.asarray(history.time[1:-1][jumps | switch[1:]])
 
 
 def _elastic_limits(body: Body, space: Space) -> Iterator[Compliance]:
