@@ -40,7 +40,7 @@ class Counterbody(Section):
     )
     """the halfspace behind the layers; shear_modulus .inf without layers: a rigid counterbody"""
     velocity_ratio: Annotated[Finite | None, given] = None
-    """velocity of the contact along the counterbody over trajectory.velocity; 0 (default): slides, 1: rolls"""
+    """velocity of the contact along it, over trajectory.velocity; 0: slides (default), 1: rolls"""
 
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""

@@ -192,7 +192,13 @@ def test_a_stiff_counterbody_approaches_the_rigid_punch() -> None:
             {"layer": {}, "velocity_ratio": 1.0},
             {
                 "trajectory": {"velocity": 1.0},
-                "punch": {"shape": "self_affine", "hurst": 0.8, "rms_slope": 0.1, "short_cutoff": 0.01, "seed": 1},
+                "punch": {
+                    "shape": "self_affine",
+                    "hurst": 0.8,
+                    "rms_slope": 0.1,
+                    "short_cutoff": 0.01,
+                    "seed": 1,
+                },
             },
             "counterbody.velocity_ratio: got 1.0 with a rough punch, whose heights would pass the contact",
         ),
