@@ -82,14 +82,22 @@ VARIABLES: dict[str, Variable] = {
         )
         for axis in "xy"
     },
+    **{
+        f"displacement_{name}": Variable(
+            f"normal displacement of the surface of the {name}, positive out of it",
+            "length",
+            origin="from the surface at rest",
+        )
+        for name in ("body", "counterbody")
+    },
     "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
 }
 
 # Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness, shear
-# and slip with friction.
+# and slip with friction, the displacement of each of two bodies.
 FIELDS = (
     "displacement", "pressure", "gap", "traction", "imprint", "shear_x", "shear_y", "slip_velocity_x",
-    "slip_velocity_y",
+    "slip_velocity_y", "displacement_body", "displacement_counterbody",
 )  # fmt: skip
 SWEEP_FILE = "sweep.h5"
 SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding

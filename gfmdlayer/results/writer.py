@@ -2,7 +2,8 @@
 
     time(time), the columns of the observables                    x(x)[, y(y)]
     snapshot(snapshot), displacement, pressure, gap; traction with attraction, imprint with a hardness,
-    shear_x, slip_velocity_x with friction                                             (snapshot, x[, y])
+    shear_x, slip_velocity_x with friction; displacement_body, displacement_counterbody where both deform
+                                                                                       (snapshot, x[, y])
 
 Rows are appended ROWS_HELD at a time and snapshots are written at once, so that a run of any length needs the
 same memory. Chunks carry checksums: damaged data are refused when they are read. The file ends with a seal,
