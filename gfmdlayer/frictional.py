@@ -104,7 +104,7 @@ class FrictionalCase(Case):
     @cached_property
     def solver(self) -> Any:
         """Newton's method for pressure and shear traction."""
-        return FrictionSolver(self.grid, self.transforms)
+        return FrictionSolver(self.grid, self.transforms, rough=self.config.punch.rough)
 
     @cached_property
     def motion(self) -> Motion:
@@ -116,13 +116,21 @@ class FrictionalCase(Case):
         return direction(self.config)
 
     @property
+    def _is_frictionless(self) -> bool:
+        """Whether the coefficient is zero: then the pressure is predicted as without friction."""
+        law = self.programme.friction
+        return law is not None and law.is_frictionless and not self.programme.depends_on_speed
+
+    @property
     def resumable(self) -> CompositeState:
         """All parts with a state."""
         return CompositeState(
             transforms=self.transforms,
+            solver=self.solver,
             integrator=self.history,
             steps=self.steps,
             motion=self.motion,
+            **({"guess": self.guess} if self._is_frictionless else {}),
             observables=CompositeState(**self.observables),
         )
 
@@ -150,6 +158,10 @@ class FrictionalCase(Case):
                 shear = self._shear(found, instant)
                 history.advance(tractions)
                 self.motion.remember(instant, found)
+                if self._is_frictionless:
+                    self.guess.remember(
+                        instant.time, solution.pressure, solution.gap, at_breakpoint=instant.breakpoint
+                    )
                 row: dict[str, float | FloatArray] = {}
                 step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row, shear)
                 finished = False
@@ -211,6 +223,9 @@ class FrictionalCase(Case):
     def _slipped(self, problem: frictional.Problem, instant: Instant) -> frictional.Solution:
         """Solve a step; a coefficient that depends on the slip speed is the one of the slip that is found."""
         start, tolerance = self.motion.guess(instant.step), self.config.solver.tolerance
+        if self._is_frictionless:
+            start = np.zeros_like(self.motion.tractions)
+            start[0] = self.guess.at(instant.time)
         limit = min(LIMIT, self.config.solver.max_iterations)
         pairs, steps = 0.0, 0
         for attempt in range(_ROUNDS if self.programme.depends_on_speed else 1):

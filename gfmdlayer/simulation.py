@@ -18,6 +18,8 @@ from gfmdlayer.body.body import Body, check_body, internal_variables
 from gfmdlayer.body.inside import stack_of
 from gfmdlayer.body.isolated import Isolated, isolated
 from gfmdlayer.body.materials import PronySeries
+from gfmdlayer.body.pair import Pair
+from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.config import Config
 from gfmdlayer.contact.imprint import Imprint
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
@@ -37,6 +39,7 @@ from gfmdlayer.history.inside import Interior, Springs
 from gfmdlayer.history.instabilities import Changes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
@@ -228,10 +231,21 @@ class Case:
             adaptive = given.step == "adaptive"
             return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
         check_body(self.body, "spectrum")
-        spectrum = (self.isolated or self.body).spectrum(waves)
-        if self.velocity is None:
+        if isinstance(self.body, Pair) and self.isolated is None:
+            second = self.config.counterbody
+            ratio = 0.0 if second is None else second.velocity_ratio or 0.0
+            one, two = (each.spectrum(waves) for each in (self.body.first, self.body.second))
+            return SideBySide((self._modes(one), self._modes(two, ratio)), sums, ratio)
+        return self._modes((self.isolated or self.body).spectrum(waves))
+
+    def _modes(self, spectrum: Spectrum, ratio: float = 1.0) -> Modes:
+        """Return the history of one body, along which the contact moves at `ratio` times the velocity."""
+        scheme, sums, reduced = SCHEMES[self.config.time.integrator], self.grid.sums, self.reduced_time
+        if self.velocity is None or ratio == 0:
             return Modes(spectrum, scheme, sums)
         velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
+        if ratio != 1:
+            velocity = velocity.scaled(ratio)
         return SlidingModes(spectrum, sums, wavenumbers_x=self.grid.wavenumbers_x, velocity=velocity)
 
     @cached_property
@@ -399,7 +413,7 @@ class Case:
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
     def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
-        """Record the fields of a step; a traction only with attraction, the imprint only with a hardness."""
+        """Record the fields of a step, some only with attraction, a hardness or a counterbody."""
         gap, displacement = closed_gap(step.problem, step.solution), step.surface.displacement
         fields: dict[str, Any] = {
             "displacement": displacement,
@@ -410,6 +424,10 @@ class Case:
             fields["traction"] = step.problem.interface.traction(gap)
         if self.imprint.yields:
             fields["imprint"] = self.imprint.depth
+        if self.config.two_bodies:
+            assert isinstance(self.integrator, SideBySide)
+            for name, each in zip(("body", "counterbody"), self.integrator.bodies, strict=True):
+                fields[f"displacement_{name}"] = self.transforms.backward(each.u) / self.grid.size
         if self.reach is not None:
             fields |= {name: self.reach.masked(fields[name]) for name in ("displacement", "gap")}
         fields = {name: field.reshape(self.grid.shape) for name, field in fields.items()}

@@ -349,6 +349,12 @@ class Config(Section):
         return own if second is None else TwoBodies.of(own, second)
 
     @property
+    def two_bodies(self) -> bool:
+        """Whether a case on a periodic grid follows a body and a counterbody, each with its history."""
+        of_one = self.counterbody is None or self.grid.isolated or not self.geometry.on_grid
+        return not of_one and isinstance(self.solid, TwoBodies)
+
+    @property
     def laws(self) -> tuple[Law, ...]:
         """The material laws of the body."""
         return self.solid.laws

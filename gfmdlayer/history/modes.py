@@ -344,6 +344,41 @@ class Modes:
         found[number, self._local.position] = self._local.stretch.view(np.complex128)[:, 0]
         return found
 
+    def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
+        """Return kappa and b of the last `terms` with the curvature, which is linear in u.
+
+        `ratio` is the step over the last two; `velocity` belongs to the last step.
+        """
+        gain = self.curvature_stress(np.full(self.u.shape, ratio, dtype=np.complex128)).real
+        return self.stiffness + gain, self._b + gain * (self.u + self.step * velocity)
+
+    def parts(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return the displacement itself: there is one body."""
+        return spectrum
+
+    @property
+    def past(self) -> ComplexArray:
+        """The displacement after the last step."""
+        return self.u
+
+    def slowest(self, tolerance: float) -> float:
+        """Return a bound on the time in which a body that rests in the frame of the contact creeps.
+
+        It is the longest relaxation time with more than the part `tolerance` of the stiffness, times the
+        largest ratio of glassy and relaxed stiffness.
+        """
+        branches, local = self._branches, self._local
+        glassy = self.relaxed + branches.shape[::2] * float(branches.moduli.sum())
+        np.add.at(glassy, local.position, local.weights)
+        some = self.relaxed > 0
+        contrast = (glassy[some] / self.relaxed[some]).max(initial=1.0)
+        heaviest = np.outer(branches.moduli, branches.shape[::2][some] / glassy[some]).max(
+            axis=1, initial=0.0
+        )
+        parts = np.concatenate((heaviest, local.weights / glassy[local.position]))
+        longest = self._times[parts > tolerance].max(initial=0.0)
+        return self._sums.maximum(float(contrast)) * self._sums.maximum(float(longest))
+
     def state(self) -> State:
         """Return displacement, stretches and energies."""
         return {

@@ -59,7 +59,8 @@ class Recorder(Protocol):
     ) -> None:
         """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`.
 
-        The traction is given with attraction only, the imprint with a hardness, shear and slip with friction.
+        The traction is given with attraction only, the imprint with a hardness, shear and slip with friction,
+        the displacements of body and counterbody where both deform.
         """
         ...
 

@@ -113,14 +113,22 @@ VARIABLES: dict[str, Variable] = {
     "spring": Variable("number of the spring", "1", "i8", origin="from the surface, 0"),
     "spring_strain": Variable("strain of each spring of the layers", "length", origin="for other depths"),
     "spring_force": Variable("force of each spring of the layers", "pressure", origin="for other depths"),
+    **{
+        f"displacement_{name}": Variable(
+            f"normal displacement of the surface of the {name}, positive out of it",
+            "length",
+            origin="from the surface at rest",
+        )
+        for name in ("body", "counterbody")
+    },
     "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
 }
 
 # Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness, shear
-# and slip with friction.
+# and slip with friction, the displacement of each of two bodies.
 FIELDS = (
     "displacement", "pressure", "gap", "traction", "imprint", "shear_x", "shear_y", "slip_velocity_x",
-    "slip_velocity_y",
+    "slip_velocity_y", "displacement_body", "displacement_counterbody",
 )  # fmt: skip
 # Fields of the snapshots below the surface, after those above, and their first dimension. Springs only where
 # the layers relax by different laws: they determine the fields at all depths (`body.inside`).

@@ -2,7 +2,8 @@
 
     time(time), the columns of the observables                    x(x)[, y(y)]
     snapshot(snapshot), displacement, pressure, gap; traction with attraction, imprint with a hardness,
-    shear_x, slip_velocity_x with friction                                             (snapshot, x[, y])
+    shear_x, slip_velocity_x with friction; displacement_body, displacement_counterbody where both deform
+                                                                                       (snapshot, x[, y])
     z(z), layer(z); displacement_x, stress_xx and others                  (snapshot, z, x[, y])
     spring_strain, spring_force, from which these follow at any depth     (snapshot, spring, x[, y])
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gfmdlayer.body.materials import Prony, Zener
@@ -522,66 +522,6 @@ def test_no_numerics_is_imported() -> None:
 
 
 # --- any text at all ---
-
-
-def accepted_or_refused(path: Path, *overrides: str) -> bool:
-    """Load a configuration; return False for an error without place. Other errors pass through."""
-    try:
-        return isinstance(load(path, overrides), Config)
-    except ConfigError as error:
-        return all(problem.startswith((f"{path}:", "--set:")) for problem in error.problems) and bool(
-            error.problems
-        )
-
-
-_SIGNS = "[]{}:,-?!&*#|>%@`'\" \n\t\x85\u2028"
-_KEYS = (
-    "name:~sweep: ~layer: ~thickness: ~punch: ~shape: ~output: {times: ~grid: ~points: ~material: ~model: "
-)
-_VALUES = [
-    ".inf",
-    ".nan",
-    "1e400",
-    "0x",
-    "0o9",
-    "!!int",
-    "<<",
-    "&a",
-    "*a",
-    "2001-99-99",
-    "null",
-    "true",
-    "layer.thickness",
-]
-_scraps = st.lists(
-    st.one_of(
-        st.sampled_from(_SIGNS),
-        st.sampled_from(_KEYS.split("~")),
-        st.sampled_from([*_VALUES, "layer.thickness", '"\\UFFFFFFFF"', "%YAML 1.1\n---\n"]),
-    )
-).map("".join)
-
-
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(content=st.one_of(st.text(), _scraps), prefix=st.sampled_from(["", "name: x\n"]))
-@example(content="punch: {shape: profile, file: 'a\\0b'}", prefix="name: x\n")
-@example(content='punch: {shape: profile, file: "a\\0b"}', prefix="name: x\n")
-@example(content="punch: {shape: profile, file: " + "a" * 5000 + "}", prefix="name: x\n")
-@example(content="{{a}}: 1", prefix="")
-def test_any_text_is_a_configuration_or_a_named_error(tmp_path: Path, content: str, prefix: str) -> None:
-    path = tmp_path / "case.yaml"
-    path.write_bytes((prefix + content).encode("utf-8", errors="surrogatepass"))
-    assert accepted_or_refused(path)
-
-
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    override=st.one_of(
-        st.text(), _scraps.map("sweep.layer.thickness={}".format), _scraps.map("punch={}".format)
-    )
-)
-def test_any_override_is_taken_or_a_named_error(tmp_path: Path, override: str) -> None:
-    assert accepted_or_refused(write(tmp_path, "name: x"), override)
 
 
 ROUGH = {"shape": "self_affine", "hurst": 0.8, "short_cutoff": 0.1, "rms_slope": 0.1, "seed": 1}

@@ -126,6 +126,7 @@ sweep:
     LINE
     + "counterbody: {layer: {thickness: 0.1, poisson: 0.4, material: {}}, halfspace: {shear_modulus: 3}}\n",
     LINE + "counterbody: {body: {file: bed.py}}\n",
+    LINE + "counterbody: {velocity_ratio: 1}\ntrajectory: {velocity: 2}\n",
     LINE + "counterbody: {body: {kind: layers}}\n",
     LINE
     + """\

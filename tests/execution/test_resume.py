@@ -82,7 +82,11 @@ BODIES |= {
     "rolling": FRICTION
     | {"trajectory": {"control": "load", "load": 0.05, "velocity": 0.05, "creepage": 0.01}},
 }
+BODIES["in a window"] = FRICTION | {"grid.points": 256, "trajectory.load": 1e-3}
+BODIES["without friction"] = FRICTION | {"interface": {"law": "coulomb", "coefficient": 0.0}}
 RUNS += [(body, steps, "auto") for body in ("frictional", "rolling") for steps in ("adaptive", "exponential")]
+RUNS += [("in a window", "adaptive", "auto"), ("in a window", "exponential", "auto")]
+RUNS += [("without friction", "exponential", "auto")]
 RUNS += [("yielding", "adaptive", "nested_gradient"), ("yielding", "exponential", "nested_gradient")]
 RUNS += [("adhesive", "adaptive", "newton"), ("adhesive", "exponential", "newton")]
 RUNS += [("pulled off", "adaptive", "newton")]

@@ -171,6 +171,7 @@ def test_without_friction_there_is_none_and_with_much_all_sticks() -> None:
         )
     )
     np.testing.assert_allclose(smooth.depth, bare.depth, rtol=1e-5, atol=1e-9)
+    assert float((smooth.transforms - bare.transforms).sum()) <= smooth.time.size  # half a pair for u_x
     assert float(abs(smooth.tangential_force).max()) == 0
     assert math.isnan(rough.attrs["first_slip"])
     # Points that leave the contact take the mean of their last traction and none: not more than the balance.
