@@ -47,7 +47,8 @@ class Inside(Every):
         found = (VON_MISES, *place, SHEAR)
         if not (depths := interfaces(config.solid)):
             return found
-        along = Places("interface", "depth of the interface", "length", tuple(depths))
+        numbers = tuple(map(float, range(len(depths))))  # the same in cases of other thicknesses
+        along = Places("interface", "number of the interface, from the surface", "1", numbers)
         return (
             *found,
             Column("interface_peel", "largest tension", "pressure", along=along, origin=_INTERFACE),
