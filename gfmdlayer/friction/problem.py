@@ -80,9 +80,10 @@ class Law:
 
     def scaled(self, part: float) -> Law:
         """Law of the same shape with a part of the bound."""
-        return Law(
-            self.coefficient * part, self.strength * part if math.isfinite(self.strength) else math.inf
-        )
+        finite = np.isfinite(self.coefficient)
+        coefficient = np.where(finite, np.where(finite, self.coefficient, 0.0) * part, np.inf)
+        strength = self.strength * part if math.isfinite(self.strength) else math.inf
+        return Law(coefficient if np.ndim(self.coefficient) else float(coefficient), strength)
 
 
 @dataclass(frozen=True)
