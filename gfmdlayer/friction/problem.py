@@ -344,7 +344,7 @@ def assess(
     off, worst = off + across, max(worst, most)
     if problem.force_is_given:
         lack = view.lack(problem.force)  # type: ignore[arg-type]
-        off, worst = off + lack**2, max(worst, lack)
+        off, worst = off + lack * lack, max(worst, lack)
     if not math.isfinite(off):
         worst = off = math.inf
     parts = view.p, gap, view.t, slip
