@@ -21,6 +21,7 @@ from gfmdlayer.contact.problem import why_not_converged
 from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.history.side_by_side import divide
 from gfmdlayer.interactive.frictional import FRICTIONAL, with_friction
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
@@ -116,12 +117,12 @@ def solve(
     Returns
     -------
     xarray.Dataset
-        pressure, displacement (positive upward), gap, contact and, with a hardness, imprint along x[, y];
-        contact_area (part of the
-        cell), contact_area_interpolated (with edges between the points) and the estimate
-        contact_area_error of its error, mean_pressure, force, depth,
-        residual and FFT pairs, in the units of the arguments. An isolated contact has area,
-        area_interpolated and area_error (of a line, of the width) in place of parts and means of the cell,
+        pressure, displacement (positive upward), gap, contact and, with a hardness, imprint along x[, y], of
+        a `Pair` also displacement_body and displacement_counterbody, each out of its own body;
+        contact_area (part of the cell), contact_area_interpolated (with edges between the points) and the
+        estimate contact_area_error of its error, mean_pressure, force, depth, residual and FFT pairs, in the
+        units of the arguments. An isolated contact has area, area_interpolated and area_error (of a line, of
+        the width) in place of parts and means of the cell,
         and displacement and gap are NaN where they are not known, further from a point in contact than the
         reach.
 
@@ -247,7 +248,9 @@ def solve(
     points = int(in_contact(problem, solution).sum())
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
-    return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0), reach)
+    surface = loading.surface(solution, kappa, nothing, 0.0)
+    parts = _parts(case, surface, glassy=instantaneous) if reach is None else {}
+    return _dataset(grid, problem, solution, surface, reach, parts)
 
 
 def _check_grid(body: Body, grid: Grid) -> None:
@@ -336,8 +339,26 @@ def _beyond_the_hardness(problem: Problem) -> str:
     return f"mean pressure: got {target!r}; must be below {most}"
 
 
+def _parts(case: Case, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:
+    """Return the displacement of each body of a pair; nothing for one body."""
+    body = case.body
+    if not isinstance(body, Pair):
+        return {}
+    each = (own.spectrum(case.grid.waves) for own in (body.first, body.second))
+    shares = divide(*(np.ravel(own.glassy if glassy else own.relaxed) for own in each))
+    return {
+        f"displacement_{name}": case.transforms.backward(share * surface.spectrum) / case.grid.size
+        for name, share in (("body", shares.one), ("counterbody", shares.two))
+    }
+
+
 def _dataset(
-    grid: Grid, problem: Problem, solution: Solution, surface: Surface, reach: Reach | None
+    grid: Grid,
+    problem: Problem,
+    solution: Solution,
+    surface: Surface,
+    reach: Reach | None,
+    parts: Mapping[str, FloatArray],
 ) -> xarray.Dataset:
     """Return fields and scalars of a solution; `reach` is that of an isolated contact."""
     import xarray
@@ -352,6 +373,7 @@ def _dataset(
         "gap": closed_gap(problem, solution),
         "contact": touching,
         **imprint,
+        **parts,
     }
     scalars = {
         "contact_area": solution.contact_area,
