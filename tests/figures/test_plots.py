@@ -20,7 +20,7 @@ from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshot_plots import OVERLAP, Inset, snapshots_figure, waterfall_figure
-from gfmdlayer.results.gathering import CaseRecord, collect
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.results.writer import CaseWriter
@@ -51,7 +51,7 @@ def write_sweep(folder: Path, swept: Mapping[str, Sequence[object]]) -> None:
     for index, values in enumerate(itertools.product(*swept.values())):
         write_case(case_path(folder, index))
         records.append(CaseRecord(index, case_path(folder, index), dict(zip(swept, values, strict=True))))
-    collect(folder, records, list(swept))
+    collect(folder, records, Swept(list(swept)))
 
 
 @pytest.mark.parametrize("columns", [1, 2])
@@ -117,7 +117,7 @@ def test_list_of_combinations_names_every_value_in_the_order_swept(tmp_path: Pat
     records = [
         CaseRecord(i, case_path(tmp_path, i), dict(zip(keys, p, strict=True))) for i, p in enumerate(pairs)
     ]
-    collect(tmp_path, records, keys)
+    collect(tmp_path, records, Swept(keys))
     with open_results(tmp_path) as data:
         labels = [text.get_text() for text in curves_figure(data).legends[0].get_texts()]
     assert labels == [r"$d$ = 0.1, $G_\infty$ = 10", r"$d$ = 0.2, $G_\infty$ = 5"]
