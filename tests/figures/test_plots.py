@@ -109,20 +109,6 @@ def test_two_keys_differ_by_colour_and_line_style(tmp_path: Path) -> None:
     assert labels == ["$d$ = 0.1", "$d$ = 0.2", *bulk]
 
 
-def test_list_of_combinations_names_every_value_in_the_order_swept(tmp_path: Path) -> None:
-    keys = ["layer.thickness", "layer.material.Ginf"]
-    pairs = [(0.1, 10.0), (0.2, 5.0)]
-    for index in range(2):
-        write_case(case_path(tmp_path, index))
-    records = [
-        CaseRecord(i, case_path(tmp_path, i), dict(zip(keys, p, strict=True))) for i, p in enumerate(pairs)
-    ]
-    collect(tmp_path, records, Swept(keys))
-    with open_results(tmp_path) as data:
-        labels = [text.get_text() for text in curves_figure(data).legends[0].get_texts()]
-    assert labels == [r"$d$ = 0.1, $G_\infty$ = 10", r"$d$ = 0.2, $G_\infty$ = 5"]
-
-
 def test_time_is_not_scaled_without_a_common_relaxation_time(tmp_path: Path) -> None:
     write_case(tmp_path / "0000.h5", about={})
     with open_case(tmp_path / "0000.h5") as data:
