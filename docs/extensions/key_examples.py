@@ -185,6 +185,10 @@ output:
     punch: {resistivity: .inf, films: [{thickness: 0.1, resistivity: 1.0}]}""",
     "Film": "output: {conductance: {body: {films: [{thickness: 1.0e-3, resistivity: 2.0}]}}}",
     "Stiffness": "output: {stiffness: {frequencies: [0, 1.0, 100.0, .inf], every: 5}}",
+    "Inside": """\
+output: {snapshots: [1.0, 8.0], inside: {depths: [0, 0.02, 0.05, 0.2], times: [8.0]}}
+---
+output: {inside: {points: 20, every: 10}}""",
     "Histograms": "output: {histograms: {pressure: {max: 10.0}, gap: {max: 0.1}}}",
     "Histogram": "output: {histograms: {gap: {scale: log, min: 1.0e-5, max: 0.1, bins: 50}}}",
     "Sweep": """\

@@ -20,7 +20,7 @@ from gfmdlayer.config.layers import (
     layered,
     problems_of_the_body,
 )
-from gfmdlayer.validation.fields import given
+from gfmdlayer.validation.fields import Finite, given
 from gfmdlayer.validation.problems import Problem
 from gfmdlayer.validation.sections import Section
 
@@ -43,6 +43,8 @@ class Counterbody(Section):
         default_factory=lambda data: Halfspace() if layered(data) else None
     )
     """the halfspace behind the layers; shear_modulus .inf without layers: a rigid counterbody"""
+    velocity_ratio: Annotated[Finite | None, given] = None
+    """velocity of the contact along it, over trajectory.velocity; 0: slides (default), 1: rolls"""
 
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""
@@ -162,8 +164,13 @@ def relaxes(solid: Solid) -> bool:
 
 
 def problems_of_the_counterbody(config: Any) -> Iterator[Problem]:
-    """Refuse a counterbody that relaxes while it slides: the compliances then add at different rates."""
-    second = None if config.counterbody is None else config.counterbody.solid
-    if second is not None and config.trajectory.moves and relaxes(second):
-        message = "relaxes while the punch moves; must be elastic, or set no velocity"
-        yield Problem(("counterbody",), message, ("trajectory.velocity", "trajectory.velocity_file"))
+    """Refuse a velocity ratio at rest, and the shape of a counterbody that moves with its material."""
+    if config.counterbody is None or not config.counterbody.velocity_ratio:
+        return
+    at, ratio = ("counterbody", "velocity_ratio"), config.counterbody.velocity_ratio
+    if not config.trajectory.moves:
+        message = "only for a punch that moves; remove it or set trajectory.velocity"
+        yield Problem(at, message, ("trajectory.velocity", "trajectory.velocity_file"))
+    if config.punch.rough:
+        message = f"got {ratio!r} with a rough punch, whose heights would pass the contact; must be 0"
+        yield Problem(at, message, ("punch.shape",))

@@ -71,7 +71,14 @@ SOLVERS: Mapping[str, Declaration] = {
         pairs_with={("inertia", "uniform"): (238, 0.3)},
     ),
     "newton": Declaration(
-        "gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=46, adhesive=True, yields=True
+        "gfmdlayer.contact.newton.solver:Newton",
+        "gap",
+        36,
+        0.4,
+        fields=46,
+        adhesive=True,
+        distributed=True,
+        yields=True,
     ),
 }
 

@@ -61,6 +61,8 @@ PAPER_SYMBOLS = {
     **{f"shear_{axis}": f"t_{axis}" for axis in "xy"},
     **{f"slip_velocity_{axis}": rf"\dot{{s}}_{axis}" for axis in "xy"},
     "displacement": "u",
+    "displacement_body": "u_1",
+    "displacement_counterbody": "u_2",
     "pressure": "p",
     "gap": "g",
     "imprint": "W",

@@ -37,7 +37,7 @@ from gfmdlayer.fitting.indentation.curve import in_si
 from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
-from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
+from gfmdlayer.fitting.indentation.problem import Correction, Free, Model, Prediction
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
@@ -104,7 +104,7 @@ class FitTask:
 
     def _fit(self, case: MapCase) -> IndentationFit:
         model = Model(self.model)
-        curve = read_curve(case.entry, self.units, in_si(model.config.units))
+        curve = read_curve(case.entry, self.units, in_si(model.config.units), self.options)
         fit = fit_curves([curve], model, self.free, self.options)
         if not all(np.isfinite(each.value) for each in fit.parameters):
             raise FitError("an estimate is not a finite number")
@@ -317,8 +317,8 @@ class ForceMap:
         """Compile the kernels here, before several processes do."""
         if todo and not pool.alone:
             with suppress(Exception):  # the fit repeats the error and records it
-                curve = read_curve(todo[0].entry, self.task.units)
-                Prediction(curve).force(self._model.config)
+                curve = read_curve(todo[0].entry, self.task.units, options=self.task.options)
+                Prediction(curve).response(self._model.config, Correction())
 
     def _is_done(self, case: MapCase) -> bool:
         path = self.folder.case(case.index)

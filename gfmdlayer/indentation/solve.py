@@ -114,11 +114,12 @@ def find_space(
     largest = max(float(history.value.max()), 0.0)
     if largest == 0 == adhesion:  # nothing touches, whatever the nodes
         return make_space(Features(1.0, 0.0, 0.0), 1.0, tolerance)
-    reach = min(_WIDER * _halfspace_radius(body, profile, largest, history.by_force, adhesion), profile.rim)
+    by_force = bool(np.any(history.by_force))
+    reach = min(_WIDER * _halfspace_radius(body, profile, largest, by_force, adhesion), profile.rim)
     features = find_features(body, reach)
     if features.last * reach > _MOST_PHASE:  # on a soft base the contact may be smaller
         reach = _MOST_PHASE / features.last
-    ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), history.by_force)
+    ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), by_force)
     for _ in range(60):
         space = make_space(features, reach)
         try:

@@ -78,6 +78,8 @@ output:
     every: 2
   stiffness: {frequencies: [0, 1.0, .inf], every: 3}
 """,
+    LINE + "output: {snapshots: [1.0], inside: {depths: [0, 0.1], times: [1.0], every: 2}}\n",
+    LINE + "output: {inside: {points: 5, every: 1}}\n",
     LINE + "trajectory: {kind: table, file: heights.txt}\ntime: {step: adaptive}\noutput: {times: [1, 2]}\n",
     LINE
     + """\
@@ -125,6 +127,7 @@ sweep:
     LINE
     + "counterbody: {layer: {thickness: 0.1, poisson: 0.4, material: {}}, halfspace: {shear_modulus: 3}}\n",
     LINE + "counterbody: {body: {file: bed.py}}\n",
+    LINE + "counterbody: {velocity_ratio: 1}\ntrajectory: {velocity: 2}\n",
     LINE + "counterbody: {body: {kind: layers}}\n",
     LINE
     + """\

@@ -14,6 +14,9 @@ B = smoothing/max(s_0 + D, s_0/2), s_0 the tap in the middle, 0 where pressed, a
 
 The last grid is solved directly, with the magnitudes of its eigenvalues. M is symmetric, and positive where
 B (S + D) < 2, even if K + D is not: conjugate gradients still meet negative curvature.
+
+Of several ranks each holds its rows of the finest grid, and all of the others, a third of its points. Each
+adds up the rows of the next grid that its own reach, and all bring these together.
 """
 
 from __future__ import annotations
@@ -25,9 +28,10 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
-from gfmdlayer.contact.stencil import sample, stencil, symbol
+from gfmdlayer.contact.stencil import REACH, sample, stencil, symbol
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.grid.transforms import truncated
+from gfmdlayer.grid.slabs import SlabGrid
+from gfmdlayer.grid.transforms import execute, truncated
 from gfmdlayer.kernels import kernel
 
 _FEWEST = 4  # points of an axis at least: the last grid has 4 to 7 along each
@@ -42,7 +46,7 @@ _NONE, _ONE = np.float32(0.0), np.float32(1.0)
 class Cycle(NamedTuple):
     """All grids in one array each, the finest first; no grid where there is no cycle."""
 
-    grids: IntArray  # rows, columns, first point of each
+    grids: IntArray  # rows and columns held, first point, first row, and all rows of each
     unit: float  # of all stiffness here
     weights: Any  # of the stencils
     point: FloatArray  # c of each grid
@@ -57,18 +61,23 @@ class Cycle(NamedTuple):
     x: Any
     result: Any  # of all but the finest
     one: Any  # M 1 on the free points
+    beside: Any  # rows of the finest grid beside those held, (4, columns)
+    reached: Any  # rows of the next grid that these reach
+    exchange: int  # address of the function that writes `beside`; 0 on one process
+    join: int  # of the one that brings the rows reached together
 
 
 def no_cycle() -> Cycle:
     """Return a cycle without a grid."""
-    return _cycle([], 1.0, [], [], 0.0)
+    return _cycle(Grid((1, 1), (1.0, 1.0)), [], 1.0, [], [], 0.0)
 
 
-def cycle_of(shape: tuple[int, ...], stiffness: FloatArray, kappa_1: float) -> Cycle:
-    """Return the cycle for a stiffness, one value a mode.
+def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float) -> Cycle:
+    """Return the cycle on a grid for a stiffness, one value a mode.
 
     It has no grid for lines, small surfaces, and where the stencils do not describe the stiffness.
     """
+    shape, stiffness = whole.points, whole.every_mode(stiffness)
     unit = 2.0 ** np.floor(np.log2(max(kappa_1, 1e-300)))
     shapes = _shapes(shape, stiffness)
     if len(shapes) < 2:
@@ -90,7 +99,7 @@ def cycle_of(shape: tuple[int, ...], stiffness: FloatArray, kappa_1: float) -> C
             ((lacking / exact).mean(), min(_SMOOTHING, _POSITIVE * float(taps[0]) / found.max()))
         )
         kappa = truncated(kappa, points, below)
-    cycle = _cycle(shapes, unit, weights, constants, _LOWEST * kappa_1 / unit)
+    cycle = _cycle(whole, shapes, unit, weights, constants, _LOWEST * kappa_1 / unit)
     height, width = shapes[-1]
     kappa = np.where(kappa > 0, kappa, 0.5 * kappa_1 / unit)
     response = np.fft.irfft2(kappa.reshape(height, -1), (height, width))
@@ -121,24 +130,35 @@ def _shapes(shape: tuple[int, ...], stiffness: FloatArray) -> list[tuple[int, ..
 
 
 def _cycle(
+    whole: Grid,
     shapes: list[tuple[int, ...]],
     unit: float,
     weights: list[Any],
     constants: list[tuple[float, float]],
     lowest: float,
 ) -> Cycle:
-    points = np.array([np.prod(shape) for shape in shapes], dtype=np.int64)
-    grids = np.array(shapes, dtype=np.int64).reshape(-1, 2)
-    grids = np.column_stack((grids, np.cumsum(points) - points))
+    held = [whole.shape, *shapes[1:]] if shapes else []
+    points = np.array([np.prod(shape) for shape in held], dtype=np.int64)
+    grids = np.array(held, dtype=np.int64).reshape(-1, 2)
+    rows, first = [shape[0] for shape in shapes], np.zeros(len(shapes), np.int64)
+    first[:1] = whole.first_row
+    grids = np.column_stack((grids, np.cumsum(points) - points, first, np.array(rows, dtype=np.int64)))
     size, last = int(points.sum()), int(points[-1]) if shapes else 0
     finest = int(points[0]) if shapes else 0
     D, share, B, x = (np.zeros(size, np.float32) for _ in range(4))
     r, result = (np.zeros(size - finest, np.float32) for _ in range(2))
     point, smoothing = np.array(constants).reshape(-1, 2).T.copy()
+    beside, reached, exchange, join = np.empty((0, 0), np.float32), np.empty((0, 0), np.float32), 0, 0
+    if shapes and isinstance(whole, SlabGrid):
+        beside, below = np.empty((2 * REACH, shapes[0][1]), np.float32), shapes[1]
+        begin, end = (row * below[0] // shapes[0][0] for row in (whole.rows.start, whole.rows.stop - 1))
+        reached = np.empty((end + 2 - begin, below[1]), np.float32)
+        exchange = whole.exchange_of_rows(REACH, np.float32)
+        join = whole.sum_of_rows(below, begin, len(reached), np.float32)
     return Cycle(
         grids, unit, np.array(weights, np.float32).reshape(-1, 6), point, smoothing, lowest,
         np.zeros((last, last)), np.zeros((last, last), np.float32),
-        D, share, B, r, x, result, np.zeros(finest, np.float32),
+        D, share, B, r, x, result, np.zeros(finest, np.float32), beside, reached, exchange, join,
     )  # fmt: skip
 
 
@@ -229,13 +249,25 @@ def run_cycle(cycle: Cycle, force: Any, target: Any) -> None:
 # Rows are short, and a call for each would cost as much as its points: what acts on a row is inlined.
 
 
+@kernel(inner=True)
+def _beside(cycle: Cycle, level: int, x: Any) -> Any:
+    """The two rows before those of a field, which is periodic, and the two after."""
+    if level > 0 or cycle.exchange == 0:
+        return x[x.shape[0] - 2 :], x[:2]
+    execute(cycle.exchange, 0, x, cycle.beside)  # type: ignore[call-arg]
+    return cycle.beside[:2], cycle.beside[2:]
+
+
 @nb.njit(inline="always")
-def _residual(weights: Any, i: int, r: Any, x: Any, D: Any, row: Any, beside: Any, along: Any) -> None:
-    """Write row i of r - (S + D) x, periodic; `beside` and `along` are space for a row and 4 points."""
+def _residual(
+    weights: Any, i: int, r: Any, x: Any, D: Any, ends: Any, row: Any, beside: Any, along: Any
+) -> None:
+    """Write row i of r - (S + D) x; `beside` and `along` are space for a row and 4 points."""
     rows, columns = x.shape
-    here, rs, Ds = x[i], r[i], D[i]
-    up, top = x[i - 1 if i > 0 else rows - 1], x[i - 2 if i > 1 else rows + i - 2]
-    down, bottom = x[i + 1 if i + 1 < rows else 0], x[i + 2 if i + 2 < rows else i + 2 - rows]
+    here, rs, Ds, (before, after) = x[i], r[i], D[i], ends
+    up, top = x[i - 1] if i > 0 else before[1], x[i - 2] if i > 1 else before[i]
+    down = x[i + 1] if i + 1 < rows else after[0]
+    bottom = x[i + 2] if i + 2 < rows else after[i + 2 - rows]
     w0, w1, w2, w3, w4, w5 = weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]
     for j in range(columns):
         pair = up[j] + down[j]
@@ -254,14 +286,14 @@ def _residual(weights: Any, i: int, r: Any, x: Any, D: Any, row: Any, beside: An
 @kernel(reorder=True, inner=True)
 def _smooth(cycle: Cycle, level: int, force: Any, field: Any, target: Any) -> None:
     """Write x + B (r - (S + D) x)."""
-    rows, columns, first = cycle.grids[level]
+    rows, columns, first = cycle.grids[level, 0], cycle.grids[level, 1], cycle.grids[level, 2]
     end, weights = first + rows * columns, cycle.weights[level]
     r, x = force.reshape(rows, columns), field.reshape(rows, columns)
     D, B = cycle.D[first:end].reshape(rows, columns), cycle.B[first:end].reshape(rows, columns)
-    found, row = target.reshape(rows, columns), np.empty(columns, np.float32)
+    found, row, ends = target.reshape(rows, columns), np.empty(columns, np.float32), _beside(cycle, level, x)
     beside, along = np.empty(columns + 4, np.float32), np.empty(columns + 4, np.float32)
     for i in range(rows):
-        _residual(weights, i, r, x, D, row, beside, along)
+        _residual(weights, i, r, x, D, ends, row, beside, along)
         xs, Bs, result = x[i], B[i], found[i]
         for j in range(columns):
             result[j] = xs[j] + Bs[j] * row[j]
@@ -271,12 +303,13 @@ def _smooth(cycle: Cycle, level: int, force: Any, field: Any, target: Any) -> No
 
 
 @kernel(inner=True)
-def _places(fine: int, coarse: int) -> tuple[Any, Any]:
+def _places(fine: int, coarse: int, first: int, number: int) -> tuple[Any, Any]:
     """Point of the coarse axis to the left of each of the fine one, and the part of the way to the next."""
-    left, part = np.empty(fine, np.int64), np.empty(fine, np.float32)
-    for j in range(fine):
-        left[j] = j * coarse // fine
-        part[j] = np.float32((j * coarse - left[j] * fine) / fine)
+    left, part = np.empty(number, np.int64), np.empty(number, np.float32)
+    for i in range(number):
+        j = first + i
+        left[i] = j * coarse // fine
+        part[i] = np.float32((j * coarse - left[i] * fine) / fine)
     return left, part
 
 
@@ -297,42 +330,61 @@ def _shares(fine: int, coarse: int) -> tuple[Any, Any]:
 @kernel(reorder=True, inner=True)
 def _coarsen(cycle: Cycle, level: int, force: Any, field: Any, target: Any) -> None:
     """Write the force of the next grid, P^T share (r - (S + D) x)."""
-    rows, columns, first = cycle.grids[level]
+    rows, columns, first = cycle.grids[level, 0], cycle.grids[level, 1], cycle.grids[level, 2]
     end, weights = first + rows * columns, cycle.weights[level]
     r, x = force.reshape(rows, columns), field.reshape(rows, columns)
     D, share = cycle.D[first:end].reshape(rows, columns), cycle.share[first:end].reshape(rows, columns)
-    below_rows, below = cycle.grids[level + 1, 0], cycle.grids[level + 1, 1]
-    found, (left, part) = target.reshape(below_rows, below), _places(rows, below_rows)
-    begin, shares = _shares(columns, below)
+    found, left, part, per = _rows_below(cycle, level, target)
+    (begin, shares), ends = _shares(columns, cycle.grids[level + 1, 1]), _beside(cycle, level, x)
     row = np.empty(columns, np.float32)
     beside, along = np.empty(columns + 4, np.float32), np.empty(columns + 4, np.float32)
     here, after = np.zeros(columns + 4, np.float32), np.zeros(columns + 4, np.float32)
     found[0] = _NONE
     for i in range(rows):
-        _residual(weights, i, r, x, D, row, beside, along)
+        _residual(weights, i, r, x, D, ends, row, beside, along)
         factor = share[i]
         for j in range(columns):
             row[j] *= factor[j]
-        _add_row(i, left, part, row, here, after, begin, shares, found)
+        _add_row(i, left, part, per, row, here, after, begin, shares, found)
+    _join(cycle, level, target)
 
 
 @kernel(reorder=True, inner=True)
 def _restrict(cycle: Cycle, level: int, field: Any, target: Any) -> None:
     """Write P^T of a field."""
     rows, columns = cycle.grids[level, 0], cycle.grids[level, 1]
-    below_rows, below = cycle.grids[level + 1, 0], cycle.grids[level + 1, 1]
-    values, found = field.reshape(rows, columns), target.reshape(below_rows, below)
-    (left, part), (begin, shares) = _places(rows, below_rows), _shares(columns, below)
+    values, (found, left, part, per) = field.reshape(rows, columns), _rows_below(cycle, level, target)
+    begin, shares = _shares(columns, cycle.grids[level + 1, 1])
     here, after = np.zeros(columns + 4, np.float32), np.zeros(columns + 4, np.float32)
     found[0] = _NONE
     for i in range(rows):
-        _add_row(i, left, part, values[i], here, after, begin, shares, found)
+        _add_row(i, left, part, per, values[i], here, after, begin, shares, found)
+    _join(cycle, level, target)
+
+
+@kernel(inner=True)
+def _rows_below(cycle: Cycle, level: int, target: Any) -> Any:
+    """Rows of the next grid that those of this one reach; `_places` of these among them; points per point."""
+    rows, below_rows = cycle.grids[level, 4], cycle.grids[level + 1, 0]
+    left, part = _places(rows, below_rows, cycle.grids[level, 3], cycle.grids[level, 0])
+    per = np.float32(below_rows / rows)
+    if level > 0 or cycle.join == 0:
+        return target.reshape(below_rows, cycle.grids[level + 1, 1]), left, part, per
+    return cycle.reached, left - left[0], part, per
+
+
+@kernel(inner=True)
+def _join(cycle: Cycle, level: int, target: Any) -> None:
+    """Bring the rows that all ranks reach together."""
+    if level == 0 and cycle.join != 0:
+        execute(cycle.join, 0, cycle.reached, target)  # type: ignore[call-arg]
 
 
 @nb.njit(inline="always")
 def _add_row(
-    i: int, left: Any, part: Any, row: Any, here: Any, after: Any, begin: Any, shares: Any, found: Any
-) -> None:
+    i: int, left: Any, part: Any, per: Any, row: Any, here: Any, after: Any, begin: Any, shares: Any,
+    found: Any,
+) -> None:  # fmt: skip
     """Add row i to those of the next grid on either side, `here` and `after`; write the first when full.
 
     Both have two more points on either side. The first row of the next grid is the last to be full.
@@ -344,7 +396,6 @@ def _add_row(
     if part[i] != _NONE:
         for j in range(columns):
             after_inner[j] += part[i] * row[j]
-    per = np.float32(below_rows / rows)
     full = i == rows - 1 or left[i + 1] != m
     for _ in range(2 if i == rows - 1 else 1 if full else 0):
         for k in range(2):
@@ -363,12 +414,12 @@ def _add_row(
 @kernel(reorder=True, inner=True)
 def _prolong(cycle: Cycle, level: int, coarse: Any, field: Any) -> None:
     """Add share P x of the next grid."""
-    rows, columns, first = cycle.grids[level]
+    rows, columns, first = cycle.grids[level, 0], cycle.grids[level, 1], cycle.grids[level, 2]
     share = cycle.share[first : first + rows * columns].reshape(rows, columns)
     below_rows, below = cycle.grids[level + 1, 0], cycle.grids[level + 1, 1]
     x, values = field.reshape(rows, columns), coarse.reshape(below_rows, below)
-    left, part = _places(columns, below)
-    up, parts = _places(rows, below_rows)
+    left, part = _places(columns, below, 0, columns)
+    up, parts = _places(cycle.grids[level, 4], below_rows, cycle.grids[level, 3], rows)
     line, whole = np.empty(below + 1, np.float32), np.empty(columns, np.float32)
     for i in range(rows):
         here, after, y = values[up[i]], values[(up[i] + 1) % below_rows], parts[i]

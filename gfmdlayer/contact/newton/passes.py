@@ -17,6 +17,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.newton.cycle import Cycle, run_cycle, set_cycle
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
+from gfmdlayer.grid.sums import Completion, greatest, summed
 from gfmdlayer.grid.transforms import Plans, backward, forward
 from gfmdlayer.interface.forms import Terms, term
 from gfmdlayer.kernels import LANES, kernel
@@ -40,6 +41,8 @@ class AdhesiveSystem(NamedTuple):
     load: float
     kappa_1: float  # kappa_1
     floor: ResidualFloor
+    size: float  # number of points, of all ranks
+    over: Completion
 
 
 class AdhesiveState(NamedTuple):
@@ -122,7 +125,7 @@ def set_interaction(system: AdhesiveSystem, at: AdhesiveState, cap: Any) -> floa
             if u[i] > h[i]:
                 total += (cap - traction[i]) * (u[i] - h[i])
                 curvature[i] = 0.0
-    return total
+    return float(summed(system.over, (total,))[0])
 
 
 @kernel(reorder=True, inner=True)
@@ -157,6 +160,7 @@ def balance(
             free[i] = moves
             total += moves * value
             count += moves
+    total, count = summed(system.over, (total, count))
     mean = total / count if system.mean_is_fixed and count > 0.0 else 0.0
     largest = np.zeros(LANES)
     for first in range(0, at.u.size, LANES):
@@ -164,7 +168,8 @@ def balance(
         for i in range(ps.size):
             size = abs(ps[i] - mean) * free[i]
             largest[i] = size if size > largest[i] else largest[i]
-    return worst.max() if np.isfinite(total) else np.nan, multiplier, largest.max()
+    off, out_of_balance = greatest(system.over, (worst.max(), largest.max()))
+    return off if np.isfinite(total) else np.nan, multiplier, out_of_balance
 
 
 @kernel(reorder=True, inner=True)
@@ -195,7 +200,9 @@ def _open_pressure(
             if cap is not None and u[i] > h[i]:
                 total += value - cap
                 count += 1.0
-    return total, count, most.max(), least.min(), max(mean / at.u.size, 0.0) - lowest.min()
+    total, count, mean = summed(system.over, (total, count, mean))
+    strongest, weakest, deepest = greatest(system.over, (most.max(), -least.min(), -lowest.min()))
+    return total, count, strongest, -weakest, max(mean / system.size, 0.0) + deepest
 
 
 @kernel(reorder=True, inner=True)
@@ -222,6 +229,7 @@ def begin(
     for i in range(n):
         d[i] = step.free[i] * step.z[i]
         total += d[i]
+    (total,) = summed(system.over, (total,))
     for i in range(n):
         d[i] *= lack / total
         step.direction[i] = d[i]
@@ -236,16 +244,18 @@ def begin(
 @kernel(reorder=True, inner=True)
 def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float) -> None:
     """Set the preconditioner that takes a transform."""
-    n, total, stiffest = step.d.size, 0.0, curvature.max()
+    n, total = system.size, 0.0
+    (stiffest,) = greatest(system.over, (curvature.max(),))
     for k in range(step.softening.size):
         # The factor n^2 turns the stiffness per point into that for a backward transform.
         softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
         step.softening[k] = softening
         total += softening
-    step.point[0] = n * total / (_STIFF * step.softening.size)
+    total, count = summed(system.over, (total, float(step.softening.size)))
+    step.point[0] = n * total / (_STIFF * count)
     step.share[:] = 1.0
     if stiffest > 0.0:
-        for i in range(n):
+        for i in range(step.d.size):
             step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
 
 
@@ -289,7 +299,8 @@ def minimise(
     d, force, direction, applied, z, moves, stiffness = (
         step.d, step.force, step.direction, step.applied, step.z, step.moves, step.stiffness,
     )  # fmt: skip
-    n, count = d.size, step.free.sum()
+    n, over = d.size, system.over
+    (count,) = summed(over, (step.free.sum(),))
     if count == 0.0:
         return 0, 0.0
     aim, last, centred = (
@@ -301,10 +312,11 @@ def minimise(
     one, whole, pairs = lifted(step), 0.0, 0
     for i in range(n):
         whole += one[i]
+    (whole,) = summed(over, (whole,))
     for iteration in range(_MOST):
         pairs += 1 + precondition(single, step, force, z)
         # Forces are zero where points are pressed, and in the mean where that is fixed.
-        total, across, lift = _sums(z, moves, force, one)
+        total, across, lift = summed(over, _sums(z, moves, force, one))
         mean = np.float32(total / whole if centred else 0.0)
         across -= float(mean) * lift
         beta = np.float32(across / last)
@@ -312,13 +324,14 @@ def minimise(
         for i in range(n):
             direction[i] = moves[i] * (z[i] - mean * one[i]) + beta * direction[i]
         apply(single, step.kappa, direction, step.work, applied)
-        elastic, along, square, total = _curvatures(direction, applied, stiffness, moves)
+        elastic, along, square, total = summed(over, _curvatures(direction, applied, stiffness, moves))
         if square == 0.0:
             return pairs, 0.0
         if not along > _NO_CURVATURE * (elastic + kappa_1 * square):
             return pairs, min(along / square, -1e-300)
         way, mean = across / along, np.float32(total / count if centred else 0.0)
-        if _advance(way, mean, step) <= aim:
+        (left,) = greatest(over, (_advance(way, mean, step),))
+        if left <= aim:
             return pairs, 0.0
     return pairs, 0.0
 
@@ -396,11 +409,12 @@ _MOST = 400  # iterations
 @kernel(reorder=True, inner=True)
 def _centre(system: AdhesiveSystem, force: Any, free: FloatArray, count: float) -> float:
     """Take the mean, which belongs to the multiplier, from the forces; return the largest."""
-    mean, largest = force.sum() / count if system.mean_is_fixed else 0.0, 0.0
+    total, largest = summed(system.over, (float(force.sum()),))[0], 0.0
+    mean = total / count if system.mean_is_fixed else 0.0
     for i in range(force.size):
         force[i] -= mean * free[i]
         largest = max(largest, abs(force[i]))
-    return largest
+    return float(greatest(system.over, (largest,))[0])
 
 
 @kernel(reorder=True, inner=True)
@@ -427,8 +441,10 @@ def move(
                 if cap is not None:
                     free += 1.0 if v[i] > h[i] else 0.0
                 largest = max(largest, abs(v[i]))
-            lack = mean * v.size - total
-            if abs(lack) <= _ROUNDING * largest * v.size or free == 0.0:
+            total, free = summed(system.over, (total, free))
+            (largest,) = greatest(system.over, (largest,))
+            lack = mean * system.size - total
+            if abs(lack) <= _ROUNDING * largest * system.size or free == 0.0:
                 break
             for i in range(v.size):
                 shifted = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
@@ -444,7 +460,9 @@ def is_yielding(overlap: float, pressure: float, free: float) -> bool:
 
 
 @kernel(reorder=True, inner=True)
-def set_stress_after(single: Plans, at: AdhesiveState, step: Step, stiff: float, to: AdhesiveState) -> int:
+def set_stress_after(
+    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: Step, stiff: float, to: AdhesiveState
+) -> int:
     """Write the stress after a step from K d, in single precision; return the FFT pairs.
 
     What the wall has cut off, or the mean has shifted, takes a pair. `step.kappa` is over `stiff`.
@@ -454,6 +472,7 @@ def set_stress_after(single: Plans, at: AdhesiveState, step: Step, stiff: float,
         off = to.u[i] - at.u[i] - d[i]
         cut[i] = stiff * off
         largest, farthest = max(largest, abs(off)), max(farthest, abs(d[i]))
+    largest, farthest = greatest(system.over, (largest, farthest))
     for i in range(d.size):
         to.stress[i] = at.stress[i] - step.response[i]
     if largest <= _OF_SINGLE * farthest:
@@ -499,7 +518,9 @@ def compare(
             elastic -= (0.5 * (stress0[i] + stress1[i]) + dead) * way
             off = abs(traction1[i] - traction0[i] + curvature[i] * way)
             most[i] = off if off > most[i] else most[i]
-    return first, last, elastic, most.max() / system.strength
+    first, last, elastic = summed(system.over, (first, last, elastic))
+    (largest,) = greatest(system.over, (most.max(),))
+    return first, last, elastic, largest / system.strength
 
 
 @kernel(reorder=True, inner=True)
@@ -513,4 +534,5 @@ def shorten(at: AdhesiveState, part: float, to: AdhesiveState) -> None:
 @kernel(reorder=True, inner=True)
 def lost(system: AdhesiveSystem, at: AdhesiveState) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
-    return bool((system.h - at.u).min() > system.range and at.traction.max() < -system.load)
+    overlap, traction = greatest(system.over, (-(system.h - at.u).min(), at.traction.max()))
+    return bool(-overlap > system.range and traction < -system.load)

@@ -19,8 +19,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
-from gfmdlayer.fitting.indentation.curve import ForceCurve, Sizes, in_si
-from gfmdlayer.fitting.indentation.curve_files import Units, entries, read_curve
+from gfmdlayer.fitting.indentation.curve import DEPTH, WORDS, ForceCurve, Sizes, in_si
+from gfmdlayer.fitting.indentation.curve_files import Units, afm_curve, curve_facts, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, detect, minimised
 from gfmdlayer.fitting.indentation.problem import (
     MODULI,
@@ -30,19 +30,23 @@ from gfmdlayer.fitting.indentation.problem import (
     Model,
     Parameter,
     Prediction,
+    baseline,
     depths,
     free_parameters,
+    onset,
     refuse_impossible,
     refuse_mixed_units,
     warnings_before,
 )
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.validation.problems import shown, unknown_key
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
 TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
 ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
 ROUNDS = 4
+STRETCH = 10.0  # default bounds of a cantilever's stiffness: over and times this factor
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
@@ -55,23 +59,28 @@ def fit_indentation(
     loss: str = "linear",
     profile: bool = False,
     contact: str = "given",
+    segments: Sequence[str] = (),
+    prescribed: str | None = None,
+    stiffness: float | None = None,
+    stiffness_error: float | None = None,
 ) -> IndentationFit:
     """Fit moduli, times, thicknesses and more to measured force curves.
 
     Parameters
     ----------
     curves : ForceCurve, path, mapping or Dataset, or an iterable of these
-        Measured curves: files or folders (see `curve_files`), or columns time, depth and force. All curves
-        share the parameters of the model; each has its own contact point, drift and offset of the force.
+        Measured curves: files or folders (see `curve_files`), columns time, depth and force, or curves of
+        afmformats and nanite. All curves share the parameters of the model; each has its own contact point,
+        drift, stiffness and baseline of the force.
     model : mapping, str or Path
         Body and indenter with the keys of a configuration (layer or layers, halfspace, punch), or a YAML
         file with them. The fit starts from these values. A key `free` names the free parameters.
     free : sequence of str, or mapping
-        Dotted keys of the model, and contact_point, drift, force_offset; a mapping gives bounds as
-        [low, high], or None.
+        Dotted keys of the model, and contact_point, drift, force_offset, force_drift, tilt, stiffness; a
+        mapping gives bounds as [low, high], or None.
     units : sequence of str, optional
         Units of time, depth and force for columns without units, such as ("s", "nm", "nN").
-    loss, profile, contact
+    loss, profile, contact, segments, prescribed, stiffness, stiffness_error
         See `FitOptions`.
 
     Returns
@@ -104,27 +113,33 @@ def fit_indentation(
     >>> print(f"{fit['G0'].value:.2f}")
     7.00
     """
-    options = FitOptions(loss, profile, contact)
+    options = FitOptions(loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error)
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys")
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
     data, keys = read_model(model, free)
     made = Model(data)
-    given = list(_curves(every, units, in_si(made.config.units)))
+    given = list(_curves(every, units, in_si(made.config.units), options))
     if not given:
         raise FitError("got no curve; give at least one")
     return fit_curves(given, made, keys, options)
 
 
-def _curves(given: Iterable[Any], units: Units | None, into: Sizes) -> Iterator[ForceCurve]:
+def _curves(
+    given: Iterable[Any], units: Units | None, into: Sizes, options: FitOptions
+) -> Iterator[ForceCurve]:
     """Yield the curves, given in any form that `fit_indentation` takes."""
     for number, each in enumerate(given):
         if isinstance(each, ForceCurve):
             yield each
         elif isinstance(each, (str, Path)):
-            yield from (read_curve(entry, units, into) for entry in entries([Path(each)]))
+            yield from (read_curve(entry, units, into, options) for entry in entries([Path(each)]))
+        elif hasattr(each, "metadata") and hasattr(each, "columns"):  # of afmformats and nanite
+            yield afm_curve(each, f"{Path(each.path).stem}-{each.enum}", into, options)
         elif all(key in each for key in ("time", "depth", "force")):
             time, depth, force = (np.asarray(each[key]) for key in ("time", "depth", "force"))
-            yield ForceCurve(str(number), time, depth, force)
+            words = {key: list(map(str, np.asarray(each[key]))) for key in WORDS if key in each}
+            facts = curve_facts(words, options.stiffness, options)
+            yield ForceCurve(str(number), time, depth, force, **facts)
         else:
             raise FitError(f"curve {number}: must have the columns time, depth and force")
 
@@ -183,12 +198,28 @@ def fit_curves(curves: Sequence[ForceCurve], model: Model, free: Free, options: 
             f"{rows} rows are too few for {len(parameters)} free parameters; the fit needs at least "
             f"{2 * len(parameters)}"
         )
-    problem = LeastSquares(model, parameters, [Prediction(curve) for curve in curves])
+    problem = make_problem(curves, model, parameters, options)
     u, scale = _first_guess(problem)
     refuse_mixed_units(model, scale)
     notes = list(warnings_before(curves, reached, model, scale))
+    start = problem.values(u)
     u = _solve(problem, u, options.loss)
-    return conclude(problem, u, options, notes)
+    return conclude(problem, u, options, notes, start)
+
+
+def make_problem(
+    curves: Sequence[ForceCurve], model: Model, parameters: Sequence[Parameter], options: FitOptions
+) -> LeastSquares:
+    """Return the least-squares problem of curves, at the model's values."""
+    offsets = {each.curve: each.start for each in parameters if each.key == "force_offset"}
+    return LeastSquares(
+        model,
+        parameters,
+        [
+            Prediction(curve, options.segments, offsets.get(curve.name, offsets.get("", 0.0)))
+            for curve in curves
+        ],
+    )
 
 
 def _parameters(
@@ -201,21 +232,40 @@ def _parameters(
         "contact_point": (-depth, depth),
         "drift": (-depth / duration, depth / duration),
         "force_offset": (-force, force),
+        "force_drift": (-force / duration, force / duration),
+        "tilt": (-force / depth, force / depth),
     }
+    springs = {curve.name: curve.stiffness for curve in curves if curve.by_base and curve.stiffness}
+    if len(springs) == len(curves):
+        spans["stiffness"] = (min(springs.values()) / STRETCH, max(springs.values()) * STRETCH)
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    uncertain = [curve.name for curve in curves if curve.by_base and curve.stiffness_error]
     if options.contact == "detect":
         asked |= {key: asked.get(key) for key in ("contact_point", "force_offset")}
-    found = free_parameters(model, asked, [curve.name for curve in curves], spans)
+    if uncertain and "stiffness" not in asked:
+        spans["stiffness"] = (min(springs.values()) / STRETCH, max(springs.values()) * STRETCH)
+        added = free_parameters(model, {"stiffness": None}, [curve.name for curve in curves], spans)
+        added = [each for each in added if each.curve in {"", *uncertain}]
+    else:
+        added = []
+    found = free_parameters(model, asked, [curve.name for curve in curves], spans) + added
+    starts = {curve.name if len(curves) > 1 else "": curve for curve in curves}
+    found = [
+        replace(each, start=starts[each.curve].stiffness or 1.0) if each.key == "stiffness" else each
+        for each in found
+    ]
     if options.contact == "given":
         return found
-    points = {curve.name if len(curves) > 1 else "": detect(curve) for curve in curves}
+    points = {name: detect(curve) for name, curve in starts.items()}
     return [_from_detection(each, points[each.curve]) if each.key in spans else each for each in found]
 
 
 def _from_detection(parameter: Parameter, point: Any) -> Parameter:
-    start = {"contact_point": point.depth, "force_offset": point.offset}.get(parameter.key, 0.0)
+    start = {"contact_point": point.depth, "force_offset": point.offset}.get(parameter.key, parameter.start)
     low, high = parameter.bounds
-    return replace(parameter, start=start, bounds=(min(low, 2 * start), max(high, 2 * start)))
+    if parameter.key in {"contact_point", "force_offset"}:
+        low, high = min(low, 2 * start), max(high, 2 * start)
+    return replace(parameter, start=start, bounds=(low, high))
 
 
 def _first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
@@ -239,19 +289,32 @@ def _first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
 
 
 def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, float]:
-    """Return u with the best common factor on the moduli, the sum of squares, and the factor."""
+    """Return u with the best common factor on the moduli, the sum of squares, and the factor.
+
+    The force at the measured depth is the predicted one, multiplied by a power of the ratio of the depths.
+    """
     moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
-    offsets = [problem.offset(u, each.curve.name) for each in problem.predictions]
-    pairs = list(zip(problem.predictions, offsets, strict=True))
-    predicted = np.concatenate([f - offset for f, offset in zip(problem.forces(u), offsets, strict=True)])
-    measured = np.concatenate([each.curve.force - offset for each, offset in pairs])
-    along = float(predicted @ measured) / max(float(predicted @ predicted), 1e-300)
+    predicted, measured = [], []
+    for each in problem.predictions:
+        config, at = problem.config(u, each.curve.name), problem.correction(u, each.curve)
+        force, depth = each.response(config, at)
+        problem.solutions += 1
+        since = each.curve.time - each.curve.time[0]
+        own = each.curve.depth - at.contact_point - at.drift * since
+        if each.kinds != {DEPTH}:
+            touching = depth > 0.05 * float(np.max(depth))
+            ratio = np.maximum(own[touching], 0.0) / depth[touching]
+            force = np.where(depth > 0, force, 0.0)
+            force[touching] *= ratio ** onset(as_revolution(config.punch))
+        predicted.append(force[each.used])
+        measured.append((each.curve.force - baseline(each.curve, at))[each.used])
+    x, y = np.concatenate(predicted), np.concatenate(measured)
+    along = float(x @ y) / max(float(x @ x), 1e-300)
     factor = along if along > 0 else 1.0
     shifted = u.copy()
     if moduli:
         shifted[moduli] = np.clip(u + math.log(factor), *problem.bounds)[moduli]
-    squares = float(np.sum((factor * predicted - measured) ** 2))
-    return shifted, squares, factor
+    return shifted, float(np.sum((factor * x - y) ** 2)), factor
 
 
 def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
@@ -259,16 +322,23 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
     minimise = partial(minimised, problem.residuals, problem.jacobian, bounds=problem.bounds)
     problem.adapt(u)
     u = minimise(start=u, precision=ROUGH)
-    estimated = [i for i, each in enumerate(problem.predictions) if each.curve.noise is None]
     for _ in range(ROUNDS):
         before = u
         problem.adapt(u)
-        for i in estimated:
-            problem.noise[i] = _spread(problem.forces(u)[i] - problem.predictions[i].curve.force, loss)
+        _estimate_noise(problem, u, loss)
+        problem.weigh(u)
         u = minimise(start=u, loss=loss, precision=FINE)
         if np.abs(u - before).max() < STAYS:
             break
     return u
+
+
+def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
+    """Set the noise of forces and depths from the residuals at u, where it is not given."""
+    for i, (found, each) in enumerate(zip(problem.measured(u), problem.predictions, strict=True)):
+        for k in np.flatnonzero(~problem.noise_is_given(i)):
+            rows = each.used & (each.curve.by_force == bool(k))
+            problem.noise[i, k] = _spread((found - each.curve.measured)[rows], loss)
 
 
 def _spread(residual: FloatArray, loss: str) -> float:

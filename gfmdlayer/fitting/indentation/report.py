@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gfmdlayer.config import text
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
@@ -52,12 +54,29 @@ def as_data(fit: IndentationFit) -> dict[str, Any]:
         "correlation": fit.correlation.tolist(),
         "aic": fit.aic,
         "bic": fit.bic,
-        "curves": [
-            {"name": each.curve.name, "rows": each.curve.time.size, "noise": each.noise}
-            for each in fit.curves
-        ],
+        "curves": [_curve_data(each) for each in fit.curves],
         "warnings": list(fit.warnings),
     }
+
+
+def _curve_data(each: CurveFit) -> dict[str, Any]:
+    return {
+        "name": each.curve.name,
+        "rows": each.curve.time.size,
+        "fitted_rows": int(each.used.sum()),
+        "noise": _known(each.noise),
+        "depth_noise": _known(each.depth_noise),
+        "segments": [segment._asdict() for segment in each.curve.segments],
+        "guessed": each.curve.guessed,
+        "stiffness": each.curve.stiffness,
+        "stiffness_error": each.curve.stiffness_error,
+        "punch": None if each.curve.punch is None else dict(each.curve.punch),
+        **each.curve.origin,
+    }
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _estimate(each: Estimate) -> dict[str, Any]:
@@ -81,10 +100,21 @@ def summary(fit: IndentationFit) -> list[str]:
         f"Fit of {number}, {rows} rows, {len(fit.parameters)} free parameters. "
         f"AIC {fit.aic:.2f}, BIC {fit.bic:.2f}.",
         *_table(fit.parameters),
-        *(f"noise of {each.curve.name}: {each.noise:.4g}" for each in fit.curves[:SHOWN_CURVES]),
+        *(line for each in fit.curves[:SHOWN_CURVES] for line in _curve(each)),
         *_correlations(fit),
         *(f"warning: {warning}" for warning in fit.warnings),
     ]
+
+
+def _curve(each: CurveFit) -> Iterator[str]:
+    """Yield lines with the segments of a curve, as given or guessed, and its noise."""
+    name, guessed = each.curve.name, each.curve.guessed
+    yield f"segments of {name}: {', '.join(map(str, each.curve.segments))}" + (
+        f" ({guessed})" if guessed else ""
+    )
+    found = {"force": each.noise, "depth": each.depth_noise}
+    words = (f"{value:.4g} of the {key}" for key, value in found.items() if math.isfinite(value))
+    yield f"noise of {name}: {', '.join(words)}"
 
 
 def comparison(fits: dict[str, IndentationFit]) -> list[str]:
@@ -93,7 +123,7 @@ def comparison(fits: dict[str, IndentationFit]) -> list[str]:
     width = max(len(name) for name in fits)
     lines = [f"{'model':{width}}  parameters  {'noise':>10}  {'AIC - best':>11}  {'BIC - best':>11}"]
     for name, fit in sorted(fits.items(), key=lambda item: item[1].bic):
-        noise = math.sqrt(sum(each.noise**2 for each in fit.curves) / len(fit.curves))
+        noise = math.sqrt(float(np.nanmean([(each.noise, each.depth_noise) for each in fit.curves]) ** 2))
         lines.append(
             f"{name:{width}}  {len(fit.parameters):10d}  {noise:10.4g}  {fit.aic - best_aic:11.2f}  "
             f"{fit.bic - best_bic:11.2f}"
@@ -124,31 +154,43 @@ def _correlations(fit: IndentationFit) -> Iterator[str]:
 
 
 def fit_figure(fit: IndentationFit) -> Figure:
-    """Draw measured and fitted forces with the confidence band over time, and below them the residuals."""
+    """Draw the measured quantities with the fit and its 95 % band over time, and below them the residuals."""
     shown = fit.curves[:SHOWN_CURVES]
+    quantities = [
+        (name, by_force)
+        for name, by_force in (("force", False), ("depth", True))
+        if any((each.curve.by_force == by_force).any() for each in shown)
+    ]
+    units = fit.config.units
     with styled():
-        figure = new_figure(1, 100.0)
-        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
-        for each, colour in zip(shown, colours(len(shown) + 1), strict=False):
-            _draw(above, below, each, colour)
-        above.set_title("(a)", loc="left")
-        handles, labels = above.get_legend_handles_labels()
-        above.legend(handles[:3], labels[:3])
-        below.axhline(0, color="black", linewidth=0.5)
-        units = fit.config.units
-        time, force = ("" if units is None else units.label(words) for words in ("time", "force"))
-        name_axes(above, y=Quantity("force", force))
-        name_axes(below, Quantity("time", time), Quantity("residual", force))
-        below.set_title("(b)", loc="left")
+        figure = new_figure(2 if len(quantities) > 1 else 1, 100.0)
+        axes = figure.subplots(2, len(quantities), sharex=True, squeeze=False, height_ratios=(2.2, 1))
+        for number, ((name, by_force), (above, below)) in enumerate(zip(quantities, axes.T, strict=True)):
+            for each, colour in zip(shown, colours(len(shown) + 1), strict=False):
+                if (each.curve.by_force == by_force).any():
+                    _draw(above, below, each, by_force, colour)
+            above.set_title(f"({'ac'[number]})", loc="left")
+            handles, labels = above.get_legend_handles_labels()
+            above.legend(handles[:3], labels[:3])
+            below.axhline(0, color="black", linewidth=0.5)
+            words = {"force": "force", "depth": "length"}[name]
+            time, unit = ("" if units is None else units.label(each) for each in ("time", words))
+            name_axes(above, y=Quantity(name, unit))
+            name_axes(below, Quantity("time", time), Quantity("residual", unit))
+            below.set_title(f"({'bd'[number]})", loc="left")
         finish(figure)
     return figure
 
 
-def _draw(above: Axes, below: Axes, each: CurveFit, colour: str) -> None:
-    time, measured, fitted, band = each.curve.time, each.curve.force, each.force, each.band
+def _draw(above: Axes, below: Axes, each: CurveFit, by_force: bool, colour: str) -> None:
+    rows = each.curve.by_force == by_force
+    fitted = np.where(rows, each.depth if by_force else each.force, np.nan)  # a gap where it is prescribed
+    measured = np.where(rows, each.curve.measured, np.nan)
+    time, band = each.curve.time, each.band
     thin = max(1, time.size // 400)  # more markers would hide the line
     above.plot(time[::thin], measured[::thin], ".", color="0.6", ms=2.2, mew=0, label="measured")
     above.plot(time, fitted, color=colour, linewidth=1.0, label="fitted")
     above.fill_between(time, fitted - band, fitted + band, color=colour, alpha=0.3, lw=0, label="95 % band")
-    below.plot(time[::thin], (measured - fitted)[::thin], ".", color=colour, ms=1.8, mew=0)
-    below.fill_between(time, -band, band, color=colour, alpha=0.3, lw=0)
+    residual = np.where(each.used, measured - fitted, np.nan)
+    below.plot(time[::thin], residual[::thin], ".", color=colour, ms=1.8, mew=0)
+    below.fill_between(time, -band, band, where=rows, color=colour, alpha=0.3, lw=0)
