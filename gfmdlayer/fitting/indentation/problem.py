@@ -149,6 +149,11 @@ class Prediction:
     def _of_kind(self, kind: str) -> list[tuple[Drive, str]]:
         return [each for each in zip(self.drives, self._kinds, strict=True) if each[1] == kind]
 
+    def corrected(self, at: Correction) -> tuple[FloatArray, FloatArray]:
+        """Return the corners of the prescribed quantity without its corrections: times and values."""
+        pieces = self._pieces(at)
+        return np.append(pieces.begin, pieces.end[-1]), np.append(pieces.first, pieces.last[-1])
+
     @property
     def kinds(self) -> set[str]:
         """The prescribed quantities."""
@@ -650,7 +655,7 @@ class LeastSquares:
 
     def noise_of_rows(self, i: int) -> FloatArray:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
-        return np.where(self.predictions[i].curve.by_force, self.noise[i, 1], self.noise[i, 0])
+        return np.asarray(np.where(self.predictions[i].curve.by_force, self.noise[i, 1], self.noise[i, 0]))
 
     def noise_is_given(self, i: int) -> BoolArray:
         """Whether the noise of force and depth of a curve is given, or needs no estimate; shape (2,)."""
