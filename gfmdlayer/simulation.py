@@ -15,6 +15,7 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, check_body, internal_variables
+from gfmdlayer.body.inside import stack_of
 from gfmdlayer.body.isolated import Isolated, isolated
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.body.pair import Pair
@@ -34,6 +35,7 @@ from gfmdlayer.grid.slabs import SlabGrid, transforms_of
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControl, Integrator
+from gfmdlayer.history.inside import Interior, Springs
 from gfmdlayer.history.instabilities import Changes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
@@ -48,7 +50,7 @@ from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.results.journal import Recorder
-from gfmdlayer.results.schema import FIELDS
+from gfmdlayer.results.schema import in_order
 from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 
@@ -306,6 +308,29 @@ class Case:
         return PREDICTIONS[self.solver.starts_from](math.prod(self.grid.shape), self.grid.ranks)
 
     @cached_property
+    def interior(self) -> Interior | None:
+        """The fields below the surface, where the configuration asks for them."""
+        given = self.config.output.inside
+        if given is None:
+            return None
+        if (stack := stack_of(self.body)) is None:
+            raise TypeError(
+                f"output.inside: a {type(self.body).__name__} has no layers; must be a LayerStack"
+            )
+        places = given.places(self.config.solid, self.config.grid.period)
+        return Interior(stack, self.grid, places, self.body.spectrum)
+
+    def springs(self, step: AcceptedStep) -> Springs:
+        """Return strains and forces below the surface of the step that was accepted last."""
+        if self._springs is None or self._springs[0] is not step:
+            assert self.interior is not None
+            pressure = self.transforms.forward(step.solution.pressure)
+            self._springs = step, self.interior.springs(self.integrator, pressure)
+        return self._springs[1]
+
+    _springs: tuple[AcceptedStep, Springs] | None = None
+
+    @cached_property
     def observables(self) -> dict[str, Observable]:
         """Observables of each accepted step, by name."""
         return observables(self)
@@ -390,21 +415,26 @@ class Case:
     def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
         """Record the fields of a step, some only with attraction, a hardness or a counterbody."""
         gap, displacement = closed_gap(step.problem, step.solution), step.surface.displacement
-        others: list[FloatArray | None] = []
+        fields: dict[str, Any] = {
+            "displacement": displacement,
+            "pressure": step.solution.pressure,
+            "gap": gap,
+        }
         if self.interface.attracts:
-            others.append(step.problem.interface.traction(gap))
+            fields["traction"] = step.problem.interface.traction(gap)
         if self.imprint.yields:
-            others += [None] * (not others) + [self.imprint.depth]
+            fields["imprint"] = self.imprint.depth
         if self.config.two_bodies:
             assert isinstance(self.integrator, SideBySide)
-            parts = (self.transforms.backward(each.u) / self.grid.size for each in self.integrator.bodies)
-            others += [None] * (FIELDS.index("displacement_body") - 3 - len(others)) + [*parts]
+            for name, each in zip(("body", "counterbody"), self.integrator.bodies, strict=True):
+                fields[f"displacement_{name}"] = self.transforms.backward(each.u) / self.grid.size
         if self.reach is not None:
-            displacement, gap = self.reach.masked(displacement), self.reach.masked(gap)
-        fields = displacement, step.solution.pressure, gap
-        displacement, pressure, gap = (field.reshape(self.grid.shape) for field in fields)
-        given = [each if each is None else each.reshape(self.grid.shape) for each in others]
-        recorder.snapshot(step.time, displacement, pressure, gap, *given)
+            fields |= {name: self.reach.masked(fields[name]) for name in ("displacement", "gap")}
+        fields = {name: field.reshape(self.grid.shape) for name, field in fields.items()}
+        given = self.config.output.inside
+        if self.interior is not None and given is not None and given.wants(step.time):
+            fields |= self.interior.recorded(self.springs(step))
+        recorder.snapshot(step.time, *in_order(fields))
 
     def _recorded(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return columns or attributes of the observables, those of an isolated contact as totals."""

@@ -307,7 +307,9 @@ class Modes:
             stretch=np.zeros((branch_times.size, 2 * size)),
         )
         local = np.where(of_branch[:, np.newaxis], 0.0, weights)
-        index, local_weights = np.ascontiguousarray(np.nonzero(local)[1]), local[local > 0]
+        number, index = (np.ascontiguousarray(each) for each in np.nonzero(local))
+        local_weights = local[local > 0]
+        self._rows = len(weights), np.flatnonzero(of_branch), number  # of the stretches in the spectrum
         energy_weights = local_weights * self._sums.weights[index]
         self._local = LocalModes(index, local_weights, energy_weights, np.zeros((index.size, 2)))
         self._times = np.concatenate((branch_times, times[local > 0]))
@@ -332,6 +334,15 @@ class Modes:
         )
         self.stored = self._sums.total(twice) / 2
         self.dissipated += self._sums.total(heat)
+
+    @property
+    def stretches(self) -> ComplexArray:
+        """The stretches y_j of the modes of the spectrum, (modes, nq); zero where a mode has no weight."""
+        count, of_branch, number = self._rows
+        found = np.zeros((count, self.u.size), dtype=np.complex128)
+        found[of_branch] = self._branches.stretch.view(np.complex128)
+        found[number, self._local.position] = self._local.stretch.view(np.complex128)[:, 0]
+        return found
 
     def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b of the last `terms` with the curvature, which is linear in u.

@@ -162,9 +162,9 @@ def compute(
     try:
         said = model.run(recording, advance)
     except ConvergenceError as error:
-        error.data = recording.dataset(coordinates, model.columns, described, config.unit)
+        error.data = recording.dataset(coordinates, model.columns, described, config.unit, model.places)
         raise
-    return recording.dataset(coordinates, model.columns, described, config.unit), said
+    return recording.dataset(coordinates, model.columns, described, config.unit, model.places), said
 
 
 def _attempt(

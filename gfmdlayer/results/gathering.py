@@ -46,7 +46,14 @@ from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
 from gfmdlayer.results.netcdf import add_variable, attribute, column, new_file, opened, write_at
-from gfmdlayer.results.schema import FIELDS, OVER_TIME, SAME_TIME, SWEEP_FILE, VARIABLES, described_key
+from gfmdlayer.results.schema import (
+    OVER_TIME,
+    SAME_TIME,
+    SNAPSHOT_FIELDS,
+    SWEEP_FILE,
+    VARIABLES,
+    described_key,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -153,7 +160,7 @@ class _File:
         for name, dataset in h5.items():
             if not isinstance(dataset, h5py.Dataset) or dataset.maxshape[:1] != (None,):
                 continue
-            if name in {TIME.name, "snapshot", *FIELDS}:
+            if name in {TIME.name, "snapshot", *SNAPSHOT_FIELDS}:
                 continue
             if dataset.ndim == 1:
                 yield name, Column(_described(dataset))
@@ -595,16 +602,20 @@ def labelled(
     cases = [record.source for record in records if isinstance(record.source, xarray.Dataset)]
     first = cases[0] if cases else xarray.Dataset()
     if first.sizes.get("snapshot") and all(_surface(case) == _surface(first) for case in cases):
-        for name in (each for each in FIELDS if all(each in case for case in cases)):
+        for name in (each for each in SNAPSHOT_FIELDS if all(each in case for case in cases)):
             fields = np.full((*sweep.shape, *first[name].shape), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
                 if isinstance(record.source, xarray.Dataset):
                     fields[place] = record.source[name].to_numpy()
             held[name] = ((*sweep.dimensions, *first[name].dims), fields, first[name].attrs)
-        coords |= {str(name): first[name].variable for name in first[FIELDS[0]].dims}
+        coords |= {
+            name: first[name].variable
+            for name in ("snapshot", "x", "y", "z", "layer", "spring")
+            if name in first.coords
+        }
     return xarray.Dataset(held, coords, sweep.attributes(attributes)).set_coords(TIME.name)
 
 
 def _surface(case: xarray.Dataset) -> list[Any]:
     """Return the coordinates of the snapshots, for a comparison."""
-    return [case[name].to_numpy().tolist() for name in ("snapshot", "x", "y") if name in case.coords]
+    return [case[name].to_numpy().tolist() for name in ("snapshot", "x", "y", "z") if name in case.coords]
