@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from gfmdlayer.body.body import Body, check_body
 from gfmdlayer.body.isolated import isolated as without_images
+from gfmdlayer.body.pair import Pair
+from gfmdlayer.body.solid import Solid
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import CONTROLS
@@ -201,6 +203,7 @@ def solve(
         given["interface"] = interface
     config = _config({"points": _points(punch, points), "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
+    _check_grid(body, grid)
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
     if frictional:
         _check_friction(frictional, plain=not alone and law is HARD_WALL and config.hardness is None)
@@ -244,6 +247,17 @@ def solve(
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
     return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0), reach)
+
+
+def _check_grid(body: Body, grid: Grid) -> None:
+    """Raise a ConfigError if the grid does not suit a body, or one of a pair."""
+    if isinstance(body, Pair):
+        _check_grid(body.first, grid)
+        _check_grid(body.second, grid)
+    elif isinstance(body, Solid):
+        found = body.problems_on_grid(grid.points, grid.period)
+        if messages := [f"body.{problem.key}: {problem.message}" for problem in found]:
+            raise ConfigError(messages)
 
 
 def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:

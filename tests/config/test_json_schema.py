@@ -121,6 +121,9 @@ sweep:
     "  material: {model: elastic, G: 1}}\n",
     LINE + "body: {kind: lattice, crystal: simple_cubic, nearest: 1, next_nearest: 2, spacing: 0.03125,\n"
     "  layers: 4}\n",
+    LINE + "body: {kind: anisotropic, normal: [1, 1, 1], along: [1, -1, 0], C: [[4, 1, 1, 0, 0, 0],\n"
+    "  [1, 4, 1, 0, 0, 0], [1, 1, 4, 0, 0, 0],\n"
+    "  [0, 0, 0, 2, 0, 0], [0, 0, 0, 0, 2, 0], [0, 0, 0, 0, 0, 2]]}\n",
     LINE + "body: {kind: lattice, nearest: 1, spacing: 0.03125}\n",
     LINE + "body: {kind: table, table: heights.txt, mean: 0.5}\n",
     LINE + "body: {kind: table, table: stiffness.npy, period: 2.0}\n",
@@ -249,7 +252,8 @@ def is_refused(data: Any) -> bool:
 def is_of_one_value(problem: Problem) -> bool:
     """Whether no other value, key or file has a part in a problem."""
     own = unswept(problem.key)
-    related = ("does not exist", "> from", "log with from", "lists of the same length")
+    related = ("does not exist", "> from", "log with from", "lists of the same length", "row by row")
+    related += ("positive definite", "must be perpendicular")
     return (
         all(f"{other}.".startswith(f"{own}.") for other in problem.others)
         and not problem.at_key
