@@ -23,6 +23,7 @@ from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.side_by_side import divide
 from gfmdlayer.interactive.frictional import FRICTIONAL, with_friction
+from gfmdlayer.interactive.one_contact import dataset
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
@@ -40,8 +41,6 @@ from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
-from gfmdlayer.results.provenance import provenance
-from gfmdlayer.results.schema import VARIABLES
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant
 from gfmdlayer.validation.problems import shown
@@ -361,8 +360,6 @@ def _dataset(
     parts: Mapping[str, FloatArray],
 ) -> xarray.Dataset:
     """Return fields and scalars of a solution; `reach` is that of an isolated contact."""
-    import xarray
-
     touching = in_contact(problem, solution)
     imprint = {} if solution.flow is None else {"imprint": solution.flow}
     wall = problem.wall_pressure(solution.pressure, solution.gap).reshape(grid.shape)
@@ -389,32 +386,4 @@ def _dataset(
     if reach is not None:
         fields |= {name: reach.masked(np.asarray(fields[name], float)) for name in ("displacement", "gap")}
         scalars = totals(scalars, math.prod(grid.period))
-    axes = dict(zip("xy", grid.coordinates, strict=False))
-    held: dict[str, Any] = {
-        name: (tuple(axes), values.reshape(grid.shape), _MEANINGS[name]) for name, values in fields.items()
-    }
-    held |= {name: ((), value, _MEANINGS[name]) for name, value in scalars.items()}
-    coords = {name: ((name,), x, _MEANINGS[name]) for name, x in axes.items()}
-    return xarray.Dataset(held, coords, provenance())
-
-
-def _meaning(long_name: str, units: str = "1") -> dict[str, str]:
-    return {"long_name": long_name, "units": units}
-
-
-_MEANINGS = {
-    **{name: _meaning(entry.long_name, entry.units) for name, entry in VARIABLES.items()},
-    "contact": _meaning("whether the point is in contact"),
-    "contact_area": _meaning("relative contact area, contact points / all points"),
-    "area": _meaning("contact area, of a line the width", "area"),
-    "area_interpolated": _meaning("contact area, of a line the width, the edge between the points", "area"),
-    "area_error": _meaning("estimated error of area_interpolated", "area"),
-    "contact_area_interpolated": _meaning("relative contact area, the edge located between the points"),
-    "contact_area_error": _meaning("estimated error of contact_area_interpolated"),
-    "mean_pressure": _meaning("mean pressure over the cell", "pressure"),
-    "force": _meaning("force over the cell, of a line per length", "pressure area"),
-    "depth": _meaning("depth of the punch below its first touch", "length"),
-    "residual": _meaning("residual of the contact problem"),
-    "transforms": _meaning("pairs of Fourier transforms, forward and backward"),
-    "iterations": _meaning("iterations of the contact solver"),
-}
+    return dataset(grid, fields, scalars)
