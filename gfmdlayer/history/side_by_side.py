@@ -37,7 +37,7 @@ class Division(NamedTuple):
 
 
 @kernel
-def divide(one: Any, two: Any) -> Division:
+def _divide(one: Any, two: Any) -> Division:
     """Divide between the stiffnesses of two bodies."""
     first, second, compliance, stiffness = (
         np.empty_like(one),
@@ -133,7 +133,7 @@ class SideBySide:
                 nothing = np.zeros(self.u.size)
                 losses = [nothing if loss is None else loss for loss in lossy]
                 stiffness = tuple(k + 1j * loss for k, loss in zip(stiffness, losses, strict=True))
-            self._division = divide(*stiffness)
+            self._division = _divide(*stiffness)
             kappa = self._division.stiffness
             self.stiffness, self.loss_stiffness = (
                 (kappa.real.copy(), kappa.imag.copy()) if moves else (kappa, None)
@@ -145,7 +145,7 @@ class SideBySide:
         """Return kappa and b with the curvature of each displacement, see `Modes.curved`."""
         own = zip(self.bodies, _halves(velocity), strict=True)
         (one, b1), (two, b2) = (body.curved(ratio, part) for body, part in own)
-        division = divide(one, two)
+        division = _divide(one, two)
         return division.stiffness, self._taken(division, b1, b2)
 
     def _taken(self, *terms: Any) -> ComplexArray:

@@ -21,7 +21,6 @@ from gfmdlayer.contact.problem import why_not_converged
 from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history.side_by_side import divide
 from gfmdlayer.interactive.frictional import FRICTIONAL, with_friction
 from gfmdlayer.interactive.one_contact import dataset
 from gfmdlayer.interface.interface import Interface
@@ -343,12 +342,10 @@ def _parts(case: Case, surface: Surface, *, glassy: bool) -> dict[str, FloatArra
     body = case.body
     if not isinstance(body, Pair):
         return {}
-    each = (own.spectrum(case.grid.waves) for own in (body.first, body.second))
-    shares = divide(*(np.ravel(own.glassy if glassy else own.relaxed) for own in each))
-    return {
-        f"displacement_{name}": case.transforms.backward(share * surface.spectrum) / case.grid.size
-        for name, share in (("body", shares.one), ("counterbody", shares.two))
-    }
+    part = np.ravel(body.part_of_second(case.grid.waves, glassy=glassy))
+    second = case.transforms.backward(part * surface.spectrum) / case.grid.size
+    first = case.transforms.backward((1 - part) * surface.spectrum) / case.grid.size
+    return {"displacement_body": first, "displacement_counterbody": second}
 
 
 def _dataset(
