@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -227,7 +228,7 @@ def instruments(draws: str = "12") -> None:
                         wrong = float(1 + 0.1 * rng.standard_normal())
                         curve = miscalibrated(curve, wrong)
                     begun = time.process_time()
-                    fit = fit_indentation(curve, started(data, rng), list(free))
+                    fit = fit_indentation(curve, started(data, rng, free), list(free))
                     spent.append(time.process_time() - begun)
                     for each in fit.parameters:
                         known = Model(data).keys.get(each.key, 0.0)
@@ -256,8 +257,8 @@ def miscalibrated(curve: ForceCurve, factor: float) -> ForceCurve:
     return replace(curve, force=curve.force * factor, stiffness=curve.stiffness * factor, stiffness_error=0.1)
 
 
-def started(data: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-    """Return a model whose material is wrong by a factor of up to 2.5."""
+def started(data: dict[str, Any], rng: np.random.Generator, free: Sequence[str] = ()) -> dict[str, Any]:
+    """Return a model whose materials are wrong by a factor of up to 2.5; of a stack, those that are free."""
 
     def moved(value: Any) -> Any:
         if isinstance(value, dict):
@@ -267,7 +268,11 @@ def started(data: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
         return value * 2.5 ** rng.uniform(-1, 1) if isinstance(value, float) else value
 
     given = data["layers"] if "layers" in data else [data["layer"]]
-    layers = [{**each, "material": moved(each["material"])} for each in given]
+    wrong = [len(given) == 1 or any(f"[{i}].material" in key for key in free) for i in range(len(given))]
+    layers = [
+        {**each, "material": moved(each["material"])} if is_wrong else each
+        for each, is_wrong in zip(given, wrong, strict=True)
+    ]
     for each in layers:
         if "Ginf" in each["material"]:
             each["material"]["Ginf"] = each["material"]["G0"] * 3

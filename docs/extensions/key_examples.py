@@ -16,6 +16,18 @@ punch: {shape: sphere, radius: 5.0}""",
     "Anisotropic": """\
 body: {kind: anisotropic, C11: 165.8, C12: 63.9, C44: 79.6, angle: 45}    # silicon, GPa; x along [110]
 ---
+body: {kind: anisotropic, C11: 165.8, C12: 63.9, C44: 79.6, normal: [1, 1, 1], along: [1, -1, 0]}
+---
+body:    # 21 constants; a tenth of C11 couples shear along y and z with the stretch of x
+  kind: anisotropic
+  C:
+    - [10, 4, 4, 1, 0, 0]
+    - [4, 10, 4, 0, 0, 0]
+    - [4, 4, 10, 0, 0, 0]
+    - [1, 0, 0, 3, 0, 0]
+    - [0, 0, 0, 0, 3, 0]
+    - [0, 0, 0, 0, 0, 3]
+---
 body: {kind: anisotropic, C11: 163, C12: 34.8, C13: 51.6, C33: 181, C44: 57.3, C66: 64.1,
   material: {model: zener, G0: 1, Ginf: 2, tau: 1.0}}""",
     "Lattice": """\

@@ -149,8 +149,9 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) ->
     from gfmdlayer.fitting.indentation import report
     from gfmdlayer.fitting.indentation.curve import in_si
     from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
-    from gfmdlayer.fitting.indentation.fit import fit_curves, read_model
+    from gfmdlayer.fitting.indentation.fit import fit_curves
     from gfmdlayer.fitting.indentation.problem import Model
+    from gfmdlayer.fitting.indentation.starts import read_model
 
     out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
     report.targets(out, options.force)
@@ -185,7 +186,7 @@ def _prepare() -> None:
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.fitting.force_map import ForceMap
-    from gfmdlayer.fitting.indentation.fit import read_model
+    from gfmdlayer.fitting.indentation.starts import read_model
     from gfmdlayer.results.schema import ResultsError
 
     paths = [Path(each) for each in options.data]

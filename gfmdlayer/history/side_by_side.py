@@ -16,7 +16,7 @@ A body that holds its mean, kappa_i = 0 at q = 0, adds no compliance there: s_i 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -35,15 +35,24 @@ class Division(NamedTuple):
     compliance: Any  # 1/(kappa_1 + kappa_2), 0 where a body holds its displacement
     stiffness: Any  # kappa
 
-    @classmethod
-    def of(cls, one: Any, two: Any) -> Division:
-        """Divide between two stiffnesses."""
-        both = (one != 0) & (two != 0)
-        compliance = np.divide(1.0, one + two, out=np.zeros_like(one + two), where=both)
-        first = np.where(both, two * compliance, np.where(one == 0, 0.0, 1.0))
-        second = np.where(both, one * compliance, np.where(one == 0, 1.0, 0.0))
-        softer = np.abs(one) < np.abs(two)  # whose stiffness loses no digits
-        return cls(first, second, compliance, np.where(softer & both | (two == 0), first * one, second * two))
+
+@kernel
+def _divide(one: Any, two: Any) -> Division:
+    """Divide between the stiffnesses of two bodies."""
+    first, second, compliance, stiffness = (
+        np.empty_like(one),
+        np.empty_like(one),
+        np.zeros_like(one),
+        np.zeros_like(one),
+    )
+    for i in range(one.size):
+        first[i], second[i] = 0.0 if one[i] == 0 else 1.0, 1.0 if one[i] == 0 else 0.0
+        if one[i] != 0 and two[i] != 0:
+            compliance[i] = 1.0 / (one[i] + two[i])
+            first[i], second[i] = two[i] * compliance[i], one[i] * compliance[i]
+        # The softer body has the larger part, and loses no digits.
+        stiffness[i] = first[i] * one[i] if abs(first[i]) > abs(second[i]) else second[i] * two[i]
+    return Division(first, second, compliance, stiffness)
 
 
 @kernel(reorder=True)
@@ -96,7 +105,7 @@ class SideBySide:
             each.u = part  # advances in place
         self._stiffness: tuple[FloatArray, ...] = ()
         self._found: tuple[ComplexArray, ComplexArray] | None = None
-        self.step = np.nan
+        self.step, self.loss_stiffness = np.nan, cast("FloatArray | None", None)
         self._add()
 
     def _add(self) -> None:
@@ -119,14 +128,15 @@ class SideBySide:
         if not self._stiffness or any(a is not b for a, b in zip(stiffness, self._stiffness, strict=True)):
             self._stiffness = stiffness
             lossy = [each.loss_stiffness for each in self.bodies]
-            self._division = Division.of(
-                *(k if loss is None else k + 1j * loss for k, loss in zip(stiffness, lossy, strict=True))
-            )
-            self.stiffness = np.ascontiguousarray(self._division.stiffness.real)
-            self.loss_stiffness = (
-                None
-                if all(loss is None for loss in lossy)
-                else np.ascontiguousarray(self._division.stiffness.imag)
+            moves = any(loss is not None for loss in lossy)
+            if moves:
+                nothing = np.zeros(self.u.size)
+                losses = [nothing if loss is None else loss for loss in lossy]
+                stiffness = tuple(k + 1j * loss for k, loss in zip(stiffness, losses, strict=True))
+            self._division = _divide(*stiffness)
+            kappa = self._division.stiffness
+            self.stiffness, self.loss_stiffness = (
+                (kappa.real.copy(), kappa.imag.copy()) if moves else (kappa, None)
             )
         self._b = self._taken(self._division, *(b for _, b in found))
         return self.stiffness, self._b
@@ -135,7 +145,7 @@ class SideBySide:
         """Return kappa and b with the curvature of each displacement, see `Modes.curved`."""
         own = zip(self.bodies, _halves(velocity), strict=True)
         (one, b1), (two, b2) = (body.curved(ratio, part) for body, part in own)
-        division = Division.of(one, two)
+        division = _divide(one, two)
         return division.stiffness, self._taken(division, b1, b2)
 
     def _taken(self, *terms: Any) -> ComplexArray:

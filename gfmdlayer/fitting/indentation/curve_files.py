@@ -310,8 +310,8 @@ def _afm_group(path: Path) -> Any:
 # Names of the segments of afmformats by number.
 _PARTS = {
     "force-distance": ("approach", "retract"),
-    "creep-compliance": ("approach", "approach", "hold", "retract"),
-    "stress-relaxation": ("approach", "approach", "hold", "retract"),
+    "creep-compliance": ("approach", "hold", "retract"),
+    "stress-relaxation": ("before", "approach", "hold", "retract"),
 }
 
 

@@ -27,6 +27,7 @@ from gfmdlayer.fitting.indentation.curve import FORCE, PRESCRIBED, CurveError, F
 from gfmdlayer.fitting.indentation.problem import LeastSquares, Parameter
 
 BAND = 0.95  # confidence of all intervals
+OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 STIFF = 1e3  # of the further residual, over its standard error
 ROUNDS = 5  # of the search for an end of a profile
@@ -85,6 +86,12 @@ class Estimate:
     def name(self) -> str:
         """Key, with the curve to which it belongs."""
         return f"{self.key}[{self.curve}]" if self.curve else self.key
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the data leave it open: the interval reaches a bound, or spans a factor of ten."""
+        (low, high), (least, most) = self.profile or self.interval, self.bounds
+        return low <= least or high >= most or (self.relative and high > OPEN * low)
 
     @property
     def standard_error(self) -> float:
@@ -243,7 +250,7 @@ def _doubts(
         elif below or above:
             side, bound = ("an upper", least) if below else ("a lower", most)
             yield f"{each.name}: the data give only {side} limit; the interval reaches {bound:g}"
-        elif each.relative and high > 10 * low:
+        elif each.is_open:
             yield f"{each.name}: the data hardly determine it; the interval spans a factor {high / low:.2g}"
     for i, j in combinations(range(len(estimates)), 2):
         if abs(correlation[i, j]) > 0.99:

@@ -149,6 +149,11 @@ class Prediction:
     def _of_kind(self, kind: str) -> list[tuple[Drive, str]]:
         return [each for each in zip(self.drives, self._kinds, strict=True) if each[1] == kind]
 
+    def corrected(self, at: Correction) -> tuple[FloatArray, FloatArray]:
+        """Return the corners of the prescribed quantity without its corrections: times and values."""
+        pieces = self._pieces(at)
+        return np.append(pieces.begin, pieces.end[-1]), np.append(pieces.first, pieces.last[-1])
+
     @property
     def kinds(self) -> set[str]:
         """The prescribed quantities."""
