@@ -45,11 +45,14 @@ class PeriodicContact(Model):
     @cached_property
     def case(self) -> Case:
         """The parts of the simulation."""
-        from gfmdlayer.frictional import FrictionalCase
+        given = self.config, self._wisdom, self._threads, self._ranks
+        if self.config.friction:
+            from gfmdlayer.frictional import FrictionalCase
+
+            return FrictionalCase(*given, programme=self.programme)
         from gfmdlayer.simulation import Case
 
-        made = FrictionalCase if self.config.friction else Case
-        return made(self.config, self._wisdom, self._threads, self._ranks, programme=self.programme)
+        return Case(*given, programme=self.programme)
 
     @property
     def grid(self) -> Grid:

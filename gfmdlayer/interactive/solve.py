@@ -115,12 +115,12 @@ def solve(
     Returns
     -------
     xarray.Dataset
-        pressure, displacement (positive upward), gap, contact and, with a hardness, imprint along x[, y];
-        contact_area (part of the
-        cell), contact_area_interpolated (with edges between the points) and the estimate
-        contact_area_error of its error, mean_pressure, force, depth,
-        residual and FFT pairs, in the units of the arguments. An isolated contact has area,
-        area_interpolated and area_error (of a line, of the width) in place of parts and means of the cell,
+        pressure, displacement (positive upward), gap, contact and, with a hardness, imprint along x[, y], of
+        a `Pair` also displacement_body and displacement_counterbody, each out of its own body;
+        contact_area (part of the cell), contact_area_interpolated (with edges between the points) and the
+        estimate contact_area_error of its error, mean_pressure, force, depth, residual and FFT pairs, in the
+        units of the arguments. An isolated contact has area, area_interpolated and area_error (of a line, of
+        the width) in place of parts and means of the cell,
         and displacement and gap are NaN where they are not known, further from a point in contact than the
         reach.
 
@@ -246,7 +246,9 @@ def solve(
     points = int(in_contact(problem, solution).sum())
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
-    return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0), reach)
+    surface = loading.surface(solution, kappa, nothing, 0.0)
+    parts = _parts(case, surface, glassy=instantaneous) if reach is None else {}
+    return _dataset(grid, problem, solution, surface, reach, parts)
 
 
 def _check_grid(body: Body, grid: Grid) -> None:
@@ -335,8 +337,24 @@ def _beyond_the_hardness(problem: Problem) -> str:
     return f"mean pressure: got {target!r}; must be below {most}"
 
 
+def _parts(case: Case, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:
+    """Return the displacement of each body of a pair; nothing for one body."""
+    body = case.body
+    if not isinstance(body, Pair):
+        return {}
+    part = np.ravel(body.part_of_second(case.grid.waves, glassy=glassy))
+    second = case.transforms.backward(part * surface.spectrum) / case.grid.size
+    first = case.transforms.backward((1 - part) * surface.spectrum) / case.grid.size
+    return {"displacement_body": first, "displacement_counterbody": second}
+
+
 def _dataset(
-    grid: Grid, problem: Problem, solution: Solution, surface: Surface, reach: Reach | None
+    grid: Grid,
+    problem: Problem,
+    solution: Solution,
+    surface: Surface,
+    reach: Reach | None,
+    parts: Mapping[str, FloatArray],
 ) -> xarray.Dataset:
     """Return fields and scalars of a solution; `reach` is that of an isolated contact."""
     touching = in_contact(problem, solution)
@@ -349,6 +367,7 @@ def _dataset(
         "gap": closed_gap(problem, solution),
         "contact": touching,
         **imprint,
+        **parts,
     }
     scalars = {
         "contact_area": solution.contact_area,
