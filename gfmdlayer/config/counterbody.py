@@ -11,17 +11,21 @@ from pydantic import Field, PrivateAttr
 from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.solid import Relaxation, Solid
 from gfmdlayer.config.bodies import BODY
-from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
+from gfmdlayer.config.layers import (
+    Compound,
+    Halfspace,
+    Layer,
+    Layers,
+    StackedLayer,
+    layered,
+    problems_of_the_body,
+)
 from gfmdlayer.validation.fields import Finite, given
 from gfmdlayer.validation.problems import Problem
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from gfmdlayer.body.body import Body
-    from gfmdlayer.body.relaxation import Spectrum
-    from gfmdlayer.body.wavevectors import Wavevectors
 
 
 class Counterbody(Section):
@@ -67,7 +71,7 @@ class Counterbody(Section):
         return Layers.of((Layer(thickness=math.inf, poisson=base.poisson, material=material),), Halfspace())
 
 
-class TwoBodies(Solid):
+class TwoBodies(Compound):
     """A body and its counterbody: as one body under a rigid punch, see `gfmdlayer.body.pair`."""
 
     kind: Literal["pair"] = "pair"
@@ -96,18 +100,6 @@ class TwoBodies(Solid):
         return Pair(
             first.with_series(materials[:own], accuracy), second.with_series(materials[own:], accuracy)
         )
-
-    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
-        """Return K(q, s) of bodies whose laws are series."""
-        return self._as_given.stiffness(waves, s)
-
-    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
-        """Return the relaxing modes of bodies whose laws are series."""
-        return self._as_given.spectrum(waves)
-
-    @property
-    def _as_given(self) -> Body:
-        return self.with_series([law for law in self.laws if isinstance(law, Material)], 0.0)
 
     @property
     def mean_stiffness(self) -> float:

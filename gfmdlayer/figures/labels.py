@@ -105,9 +105,9 @@ def value_labels(values: Sequence[object]) -> list[str]:
     """Write values for a legend, all in the same way.
 
     If all values are whole numbers or plain fractions they are written as 1/32, or 1/3 where the value has
-    all digits of it. Numbers of more than five digits are rounded to those that
-    tell the values apart. Infinity is written as its sign, large numbers with powers of ten. Text stays as it
-    is; a mapping, such as "shape=parabola, radius=0.25", is shortened.
+    all digits of it. Numbers of more than five digits are rounded to those that tell the values apart.
+    Infinity is written as its sign, large numbers with powers of ten. Text stays as it is; a mapping, such as
+    "shape=parabola, radius=0.25", is shortened.
     """
     if any(isinstance(value, str) for value in values):
         return _short([str(value) for value in values])

@@ -19,10 +19,10 @@ import h5py
 import numpy as np
 
 from gfmdlayer.config import ConfigError, load
-from gfmdlayer.config.sweeps import combinations, is_listed, sampling, swept_keys
+from gfmdlayer.config.sweeps import combinations
 from gfmdlayer.files.locks import open_for_writing, read_json, regular
 from gfmdlayer.files.whole import is_intact
-from gfmdlayer.results.gathering import WAITING, CaseRecord, labelled
+from gfmdlayer.results.gathering import WAITING, CaseRecord, Swept, labelled
 from gfmdlayer.results.schema import FIELDS, SNAPSHOT_FIELDS, SWEEP_FILE, ResultsError, in_order
 from gfmdlayer.results.stored import case_numbers, document
 
@@ -39,11 +39,6 @@ VERIFIED = 1 << 28  # bytes of a file that is verified when it is opened: a quar
 def case_path(directory: str | Path, index: int) -> Path:
     """Return the path of a case's file in a folder of results."""
     return Path(directory) / "cases" / f"{index:04d}.h5"
-
-
-def sweep_path(directory: str | Path) -> Path:
-    """Return the path of the sweep file in a folder of results."""
-    return Path(directory) / SWEEP_FILE
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
@@ -179,7 +174,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     directory = Path(directory)
     if not directory.is_dir():
         raise ResultsError(f"{directory}: no such folder")
-    sweep, config = sweep_path(directory), directory / "config.yaml"
+    sweep, config = directory / SWEEP_FILE, directory / "config.yaml"
     files = sorted((directory / "cases").glob("*.h5"))
     if not sweep.exists() and not (directory / "cases").is_dir():
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
@@ -220,9 +215,8 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
         records.append(CaseRecord(number, path, values, missing))
     if all(record.failed for record in records):
         raise ResultsError(f"{directory}: no complete case")
-    keys, times = swept_keys(sweep), (data.get("output") or {}).get("times")
-    asked = None if "output.times" in keys else times
-    return labelled(records, keys, sampling(sweep), is_listed(sweep), _unit(config), asked)
+    times = (data.get("output") or {}).get("times")
+    return labelled(records, Swept.of(sweep, _unit(config), times))
 
 
 def _unit(config: Path) -> Callable[[str], str]:

@@ -78,6 +78,17 @@ def test_short_waves_are_those_of_the_springs(name: str) -> None:
     np.testing.assert_allclose(found, ZONE[name], rtol=1e-11)
 
 
+@pytest.mark.parametrize("lattice", [*(cubic(ratio) for ratio in (0.05, 1.0, 20.0)), fcc(), fcc(layers=3)])
+def test_lattices_are_stable_on_the_whole_zone(lattice: Lattice) -> None:
+    q = 2 * np.pi * np.fft.fftfreq(64) / lattice.spacing
+    waves = Wavevectors.of_components(q[:, np.newaxis], q)
+    found = lattice.stiffness(waves, 0.0)
+    assert (found[waves.magnitude > 0] > 0).all()
+    # Fourfold axis and mirrors of both faces.
+    np.testing.assert_allclose(found, found.T, rtol=1e-10)
+    np.testing.assert_allclose(found[1:], found[:0:-1], rtol=1e-10)
+
+
 @pytest.mark.parametrize(
     ("lattice", "expected"),
     [

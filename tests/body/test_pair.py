@@ -228,6 +228,13 @@ def test_two_halfspaces_touch_by_the_law_of_hertz() -> None:
         for body in (Pair(one, two), same)
     )
     np.testing.assert_allclose(found.pressure, known.pressure, atol=1e-6 * float(known.pressure.max()))
+    # Halfspaces share the displacement in proportion to their compliances (1 - nu)/G.
+    own, size = 0.7 / 1.0, float(abs(found.displacement).max())
+    np.testing.assert_allclose(
+        found.displacement_body, own / (own + 0.6 / 3.0) * found.displacement, atol=1e-12 * size
+    )
+    both = found.displacement_body + found.displacement_counterbody
+    np.testing.assert_allclose(both, found.displacement, atol=1e-12 * size)
 
 
 def test_layers_of_a_stack_and_a_counterbody_merge_their_modes_within_the_bound() -> None:
