@@ -187,11 +187,12 @@ class Prediction:
         force, depth = self.response(config, at)
         curve, since = self.curve, self.curve.time - self.curve.time[0]
         ratio = 1.0 if curve.stiffness is None else curve.stiffness / at.stiffness
-        force = ratio * force + baseline(curve, at)
+        own = ratio * force + baseline(curve, at)
         depth = depth + at.contact_point + at.drift * since
-        if curve.by_base:
-            depth = np.where(curve.by_force, depth, curve.position_of_drive - force / (curve.stiffness or 1))
-        return force, depth
+        if curve.stiffness and curve.by_base:  # the column is the base less the measured deflection
+            base = np.where(curve.by_force, depth + force / at.stiffness, curve.position_of_drive)
+            depth = base - own / curve.stiffness
+        return own, depth
 
     def measured(self, config: Config, at: Correction) -> FloatArray:
         """Return the predicted values of the measured quantity, at the rows."""
