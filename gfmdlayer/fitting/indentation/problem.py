@@ -191,8 +191,8 @@ class Prediction:
         depth = depth + at.contact_point + at.drift * since
         if curve.stiffness and curve.by_base:  # the column is the base less the measured deflection
             base = np.where(curve.by_force, depth + force / at.stiffness, curve.position_of_drive)
-            depth = base - own / curve.stiffness
-        return own, depth
+            return own, base - own / curve.stiffness
+        return own, np.where(curve.by_force, depth, curve.depth)
 
     def measured(self, config: Config, at: Correction) -> FloatArray:
         """Return the predicted values of the measured quantity, at the rows."""
