@@ -12,7 +12,7 @@ since the two waves +q and -q are one there. The mean is that of layers which ca
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -35,6 +35,8 @@ _CHUNK = 4096  # waves whose stretches are summed at once
 # Fields on a line, and on a surface: displacements along x, y, z and stresses.
 LINE = ("x", "z", "xx", "yy", "zz", "xz")
 SURFACE = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
+
+STRESSES = frozenset(name for name in SURFACE if len(name) == 2)
 
 
 class Springs(NamedTuple):
@@ -136,8 +138,10 @@ class Interior:
             springs.strains[1:, at] -= np.einsum("nsm,nm->sn", memory.strains[of], stretch)
             springs.forces[1:, at] -= np.einsum("nsm,nm->sn", memory.forces[of], stretch)
 
-    def at(self, springs: Springs, place: Place) -> dict[str, FloatArray]:
-        """Return the fields at a place by name, each of the grid's shape."""
+    def at(
+        self, springs: Springs, place: Place, names: Collection[str] | None = None
+    ) -> dict[str, FloatArray]:
+        """Return the fields at a place by name, each of the grid's shape; default: all fields."""
         depth, number = place
         own = self.inside.layer == number
         T = np.ascontiguousarray(np.moveaxis(self.inside.transfer(np.asarray(depth), number), 2, 0))
@@ -153,6 +157,7 @@ class Interior:
         return {
             name: self.grid.from_waves(spectrum.reshape(shape))
             for name, spectrum in zip(self.names, spectra, strict=True)
+            if names is None or name in names
         }
 
     def recorded(self, springs: Springs) -> dict[str, NDArray[Any]]:
