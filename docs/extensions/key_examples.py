@@ -73,7 +73,7 @@ halfspace: {poisson: 0.3, material: {G0: 20.0, Ginf: 30.0}}""",
 counterbody: {layer: {thickness: 0.05, material: {G0: 2.0, Ginf: 8.0}}, halfspace: {shear_modulus: 50.0}}
 ---
 trajectory: {velocity: 0.1}
-counterbody: {layer: {thickness: 0.05}, halfspace: {shear_modulus: 50.0}, velocity_ratio: 1.0}    # it rolls""",
+counterbody: {layer: {thickness: 0.05}, halfspace: {shear_modulus: 50}, velocity_ratio: 1.0}  # it rolls""",
     "Temperature": """\
 temperature: {value: 35}
 layer: {material: {shift: {law: wlf, reference: 20, C1: 17.4, C2: 51.6}}}
