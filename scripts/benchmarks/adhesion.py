@@ -198,17 +198,17 @@ class _LastDisplacement(Newton):
 
 
 @nb.njit(nogil=True)
-def _no_preconditioner(single, system, curvature, step, damping, lack):  # type: ignore[no-untyped-def]
+def _no_preconditioner(single, system, curvature, step, damping, lack, unit):  # type: ignore[no-untyped-def]
     """Take the place of the beginning of a step."""
-    pairs = begin(single, system, curvature, step, damping, lack)
+    pairs = begin(single, system, curvature, step, damping, lack, unit)
     step.softening[:], step.share[:] = 1.0 / step.d.size, 1.0
     return pairs
 
 
 @nb.njit(nogil=True)
-def _one_stiffness(single, system, curvature, step, damping, lack):  # type: ignore[no-untyped-def]
+def _one_stiffness(single, system, curvature, step, damping, lack, unit):  # type: ignore[no-untyped-def]
     """Take the place of the beginning of a step."""
-    pairs = begin(single, system, curvature, step, damping, lack)
+    pairs = begin(single, system, curvature, step, damping, lack, unit)
     step.share[:] = 1.0
     return pairs
 
@@ -237,10 +237,6 @@ class _Ablation(NamedTuple):
     others: tuple[tuple[str, object], ...] = ()
 
 
-def _in_step(**replaced: object) -> dict[str, Any]:
-    return {"_find_step": with_globals(solver._find_step, replaced)}
-
-
 _ABLATIONS = (
     _Ablation("nothing: FFT pairs"),
     _Ablation("start from the last gap: displacement", _LastDisplacement),
@@ -248,10 +244,10 @@ _ABLATIONS = (
     _Ablation("states on the way in single precision", loop=lambda: {"_in_single": _in_double}),
     _Ablation(
         "preconditioner",
-        loop=lambda: _in_step(begin=_no_preconditioner),
+        loop=lambda: {"begin": _no_preconditioner},
         others=(("cycle_of", _by_transform),),
     ),
-    _Ablation("its scale where the interface is stiff", loop=lambda: _in_step(begin=_one_stiffness)),
+    _Ablation("its scale where the interface is stiff", loop=lambda: {"begin": _one_stiffness}),
     _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),
     _Ablation("bound on the error of a tangent", loop=lambda: {"_CHANGE": 1e300}),
     _Ablation("search for the lowest mode", others=(("find_margin", _no_search),)),
