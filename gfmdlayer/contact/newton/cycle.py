@@ -330,7 +330,8 @@ def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tu
             rest = row[j] - left[j] - right[j] - w2 * (before[j] + after[j])
             value = here[j] + smoothing * rest / (stiff if stiff > least else least)
             found[j] = value if D[j] < PRESSED else _NONE
-        moved, along = _NONE, _NONE  # in single precision over few points only
+        moved: Any = _NONE  # in single precision over few points only
+        along: Any = _NONE
         for j in range(columns):
             moved += found[j]
             along += r[j] * found[j]
