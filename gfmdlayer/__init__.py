@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.wavevectors import Wavevectors
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.fitting.indentation.curve import ForceCurve
+    from gfmdlayer.fitting.indentation.design import design_indentation
     from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.inside import inside
@@ -54,7 +55,8 @@ __all__ = [
     "FlatPunch", "ForceCurve", "FractionalZener", "HavriliakNegami", "Kohlrausch", "Lattice", "Layer",
     "LayerStack", "LayeredHalfspace", "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid",
     "RadialProfile", "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere", "Tabulated",
-    "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "fit_indentation", "halfspace",
+    "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "design_indentation",
+    "fit_indentation", "halfspace",
     "indent", "inside", "leakage", "load", "open_case", "open_results", "relaxation_spectrum", "run",
     "simulate", "solve",
 ]  # fmt: skip
@@ -62,6 +64,7 @@ __all__ = [
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
     "gfmdlayer.fitting.indentation.curve": ("ForceCurve",),
+    "gfmdlayer.fitting.indentation.design": ("design_indentation",),
     "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),

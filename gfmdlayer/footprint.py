@@ -76,7 +76,7 @@ def estimate(programme: Programme, width: int, observed: tuple[float, float] = (
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
     modes = BRANCH_FIELDS * branches + (ISOLATED_FIELDS if config.grid.isolated else 0)
-    fields = 3 + bool(config.interfaces) + (config.hardness is not None)
+    fields = 3 + bool(config.interfaces) + (config.hardness is not None) + 2 * config.two_bodies
     if config.friction:
         fields += 2 * len(config.grid.points)
         every = sum(len(branches) for _, branches in config.solid.roughly(config.time.end))

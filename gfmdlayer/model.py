@@ -24,6 +24,7 @@ from gfmdlayer.programme import Programme
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
+    from gfmdlayer.body.depths import Place
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
@@ -127,6 +128,11 @@ class Model(ABC):
     @abstractmethod
     def coordinates(self) -> Mapping[str, FloatArray]:
         """Coordinates of the whole snapshots by name: x, and y of a surface in two directions."""
+
+    @property
+    def places(self) -> Sequence[Place]:
+        """Depths and layers of the fields below the surface, in the snapshots; empty without any."""
+        return ()
 
     @property
     def grid(self) -> Grid | None:
@@ -268,8 +274,12 @@ def series_of(programme: Programme, wavenumber: float = 0.0) -> tuple[PronySerie
 
 
 def make_body(config: Config, series: Sequence[PronySeries]) -> Body:
-    """Return the body with a series for each of its laws; modes merge to the solver's tolerance."""
-    return config.solid.with_series([each.material for each in series], config.solver.tolerance)
+    """Return the body with a series for each of its laws.
+
+    Modes merge to the solver's tolerance, but not for stresses below the surface, which need each of them.
+    """
+    accuracy = 0.0 if config.output.inside else config.solver.tolerance
+    return config.solid.with_series([each.material for each in series], accuracy)
 
 
 def fault_of_the_body(model: Model, grid: Grid) -> str:

@@ -7,7 +7,7 @@ the case and its time loop are in `gfmdlayer/simulation.py`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +22,7 @@ from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.body.depths import Place
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.interface.law import Interaction
@@ -68,6 +69,12 @@ class PeriodicContact(Model):
         return dict(
             zip("xy", Grid(self.config.grid.points, self.config.grid.period).coordinates, strict=False)
         )
+
+    @property
+    def places(self) -> Sequence[Place]:
+        """Depths and layers of the fields below the surface."""
+        config = self.config
+        return config.output.inside.places(config.solid, config.grid.period) if config.output.inside else ()
 
     @property
     def columns(self) -> tuple[Column, ...]:

@@ -15,8 +15,11 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, check_body, internal_variables
+from gfmdlayer.body.inside import stack_of
 from gfmdlayer.body.isolated import Isolated, isolated
 from gfmdlayer.body.materials import PronySeries
+from gfmdlayer.body.pair import Pair
+from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.config import Config
 from gfmdlayer.contact.imprint import Imprint
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
@@ -32,9 +35,11 @@ from gfmdlayer.grid.slabs import SlabGrid, transforms_of
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControl, Integrator
+from gfmdlayer.history.inside import Interior, Springs
 from gfmdlayer.history.instabilities import Changes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
@@ -45,6 +50,7 @@ from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.results.journal import Recorder
+from gfmdlayer.results.schema import in_order
 from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 
@@ -225,10 +231,21 @@ class Case:
             adaptive = given.step == "adaptive"
             return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
         check_body(self.body, "spectrum")
-        spectrum = (self.isolated or self.body).spectrum(waves)
-        if self.velocity is None:
+        if isinstance(self.body, Pair) and self.isolated is None:
+            second = self.config.counterbody
+            ratio = 0.0 if second is None else second.velocity_ratio or 0.0
+            one, two = (each.spectrum(waves) for each in (self.body.first, self.body.second))
+            return SideBySide((self._modes(one), self._modes(two, ratio)), sums, ratio)
+        return self._modes((self.isolated or self.body).spectrum(waves))
+
+    def _modes(self, spectrum: Spectrum, ratio: float = 1.0) -> Modes:
+        """Return the history of one body, along which the contact moves at `ratio` times the velocity."""
+        scheme, sums, reduced = SCHEMES[self.config.time.integrator], self.grid.sums, self.reduced_time
+        if self.velocity is None or ratio == 0:
             return Modes(spectrum, scheme, sums)
         velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
+        if ratio != 1:
+            velocity = velocity.scaled(ratio)
         return SlidingModes(spectrum, sums, wavenumbers_x=self.grid.wavenumbers_x, velocity=velocity)
 
     @cached_property
@@ -289,6 +306,29 @@ class Case:
     def guess(self) -> DisplacementPrediction:
         """Extrapolation in time from which the solver starts."""
         return PREDICTIONS[self.solver.starts_from](math.prod(self.grid.shape), self.grid.ranks)
+
+    @cached_property
+    def interior(self) -> Interior | None:
+        """The fields below the surface, where the configuration asks for them."""
+        given = self.config.output.inside
+        if given is None:
+            return None
+        if (stack := stack_of(self.body)) is None:
+            raise TypeError(
+                f"output.inside: a {type(self.body).__name__} has no layers; must be a LayerStack"
+            )
+        places = given.places(self.config.solid, self.config.grid.period)
+        return Interior(stack, self.grid, places, self.body.spectrum)
+
+    def springs(self, step: AcceptedStep) -> Springs:
+        """Return strains and forces below the surface of the step that was accepted last."""
+        if self._springs is None or self._springs[0] is not step:
+            assert self.interior is not None
+            pressure = self.transforms.forward(step.solution.pressure)
+            self._springs = step, self.interior.springs(self.integrator, pressure)
+        return self._springs[1]
+
+    _springs: tuple[AcceptedStep, Springs] | None = None
 
     @cached_property
     def observables(self) -> dict[str, Observable]:
@@ -373,19 +413,28 @@ class Case:
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
     def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
-        """Record the fields of a step; a traction only with attraction, the imprint only with a hardness."""
+        """Record the fields of a step, some only with attraction, a hardness or a counterbody."""
         gap, displacement = closed_gap(step.problem, step.solution), step.surface.displacement
-        others: list[FloatArray | None] = []
+        fields: dict[str, Any] = {
+            "displacement": displacement,
+            "pressure": step.solution.pressure,
+            "gap": gap,
+        }
         if self.interface.attracts:
-            others.append(step.problem.interface.traction(gap))
+            fields["traction"] = step.problem.interface.traction(gap)
         if self.imprint.yields:
-            others += [None] * (not others) + [self.imprint.depth]
+            fields["imprint"] = self.imprint.depth
+        if self.config.two_bodies:
+            assert isinstance(self.integrator, SideBySide)
+            for name, each in zip(("body", "counterbody"), self.integrator.bodies, strict=True):
+                fields[f"displacement_{name}"] = self.transforms.backward(each.u) / self.grid.size
         if self.reach is not None:
-            displacement, gap = self.reach.masked(displacement), self.reach.masked(gap)
-        fields = displacement, step.solution.pressure, gap
-        displacement, pressure, gap = (field.reshape(self.grid.shape) for field in fields)
-        given = [each if each is None else each.reshape(self.grid.shape) for each in others]
-        recorder.snapshot(step.time, displacement, pressure, gap, *given)
+            fields |= {name: self.reach.masked(fields[name]) for name in ("displacement", "gap")}
+        fields = {name: field.reshape(self.grid.shape) for name, field in fields.items()}
+        given = self.config.output.inside
+        if self.interior is not None and given is not None and given.wants(step.time):
+            fields |= self.interior.recorded(self.springs(step))
+        recorder.snapshot(step.time, *in_order(fields))
 
     def _recorded(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return columns or attributes of the observables, those of an isolated contact as totals."""

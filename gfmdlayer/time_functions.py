@@ -53,6 +53,10 @@ class Constant:
         """Return this velocity where time is counted in a unit."""
         return Constant(self.value * unit)
 
+    def scaled(self, ratio: float) -> Constant:
+        """Return a multiple of this velocity."""
+        return Constant(self.value * ratio)
+
     def __call__(self, _time: float, /) -> float:
         """Value at a time."""
         return self.value
@@ -83,6 +87,10 @@ class Table:
     def in_time(self, unit: float) -> Table:
         """Return this velocity where time is counted in a unit."""
         return Table(self.times / unit, self.values * unit)
+
+    def scaled(self, ratio: float) -> Table:
+        """Return a multiple of this velocity."""
+        return Table(self.times, self.values * ratio)
 
     @property
     def breakpoints(self) -> tuple[float, ...]:

@@ -1,6 +1,7 @@
 """Tables and figure of docs/theory/indentation.md: accuracy of fits, errors of polynomial corrections.
 
 python scripts/indentation_fits.py coverage [DRAWS [KIND ...]]   how many 95 % intervals have the true value
+python scripts/indentation_fits.py instruments [DRAWS]      the same for prescribed depth, force and base
 python scripts/indentation_fits.py peers              moduli by polynomial corrections on the same curves
 python scripts/indentation_fits.py thickness          contact sizes at which the base changes the force
 python scripts/indentation_fits.py histories          standard errors by history
@@ -12,6 +13,8 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,11 +71,18 @@ RAMP_HOLD_BACK = history((-0.4, -0.08), (1, DEPTH), (4, DEPTH), (5, -0.02))
 def truth(data: dict[str, Any], motion: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Return the force of a model, with many steps."""
     times, depth = motion
-    prediction = problems.Prediction(ForceCurve("truth", times, depth, np.maximum(depth, 0.0)))
+    curve = ForceCurve("truth", times, depth, np.maximum(depth, 0.0), prescribed="depth")
+    return responses(data, curve)[0]
+
+
+def responses(data: dict[str, Any], curve: ForceCurve) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force and the depth of a model under the prescribed column of a curve, with many steps."""
+    prediction, config = problems.Prediction(curve), Model(data).config
+    at = problems.Correction(stiffness=curve.stiffness or math.inf)
     steps, problems.STEPS = problems.STEPS, FINE
-    prediction.adapt(Model(data).config)
+    prediction.adapt(config, at)
     problems.STEPS = steps
-    return prediction.force(Model(data).config)
+    return prediction.response(config, at)
 
 
 KINDS: dict[str, tuple[dict[str, Any], float, tuple[str, ...]]] = {
@@ -147,8 +157,108 @@ def coverage(draws: str = "25", *kinds: str) -> None:
     print(f"CPU seconds of a fit: median {np.median(seconds):.2f}, maximum {max(seconds):.2f}")
 
 
-def started(data: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-    """Return a model whose material is wrong by a factor of up to 2.5."""
+INDENTERS = {
+    "sphere": {"shape": "sphere", "radius": RADIUS},
+    "cone": {"shape": "cone", "slope": 0.2},
+    "flat": {"shape": "flat_punch", "radius": 1.0},
+}
+RUBBER: dict[str, Any] = {"model": "zener", "G0": 1.0, "Ginf": 5.0, "tau": 0.7}
+UPPER = {"thickness": 0.5, "poisson": 0.5, "material": RUBBER}
+LOWER = {"thickness": 1.0, "poisson": 0.45, "material": {"model": "elastic", "G": 3.0}}
+SAMPLES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "halfspace": ({"layer": UPPER | {"thickness": math.inf}}, ZENER),
+    "layer": (
+        {"layer": UPPER | {"thickness": 1.0}, "halfspace": {"shear_modulus": math.inf}},
+        (*ZENER, "layer.thickness"),
+    ),
+    "stack": (
+        {"layers": [UPPER, LOWER], "halfspace": {"shear_modulus": math.inf}},
+        (*(key.replace("layer.", "layers[0].") for key in ZENER), "layers[1].material.G"),
+    ),
+}
+# Values of a curve that are free in the first, second, ... draw.
+FREE_OF_CURVE = {
+    "depth": ((), ("contact_point",), ("contact_point", "force_offset"), ("force_offset", "force_drift")),
+    "force": ((), ("contact_point",), ("contact_point", "drift"), ("contact_point",)),
+    "base": ((), ("contact_point",), ("contact_point", "force_offset"), ("contact_point", "stiffness")),
+}
+
+
+def instrument(
+    data: dict[str, Any], prescribed: str, level: float, rng: np.random.Generator, both: bool
+) -> ForceCurve:
+    """Return a curve with noise of the measured quantity, and with `both` of the prescribed one too."""
+    times, depth = RAMP_HOLD_BACK
+    force = truth(data, RAMP_HOLD_BACK)
+    most = float(force.max())
+    noise = level * rng.standard_normal((2, ROWS))
+    given: dict[str, Any] = {"prescribed": prescribed}
+    if prescribed == "force":
+        times, force = history((0, 0), (1, most), (4, most), (5, 0.1 * most))
+        depth = responses(data, ForceCurve("truth", times, times, force, prescribed="force"))[1]
+        depth = depth + noise[1] * np.ptp(depth)
+    elif prescribed == "base":
+        given["stiffness"] = stiffness = most / DEPTH
+        base = 2 * depth
+        force = responses(data, ForceCurve("truth", times, base - force / stiffness, force, **given))[0]
+    elif both:
+        depth = depth + noise[1] * np.ptp(depth)
+    if prescribed != "force" or both:
+        force = force + noise[0] * most
+    if prescribed == "base":
+        depth = base + noise[1] * np.ptp(base) * both - force / stiffness
+    parts = np.diff(np.searchsorted(times, [-1, 1, 4, 6]))
+    given["segment"] = np.repeat(["approach", "hold", "retract"], parts)
+    return ForceCurve("curve", times, depth, force, **given)
+
+
+def instruments(draws: str = "12") -> None:
+    """Fit noisy curves of all instruments, indenters and samples; count the intervals with the truth."""
+    rng, seconds, every = np.random.default_rng(1), [], []
+    for prescribed in FREE_OF_CURVE:
+        for shape, punch in INDENTERS.items():
+            for sample, (body, keys) in SAMPLES.items():
+                data = body | {"punch": punch}
+                inside, spent, off = [], [], []
+                for draw in range(int(draws)):
+                    own = FREE_OF_CURVE[prescribed][draw % 4]
+                    free = (*(keys[:3] if draw % 2 else keys), *own)
+                    curve = instrument(data, prescribed, (0.01, 0.05)[draw // 2 % 2], rng, draw % 3 == 2)
+                    if "stiffness" in own:
+                        wrong = float(1 + 0.1 * rng.standard_normal())
+                        curve = miscalibrated(curve, wrong)
+                    begun = time.process_time()
+                    fit = fit_indentation(curve, started(data, rng, free), list(free))
+                    spent.append(time.process_time() - begun)
+                    for each in fit.parameters:
+                        known = Model(data).keys.get(each.key, 0.0)
+                        if each.key == "stiffness":
+                            known = curve.stiffness / wrong
+                        low, high = each.interval
+                        inside.append(low <= known <= high)
+                        middle, width = each.value - known, high - low
+                        if each.relative:
+                            middle, width = math.log(each.value / known), math.log(high / low)
+                        off.append(middle / max(width, 1e-300))
+                every += [(ok, each) for ok, each in zip(inside, off, strict=True)]
+                seconds += spent
+                counts = f"{sum(inside):4d} of {len(inside):4d}   offset {np.median(off):+.3f} widths"
+                seen = f"CPU s: {np.median(spent):.2f}, {max(spent):.2f}"
+                print(f"{prescribed:6} {shape:7} {sample:10} {counts}   {seen}", flush=True)
+    held = sum(ok for ok, _ in every)
+    share = f"{held} of {len(every)} intervals contain the true value, {held / len(every):.1%}"
+    print(f"{len(seconds)} curves: {share}")
+    print(f"median offset over the width of the interval: {np.median([each for _, each in every]):+.4f}")
+    print(f"CPU seconds of a fit: median {np.median(seconds):.2f}, maximum {max(seconds):.2f}")
+
+
+def miscalibrated(curve: ForceCurve, factor: float) -> ForceCurve:
+    """Return a curve whose stiffness, and so the force, is wrong by a factor; its error is 10 %."""
+    return replace(curve, force=curve.force * factor, stiffness=curve.stiffness * factor, stiffness_error=0.1)
+
+
+def started(data: dict[str, Any], rng: np.random.Generator, free: Sequence[str] = ()) -> dict[str, Any]:
+    """Return a model whose materials are wrong by a factor of up to 2.5; of a stack, those that are free."""
 
     def moved(value: Any) -> Any:
         if isinstance(value, dict):
@@ -157,10 +267,16 @@ def started(data: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
             return [moved(each) for each in value]
         return value * 2.5 ** rng.uniform(-1, 1) if isinstance(value, float) else value
 
-    material = moved(data["layer"]["material"])
-    if "Ginf" in material:
-        material["Ginf"] = material["G0"] * 3
-    return {**data, "layer": {**data["layer"], "material": material}}
+    given = data["layers"] if "layers" in data else [data["layer"]]
+    wrong = [len(given) == 1 or any(f"[{i}].material" in key for key in free) for i in range(len(given))]
+    layers = [
+        {**each, "material": moved(each["material"])} if is_wrong else each
+        for each, is_wrong in zip(given, wrong, strict=True)
+    ]
+    for each in layers:
+        if "Ginf" in each["material"]:
+            each["material"]["Ginf"] = each["material"]["G0"] * 3
+    return {**data, **({"layers": layers} if "layers" in data else {"layer": layers[0]})}
 
 
 def hereditary(t: np.ndarray, elastic: np.ndarray, G0: float, Ginf: float, tau: float) -> np.ndarray:
@@ -304,7 +420,7 @@ def figure() -> None:
 
 
 if __name__ == "__main__":
-    command = {each.__name__: each for each in (coverage, peers, thickness, histories, figure)}
+    command = {each.__name__: each for each in (coverage, instruments, peers, thickness, histories, figure)}
     if len(sys.argv) < 2 or sys.argv[1] not in command:
         sys.exit(__doc__)
     command[sys.argv[1]](*sys.argv[2:])

@@ -16,6 +16,18 @@ punch: {shape: sphere, radius: 5.0}""",
     "Anisotropic": """\
 body: {kind: anisotropic, C11: 165.8, C12: 63.9, C44: 79.6, angle: 45}    # silicon, GPa; x along [110]
 ---
+body: {kind: anisotropic, C11: 165.8, C12: 63.9, C44: 79.6, normal: [1, 1, 1], along: [1, -1, 0]}
+---
+body:    # 21 constants; a tenth of C11 couples shear along y and z with the stretch of x
+  kind: anisotropic
+  C:
+    - [10, 4, 4, 1, 0, 0]
+    - [4, 10, 4, 0, 0, 0]
+    - [4, 4, 10, 0, 0, 0]
+    - [1, 0, 0, 3, 0, 0]
+    - [0, 0, 0, 0, 3, 0]
+    - [0, 0, 0, 0, 0, 3]
+---
 body: {kind: anisotropic, C11: 163, C12: 34.8, C13: 51.6, C33: 181, C44: 57.3, C66: 64.1,
   material: {model: zener, G0: 1, Ginf: 2, tau: 1.0}}""",
     "Lattice": """\
@@ -185,6 +197,10 @@ output:
     punch: {resistivity: .inf, films: [{thickness: 0.1, resistivity: 1.0}]}""",
     "Film": "output: {conductance: {body: {films: [{thickness: 1.0e-3, resistivity: 2.0}]}}}",
     "Stiffness": "output: {stiffness: {frequencies: [0, 1.0, 100.0, .inf], every: 5}}",
+    "Inside": """\
+output: {snapshots: [1.0, 8.0], inside: {depths: [0, 0.02, 0.05, 0.2], times: [8.0]}}
+---
+output: {inside: {points: 20, every: 10}}""",
     "Histograms": "output: {histograms: {pressure: {max: 10.0}, gap: {max: 0.1}}}",
     "Histogram": "output: {histograms: {gap: {scale: log, min: 1.0e-5, max: 0.1, bins: 50}}}",
     "Sweep": """\

@@ -117,12 +117,17 @@ class ViscoelasticLayer:
 
     def traction_spectrum(self, waves: Wavevectors | ArrayLike) -> TractionSpectrum:
         """Return the relaxing modes under tractions in all directions, see `LayerStack.traction_spectrum`."""
+        return self.stack.traction_spectrum(waves)
+
+    @property
+    def stack(self) -> LayerStack:
+        """The layer and its base as a stack."""
         of = self.layer
-        stack = [Layer(of.thickness, of.poisson, self.material)]
+        layers = [Layer(of.thickness, of.poisson, self.material)]
         if 0 < of.bulk_modulus < math.inf and math.isfinite(of.thickness):
-            stack.append(Layer(math.inf, of.bulk_poisson, Elastic(of.bulk_modulus)))
+            layers.append(Layer(math.inf, of.bulk_poisson, Elastic(of.bulk_modulus)))
         rigid = math.isinf(of.bulk_modulus) and math.isfinite(of.thickness)
-        return LayerStack(tuple(stack), rigid=rigid).traction_spectrum(waves)
+        return LayerStack(tuple(layers), rigid=rigid)
 
 
 def bonded_layer(

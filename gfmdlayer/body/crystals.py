@@ -41,6 +41,7 @@ from gfmdlayer.validation.fields import (
     File,
     Finite,
     Lengths,
+    MustBe,
     NotNegative,
     Optional,
     Positive,
@@ -93,8 +94,18 @@ class OneModulus(Solid):
         return Spectrum.of_material(found / self.material.unit, self.material)
 
 
+Row = Annotated[
+    tuple[Finite, Finite, Finite, Finite, Finite, Finite], MustBe("six numbers, a row of the matrix")
+]
+Matrix = Annotated[tuple[Row, Row, Row, Row, Row, Row], MustBe("six rows of six numbers")]
+Direction = Annotated[tuple[Finite, Finite, Finite], MustBe("three numbers, a direction in the crystal")]
+
+
 class Anisotropic(OneModulus):
-    """A halfspace with elastic constants: cubic, or with a fourfold or sixfold axis along z.
+    """A halfspace with elastic constants, in any orientation.
+
+    The constants are C11, C12 and C44 of a cubic crystal, with C13, C33 and C66 of one with a fourfold or
+    sixfold axis, or all 21 in the matrix C.
 
     Examples
     --------
@@ -103,15 +114,22 @@ class Anisotropic(OneModulus):
     >>> silicon = gfmdlayer.Anisotropic(C11=165.8, C12=63.9, C44=79.6)
     >>> silicon.stiffness(gfmdlayer.Wavevectors.of_components([1.0, 1.0], [0.0, 1.0]), 0.0).round(2)
     array([ 81.47, 118.06])
+
+    Its (111) face has a threefold axis, and K(-q) = K(q):
+
+    >>> face = gfmdlayer.Anisotropic(C11=165.8, C12=63.9, C44=79.6, normal=(1, 1, 1), along=(1, -1, 0))
+    >>> phi = np.radians([0.0, 30.0, 60.0])
+    >>> face.stiffness(gfmdlayer.Wavevectors.of_components(np.cos(phi), np.sin(phi)), 0.0).round(2)
+    array([87.39, 87.97, 87.39])
     """
 
     kind: Literal["anisotropic"] = "anisotropic"
     """an elastic halfspace of given constants"""
-    C11: Positive
+    C11: Optional = None
     """elastic constant C11 = C22, axes along x and y: pressure"""
-    C12: Finite
+    C12: Annotated[Finite | None, given] = None
     """elastic constant C12: pressure"""
-    C44: Positive
+    C44: Optional = None
     """elastic constant C44 = C55: pressure"""
     C13: Annotated[Finite | None, given] = None
     """elastic constant C13 = C23; default C12: pressure"""
@@ -119,17 +137,26 @@ class Anisotropic(OneModulus):
     """elastic constant C33, along z, into the body; default C11: pressure"""
     C66: Optional = None
     """elastic constant C66; default C44: pressure"""
+    C: Annotated[Matrix | None, given] = None
+    """all constants, in place of the others: 6 rows, in the order xx, yy, zz, yz, xz, xy: pressure"""
+    normal: Direction = (0.0, 0.0, 1.0)
+    """direction in the crystal that points out of the surface"""
+    along: Direction = (1.0, 0.0, 0.0)
+    """direction in the crystal along x of the grid, perpendicular to normal"""
     angle: Finite = 0.0
-    """angle from the x axis of the grid to that of the crystal: degrees"""
+    """angle from the x axis of the grid to the direction along: degrees"""
 
     @property
     def unit(self) -> float:
         """C44."""
-        return self.C44
+        return self.constants[3][3]
 
     @property
     def constants(self) -> tuple[tuple[float, ...], ...]:
-        """The matrix C in Voigt's notation, 6 x 6."""
+        """The matrix C in Voigt's notation, 6 x 6, in the axes of the crystal."""
+        if self.C is not None:
+            return self.C
+        assert self.C11 is not None and self.C12 is not None and self.C44 is not None  # noqa: PT018
         C13, C33, C66 = (
             own if own is not None else cubic
             for own, cubic in ((self.C13, self.C12), (self.C33, self.C11), (self.C66, self.C44))
@@ -142,7 +169,34 @@ class Anisotropic(OneModulus):
         )
 
     def problems(self) -> Iterator[Problem]:
-        """Refuse constants of a body that is not stable."""
+        """Refuse missing constants, those of an unstable body, and axes that are not perpendicular."""
+        lengths = [math.hypot(*axis) for axis in (self.normal, self.along)]
+        if 0 in lengths:
+            key = ("normal", "along")[lengths.index(0)]
+            yield Problem((key,), "got the direction 0; must have a length")
+        elif abs(sum(a * b for a, b in zip(self.normal, self.along, strict=True))) > _SAME * math.prod(
+            lengths
+        ):
+            message = f"got {shown(self.along)}; must be perpendicular to normal, {shown(self.normal)}"
+            yield Problem(("along",), message, ("normal",))
+        names: tuple[str, ...] = ("C11", "C12", "C44", "C13", "C33", "C66")
+        found = {name: getattr(self, name) for name in names}
+        if self.C is not None:
+            for name in (name for name, value in found.items() if value is not None):
+                yield Problem(
+                    (name,), "given beside C, which has all constants; remove one of the two", ("C",)
+                )
+            size = max(abs(each) for row in self.C for each in row)
+            if any(abs(self.C[i][j] - self.C[j][i]) > _SAME * size for i in range(6) for j in range(i)):
+                yield Problem(("C",), "is not symmetric; must be, row by row")
+            elif not _positive(self.C):
+                message = "is the energy of a body that is not stable; must be positive definite"
+                yield Problem(("C",), message)
+            return
+        if None in [*found.values()][:3]:
+            missing = next(name for name in names if found[name] is None)
+            yield Problem((missing,), "missing; must be a number, or give all constants in C", ("C",))
+            return
         (C11, C12, C13), C33 = self.constants[0][:3], self.constants[2][2]
         names = ("C11", "C12", "C13", "C33")
         if abs(C12) >= C11:
@@ -158,7 +212,7 @@ class Anisotropic(OneModulus):
         """Return q/[L^-1]_zz."""
         import numpy as np
 
-        coefficients = _series(self.constants)
+        coefficients = _series(self.constants, self.normal, self.along)
         angle = 2 * (np.arctan2(waves.qy, waves.qx) - math.radians(self.angle))
         found = np.full(waves.shape, coefficients[0])
         for m, (a, b) in enumerate(zip(coefficients[1::2], coefficients[2::2], strict=True), start=1):
@@ -166,15 +220,36 @@ class Anisotropic(OneModulus):
         return np.asarray(found * waves.magnitude)
 
 
+def _positive(matrix: Sequence[Sequence[float]]) -> bool:
+    """Whether a symmetric matrix is positive definite, by its pivots."""
+    rows = [list(row) for row in matrix]
+    for k, pivot in enumerate(rows):
+        if not pivot[k] > 0:
+            return False
+        for row in rows[k + 1 :]:
+            part = row[k] / pivot[k]
+            row[k:] = [a - part * b for a, b in zip(row[k:], pivot[k:], strict=True)]
+    return True
+
+
 @lru_cache(maxsize=16)
-def _series(constants: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
+def _series(
+    constants: tuple[tuple[float, ...], ...], normal: tuple[float, ...], along: tuple[float, ...]
+) -> tuple[float, ...]:
     """Return the Fourier series of K/q over twice the angle: mean, and cosine and sine of each order."""
     import numpy as np
 
+    voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+    C, z, x = np.array(constants), np.array(normal), np.array(along)
+    C = ((C + C.T) / 2)[voigt[:, :, np.newaxis, np.newaxis], voigt]
+    # z out of the surface: the crystal is its own mirror image through a point, and K(-q) = K(q).
+    axes = np.stack((x / np.linalg.norm(x), np.cross(z, x), z / np.linalg.norm(z)))
+    axes[1] /= np.linalg.norm(axes[1])
+    C = np.einsum("ai,bj,ck,dl,ijkl->abcd", axes, axes, axes, axes, C, optimize=True)
     count = 8
     while True:
         count *= 2
-        found = np.fft.rfft(_at_directions(constants, np.pi * np.arange(count) / count)) / count
+        found = np.fft.rfft(_at_directions(C, np.pi * np.arange(count) / count)) / count
         size = np.abs(found)
         if size[count // 4 :].max() <= _ENOUGH * size[0] or count >= _MOST:
             break
@@ -184,12 +259,10 @@ def _series(constants: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
     return (float(kept[0].real), *(number for pair in pairs for number in pair))
 
 
-def _at_directions(constants: tuple[tuple[float, ...], ...], angles: FloatArray) -> FloatArray:
-    """Return K/q of waves along directions in the surface."""
+def _at_directions(C: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return K/q of waves along directions in the surface; C is (3, 3, 3, 3)."""
     import numpy as np
 
-    voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-    C = np.array(constants)[voigt[:, :, np.newaxis, np.newaxis], voigt]
     zero = np.zeros(angles.size)
     e = np.stack((np.cos(angles), np.sin(angles), zero), axis=1)[:, np.newaxis]
     z = np.array([0.0, 0.0, 1.0])
@@ -371,8 +444,12 @@ class Tabulated(OneModulus):
     """A body whose relaxed stiffness is a table in a file, over |q| or over (qx, qy).
 
     Of a text file the columns are q and K, the same in all directions; between the rows K is a monotone cubic
-    in the logarithms, and waves beyond them are refused. A .npy file has K at the waves of the grid, in the
-    order of NumPy's FFT, such as another code computes them for its crystal.
+    in the logarithms, and waves beyond them are refused. Other files have K at the waves of the grid, in the
+    order of NumPy's FFT, such as another code computes them for its crystal: a .npy file; the dataset
+    `stiffness` of an HDF5 file (.h5), whose attribute `period` may have the period; or the file
+    PREFIX.bin.STEP with the elastic stiffness coefficients Phi(q) that `fix gfc` of LAMMPS measures
+    (L. T. Kong et al., Comput. Phys. Commun. 180 (2009) 1004), of which K = 1/(cell [Phi^-1]_zz), in the
+    units of that simulation. Its cells are rectangular, with one atom each.
 
     Examples
     --------
@@ -385,9 +462,9 @@ class Tabulated(OneModulus):
     kind: Literal["table"] = "table"
     """relaxed stiffness from a table"""
     table: File
-    """text with columns q and K, or K at the waves of the grid (.npy): 1/length, pressure/length"""
+    """text with columns q and K; or K at the waves of the grid: .npy, .h5, or .bin.STEP of LAMMPS"""
     period: Annotated[Lengths | None, given] = None
-    """.npy: period of the grid of its waves, or [Lx, Ly]: length"""
+    """.npy, .h5: period of the grid of its waves, or [Lx, Ly]: length"""
     mean: NotNegative = 0.0
     """stiffness at q = 0; default 0: the mean displacement is prescribed: pressure/length"""
 
@@ -397,36 +474,47 @@ class Tabulated(OneModulus):
         return self.mean
 
     @property
-    def _on_waves(self) -> bool:
-        return self.table.suffix == ".npy"
+    def _format(self) -> str:
+        """The end of the name that tells how the file is read; "" for columns."""
+        name = self.table.name
+        return ".bin" if ".bin" in self.table.suffixes else name[name.rfind(".") :] * name.endswith(_ARRAYS)
 
     def problems(self) -> Iterator[Problem]:
-        """Refuse a period beside columns, and an array without one."""
-        if self._on_waves and self.period is None:
+        """Refuse a period beside a file that has its own, and an array without one."""
+        if self._format == ".npy" and self.period is None:
             yield Problem(("period",), "missing; a .npy file needs the period of its grid", ("table",))
-        if not self._on_waves and self.period is not None:
-            yield Problem(
-                ("period",), "only for a .npy file; columns have their wavenumbers; remove it", ("table",)
-            )
+        if self._format not in _ARRAYS and self.period is not None:
+            message = "only for a .npy or .h5 file; others have their wavenumbers; remove it"
+            yield Problem(("period",), message, ("table",))
 
     def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Problem]:
         """Refuse an array of other waves than those of the grid."""
-        if not self._on_waves or self.period is None:
+        if not self._format or (self._format == ".npy" and self.period is None):
             return
-        own = self.period if isinstance(self.period, tuple) else (self.period,) * len(points)
-        if any(abs(one / other - 1) > _SAME for one, other in zip(own, period, strict=False)):
-            message = f"got {shown(self.period)}; must be grid.period, {shown(tuple(period))}"
-            yield Problem(("period",), message)
         try:
-            shape = _array(self.table, self.table.stat().st_mtime_ns).shape
+            held, own = self._array
         except ValueError as error:
             yield Problem(("table",), str(error))
             return
-        if shape != tuple(points):
-            message = (
-                f"{self.table}: holds an array of shape {shape}; must be that of grid.points, {tuple(points)}"
-            )
-            yield Problem(("table",), message)
+        if held.shape != tuple(points):
+            message = f"holds an array of shape {held.shape}; must be that of grid.points, {tuple(points)}"
+            yield Problem(("table",), f"{self.table}: {message}")
+        elif any(abs(one / other - 1) > _SAME for one, other in zip(own, period, strict=False)):
+            message = f"{shown(tuple(period))}, of {' x '.join(map(str, points))} surface atoms"
+            if self.period is not None:
+                yield Problem(("period",), f"got {shown(self.period)}; must be grid.period, {message}")
+            else:
+                yield Problem(("table",), f"{self.table}: has the period {shown(own)}; must be {message}")
+
+    @property
+    def _array(self) -> tuple[FloatArray, tuple[float, ...]]:
+        """The array of the file and its period; a ValueError where it cannot be used."""
+        held, period = _array(self.table, self._format, self.table.stat().st_mtime_ns)
+        own: Any = period if self.period is None else self.period
+        if own is None:
+            raise ValueError(f"{self.table}: stiffness has no attribute period; give the key period")
+        own = own if isinstance(own, tuple) else (own,) * held.ndim
+        return held, own
 
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
         """Return K(q); a ValueError for waves beyond the rows, or a file that cannot be used."""
@@ -435,13 +523,11 @@ class Tabulated(OneModulus):
 
         from gfmdlayer.files.tables import TableError
 
-        q, changed = waves.magnitude, self.table.stat().st_mtime_ns
+        q = waves.magnitude
         moving = q[q > 0]
         found = np.full(q.shape, float(self.mean))
-        if self._on_waves:
-            held = _array(self.table, changed)
-            assert self.period is not None
-            period = np.broadcast_to(self.period, held.ndim)
+        if self._format:
+            held, period = self._array
             each = (np.ravel(component) for component in (waves.qx, waves.qy))
             places = [
                 np.rint(x * L / (2 * np.pi)).astype(int) % n
@@ -450,7 +536,7 @@ class Tabulated(OneModulus):
             found[q > 0] = held[tuple(places)].reshape(q.shape)[q > 0]
             return np.asarray(found)
         try:
-            rows = _rows(self.table, changed)
+            rows = _rows(self.table, self.table.stat().st_mtime_ns)
         except TableError as error:
             raise ValueError(str(error)) from None
         least, most = rows[0][0], rows[0][-1]
@@ -464,20 +550,82 @@ class Tabulated(OneModulus):
         return np.asarray(found)
 
 
+_ARRAYS = (".npy", ".h5", ".hdf5")
+
+
 @lru_cache(maxsize=2)
-def _array(file: Path, _changed: int) -> FloatArray:
-    """Return the array of a .npy file; a ValueError where it is none of positive numbers."""
+def _array(file: Path, kind: str, _changed: int) -> tuple[FloatArray, tuple[float, ...] | None]:
+    """Return K over the waves of a grid, and its period where the file has it; a ValueError for others."""
     import numpy as np
 
+    period: tuple[float, ...] | None = None
     try:
-        found = np.asarray(np.load(file, allow_pickle=False), dtype=np.float64)
-    except (OSError, ValueError, EOFError) as error:
-        raise ValueError(
-            f"{file}: cannot be read as an array ({error}); must be a .npy file of numbers"
-        ) from None
-    if found.ndim not in (1, 2) or not np.isfinite(found).all() or (np.ravel(found)[1:] <= 0).any():
+        if kind == ".bin":
+            found, period = _of_fix_gfc(file)
+        elif kind == ".npy":
+            found = np.asarray(np.load(file, allow_pickle=False), dtype=np.float64)
+        else:
+            import h5py
+
+            with h5py.File(file) as h5:
+                dataset = h5["stiffness"]
+                found = np.asarray(dataset[()], dtype=np.float64)
+                if "period" in dataset.attrs:
+                    period = tuple(
+                        np.broadcast_to(dataset.attrs["period"], found.ndim).astype(float).tolist()
+                    )
+    except (OSError, ValueError, EOFError, KeyError, TypeError) as error:
+        reason = str(error).strip('"')
+        raise ValueError(f"{file}: cannot be read as an array ({reason}); see gfmdlayer.Tabulated") from None
+    if (
+        found.ndim not in (1, 2)
+        or not np.isfinite(np.ravel(found)[1:]).all()
+        or (np.ravel(found)[1:] <= 0).any()
+    ):
         raise ValueError(f"{file}: must hold finite numbers along one axis or two, > 0 but at q = 0")
-    return found
+    back = found[np.ix_(*(-np.arange(n) for n in found.shape))]
+    if (np.abs(found - back) > _SAME * np.abs(found)).any():
+        raise ValueError(f"{file}: differs between q and -q; must be equal, in the order of NumPy's FFT")
+    return found, period
+
+
+def _of_fix_gfc(file: Path) -> tuple[FloatArray, tuple[float, ...]]:
+    """Return K and the period of coefficients Phi(q) that LAMMPS's `fix gfc` has measured.
+
+    The file has the integers d, nx, ny and atoms a cell, Boltzmann's constant, nx ny complex matrices Phi of
+    energy/length^2, whose last direction is normal to the surface, the two vectors of a cell, and the
+    places of its atoms.
+    """
+    import numpy as np
+
+    data = file.read_bytes()
+    if len(data) < _HEAD:
+        raise ValueError("it ends within its head")
+    axes, *shape, atoms = (int(n) for n in np.frombuffer(data, "<i4", 4))
+    size = axes * atoms
+    if axes not in (2, 3) or min(*shape, atoms) < 1 or (axes == 2 and shape[1] != 1):
+        raise ValueError(f"its head has {axes} dimensions, {shape[0]} x {shape[1]} cells of {atoms} atoms")
+    expected = _HEAD + 16 * math.prod(shape) * size**2 + 8 * (4 + size)
+    if len(data) != expected:
+        raise ValueError(f"it has {len(data)} bytes; must be {expected}")
+    if atoms > 1:
+        raise ValueError(f"its cells have {atoms} atoms; must have one, a surface atom at each point")
+    Phi = np.frombuffer(data, "<c16", math.prod(shape) * size**2, _HEAD).reshape(*shape, size, size)
+    vectors = np.frombuffer(data, "<f8", 4, _HEAD + Phi.nbytes).reshape(2, 2)
+    if axes == 2:
+        Phi, cell, lengths = Phi[:, 0], vectors[0, 0], (vectors[0, 0] * shape[0],)
+    else:
+        if np.abs(vectors[[0, 1], [1, 0]]).max() > _SAME * np.abs(vectors).max():
+            raise ValueError("its cells are skew; must be rectangles along x and y")
+        cell, lengths = vectors[0, 0] * vectors[1, 1], tuple(np.diag(vectors) * shape)
+    found = np.zeros(Phi.shape[:-2])
+    some = np.ones(found.shape, dtype=bool)
+    some.flat[0] = False  # the mean displacement costs no energy
+    found[some] = 1 / (cell * np.linalg.inv(Phi[some])[:, -1, -1].real)
+    return found, tuple(map(float, lengths))
+
+
+_HEAD = 24  # bytes: four integers and a number
 
 
 @lru_cache(maxsize=8)

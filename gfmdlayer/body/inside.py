@@ -1,4 +1,4 @@
-"""Displacements and stresses below the surface of layers that share one law, or are all elastic.
+"""Displacements and stresses below the surface of layers.
 
 z points down, tension is positive. At a wave exp(i q.x), n = q/|q|: u_z = W, u_n = i U; s_zz, s_nz = i S,
 s_nn, and s_tt across the wave. In a layer, for psi'' = psi(q z) and zeta = q z + const, in units of q G,
@@ -12,92 +12,169 @@ with m = 1 - nu, e = 1 - 2 nu, k = 3 - 4 nu. The amplitudes follow from the stra
 springs between the faces of the layer (`springs`), never from differences of displacements: no digit is lost
 in thin layers, and incompressible ones need no limit.
 
-Where all layers relax alike, G_i(s) = r_i G(s), the displacements below follow at once from that of the
-surface and the stresses from its pressure, whatever happened before.
+Poisson's ratios do not relax, so the displacements in a layer follow at once from the strains of its springs,
+and the stresses from their forces, in which the memory of the modulus is:
+
+    displacements:   a = strain,                  b = stiffness strain
+    stresses/q:      a = force/(q stiffness),     b = force/q
+
+Where all layers relax alike, G_i(s) = r_i G(s), the strains follow from the displacement of the surface and
+the forces from its pressure, whatever happened before. Where they relax by different laws, strains and forces
+are sums over the stretches y of the surface's modes. With the internal vector xi = X (u - y) of `network`, of
+the modes' left singular vectors X, and e_0, f_0 of the relaxed stack,
+
+    forces   f = f_0 u + sum_k f_k y_k,       f_k = w P^T B X_k,      w = (glassy stiffness)^(1/2)
+    strains  e = e_0 u + sum_k e_k y_k,       e_k = f_k/w^2 - c X_k/w
+
+and the spring of the free uppermost layer has the strain u and the force free (G0 u + sum_k G_k y_k).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.network import redundants
-from gfmdlayer.body.springs import halfspace_springs, layer_springs, surface_springs
-from gfmdlayer.body.stack import LayerStack
+from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
+from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.materials import Elastic, Law, Material
+from gfmdlayer.body.network import Network, mode_vectors
+from gfmdlayer.body.relaxation import distinct_branches
+from gfmdlayer.body.stack import Layer, LayerStack
 
 # x = q d from which the free surface layer is a halfspace: the difference is below x exp(-2 x).
 _DEEP = 40.0
 
+# Relative to the stiffness of the surface: where the springs' part of it is smaller, their forces are below
+# 1e-12 of the pressure, and their memory does not count.
+_UNFELT = 1e-24
 
-class Waves(NamedTuple):
-    """Fields at one depth for waves at the surface, each of the shape of q."""
 
-    displacement: tuple[FloatArray, FloatArray]  # W, U for a displacement of the surface of one, downward
-    stress: tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # s_zz, S, s_nn, s_tt for a pressure of one
+class Readout(NamedTuple):
+    """Strains and forces of springs for a stretch of one of each of the surface's modes, downward."""
+
+    waves: IntArray  # (n,): numbers of the q
+    times: FloatArray  # (n, modes): retardation times
+    strains: FloatArray  # (n, springs, modes)
+    forces: FloatArray  # (n, springs, modes)
+
+
+def stack_of(body: object) -> LayerStack | None:
+    """Return a layered body as a stack; None for another body."""
+    return (
+        body.stack if isinstance(body, ViscoelasticLayer) else body if isinstance(body, LayerStack) else None
+    )
+
+
+def alike(laws: Sequence[Law]) -> bool:
+    """Whether layers of these laws relax alike: by one law, or not at all."""
+    same = all(law == laws[0] for law in laws)
+    return same or all(isinstance(law, Material) and law.elastic for law in laws)
 
 
 class Inside:
-    """The fields of a stack of elastic layers at wavenumbers q > 0.
+    """The fields of a stack at wavenumbers q >= 0, of the strains and forces of its springs.
 
-    The law of a layer counts only by its relaxed modulus.
+    The springs stand in the order of the layers: that of the free uppermost layer, then those between the
+    faces of each layer. Strains, forces and displacements are downward. At q = 0 the first spring between the
+    faces of a layer is the layer itself (`firsts`): its strain is the compression, which is zero unless the
+    layers are compressible and on a rigid base.
     """
 
     def __init__(self, stack: LayerStack, q: FloatArray) -> None:
-        self.stack, self.q = stack, q
+        self.stack, self.q, self._positive = stack, q, np.where(q > 0, q, 1.0)
         self.tops = np.concatenate(([0.0], np.cumsum([layer.thickness for layer in stack.present])))
-        top, *others = stack.present
-        self.members = [halfspace_springs(q.size, top.poisson)]
-        self.free = np.full(q.shape, 1 / (1 - top.poisson))
-        if math.isfinite(top.thickness):
-            self.members[0], self.free = surface_springs(q * top.thickness, top.poisson)
-        for layer in others:
-            deep = math.isinf(layer.thickness)
-            x = q * layer.thickness
-            self.members.append(
-                halfspace_springs(q.size, layer.poisson) if deep else layer_springs(x, layer.poisson)
-            )
-        self.strains = self._strains()
-        self.surface = stack.stiffness(q, 0.0)
+        members, free = stack.members(self._positive)
+        counts = [of.springs.stiffness.shape[1] for of in members]
+        self.layer: IntArray = np.repeat(np.arange(len(counts) + 1), [1, *counts]) - 1
+        self.layer[0] = 0
+        self.firsts: IntArray = np.cumsum([1, *counts])[:-1]
+        self.stiffness = np.vstack(
+            (free, *(of.springs.stiffness.T for of in members))
+        )  # of modulus 1, over q
 
-    def _strains(self) -> list[FloatArray]:
-        """Strains of the springs of each layer, (nq, springs), for a displacement of one of the surface."""
-        present = self.stack.present
-        if math.isinf(present[0].thickness):
-            return [np.zeros((self.q.size, 0))]
-        held = self.stack.rigid or math.isinf(present[-1].thickness)
-        moving = 2 * len(present) + 1 - 2 * held
-        counts = [springs.stiffness.shape[1] for springs in self.members]
-        starts = np.cumsum([0, *counts])
-        strains = np.zeros((self.q.size, starts[-1], moving))
-        weights = np.empty((self.q.size, starts[-1]))
-        for i, (springs, layer) in enumerate(zip(self.members, present, strict=True)):
-            own, first = slice(starts[i], starts[i + 1]), max(2 * i - 1, 0)
-            known = min(springs.strains.shape[2], moving - first)  # a rigid base does not move
-            strains[:, own, first : first + known] = springs.strains[:, :, :known]
-            weights[:, own] = np.sqrt(springs.stiffness * layer.material.relaxed)
-        from_below = [first + i for first in range(moving - 2, 0, -2) for i in range(2)]
-        force, projection = redundants(strains, weights, from_below)
-        found = np.einsum("qrs,qr->qs", projection, force[:, :, 0]) / weights
-        return [found[:, starts[i] : starts[i + 1]] for i in range(len(present))]
+    @cached_property
+    def relaxed(self) -> tuple[FloatArray, FloatArray]:
+        """Strains and forces of all springs, (springs, nq), for a relaxed surface that moves by one."""
+        layers = [
+            Layer(each.thickness, each.poisson, Elastic(each.material.relaxed)) for each in self.stack.layers
+        ]
+        network = LayerStack(tuple(layers), rigid=self.stack.rigid).network(self.q)
+        forces = np.einsum("qrs,qr->qs", network.projection, network.force)
+        free = network.free * self.stack.present[0].material.relaxed
+        strains = np.vstack((np.ones(self.q.size), (forces / network.stiffness).T))
+        return strains, np.vstack((free, (forces * network.stiffness).T))
 
-    def at(self, depth: float, number: int) -> Waves:
-        """Return the fields at a depth in the layer of this number, counted from the surface."""
-        layer, a = self.stack.present[number], self.strains[number].T
-        b = self.members[number].stiffness.T * a if a.size else a
-        z, x = self.q * (depth - self.tops[number]), self.q * layer.thickness
-        if number and math.isinf(layer.thickness):
-            found = _below(layer.poisson, z, a, b)
-        elif number:
-            found = _between(layer.poisson, z, x, a, b)
-        else:
-            found = _uppermost(layer.poisson, z, x, a, b)
-        W, U, *stress = found
-        per_pressure = self.q * layer.material.relaxed / self.surface
-        szz, S, snn, stt = (each * per_pressure for each in stress)
-        return Waves((W, U), (szz, S, snn, stt))
+    def alike(self) -> tuple[FloatArray, FloatArray]:
+        """Strains of all springs for a displacement, and forces for a pressure of one of the surface."""
+        strains, forces = self.relaxed
+        K = self.stack.stiffness(self.q, 0.0)
+        return strains, forces / np.where(K > 0, K, 1.0)
+
+    @cached_property
+    def _network(self) -> Network:
+        return self.stack.network(self.q)
+
+    @cached_property
+    def memory(self) -> Readout:
+        """The memory of all springs but the first, at the q where it counts."""
+        of, K = self._network, self.stack.stiffness(self.q, 0.0)
+        size, springs = of.times.size, of.stiffness.shape[1]
+        waves = (
+            np.flatnonzero((of.force**2).sum(axis=1) > _UNFELT * K) if size else np.empty(0, dtype=np.intp)
+        )
+        shapes = (size,), (springs, size), (springs, size)
+        found = Readout(waves, *(np.zeros((waves.size, *shape)) for shape in shapes))
+        for k, i in enumerate(waves):
+            coupling, w = of.projection[i][:, of.spring] * of.roots, of.stiffness[i][:, np.newaxis]
+            vectors, found.times[k] = mode_vectors(coupling, of.times)
+            X = vectors[:size] * (of.force[i] @ vectors[size:])
+            forces = of.projection[i].T @ (coupling @ X)
+            stretched = np.zeros((springs, size))
+            np.add.at(stretched, of.spring, of.roots[:, np.newaxis] * X)
+            found.strains[k], found.forces[k] = (forces - stretched) / w, forces * w
+        return found
+
+    def of_internal(
+        self, waves: IntArray, u: ComplexArray, xi: ComplexArray
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """Return strains and forces of all springs but the first for internal vectors xi, (n, internal).
+
+        `waves` are the numbers of their q, and u the displacement of the surface, both (n,).
+        """
+        of = self._network
+        w, P = of.stiffness[waves], of.projection[waves]
+        stretched = np.zeros(w.shape, dtype=np.complex128)
+        np.add.at(stretched.T, of.spring, (xi * of.roots).T)
+        e = of.force[waves] * u[:, np.newaxis] - np.einsum("nra,na->nr", P, stretched)
+        forces = np.einsum("nra,nr->na", P, e)
+        return ((forces + stretched) / w).T, (forces * w).T
+
+    @property
+    def of_uppermost(self) -> tuple[FloatArray, FloatArray]:
+        """Moduli and relaxation times of the branches of the uppermost layer."""
+        return distinct_branches(self.stack.present[0].material)
+
+    def transfer(self, depth: FloatArray, number: int) -> FloatArray:
+        """Return the fields at a depth, in the layer of this number, for each of its springs.
+
+        W and U for a strain of one, s_zz, S, s_nn and s_tt for a force of one: (6, springs, nq).
+        """
+        layer, own = self.stack.present[number], np.flatnonzero(self.layer == number)
+        z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
+        form = _uppermost if not number else _below if math.isinf(layer.thickness) else _between
+        found = []
+        for i in range(own.size):
+            a = np.zeros((own.size, self.q.size))
+            a[i] = 1.0
+            stiffness = self.stiffness[own]
+            fields = form(layer.poisson, z, x, a, stiffness * a)
+            fields[2:] /= stiffness[i]
+            found.append(fields)
+        return np.stack(found, axis=1)
 
 
 def _waves(
@@ -129,7 +206,7 @@ def _hyperbolic(zeta: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
     return up + down, up - down
 
 
-def _below(nu: float, z: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+def _below(nu: float, z: FloatArray, _x: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
     """The halfspace below layers."""
     m, psi = 1 - nu, np.exp(-z)
     return _waves(nu, z, (a[1], psi, -psi), (-b[0] / (4 * m) - a[1] / (2 * m), psi, -psi))
@@ -146,18 +223,18 @@ def _between(nu: float, z: FloatArray, x: FloatArray, a: FloatArray, b: FloatArr
 
 
 def _uppermost(nu: float, z: FloatArray, x: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
-    """The uppermost layer: the free one whose surface moves by one, and a motion even about the surface."""
+    """The uppermost layer: the free one whose surface moves, and a motion even about the surface."""
     m, e = 1 - nu, 1 - 2 * nu
-    psi, amplitude = np.exp(-z), np.full(z.shape, -1 / (2 * m))
+    psi, amplitude = np.exp(-z), -a[0] / (2 * m)
     deep = _waves(nu, z, (-e * amplitude, psi, -psi), (amplitude, psi, -psi))
     if np.isinf(x).all():
         return deep
     T, zeta = np.tanh(x), z - x
     c, s = _hyperbolic(zeta, x)
-    amplitude = -1 / (2 * m * (T + x / np.cosh(np.minimum(x, _DEEP)) ** 2))
+    amplitude = -a[0] / (2 * m * (T + x / np.cosh(np.minimum(x, _DEEP)) ** 2))
     D, C = amplitude * x * T, amplitude * (T + x)
     free = _waves(nu, zeta, (2 * m * D, c, s), (D, s, c)) + _waves(nu, zeta, (e * C, s, c), (C, c, s))
     c, s = _hyperbolic(z, x)
-    even = (2 * a[1] - b[0]) / (4 * m)
-    rest = _waves(nu, z, (a[1] - even * x * T, c, s), (even, s, c))
+    even = (2 * a[2] - b[1]) / (4 * m)
+    rest = _waves(nu, z, (a[2] - even * x * T, c, s), (even, s, c))
     return np.where(x > _DEEP, deep, free) + rest

@@ -53,7 +53,8 @@ class Network:
 
     free: FloatArray  # (nq,): stiffness of only the uppermost layer, for a unit modulus
     force: FloatArray  # g, (nq, redundant), or (nq, redundant, n) for n displacements of the surface
-    projection: FloatArray  # P, (nq, redundant, springs): L^-1 (-M, 1), of the springs that relax
+    projection: FloatArray  # P, (nq, redundant, springs): L^-1 (-M, 1)
+    stiffness: FloatArray  # (nq, springs): roots of the glassy stiffnesses
     spring: IntArray  # (internal,): the spring that has this Kelvin element; those of a spring stand together
     roots: FloatArray  # c_j = sqrt(Ginf J_j), (internal,): the columns of B are those of P times c
     times: FloatArray  # (internal,): retardation times theta_j of the materials
@@ -99,15 +100,23 @@ def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray
 def _levers(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> tuple[NDArray[Any], FloatArray]:
     """Return the roots v_j of the weights, (modes,) or (n, modes), and the times of the modes, fastest first.
 
-    `force` has the shape (redundant,) or (redundant, n). The modes are the left singular vectors of
-    (1; B) theta^(-1/2): the right ones, over columns of lengths that differ by decades, would lose digits.
+    `force` has the shape (redundant,) or (redundant, n).
     """
-    order, size = np.argsort(times), times.size
-    if not size or not len(force):
+    if not times.size or not len(force):
         return np.zeros((*force.shape[1:], 0)), np.zeros(0)
-    system = np.vstack((np.eye(size), coupling)) / np.sqrt(times)
-    slowness, vectors = singular_values(system[:, order], left=True)
-    return force.conj().T @ vectors[size:], 1 / slowness**2
+    vectors, times_of_modes = mode_vectors(coupling, times)
+    return force.conj().T @ vectors[times.size :], times_of_modes
+
+
+def mode_vectors(coupling: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the vectors of the modes, (internal + redundant, modes), and their times, fastest first.
+
+    They are the left singular vectors of (1; B) theta^(-1/2): the right ones, over columns of lengths that
+    differ by decades, would lose digits.
+    """
+    system = np.vstack((np.eye(times.size), coupling)) / np.sqrt(times)
+    slowness, vectors = singular_values(system[:, np.argsort(times)], left=True)
+    return vectors, 1 / slowness**2
 
 
 def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:
@@ -153,7 +162,7 @@ def assemble(
     """
     if not members:
         none, index = np.zeros((q.size, 0)), np.empty(0, dtype=np.intp)
-        return Network(free, none, none[:, :, np.newaxis], index, none[0], none[0], index)
+        return Network(free, none, np.zeros((q.size, 0, 0)), none, index, none[0], none[0], index)
     owner = np.repeat(np.arange(len(members)), [member.springs.stiffness.shape[1] for member in members])
     strains = np.zeros((q.size, owner.size, displacements))
     for i, member in enumerate(members):
@@ -170,7 +179,7 @@ def assemble(
     weights = np.sqrt(stiffness * glassy * np.where(q > 0, q, 1)[:, None])
     force, projection = redundants(strains, weights, from_below)
     mean = q == 0
-    force[mean], projection[mean] = 0.0, 0.0
+    force[mean], projection[mean], weights[mean] = 0.0, 0.0, 1.0
     one_each = np.searchsorted(owner, np.arange(len(members)))
     for way, uniform in enumerate(np.array([member.uniform for member in members]).T):
         if mean.any() and uniform.any():  # springs in series, of each layer another one for each way
@@ -178,14 +187,15 @@ def assemble(
             force[mean, way, way] = np.sqrt(whole)
             for i, compliance in zip(one_each, uniform, strict=True):
                 projection[mean, way, i + way] = np.sqrt(whole * compliance / glassy[i])
+                weights[mean, i + way] = np.sqrt(glassy[i] / compliance) if compliance else 1.0
     known = [_kelvin(member.material) for member in members]
     elements = np.array([known[layer][0].size for layer in owner])
-    relaxing = np.flatnonzero(elements)
     return Network(
         free,
         force[:, :, 0] if surface == 1 else force,
-        np.ascontiguousarray(projection[:, :, relaxing]),
-        np.repeat(np.arange(relaxing.size), elements[relaxing]),
+        projection,
+        weights,
+        np.repeat(np.arange(elements.size), elements),
         np.concatenate([known[layer][0] for layer in owner]),
         np.concatenate([known[layer][1] for layer in owner]),
         np.repeat(owner, elements),

@@ -85,6 +85,11 @@ class Pair:
         """Return the relaxing modes of the pair."""
         return self.series(waves).spectrum
 
+    def part_of_second(self, waves: Wavevectors | ArrayLike, *, glassy: bool = False) -> FloatArray:
+        """Return the part of the second body in the displacement of an elastic contact, relaxed or glassy."""
+        each = (body.spectrum(waves) for body in (self.first, self.second))
+        return _part_of_second(*(own.glassy if glassy else own.relaxed for own in each))
+
     def series(self, waves: Wavevectors | ArrayLike) -> Series:
         """Return the relaxing modes, and the part of the second body in the deformation."""
         return in_series(self.first.spectrum(waves), self.second.spectrum(waves))
@@ -96,6 +101,12 @@ def _in_series(one: ArrayLike, two: ArrayLike) -> NDArray[Any]:
     with np.errstate(divide="ignore", invalid="ignore"):
         both = np.where(np.abs(a) < np.abs(b), a * (b / (a + b)), b * (a / (a + b)))
     return np.where(a == 0, b, np.where(b == 0, a, both))
+
+
+def _part_of_second(one: FloatArray, two: FloatArray) -> FloatArray:
+    """Return K_1/(K_1 + K_2); a body with K = 0 holds its displacement."""
+    both = (one > 0) & (two > 0)
+    return np.where(both, one / np.where(both, one + two, 1.0), (one == 0) & (two > 0))
 
 
 def in_series(one: Spectrum, two: Spectrum) -> Series:
@@ -123,7 +134,6 @@ def in_series(one: Spectrum, two: Spectrum) -> Series:
         :, held
     ]
     thetas[2 * size : 3 * size, held] = np.where(np.isfinite(times), times, 1.0)[:, held]
-    static = np.where(alone, (relaxed[0] == 0) & (relaxed[1] > 0), relaxed[0] / np.where(alone, 1.0, whole))
     found = _in_series(relaxed[0], relaxed[1])
     weights[weights * size <= NEGLIGIBLE * found] = 0.0
     kept = weights.any(axis=1)
@@ -133,7 +143,7 @@ def in_series(one: Spectrum, two: Spectrum) -> Series:
         thetas[kept].reshape(-1, *shape),
         max(one.error, two.error),
     )
-    return Series(spectrum, static.reshape(shape), shares[kept].reshape(-1, *shape))
+    return Series(spectrum, _part_of_second(*relaxed).reshape(shape), shares[kept].reshape(-1, *shape))
 
 
 def _poles(one: Spectrum, two: Spectrum, waves: int) -> tuple[FloatArray, FloatArray]:

@@ -201,7 +201,7 @@ class LayerStack:
     def network(self, q: ArrayLike) -> Network:
         """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
         q = np.asarray(q, dtype=float)
-        members, free = self._members(np.where(q > 0, q, 1.0))
+        members, free = self.members(np.where(q > 0, q, 1.0))
         finite = sum(math.isfinite(layer.thickness) for layer in self.present)
         return assemble(members, free * q, q, 2 * (finite + (not self.rigid)) - 1)
 
@@ -225,7 +225,7 @@ class LayerStack:
         """Return the internal variables of all layers at the wavevectors, of any shape."""
         q = np.ravel(np.asarray(waves, dtype=float))
         moduli, times = distinct_branches(self.present[0].material)
-        _, free = self._members(np.where(q > 0, q, 1.0))
+        _, free = self.members(np.where(q > 0, q, 1.0))
         each = np.repeat(times[:, np.newaxis], q.size, axis=1)
         different, where = np.unique(q, return_inverse=True)
         network, number = self._coupled(different)
@@ -245,11 +245,11 @@ class LayerStack:
             more = int(np.count_nonzero(felt))
             numbers[start : start + _CHUNK][felt] = count + np.arange(more)
             count += more
-            parts.append((network.free[felt], network.force[felt], network.projection[felt]))
-        free, force, projection = (np.concatenate(each) for each in zip(*parts, strict=True))
-        return Network(
-            free, force, projection, network.spring, network.roots, network.times, network.layer
-        ), numbers
+            rows = network.free, network.force, network.projection, network.stiffness
+            parts.append([each[felt] for each in rows])
+        free, force, projection, stiffness = (np.concatenate(each) for each in zip(*parts, strict=True))
+        of_elements = network.spring, network.roots, network.times, network.layer
+        return Network(free, force, projection, stiffness, *of_elements), numbers
 
     def _traction_network(self, q: FloatArray, *, in_plane: bool) -> Network:
         """Return the network in which the surface moves by (W, U), or across the wave by V."""
@@ -267,7 +267,7 @@ class LayerStack:
         moving = sum(math.isfinite(layer.thickness) for layer in self.present) + (not self.rigid)
         return assemble(members, np.zeros(q.size), q, ways * moving, surface=ways, interface=ways)
 
-    def _members(self, q: FloatArray) -> tuple[list[Member], FloatArray]:
+    def members(self, q: FloatArray) -> tuple[list[Member], FloatArray]:
         """Springs of each layer, and the stiffness in units of q of the uppermost layer alone."""
         top, *others = self.present
         if math.isinf(top.thickness):

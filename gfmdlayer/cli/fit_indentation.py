@@ -36,8 +36,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--free",
         metavar="KEY",
         nargs="+",
-        help="free parameters, such as layer.material.G0, contact_point, drift or force_offset; with bounds "
-        "KEY=LOW:HIGH (default: the key `free` of the model)",
+        help="free parameters, such as layer.material.G0, contact_point, drift, force_offset or tilt; with "
+        "bounds KEY=LOW:HIGH (default: the key `free` of the model)",
     )
     parser.add_argument(
         "--units",
@@ -50,6 +50,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         choices=("given", "detect"),
         default="given",
         help="detect: also fit the contact point and the offset of the force (default: given)",
+    )
+    parser.add_argument(
+        "--prescribed",
+        choices=("depth", "force", "base"),
+        help="what the instrument prescribes, for curves whose files do not name it (default: guessed)",
+    )
+    parser.add_argument(
+        "--stiffness",
+        metavar="K[:ERROR]",
+        help="stiffness of the cantilever, in the model's units, and its relative error, as in 0.05:0.1; "
+        "with an error it is fitted too",
+    )
+    parser.add_argument(
+        "--segments",
+        metavar="NAME",
+        nargs="+",
+        default=(),
+        help="segments whose rows count, such as approach hold (default: all)",
     )
     parser.add_argument(
         "--loss",
@@ -76,7 +94,17 @@ def fit_indentation(options: argparse.Namespace) -> int:
     from gfmdlayer.fitting.measurement import FitError
 
     try:
-        chosen = FitOptions(options.loss, options.profile, options.contact)
+        spring = _spring(options.stiffness)
+        if isinstance(spring, str):
+            return refuse(spring)
+        chosen = FitOptions(
+            options.loss,
+            options.profile,
+            options.contact,
+            tuple(options.segments),
+            options.prescribed,
+            *spring,
+        )
         free = _free(options.free)
         if isinstance(free, str):
             return refuse(free)
@@ -89,6 +117,17 @@ def fit_indentation(options: argparse.Namespace) -> int:
         return _fit_together(options, chosen, free)
     except FitError as error:
         return refuse(*str(error).splitlines())
+
+
+def _spring(text: str | None) -> tuple[float | None, float | None] | str:
+    """Read K or K:ERROR; return an error message as a string."""
+    if text is None:
+        return None, None
+    value, colon, error = text.partition(":")
+    try:
+        return float(value), float(error) if colon else None
+    except ValueError:
+        return f"--stiffness {text}: must be K, or K:ERROR, with numbers"
 
 
 def _free(keys: list[str] | None) -> dict[str, list[float] | None] | str | None:
@@ -110,8 +149,9 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) ->
     from gfmdlayer.fitting.indentation import report
     from gfmdlayer.fitting.indentation.curve import in_si
     from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
-    from gfmdlayer.fitting.indentation.fit import fit_curves, read_model
+    from gfmdlayer.fitting.indentation.fit import fit_curves
     from gfmdlayer.fitting.indentation.problem import Model
+    from gfmdlayer.fitting.indentation.starts import read_model
 
     out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
     report.targets(out, options.force)
@@ -120,7 +160,7 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) ->
     found = entries([Path(each) for each in options.data])
     fits = {}
     for path, (model, keys) in checked.items():
-        curves = [read_curve(entry, options.units, in_si(model.config.units)) for entry in found]
+        curves = [read_curve(entry, options.units, in_si(model.config.units), chosen) for entry in found]
         fits[path] = fit_curves(curves, model, keys, chosen)
     best = min(fits, key=lambda path: fits[path].bic)
     if len(fits) > 1:
@@ -146,7 +186,7 @@ def _prepare() -> None:
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.fitting.force_map import ForceMap
-    from gfmdlayer.fitting.indentation.fit import read_model
+    from gfmdlayer.fitting.indentation.starts import read_model
     from gfmdlayer.results.schema import ResultsError
 
     paths = [Path(each) for each in options.data]

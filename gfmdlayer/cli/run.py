@@ -112,6 +112,7 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError
+    from gfmdlayer.execution.groups import with_shared_solver
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.execution.run import RunOptions, run_sweep
     from gfmdlayer.results.schema import ResultsError
@@ -119,6 +120,8 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     try:
         with interrupts.at_once():
             config, directory = read_config(options, options.ranks_per_case)
+            if options.ranks_per_case > 1:
+                config = with_shared_solver(config)
         if options.only_failed:
             Folder(directory).must_hold_results()
         chosen = RunOptions(

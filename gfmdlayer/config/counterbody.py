@@ -11,17 +11,21 @@ from pydantic import Field, PrivateAttr
 from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.solid import Relaxation, Solid
 from gfmdlayer.config.bodies import BODY
-from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
-from gfmdlayer.validation.fields import given
+from gfmdlayer.config.layers import (
+    Compound,
+    Halfspace,
+    Layer,
+    Layers,
+    StackedLayer,
+    layered,
+    problems_of_the_body,
+)
+from gfmdlayer.validation.fields import Finite, given
 from gfmdlayer.validation.problems import Problem
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from gfmdlayer.body.body import Body
-    from gfmdlayer.body.relaxation import Spectrum
-    from gfmdlayer.body.wavevectors import Wavevectors
 
 
 class Counterbody(Section):
@@ -39,6 +43,8 @@ class Counterbody(Section):
         default_factory=lambda data: Halfspace() if layered(data) else None
     )
     """the halfspace behind the layers; shear_modulus .inf without layers: a rigid counterbody"""
+    velocity_ratio: Annotated[Finite | None, given] = None
+    """velocity of the contact along it, over trajectory.velocity; 0: slides (default), 1: rolls"""
 
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""
@@ -65,7 +71,7 @@ class Counterbody(Section):
         return Layers.of((Layer(thickness=math.inf, poisson=base.poisson, material=material),), Halfspace())
 
 
-class TwoBodies(Solid):
+class TwoBodies(Compound):
     """A body and its counterbody: as one body under a rigid punch, see `gfmdlayer.body.pair`."""
 
     kind: Literal["pair"] = "pair"
@@ -94,18 +100,6 @@ class TwoBodies(Solid):
         return Pair(
             first.with_series(materials[:own], accuracy), second.with_series(materials[own:], accuracy)
         )
-
-    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
-        """Return K(q, s) of bodies whose laws are series."""
-        return self._as_given.stiffness(waves, s)
-
-    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
-        """Return the relaxing modes of bodies whose laws are series."""
-        return self._as_given.spectrum(waves)
-
-    @property
-    def _as_given(self) -> Body:
-        return self.with_series([law for law in self.laws if isinstance(law, Material)], 0.0)
 
     @property
     def mean_stiffness(self) -> float:
@@ -170,8 +164,13 @@ def relaxes(solid: Solid) -> bool:
 
 
 def problems_of_the_counterbody(config: Any) -> Iterator[Problem]:
-    """Refuse a counterbody that relaxes while it slides: the compliances then add at different rates."""
-    second = None if config.counterbody is None else config.counterbody.solid
-    if second is not None and config.trajectory.moves and relaxes(second):
-        message = "relaxes while the punch moves; must be elastic, or set no velocity"
-        yield Problem(("counterbody",), message, ("trajectory.velocity", "trajectory.velocity_file"))
+    """Refuse a velocity ratio at rest, and the shape of a counterbody that moves with its material."""
+    if config.counterbody is None or not config.counterbody.velocity_ratio:
+        return
+    at, ratio = ("counterbody", "velocity_ratio"), config.counterbody.velocity_ratio
+    if not config.trajectory.moves:
+        message = "only for a punch that moves; remove it or set trajectory.velocity"
+        yield Problem(at, message, ("trajectory.velocity", "trajectory.velocity_file"))
+    if config.punch.rough:
+        message = f"got {ratio!r} with a rough punch, whose heights would pass the contact; must be 0"
+        yield Problem(at, message, ("punch.shape",))

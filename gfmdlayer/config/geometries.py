@@ -34,6 +34,7 @@ _PERIODIC = {
         "leakage",
         "conductance",
         "stiffness",
+        "inside",
         "keep_state",
     ),
 }

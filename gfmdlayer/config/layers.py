@@ -174,7 +174,23 @@ def problems_of_the_body(
         yield Problem(at, f"got 0 on a {base}; {allowed}", ("halfspace.shear_modulus", "layers"))
 
 
-class Layers(Solid):
+class Compound(Solid):
+    """A body of several parts: it is one in the sense of `Body` where their laws are series."""
+
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
+        """Return K(q, s) of parts whose laws are series."""
+        return self._as_given.stiffness(waves, s)
+
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return the relaxing modes of parts whose laws are series."""
+        return self._as_given.spectrum(waves)
+
+    @property
+    def _as_given(self) -> Body:
+        return self.with_series([law for law in self.laws if isinstance(law, Material)], 0.0)
+
+
+class Layers(Compound):
     """Layers on a halfspace, by the keys layer, layers and halfspace of the configuration."""
 
     isolated: ClassVar[bool] = True
@@ -218,18 +234,6 @@ class Layers(Solid):
         layers = [stack.Layer(each.thickness, each.poisson, material) for each, material in given]
         below = materials[-1] if base.shear_modulus is None else base.shear_modulus
         return layered_body(layers, below, base.poisson, accuracy=accuracy)
-
-    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
-        """Return K(q, s) of layers whose laws are series."""
-        return self._as_given.stiffness(waves, s)
-
-    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
-        """Return the relaxing modes of layers whose laws are series."""
-        return self._as_given.spectrum(waves)
-
-    @property
-    def _as_given(self) -> Body:
-        return self.with_series([law for law in self.laws if isinstance(law, Material)], 0.0)
 
     @property
     def mean_stiffness(self) -> float:

@@ -27,6 +27,7 @@ from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.bodies import BODY
 from gfmdlayer.config.counterbody import Counterbody, TwoBodies, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
+from gfmdlayer.config.inside import problems_of_the_inside
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
 from gfmdlayer.config.sections import Output
 from gfmdlayer.config.sweeps import unswept
@@ -303,6 +304,7 @@ class Config(Section):
             if message := time.misses(snapshot):
                 yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
         if self.geometry.on_grid:
+            yield from problems_of_the_inside(self)
             yield from self._problems_of_transport()
 
     def _problems_of_transport(self) -> Iterator[Problem]:
@@ -345,6 +347,12 @@ class Config(Section):
             own = Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
         second = None if self.counterbody is None else self.counterbody.solid
         return own if second is None else TwoBodies.of(own, second)
+
+    @property
+    def two_bodies(self) -> bool:
+        """Whether a case on a periodic grid follows a body and a counterbody, each with its history."""
+        of_one = self.counterbody is None or self.grid.isolated or not self.geometry.on_grid
+        return not of_one and isinstance(self.solid, TwoBodies)
 
     @property
     def laws(self) -> tuple[Law, ...]:

@@ -24,6 +24,7 @@ from pydantic import (
 )
 
 from gfmdlayer.config.geometries import GEOMETRIES
+from gfmdlayer.config.inside import Inside
 from gfmdlayer.contact.solvers import AUTO, SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -325,6 +326,8 @@ class Output(Section):
     """resistance of the contact: {body: {resistivity: ...}}"""
     stiffness: Annotated[Stiffness | None, given] = None
     """dynamic stiffness of the contact: {frequencies: [...]}"""
+    inside: Annotated[Inside | None, given] = None
+    """stresses below the surface: {depths: [...]} or {points: ...}"""
     keep_state: Switch = False
     """keep the final state, so that a later time.end continues from it"""
 

@@ -12,7 +12,7 @@ sin delta of s, the least that a real s gives. So the distance to the solution f
 least, which is of the order of dt/tau for short steps. For longer ones the surfaces are mixed (D. G.
 Anderson, J. ACM 12 (1965) 547-560). Whenever that brings them no nearer, the plain iteration continues from
 the best of them, so that the bound holds. Where sin delta is close to 1, `Pivoting` starts from the last
-contact.
+contact, on one process: it knows no ranks.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ import numpy.typing as npt
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, project, surface_at
 from gfmdlayer.contact.residual import scales_over
+from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -257,10 +258,11 @@ class LossStiffnessSolver:
         extra = np.divide(problem.loss_stiffness**2, problem.stiffness, where=stiff, out=np.zeros(stiff.size))
         symmetric = problem.stiffness + extra
         difference = extra - 1j * problem.loss_stiffness
-        mixture = _Mixture(symmetric * self._weights)
+        mixture = _Mixture(symmetric * self._weights, problem.ranks)
         last = self._guess(problem, start)
         transforms, iterations, released = 1, 0, 0.0
-        alone = problem.interface.attracts or problem.hardness < np.inf  # which pivoting does not know
+        # What pivoting does not know, and a surface of which it has a part only.
+        alone = problem.interface.attracts or problem.hardness < np.inf or problem.ranks.count > 1
         for _ in range(_MOST_ALONE if alone else _MOST_PROBLEMS):
             intercept = problem.intercept + difference * last
             solution = self._solver.solve(
@@ -269,7 +271,8 @@ class LossStiffnessSolver:
                 SHARE * tolerance,
                 limit,
             )
-            change = self._transforms.backward(difference * (solution.spectrum - last)) / start.size
+            change = self._transforms.backward(difference * (solution.spectrum - last))
+            change /= self._transforms.size
             transforms += solution.transforms + 1
             iterations += solution.iterations
             released += solution.released_energy
@@ -353,8 +356,8 @@ def _with_loss(
 class _Mixture:
     """Anderson mixing: the displacement to try next, from those tried and those found with them."""
 
-    def __init__(self, weight: FloatArray) -> None:
-        self._weight = weight
+    def __init__(self, weight: FloatArray, ranks: Ranks) -> None:
+        self._weight, self._ranks = weight, ranks
         self._found: list[ComplexArray] = []
         self._steps: list[ComplexArray] = []
         self._best = np.inf
@@ -362,7 +365,7 @@ class _Mixture:
     def next(self, tried: ComplexArray, found: ComplexArray) -> ComplexArray:
         """Add a displacement tried and the one found with it; return the next to try."""
         step = found - tried
-        size = self._mean(step, step)
+        size = self._ranks.total(self._part(step, step))
         if size > self._best:
             last = self._found[-1]
             self._found, self._steps = [], []
@@ -371,11 +374,14 @@ class _Mixture:
         self._best = size
         self._found = [*self._found[1 - _MIXED :], found]
         self._steps = [*self._steps[1 - _MIXED :], step]
-        gram = np.array([[self._mean(f, g) for f in self._steps] for g in self._steps]) / size
+        gram = (
+            self._ranks.total(np.array([[self._part(f, g) for f in self._steps] for g in self._steps])) / size
+        )
         shares = np.linalg.pinv(gram, rcond=1e-12, hermitian=True).sum(axis=0)
         if not abs(shares.sum()) > 0:
             return found
         return np.asarray(np.tensordot(shares / shares.sum(), np.array(self._found), axes=1))
 
-    def _mean(self, f: ComplexArray, g: ComplexArray) -> float:
+    def _part(self, f: ComplexArray, g: ComplexArray) -> float:
+        """Mean of f g, of the modes of this process."""
         return float(np.sum(self._weight * (f.real * g.real + f.imag * g.imag)))

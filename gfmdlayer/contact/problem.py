@@ -250,7 +250,8 @@ def why_not_converged(problem: Problem, solution: Solution, method: str, toleran
 def surface_at(problem: Problem, gap: FloatArray) -> FloatArray:
     """Displacement of a surface at a gap from the punch; the surface at rest where the gap is not finite."""
     surface = problem.obstacle - gap
-    return surface if np.isfinite(surface).all() else np.zeros_like(surface)
+    known = problem.ranks.minimum(int(np.isfinite(surface).all()))
+    return surface if known else np.zeros_like(surface)
 
 
 # Projection onto the constraints: no overlap, u <= h, and a mean displacement of zero.

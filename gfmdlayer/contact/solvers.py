@@ -71,7 +71,14 @@ SOLVERS: Mapping[str, Declaration] = {
         pairs_with={("inertia", "uniform"): (238, 0.3)},
     ),
     "newton": Declaration(
-        "gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=46, adhesive=True, yields=True
+        "gfmdlayer.contact.newton.solver:Newton",
+        "gap",
+        36,
+        0.4,
+        fields=46,
+        adhesive=True,
+        distributed=True,
+        yields=True,
     ),
 }
 
@@ -79,7 +86,7 @@ SOLVERS: Mapping[str, Declaration] = {
 # With friction at the interface there is this one, which no word chooses: pairs of a step with slip, of one
 # component each.
 FRICTIONAL = Declaration(
-    "gfmdlayer.friction.solver:FrictionSolver", "pressure", 60, 0.08, fields=80, rough=1.5
+    "gfmdlayer.friction.solver:FrictionSolver", "pressure", 25, 0.08, fields=80, rough=3.5
 )
 
 # The solver that `solver.method: auto` takes. It follows only from the configuration: the solver that began a

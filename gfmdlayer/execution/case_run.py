@@ -418,6 +418,7 @@ class _Run:
             elapsed=checkpoints.elapsed,
             unit=case.config.unit,
             swept=case.values,
+            places=model.places,
         ) as writer:
             journal.replay(writer)
             if ended := str(journal.noted.get("ended", "")):

@@ -16,7 +16,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gfmdlayer.config import Config
-from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.config.reader import from_python
+from gfmdlayer.contact.solvers import AUTO, SOLVERS
 from gfmdlayer.execution.case_run import ending_together, run_case
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.preflight import launched_size
@@ -115,8 +116,19 @@ def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[
 # Cases that several ranks cannot compute together are refused before any work, with the key and why.
 
 
+def with_shared_solver(config: Config) -> Config:
+    """Return the configuration with nested gradients where `auto` takes a solver that ranks cannot share."""
+    if config.solver.method != AUTO:
+        return config
+    chosen = {case.config.contact_solver.method for case in Cases(config).examined()} & SOLVERS.keys()
+    if all(SOLVERS[method].distributed for method in chosen):
+        return config
+    return from_python(config, {"solver.method": "nested_gradient"})
+
+
 def input_errors_together(config: Config, ranks_per_case: int) -> Iterable[tuple[str, str]]:
     """Check the cases for several ranks, and by these ranks their numbers and input files."""
+    config = with_shared_solver(config)
     found = [error for case in Cases(config).examined() for error in _errors(case.config, ranks_per_case)]
     return list(dict.fromkeys(found)) or _Member.group.run(_input_errors, config)
 
@@ -156,10 +168,6 @@ def _errors(config: Config, ranks: int) -> Iterator[tuple[str, str]]:
     elif not SOLVERS[chosen].distributed:
         able = " or ".join(name for name, solver in SOLVERS.items() if solver.distributed)
         yield "solver.method", f"got {chosen!r}; must be {able} {each}"
-    if config.interfaces:
-        yield "interface", f"attracts; must be the hard wall {each}"
-    if config.trajectory.moves:
-        yield "trajectory", f"moves the punch along the surface; must leave it {each}"
     if config.output.keep_state:
         yield "output.keep_state", f"got true; must be false {each}"
     if reason := config.punch.whole_only:

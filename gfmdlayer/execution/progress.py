@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 READ_INTERVAL = 0.5  # seconds between two readings of the status files
 LOG_INTERVAL = 5.0  # seconds between two lines in a log, more in a long run
 PREPARATION = 2.0  # seconds of preparation that pass in silence: most kernels are compiled already
+MEASURED = 0.05  # of the first cases, before the time that is left is known
 SHOWN_ENDS = 20  # ends of cases that get a line of their own, of complete and of failed ones each
 
 _BAR_WIDTH = 24
@@ -240,8 +241,9 @@ class Reporter:
             return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
         # The expected seconds weigh the cases against each other; the pace is only what was measured.
         done = self._ended + sum(case.effort * self._seconds.get(case.index, 0.0) for case in at_work)
-        if done <= 0:
-            return now
+        under_way = sum(self._seconds.get(case.index, 0.0) for case in at_work)
+        if done <= 0 or (not self._ended and done < MEASURED * under_way):
+            return now  # adaptive steps begin with short ones
         ratio = self._workers * spent / done
         workers = max(1, min(self._workers, self._total - now.complete - now.failed))
         return replace(now, seconds_left=max(self._whole - done, 0.0) * ratio / workers)

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING
 
 from gfmdlayer.config import Config, ConfigError, digest
-from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
+from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.execution.case_run import Wisdom, record_failure, run_case, warm_up
 from gfmdlayer.execution.cost import SAMPLE, CostModel, estimate
@@ -31,7 +31,7 @@ from gfmdlayer.execution.groups import refuse_other_ranks, run_case_together
 from gfmdlayer.execution.growth import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.progress import Display, Reporter
 from gfmdlayer.execution.schedule import Labelled, Outcome, Schedule, State
-from gfmdlayer.execution.sweep import Cases, OwnCases, Shard, SweepCase, examined
+from gfmdlayer.execution.sweep import Cases, InTurn, OwnCases, Shard, SweepCase, examined
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, read_json
 from gfmdlayer.notes import notes
@@ -334,7 +334,7 @@ def _ordered(
     return sorted(todo, key=lambda case: (-seconds[case.index], case.index))
 
 
-class _Records(Sequence["CaseRecord"]):
+class _Records(InTurn["CaseRecord"]):
     """The cases for the sweep file, each made when it is asked for: very many differ in little."""
 
     def __init__(
@@ -345,15 +345,9 @@ class _Records(Sequence["CaseRecord"]):
     def __len__(self) -> int:
         return len(self._numbers)
 
-    @overload
-    def __getitem__(self, place: int) -> CaseRecord: ...
-    @overload
-    def __getitem__(self, place: slice) -> list[CaseRecord]: ...
-    def __getitem__(self, place: int | slice) -> CaseRecord | list[CaseRecord]:
+    def _at(self, place: int) -> CaseRecord:
         from gfmdlayer.results.gathering import CaseRecord
 
-        if isinstance(place, slice):
-            return [self[i] for i in range(*place.indices(len(self)))]
         number = self._numbers[place]
         values, reason = self._every.values(place), self._reasons.get(number)
         return CaseRecord(number, self._folder.case(number), values, reason)
@@ -368,7 +362,7 @@ def _collect(
     failed: Mapping[int, Outcome],
 ) -> tuple[list[str], list[Outcome]] | None:
     """Write the sweep file; return notes, and cases that cannot be read; None while shards are at work."""
-    from gfmdlayer.results.gathering import collect
+    from gfmdlayer.results.gathering import Swept, collect
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
 
@@ -383,9 +377,8 @@ def _collect(
                         return None
                     reasons[number] = str(record.get("reason"))
             records = _Records(folder, every, numbers, reasons)
-            keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-            times = None if "output.times" in keys else config.output.times
-            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit, times)
+            swept = Swept.of(config.sweep, config.unit, config.output.times)
+            path = collect(folder.path, records, swept)
             found = attributes(path)
             named = (line.partition(": ") for line in str(found["failed"]).splitlines())
             unusable = {int(number): reason for number, _, reason in named if number.isdecimal()}

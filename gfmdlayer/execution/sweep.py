@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heapify, heappop, heappush
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, TypeVar, overload
 
 from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
@@ -57,7 +57,28 @@ class SweepCase:
     given: Config | None = None
 
 
-class Cases(Sequence[SweepCase]):
+Item = TypeVar("Item", covariant=True)
+
+
+class InTurn(Sequence[Item]):
+    """A sequence of which each item is made, by `_at`, when it is asked for; a slice is a list."""
+
+    @overload
+    def __getitem__(self, place: int) -> Item: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[Item]: ...
+    def __getitem__(self, place: int | slice) -> Item | list[Item]:
+        if isinstance(place, slice):
+            return [self._at(i) for i in range(*place.indices(len(self)))]
+        if not 0 <= place < len(self):
+            raise IndexError(place)
+        return self._at(place)
+
+    def _at(self, place: int) -> Item:
+        raise NotImplementedError
+
+
+class Cases(InTurn[SweepCase]):
     """The cases of a configuration, the last swept key fastest; each is made when it is asked for.
 
     Where steps are adaptive and no output times are asked for, the cases of a sweep land on a spacing of
@@ -71,15 +92,7 @@ class Cases(Sequence[SweepCase]):
     def __len__(self) -> int:
         return math.prod(len(axis.rows) for axis in self._axes)
 
-    @overload
-    def __getitem__(self, place: int) -> SweepCase: ...
-    @overload
-    def __getitem__(self, place: slice) -> list[SweepCase]: ...
-    def __getitem__(self, place: int | slice) -> SweepCase | list[SweepCase]:
-        if isinstance(place, slice):
-            return [self[i] for i in range(*place.indices(len(self)))]
-        if not 0 <= place < len(self):
-            raise IndexError(place)
+    def _at(self, place: int) -> SweepCase:
         values = self.values(place)
         case = self._config.with_values(values)
         if self._config.sweep and case.time.step == "adaptive" and case.output.times is None:
@@ -116,7 +129,7 @@ def cases(config: Config) -> list[SweepCase]:
 Change = Callable[[SweepCase], SweepCase]
 
 
-class OwnCases(Sequence[SweepCase]):
+class OwnCases(InTurn[SweepCase]):
     """The cases of a run: those of a sweep, or of one of its shards, with the numbers of their files.
 
     Up to `EXAMINED` cases, drawn at random where there are more, are made at once and kept: ConfigError where
@@ -141,15 +154,9 @@ class OwnCases(Sequence[SweepCase]):
     def __len__(self) -> int:
         return len(self._places)
 
-    @overload
-    def __getitem__(self, at: int) -> SweepCase: ...
-    @overload
-    def __getitem__(self, at: slice) -> list[SweepCase]: ...
-    def __getitem__(self, at: int | slice) -> SweepCase | list[SweepCase]:
-        if isinstance(at, slice):
-            return [self[i] for i in range(*at.indices(len(self)))]
-        if (case := self._made.get(at)) is None:
-            case = self._cases[self._places[at]]
+    def _at(self, place: int) -> SweepCase:
+        if (case := self._made.get(place)) is None:
+            case = self._cases[self._places[place]]
             for change in self._changes:
                 case = change(case)
         return case
@@ -243,10 +250,6 @@ class Shard:
             raise ValueError(f"got {text!r}; must be I/N, two whole numbers with 1 <= I <= N")
         return cls(int(number), int(count))
 
-    def share(self, cases: Sequence[SweepCase]) -> list[SweepCase]:
-        """Return this shard's cases, in their order."""
-        return [cases[place] for place in self.places(cases)]
-
     def places(self, cases: Sequence[SweepCase]) -> Sequence[int]:
         """Return the places of this shard's cases, in their order.
 
@@ -269,7 +272,7 @@ class Shard:
 
 
 @dataclass(frozen=True)
-class Dealt(Sequence[int]):
+class Dealt(InTurn[int]):
     """Places of a shard in a very long sweep, one in each block of as many cases as there are shards.
 
     Its place in a block goes on by the golden ratio from block to block, so that each shard meets every
@@ -283,16 +286,8 @@ class Dealt(Sequence[int]):
         blocks, left = divmod(self.total, self.shard.count)
         return blocks + (self._within(blocks) < left)
 
-    @overload
-    def __getitem__(self, block: int) -> int: ...
-    @overload
-    def __getitem__(self, block: slice) -> list[int]: ...
-    def __getitem__(self, block: int | slice) -> int | list[int]:
-        if isinstance(block, slice):
-            return [self[i] for i in range(*block.indices(len(self)))]
-        if not 0 <= block < len(self):
-            raise IndexError(block)
-        return block * self.shard.count + self._within(block)
+    def _at(self, place: int) -> int:
+        return place * self.shard.count + self._within(place)
 
     def __contains__(self, place: object) -> bool:
         if not isinstance(place, int) or not 0 <= place < self.total:

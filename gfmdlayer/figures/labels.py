@@ -61,6 +61,8 @@ PAPER_SYMBOLS = {
     **{f"shear_{axis}": f"t_{axis}" for axis in "xy"},
     **{f"slip_velocity_{axis}": rf"\dot{{s}}_{axis}" for axis in "xy"},
     "displacement": "u",
+    "displacement_body": "u_1",
+    "displacement_counterbody": "u_2",
     "pressure": "p",
     "gap": "g",
     "imprint": "W",
@@ -103,8 +105,9 @@ def value_labels(values: Sequence[object]) -> list[str]:
     """Write values for a legend, all in the same way.
 
     If all values are whole numbers or plain fractions they are written as 1/32, or 1/3 where the value has
-    all digits of it. Infinity is written as its sign, large numbers with powers of ten. Text stays as it is;
-    a mapping, such as "shape=parabola, radius=0.25", is shortened.
+    all digits of it. Numbers of more than five digits are rounded to those that tell the values apart.
+    Infinity is written as its sign, large numbers with powers of ten. Text stays as it is; a mapping, such as
+    "shape=parabola, radius=0.25", is shortened.
     """
     if any(isinstance(value, str) for value in values):
         return _short([str(value) for value in values])
@@ -113,7 +116,16 @@ def value_labels(values: Sequence[object]) -> list[str]:
     is_fractional = None not in fractions and any(
         fraction is not None and fraction.denominator not in (1, 2, 4) for fraction in fractions
     )
-    return [_number_label(number, is_fractional) for number in numbers]
+    digits = _digits(numbers)
+    return [_number_label(number, is_fractional, digits) for number in numbers]
+
+
+def _digits(numbers: Sequence[float]) -> int:
+    """Return the digits that tell values apart: three, or more where these do not, or suffice for all."""
+    texts = {digits: [f"{number:.{digits}g}" for number in numbers] for digits in range(3, 7)}
+    if all(float(text) == float(longest) for text, longest in zip(texts[5], texts[6], strict=True)):
+        return 6
+    return next((digits for digits in texts if len(set(texts[digits])) == len(set(texts[6]))), 6)
 
 
 def _short(texts: Sequence[str]) -> list[str]:
@@ -153,11 +165,12 @@ def _fraction(number: float) -> Fraction | None:
     return fraction if float(fraction) == number and (is_binary or has_many_digits) else None
 
 
-def _number_label(number: float, is_fractional: bool) -> str:
+def _number_label(number: float, is_fractional: bool, digits: int = 6) -> str:
     if math.isinf(number):
         return r"$\infty$" if number > 0 else r"$-\infty$"
     if is_fractional:
         return str(_fraction(number))
+    number = float(f"{number:.{digits}g}") if abs(number) < 10 ** (digits - 1) else number
     mantissa, _, exponent = f"{number:.6g}".partition("e")
     if not exponent and (abs(number) < 1e4 or number % 1000):
         return mantissa
@@ -208,7 +221,8 @@ class Quantity(NamedTuple):
     def numbers(self, values: Sequence[Any]) -> list[str]:
         """Write values for ticks, in the power of ten of the label; fractions are for pure numbers."""
         if self.unit and not any(isinstance(value, str) for value in values):
-            return [_number_label(float(value) / 10.0**self.power, is_fractional=False) for value in values]
+            scaled = [float(value) / 10.0**self.power for value in values]
+            return [_number_label(each, is_fractional=False, digits=_digits(scaled)) for each in scaled]
         return value_labels([_in_power(value, self.power) for value in values])
 
     def equals(self, values: Sequence[Any]) -> list[str]:

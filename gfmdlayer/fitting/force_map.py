@@ -37,7 +37,8 @@ from gfmdlayer.fitting.indentation.curve import in_si
 from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
-from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
+from gfmdlayer.fitting.indentation.problem import Correction, Free, Model, Prediction
+from gfmdlayer.fitting.indentation.report import COLUMNS, SCALARS, add_estimates
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
@@ -48,9 +49,6 @@ from gfmdlayer.results.schema import parameter
 # estimate, error, low, high (parameter)    value, standard error and 95 % interval
 # correlation (parameter, parameter)        of the estimates
 # noise, aic, bic                           of the fit
-
-COLUMNS = ("estimate", "error", "low", "high")
-SCALARS = ("noise", "aic", "bic")
 
 
 @dataclass(frozen=True)
@@ -104,8 +102,8 @@ class FitTask:
 
     def _fit(self, case: MapCase) -> IndentationFit:
         model = Model(self.model)
-        curve = read_curve(case.entry, self.units, in_si(model.config.units))
-        fit = fit_curves([curve], model, self.free, self.options)
+        curve = read_curve(case.entry, self.units, in_si(model.config.units), self.options)
+        fit = fit_curves([curve], model, self.free, self.options, advise=False)
         if not all(np.isfinite(each.value) for each in fit.parameters):
             raise FitError("an estimate is not a finite number")
         return fit
@@ -122,17 +120,9 @@ class Estimates(NamedTuple):
 
 def write_estimates(path: Path, fit: IndentationFit, name: str, digest: str) -> None:
     """Write the file of a case, complete or not at all."""
-    keys = [each.key for each in fit.parameters]
-    rows = np.array([[each.value, each.standard_error, *each.interval] for each in fit.parameters]).T
     with new_file(path) as file:
         h5 = file.begin()
-        text = h5py.string_dtype()
-        add_variable(h5, "parameter", ("parameter",), {}, data=np.array(keys, dtype=object), dtype=text)
-        for column, values in zip(COLUMNS, rows, strict=True):
-            add_variable(h5, column, ("parameter",), {}, data=values)
-        h5.create_dataset("correlation", data=fit.correlation)
-        for scalar, value in zip(SCALARS, (fit.curves[0].noise, fit.aic, fit.bic), strict=True):
-            h5.create_dataset(scalar, data=float(value))
+        add_estimates(h5, fit)
         known = {"curve": name, "digest": digest, "warnings": "\n".join(fit.warnings)}
         set_attributes(h5, {**provenance(), **known, "complete": 1})
 
@@ -199,8 +189,11 @@ def collect(
         if found is None:
             failed[case.index] = f"curve {case.entry.name}: its file cannot be read"
             continue
-        order = [found.keys.index(key) for key in keys]
-        np.moveaxis(tables, (0, 1), (-2, -1))[place] = found.columns[:, order].T
+        for row, key in enumerate(keys):
+            if key in found.keys:  # a curve has no stiffness to fit where its depth is prescribed
+                tables[row].reshape(len(_MEANINGS), *shape)[:, *place] = found.columns[
+                    :, found.keys.index(key)
+                ]
         np.moveaxis(scalars, 0, -1)[place] = found.scalars
     with new_file(folder.sweep) as file:
         h5 = file.begin()
@@ -317,8 +310,8 @@ class ForceMap:
         """Compile the kernels here, before several processes do."""
         if todo and not pool.alone:
             with suppress(Exception):  # the fit repeats the error and records it
-                curve = read_curve(todo[0].entry, self.task.units)
-                Prediction(curve).force(self._model.config)
+                curve = read_curve(todo[0].entry, self.task.units, options=self.task.options)
+                Prediction(curve).response(self._model.config, Correction())
 
     def _is_done(self, case: MapCase) -> bool:
         path = self.folder.case(case.index)

@@ -23,7 +23,7 @@ from gfmdlayer.friction.response import Operator
 
 # Part of its right side that a linear system may leave: least on a line and on a surface, and most.
 _LEAST_INEXACT, _INEXACT = (0.03, 0.06), 0.3
-_INNER = 20  # iterations of GMRES, at most
+INNER = 20  # iterations of GMRES, at most
 _FAILURES = 3  # full steps that may fail before damping
 _AWAY = 10  # steps away from the best state
 _DAMPING = 0.05, 4.0, 30.0  # first, factor, largest
@@ -41,15 +41,10 @@ class Sets:
         if not touching.any():
             touching = at.p > 0 if (at.p > 0).any() else at.gap <= at.gap.min()
         chosen = np.flatnonzero(touching)
-        self.points: NDArray[Any] = at.near[chosen]
+        self.chosen, self.points = chosen, at.near[chosen]
         self.p, self.t, gap = at.p[chosen], at.t[:, chosen], at.gap[chosen]
-        self.size, self.axes = chosen.size, len(at.t) if problem.has_shear else 0
+        self.size, self.axes = chosen.size, len(at.t)
         self.law, self._p_s = problem.law.at(self.points), at.p_s
-        self.stick = self.slip = np.zeros(0, dtype=np.intp)
-        self.n = np.zeros((self.axes, 0))
-        self.delay = np.zeros(0)  # lambda of each point that slips
-        if not self.axes:
-            return
         self.bound = self._bounds(np.where(self.p > 0, self.p, np.maximum(-gap, 0.0)))
         y = self.t - rho * at.slip[:, chosen]
         length = norms(y)
@@ -60,6 +55,7 @@ class Sets:
         self.stick, self.slip = np.flatnonzero(sticks), np.flatnonzero(~sticks)
         length, bound = length[self.slip], self.bound[self.slip]
         self.n = y[:, self.slip] / np.where(length > 0, length, 1.0)
+        # lambda of each point that slips
         self.delay = np.minimum((length / np.where(bound > 0, bound, 1e-300) - 1) / rho, 1e6)
         self.slope = self.law.slope(self.p * self._p_s)[self.slip]
         self.across = np.stack((-self.n[1], self.n[0])) if self.axes == 2 else np.zeros((0, 0))
@@ -78,12 +74,11 @@ class Sets:
     @property
     def base(self) -> FloatArray:
         """Tractions that satisfy the conditions of the sets, from those of the state."""
-        found = np.vstack((self.p[np.newaxis], self.t)) if self.axes else self.p[np.newaxis].copy()
-        if self.axes:
-            slipping = self._bounds(self.p)[self.slip] * self.n
-            if self.axes == 2:
-                slipping += self.across * (self.across * self.t[:, self.slip]).sum(axis=0)
-            found[1:, self.slip] = slipping
+        found = np.vstack((self.p[np.newaxis], self.t))
+        slipping = self._bounds(self.p)[self.slip] * self.n
+        if self.axes == 2:
+            slipping += self.across * (self.across * self.t[:, self.slip]).sum(axis=0)
+        found[1:, self.slip] = slipping
         return found
 
     @property
@@ -95,23 +90,19 @@ class Sets:
         """Fields at the points in contact of free unknowns."""
         found = np.zeros((1 + self.axes, self.size), dtype=v.dtype)
         found[0] = v[: self.size]
-        if self.axes:
-            end = self.size + self.axes * self.stick.size
-            found[1:, self.stick] = v[self.size : end].reshape(self.axes, -1)
-            if self.axes == 2:
-                found[1:, self.slip] = self.across * v[end:]
+        end = self.size + self.axes * self.stick.size
+        found[1:, self.stick] = v[self.size : end].reshape(self.axes, -1)
+        if self.axes == 2:
+            found[1:, self.slip] = self.across * v[end:]
         return found
 
     def moved(self, fields: NDArray[Any]) -> NDArray[Any]:
         """Add to fields of free unknowns the shear that follows the pressure where the points slip."""
-        if self.axes:
-            fields[1:, self.slip] += self.slope * fields[0, self.slip] * self.n
+        fields[1:, self.slip] += self.slope * fields[0, self.slip] * self.n
         return fields
 
     def compressed(self, fields: NDArray[Any]) -> NDArray[Any]:
         """Equations that apply, of fields of displacements: the transpose of `expanded`."""
-        if not self.axes:
-            return np.asarray(fields[0])
         parts = [fields[0], fields[1:, self.stick].ravel()]
         if self.axes == 2:
             parts.append((self.across * fields[1:, self.slip]).sum(axis=0))
@@ -119,10 +110,8 @@ class Sets:
 
     def to_single(self) -> None:
         """Keep the directions in single precision from here on, for the linear system."""
-        self.n = self.n.astype(np.float32)
-        if self.axes:
-            self.slope = self.slope.astype(np.float32)
-            self.across = self.across.astype(np.float32)
+        self.n, self.slope = self.n.astype(np.float32), self.slope.astype(np.float32)
+        self.across = self.across.astype(np.float32)
 
 
 @dataclass
@@ -147,7 +136,8 @@ class LinearSystem:
         K: Operator,
         kept: Ones | None,
     ) -> None:
-        self.sets, self.C, self.K = sets, C, K
+        self.sets, self.size = sets, C.size
+        self._C, self._K = C.among(sets.points), K.among(sets.points)
         self.unit = at.W_s / at.p_s
         axes, size = sets.axes, sets.size
         self.which = [0] if problem.load is not None else []
@@ -156,8 +146,7 @@ class LinearSystem:
         goal += list(problem.force) if problem.force_is_given else []  # type: ignore[arg-type]
         self.goal = np.array(goal, dtype=float) * (C.size / at.p_s)
         delay, shift = np.zeros((1 + axes, size)), np.full(1 + axes, damping)
-        if axes:
-            delay[1:, sets.slip] = sets.delay
+        delay[1:, sets.slip] = sets.delay
         point = np.array([C.point[0], *[C.point[1]] * axes])[:, np.newaxis]
         self.share = (1 / np.sqrt(1 + (delay + shift[:, np.newaxis]) * self.unit / point)).astype(np.float32)
         self.shift = np.full(sets.free, damping, dtype=np.float32)
@@ -169,7 +158,7 @@ class LinearSystem:
 
     def _ones(self, kept: Ones | None) -> Ones:
         """Return K 1 on the sets; the last one where these have hardly changed."""
-        sets, size = self.sets, self.C.size
+        sets, size = self.sets, self.size
         touching, sticking = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
         touching[sets.points] = True
         sticking[sets.points[sets.stick]] = True
@@ -195,7 +184,7 @@ class LinearSystem:
     def softened(self, v: NDArray[Any]) -> NDArray[Any]:
         """Return the preconditioner without multipliers: S K S on the free unknowns."""
         sets = self.sets
-        fields = self.K.among(sets.points, self.share * sets.expanded(v))
+        fields = self._K(self.share * sets.expanded(v))
         return np.asarray(sets.compressed(self.share * fields) * np.float32(self.unit))
 
     def precondition(self, v: NDArray[Any]) -> NDArray[Any]:
@@ -215,7 +204,7 @@ class LinearSystem:
         """Return the left side: displacements less the multipliers, and the sums of forces."""
         sets, free = self.sets, self.sets.free
         v = z[:free]
-        found: NDArray[Any] = sets.compressed(self.C.among(sets.points, sets.moved(sets.expanded(v))))
+        found: NDArray[Any] = sets.compressed(self._C(sets.moved(sets.expanded(v))))
         found = found * np.float32(1 / self.unit) + self.shift * v
         if not self.which:
             return found
@@ -228,8 +217,7 @@ class LinearSystem:
     def right_side(self, gap: FloatArray, slip: FloatArray, base: FloatArray) -> NDArray[Any]:
         """Return what the tractions `base` leave, whose gap and slip at the points in contact are given."""
         sets = self.sets
-        fields = np.vstack((gap[np.newaxis], slip)) if sets.axes else gap[np.newaxis]
-        found = -sets.compressed(fields)
+        found = -sets.compressed(np.vstack((gap[np.newaxis], slip)))
         if sets.axes == 2:
             tail = sets.size + 2 * sets.stick.size
             found[tail:] -= sets.delay * (sets.across * base[1:, sets.slip]).sum(axis=0)
@@ -279,7 +267,7 @@ class Newton:
     """The method for problems with one response on one grid."""
 
     def __init__(self, C: Operator, K: Operator) -> None:
-        self._C, self._K = C, K
+        self._C, self._K = self.operators = C, K
         self._ones: Ones | None = None
 
     def solve(self, problem: Problem, x: FloatArray, tolerance: float, limit: int) -> tuple[State, int]:
@@ -300,15 +288,11 @@ class Newton:
 
     def state(self, problem: Problem, x: FloatArray) -> State:
         """Return the state of tractions, with their displacements in double precision."""
-        return assess(problem, x, self.displacements(problem, x))
+        return assess(problem, x, self.displacements(x))
 
-    def displacements(self, problem: Problem, x: FloatArray, *, single: bool = False) -> FloatArray:
-        """Return W, u_x[, u_y] under tractions; the last ones zero where there is no shear."""
-        if problem.has_shear:
-            return self._C(x, single=single)
-        found = np.zeros_like(x)
-        found[:1] = self._C(x[:1], single=single)
-        return found
+    def displacements(self, x: FloatArray, *, single: bool = False) -> FloatArray:
+        """Return W, u_x[, u_y] under tractions."""
+        return self._C(x, single=single)
 
     def _exact(self, problem: Problem, at: State, tolerance: float) -> State:
         """Return the state with the inequalities satisfied exactly and displacements in double precision."""
@@ -324,18 +308,14 @@ class Newton:
         sets = Sets(problem, at, damping)
         base = sets.base
         C, points = self._C, sets.points
-        change = at.x[: 1 + sets.axes] * (-1 / at.p_s)
+        change = at.x * (-1 / at.p_s)
         change[:, points] += base
-        chosen = np.flatnonzero((np.abs(change) > 0.01 * min(tolerance, 1.0)).any(axis=0))
-        W = at.Cx[: 1 + sets.axes, points] / at.W_s
-        if chosen.size:
-            W = W + C.among(chosen, change[:, chosen], points) * (at.p_s / at.W_s)
+        W = at.Cx[:, at.near] / at.W_s
+        if (np.abs(change) > 0.01 * min(tolerance, 1.0)).any():
+            W += C.among(at.near)(change[:, at.near]) * (at.p_s / at.W_s)
+        W = W[:, sets.chosen]
         gap = (problem.gap_at_rest[points] - at.depth) / at.W_s + W[0]
-        slip = (
-            (problem.slip_at_rest[:, points] - at.path[:, np.newaxis]) / at.W_s + W[1:]
-            if sets.axes
-            else W[1:]
-        )
+        slip = (problem.slip_at_rest[:, points] - at.path[:, np.newaxis]) / at.W_s + W[1:]
         sets.to_single()
         system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones)
         self._ones = system.kept
@@ -343,24 +323,24 @@ class Newton:
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
         least = _LEAST_INEXACT[len(at.t) - 1]
         inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), least))
-        found, _ = gmres(system.apply, system.precondition, b, inexact, _INNER)
+        found, _ = gmres(system.apply, system.precondition, b, inexact, INNER)
         moved = base + sets.moved(sets.expanded(found[: sets.free]))
         if sets.axes == 2:  # a direction of slip that has turned far: back to the circle
             p = moved[0, sets.slip]
             limit = sets.law.at(sets.slip).bound(np.maximum(p, 0) * at.p_s) / at.p_s
             moved[1:, sets.slip] = in_disks(moved[1:, sets.slip], limit)
         x = np.zeros_like(at.x)
-        x[: 1 + sets.axes, points] = moved * at.p_s
+        x[:, points] = moved * at.p_s
         path = at.path + found[-sets.axes :] * at.W_s if problem.force_is_given else None
         return x, path
 
-    def moved(self, problem: Problem, at: State, x: FloatArray) -> tuple[FloatArray, float]:
+    def moved(self, at: State, x: FloatArray) -> tuple[FloatArray, float]:
         """Return the displacements under new tractions, and their drift."""
         change = x - at.x
         drift = at.drift + _SINGLE * float(np.abs(change).max()) / at.p_s
         if drift < 0.003 * at.residual:
-            return at.Cx + self.displacements(problem, change, single=True), drift
-        return self.displacements(problem, x), 0.0
+            return at.Cx + self.displacements(change, single=True), drift
+        return self.displacements(x), 0.0
 
 
 class _Way:
@@ -412,14 +392,14 @@ class _Way:
             return None
         if problem.load is not None and not x[0].max() > 0:
             return None
-        Cx, drift = newton.moved(problem, at, x)
+        Cx, drift = newton.moved(at, x)
         new = self._part(at, x, Cx, drift, path, 1.0)
         for part in (0.5, 0.25) if self._damping > 0 else ():
             if new.merit < enough:
                 break
             new = min(new, self._part(at, x, Cx, drift, path, part), key=lambda state: state.merit)
         if new.drift > 0.1 * new.residual:
-            exact, path = newton.displacements(problem, new.x), None if path is None else new.path
+            exact, path = newton.displacements(new.x), None if path is None else new.path
             new = assess(problem, new.x, exact, 0.0, path, balance_only=self._balance_only)
         return new
 

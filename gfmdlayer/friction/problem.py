@@ -116,28 +116,24 @@ class Problem:
         """Gap without tractions at zero depth."""
         return self.heights if self.offset is None else self.heights + self.offset[0]
 
-    @cached_property
-    def has_shear(self) -> bool:
-        """Whether there are tangential unknowns."""
-        return not self.law.is_frictionless
-
     @property
     def force_is_given(self) -> bool:
         """Whether the tangential path is an unknown."""
-        return self.force is not None and self.has_shear
+        return self.force is not None
 
     def why_not_solvable(self) -> str:
         """Return why no state satisfies the conditions: the punch slides away; else nothing."""
         if self.force is None:
             return ""
         size = float(np.linalg.norm(self.force))
-        if self.has_shear and self.load is not None and np.ndim(self.law.coefficient) == 0:
+        smooth = self.law.is_frictionless
+        if not smooth and self.load is not None and np.ndim(self.law.coefficient) == 0:
             most = min(float(self.law.coefficient) * self.load, self.law.strength)
             if size < most:
                 return ""
             found = f"the tangential force per area, {size:.6g}, is not below the largest one, {most:.6g}"
             return f"{found}: the punch slides away"
-        if not self.has_shear and size > 0:
+        if smooth and size > 0:
             return "a tangential force without friction: the punch slides away"
         return ""
 
@@ -343,15 +339,11 @@ def assess(
                 paths.append(linear)
     normal = min(depth_choices, key=lambda each: each[1])
     depth, off, worst, gap = normal[0], normal[1], normal[2], normal[3]
-    path, slip = paths[0], view.slip
-    if problem.has_shear:
-        path, across, most, slip = min((view.tangential(each) for each in paths), key=lambda each: each[1])
-        off, worst = off + across, max(worst, most)
-        if problem.force_is_given:
-            lack = view.lack(problem.force)  # type: ignore[arg-type]
-            off, worst = off + lack**2, max(worst, lack)
-    else:
-        slip = view.slip - path[:, np.newaxis] / W_s
+    path, across, most, slip = min((view.tangential(each) for each in paths), key=lambda each: each[1])
+    off, worst = off + across, max(worst, most)
+    if problem.force_is_given:
+        lack = view.lack(problem.force)  # type: ignore[arg-type]
+        off, worst = off + lack**2, max(worst, lack)
     if not math.isfinite(off):
         worst = off = math.inf
     parts = view.p, gap, view.t, slip
@@ -378,11 +370,7 @@ class _View:
         self.on = self.p > 0
         self.count = max(int(np.count_nonzero(self.on)), 1)
         self._p_s, self._W_s = p_s, W_s
-        self.slip = (
-            (problem.slip_at_rest[:, near] + Cx[1:, near]) / W_s
-            if problem.has_shear
-            else np.zeros_like(self.t)
-        )
+        self.slip = (problem.slip_at_rest[:, near] + Cx[1:, near]) / W_s
         law = problem.law.at(near)
         self.bound = law.bound(np.maximum(self.p, 0) * p_s) / p_s
         self.scale = min(float(self.bound.max(initial=0.0)), 1.0) or 1.0

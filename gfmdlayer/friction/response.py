@@ -13,15 +13,17 @@ Fields stand one below the other, (p, t_x[, t_y]) and (W, u_x[, u_y]), of shape 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.grid.grid import Grid
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.grid.grid import Grid, parts
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import kernel
 
@@ -63,6 +65,16 @@ class Response:
             alone = 1 / normal, np.zeros(normal.shape), 1 / along, 1 / across
         return cls(*(_finite(np.where(mean, one, other)) for one, other in zip(alone, found, strict=True)))
 
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the values."""
+        parts = (self.normal, self.coupling, self.along, self.across)
+        return blake2b(b"".join(part.tobytes() for part in parts)).hexdigest()
+
+    def equals(self, other: Response) -> bool:
+        """Whether another response has the same values."""
+        return self is other or self.digest == other.digest
+
     @property
     def couples(self) -> bool:
         """Whether shear moves the surface up and down."""
@@ -98,17 +110,100 @@ class Spent:
     pairs: float = 0.0
 
 
-class Operator:
-    """A response at the points of a grid, in double and in single precision."""
+class Work:
+    """Transforms of a grid and of windows in it, with their fields, which all operators on it share."""
 
-    def __init__(
-        self, grid: Grid, response: Response, plans: dict[bool, Transforms], spent: Spent, share: float
-    ) -> None:
+    def __init__(self, transforms: Transforms, spent: Spent, share: float) -> None:
+        self.shape = transforms.shape
+        self._transforms, self.spent, self._share = transforms, spent, share
+        self._parts = parts(self.shape)
+        self._made: dict[tuple[int, bool], Fields] = {}
+
+    def fields(self, part: int = 1, *, single: bool) -> Fields:
+        """Return transforms and fields of a window with 1/part of the points of each axis."""
+        if (part, single) not in self._made:
+            plan, shape = self._transforms, tuple(n // part for n in self.shape)
+            if single or part > 1:
+                plan = plan.of_shape(shape, single=single)
+            share = self._share / part ** len(shape)
+            self._made[part, single] = Fields(plan, self.spent, share * (0.5 if single else 1.0))
+        return self._made[part, single]
+
+    def window(self, points: NDArray[Any]) -> tuple[int, NDArray[Any]]:
+        """Return the part of the smallest window twice as wide as some points, and where they are in it."""
+        places = np.unravel_index(points, self.shape)
+        extents = [_extent(place, n) for place, n in zip(places, self.shape, strict=True)]
+        fitting = (
+            part
+            for part in reversed(self._parts)
+            if all(2 * width * part <= n for (_, width), n in zip(extents, self.shape, strict=True))
+        )
+        part = next(fitting, 1)
+        if part == 1:
+            return 1, points
+        inside = [(at - first) % n for at, (first, _), n in zip(places, extents, self.shape, strict=True)]
+        return part, np.ravel_multi_index(inside, tuple(n // part for n in self.shape))
+
+
+class Fields:
+    """Fields and spectra of one shape with their transforms, which are counted."""
+
+    def __init__(self, plan: Transforms, spent: Spent, share: float) -> None:
+        self.plan, self._spent, self._share = plan, spent, share
+        count = 1 + len(plan.shape)
+        self.points = [plan.empty_field() for _ in range(count)]
+        self.waves = [plan.empty_spectrum() for _ in range(count)]
+
+    def transform(self, number: int) -> None:
+        """Transform a field."""
+        self.plan.transform(self.points[number], self.waves[number])
+        self._spent.pairs += 0.5 * self._share
+
+    def transform_back(self, number: int) -> None:
+        """Transform a spectrum back."""
+        self.plan.transform_back(self.waves[number], self.points[number])
+        self._spent.pairs += 0.5 * self._share
+
+    def respond(self, factors: tuple[NDArray[Any], ...], live: Sequence[bool]) -> list[Any]:
+        """Replace the first fields by the response to them; those that are not live are zero."""
+        for number, is_live in enumerate(live):
+            if is_live:
+                self.transform(number)
+            else:
+                self.waves[number][:] = 0.0
+        spectra = self.waves[: len(live)]
+        if len(live) == 1:
+            spectra[0] *= factors[0]
+        elif len(live) == 2:  # a line
+            _line(*factors, *spectra)
+        else:
+            _surface(*factors, *spectra)
+        for number in range(len(live)):
+            self.transform_back(number)
+        return self.points[: len(live)]
+
+
+def _extent(places: NDArray[Any], n: int) -> tuple[int, int]:
+    """First point and length of the shortest periodic interval of an axis that holds some points."""
+    held = np.flatnonzero(np.bincount(places, minlength=n))
+    if not held.size:
+        return 0, 0
+    steps = np.diff(held, append=held[0] + n)
+    longest = int(np.argmax(steps))
+    return int(held[(longest + 1) % held.size]), n - int(steps[longest]) + 1
+
+
+class Operator:
+    """A response at the points of a grid, in double and in single precision.
+
+    `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
+    """
+
+    def __init__(self, grid: Grid, response: Response, work: Work, counted: Collection[int] = ()) -> None:
         self.size, self.axes = grid.size, len(grid.points)
-        self._plans, self._spent, self._share = plans, spent, share
-        self._response = response
-        self._single = tuple(part.astype(np.float32) for part in self._parts(grid))
+        self._response, self._work, self._counted = response, work, counted
         self._double = self._parts(grid)
+        self._single = {1: tuple(part.astype(np.float32) for part in self._double)}
         weights = np.ravel(grid.parseval_weights) * grid.size
         # displacement of a point under a load on it alone
         self.point = (
@@ -140,54 +235,68 @@ class Operator:
         xx[0] = yy[0] = flat[2][0]
         return flat[0], flat[1] * odd[0], flat[1] * odd[1], xx, difference * odd[0] * odd[1], yy
 
-    @cached_property
-    def _work(self) -> dict[bool, tuple[list[Any], list[Any]]]:
-        count = 1 + self.axes
-        return {
-            single: (
-                [plan.empty_field() for _ in range(count)],
-                [plan.empty_spectrum() for _ in range(count)],
-            )
-            for single, plan in self._plans.items()
-        }
-
     def __call__(self, x: NDArray[Any], *, single: bool = False) -> FloatArray:
         """Return the response to fields, as new fields in double precision."""
-        fields, _ = self._work[single]
-        for field, values in zip(fields, x, strict=False):
+        work = self._work.fields(single=single)
+        for field, values in zip(work.points, x, strict=False):
             field[:] = values
-        return np.array(self._respond(len(x), [bool(values.any()) for values in x], single), dtype=np.float64)
+        factors = self._single[1] if single else self._double
+        return np.array(work.respond(factors, [bool(values.any()) for values in x]), dtype=np.float64)
 
-    def among(
-        self, points: NDArray[Any], x: NDArray[Any], wanted: NDArray[Any] | None = None
-    ) -> NDArray[Any]:
-        """Return the response at points to fields at points, in single precision."""
-        fields, _ = self._work[True]
-        for field, values in zip(fields, x, strict=False):
-            field.fill(0.0)
-            field[points] = values
-        wanted = points if wanted is None else wanted
-        return np.array([field[wanted] for field in self._respond(len(x), [True] * len(x), True)])
+    def among(self, points: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
+        """Return the response at points to fields at the same points, in single precision.
 
-    def _respond(self, count: int, live: list[bool], single: bool) -> list[Any]:
-        """Replace the first fields of the work space by the response to them."""
-        plan, (fields, spectra) = self._plans[single], self._work[single]
-        for field, spectrum, is_live in zip(fields[:count], spectra, live, strict=False):
-            if is_live:
-                plan.transform(field, spectrum)
-            else:
-                spectrum[:] = 0.0
-        parts = self._single if single else self._double
-        if count == 1:
-            spectra[0] *= parts[0]
-        elif self.axes == 1:
-            _line(*parts, *spectra)
-        else:
-            _surface(*parts, *spectra)
-        for field, spectrum in zip(fields[:count], spectra, strict=False):
-            plan.transform_back(spectrum, field)
-        self._spent.pairs += 0.5 * (sum(live) + count) * self._share * (0.5 if single else 1.0)
-        return fields[:count]
+        Transforms of a window twice as wide as the points have the response at their differences.
+        """
+        part, places = self._work.window(points)
+        work, factors = self._work.fields(part, single=True), self._in_window(part)
+
+        def response(x: NDArray[Any]) -> NDArray[Any]:
+            for field, values in zip(work.points, x, strict=False):
+                field.fill(0.0)
+                field[places] = values
+            return np.array([field[places] for field in work.respond(factors, [True] * len(x))])
+
+        return response
+
+    @property
+    def windows(self) -> list[int]:
+        """Parts of the windows whose kernels are known."""
+        return [part for part in self._single if part > 1]
+
+    def shear_of(self, pressure: ComplexArray) -> FloatArray:
+        """Return u_x[, u_y] under a pressure with this unnormalised transform."""
+        work, found = self._work.fields(single=False), np.zeros((self.axes, self.size))
+        for axis in range(self.axes if self._response.couples else 0):
+            work.waves[axis][:] = 1j * self._double[1 + axis] * pressure
+            work.transform_back(axis)
+            found[axis] = work.points[axis]
+        return found
+
+    def _in_window(self, part: int) -> tuple[NDArray[Any], ...]:
+        """Return the factors on transforms of a window: of the kernel of the surface near its centre."""
+        if part not in self._single:
+            work, window = self._work.fields(single=False), self._work.fields(part, single=True)
+            shape = self._work.shape
+            near = [np.fft.fftfreq(n // part, part / n).round().astype(int) for n in shape]
+            odd = {1} if self.axes == 1 else {1, 2}
+            found, before = [], self._work.spent.pairs
+            for number, factor in enumerate(self._double):
+                made = np.zeros(window.waves[0].size, dtype=np.float32)
+                if factor.any():
+                    work.waves[0][:] = factor * (-1j if number in odd else 1.0)
+                    work.transform_back(0)
+                    kernel_there = work.points[0].reshape(shape)[np.ix_(*near)]
+                    window.points[0][:] = kernel_there.ravel()
+                    window.transform(0)
+                    made = (
+                        -window.waves[0].imag if number in odd else window.waves[0].real
+                    ) / window.plan.size
+                found.append(np.ascontiguousarray(made, dtype=np.float32))
+            self._single[part] = tuple(found)
+            if part in self._counted:
+                self._work.spent.pairs = before
+        return self._single[part]
 
 
 @kernel(reorder=True)

@@ -1,20 +1,27 @@
-"""The solver of `Problem`: Newton's method from a guess or from nothing, by coarser grids."""
+"""The solver of `Problem`: Newton's method from a guess or from nothing, by coarser grids.
+
+Without friction the pressure is that of `contact.problem`, and shear follows from it: the problem goes to a
+solver of that one.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from functools import cached_property
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.friction.newton import Newton
+from gfmdlayer.contact import problem as frictionless
+from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
+from gfmdlayer.friction.newton import INNER, Newton
 from gfmdlayer.friction.problem import Law, Problem, Solution, State, norms
-from gfmdlayer.friction.response import Operator, Response, Spent
+from gfmdlayer.friction.response import Operator, Response, Spent, Work
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.resumable import Stateless
+from gfmdlayer.resumable import State as SavedState
 
 _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
@@ -24,7 +31,7 @@ _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where
 _FEWEST, _APART = 64, 64
 
 
-class FrictionSolver(Stateless):
+class FrictionSolver:
     """Frictional contact of the steps of a run on one grid.
 
     Parameters
@@ -33,10 +40,16 @@ class FrictionSolver(Stateless):
         Of one or two axes.
     transforms : Transforms
         Plans for its shape, in double precision.
+    rough : bool
+        Whether the punch is rough, for the choice of the solver without friction.
     """
 
-    def __init__(self, grid: Grid, transforms: Transforms) -> None:
-        self._spent = Spent()
+    starts_from: ClassVar[Literal["pressure"]] = "pressure"
+
+    def __init__(self, grid: Grid, transforms: Transforms, *, rough: bool = False) -> None:
+        self._spent, self._transforms = Spent(), transforms
+        self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=False)
+        self._mark = ""  # digest of the last response before the run was resumed
         self._levels = [_Level(grid, transforms, self._spent, 1.0)]
         while (coarser := self._levels[-1].coarser()) is not None:
             self._levels.append(coarser)
@@ -53,18 +66,101 @@ class FrictionSolver(Stateless):
         self._spent.pairs = 0.0
         if reason := problem.why_not_solvable():
             raise ValueError(reason)
+        self._forget_windows(problem.response)
+        if problem.law.is_frictionless:
+            return self._without_friction(problem, start, tolerance, limit)
         last = len(self._levels) - 1
         if start is not None:
             deepest = _levels_of(start, self._levels[0].grid)
             at, steps = self._solve(problem, start, 0, deepest, tolerance, limit)
         if start is None or not at.residual < tolerance:
             at, steps = self._solve(problem, None, 0, last, tolerance, limit)
-        if not at.residual < tolerance and problem.has_shear and not problem.law.sticks:
+        if not at.residual < tolerance and not problem.law.sticks:
             at, steps = self._gradually(problem, at, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
 
     def compile(self) -> None:
         """Compile nothing: ordinary steps call all kernels."""
+
+    def state(self) -> SavedState:
+        """Return the windows whose kernels are known, and the state of the solver without friction."""
+        every = [(i, *window) for i, level in enumerate(self._levels) for window in level.windows]
+        last, smooth = self._levels[0].response, {}
+        if "_frictionless" in vars(self):
+            smooth = {f"frictionless.{name}": value for name, value in self._frictionless.state().items()}
+        windows = {} if last is None else {"mark": last.digest, "windows": np.array(every).reshape(-1, 3)}
+        return windows | smooth
+
+    def restore(self, state: SavedState) -> None:
+        """Continue from a state."""
+        smooth = {
+            name.removeprefix("frictionless."): value
+            for name, value in state.items()
+            if name.startswith("frictionless.")
+        }
+        if smooth:
+            self._frictionless.restore(smooth)
+        if "mark" in state:
+            self._mark = str(state["mark"])
+            for level, *window in state["windows"].tolist():
+                self._levels[level].counted.add(tuple(window))
+
+    def _forget_windows(self, response: Response) -> None:
+        """Forget the windows of a resumed run whose kernels count anew, since the response is another."""
+        if self._mark and self._mark != response.digest:
+            for level in self._levels:
+                level.counted.clear()
+        self._mark = ""
+
+    @cached_property
+    def _frictionless(self) -> frictionless.Solver:
+        """The solver without friction."""
+        declared = SOLVERS[self._choice.method]
+        options = {"grid": self._levels[0].grid} if declared.distributed else {}
+        found: frictionless.Solver = declared.load()(self._transforms, **options)
+        return found
+
+    def _without_friction(
+        self, problem: Problem, start: FloatArray | None, tolerance: float, limit: int
+    ) -> Solution:
+        """Solve for the pressure; the displacement of a punch on which no force acts is none."""
+        compliance, h = np.ravel(problem.response.normal), problem.gap_at_rest
+        stiffness = np.divide(1, compliance, out=np.zeros(compliance.size), where=compliance > 0)
+        given = frictionless.Problem(
+            stiffness,
+            np.zeros(stiffness.size, dtype=np.complex128),
+            h - (problem.depth if problem.load is None else 0.0),
+            problem.load,
+            height=float(np.ptp(problem.heights)),
+        )
+        guess = np.zeros(h.size) if start is None else start[0].copy()
+        found = self._frictionless.solve(given, guess, tolerance, limit * INNER)
+        p, depth = found.pressure, problem.depth
+        if problem.load is not None:
+            depth = float(found.displacement.mean()) + float(compliance[0]) * problem.load
+        C, _ = self._levels[0].newton(problem.response).operators
+        u = C.shear_of(-stiffness * found.spectrum)
+        path = np.zeros(len(u)) if problem.path is None else problem.path
+        displacement = np.vstack((found.gap + depth - problem.heights, u))
+        if problem.offset is not None:
+            displacement[1:] += problem.offset[1:]
+        return Solution(
+            pressure=p,
+            traction=np.zeros(u.shape),
+            displacement=displacement,
+            gap=found.gap,
+            slip=problem.slip_at_rest + u - path[:, np.newaxis],
+            depth=depth,
+            path=path,
+            stick=np.zeros(p.shape, dtype=bool),
+            residual=found.residual,
+            pairs=found.transforms + self._spent.pairs,
+            iterations=found.iterations,
+            converged=found.converged,
+            reason=""
+            if found.converged
+            else frictionless.why_not_converged(given, found, self._choice.method, tolerance),
+        )
 
     def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
         """Raise friction and force from zero, in steps that are halved where one fails."""
@@ -120,28 +216,37 @@ class _Level:
     def __init__(self, grid: Grid, transforms: Transforms, spent: Spent, share: float) -> None:
         self.grid, self.transforms = grid, transforms
         self._spent, self._share = spent, share
-        self._plans = {False: transforms, True: transforms.of_shape(grid.points, single=True)}
+        self._work = Work(transforms, spent, share)
         self._finer: Response | None = None
-        self._response: Response | None = None
+        self.response: Response | None = None
+        self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
         self._newton: Newton | None = None
+
+    @property
+    def windows(self) -> list[tuple[int, int]]:
+        """Operator and part of windows whose kernels have been made."""
+        made = () if self._newton is None else self._newton.operators
+        return [(number, part) for number, each in enumerate(made) for part in each.windows]
 
     def newton(self, response: Response) -> Newton:
         """Return Newton's method for a response."""
-        if self._newton is None or response is not self._response:
+        if self._newton is None or self.response is None or not response.equals(self.response):
+            if self._newton is not None:
+                self.counted.clear()
             C, K = (
-                Operator(self.grid, each, self._plans, self._spent, self._share)
-                for each in (response, response.inverse(self.grid))
+                Operator(self.grid, each, self._work, {part for i, part in self.counted if i == number})
+                for number, each in enumerate((response, response.inverse(self.grid)))
             )
-            self._response, self._newton = response, Newton(C, K)
+            self.response, self._newton = response, Newton(C, K)
         return self._newton
 
     def restricted(self, response: Response, finer: _Level) -> Response:
         """Return the response of the next finer grid at the modes of this one."""
-        if self._response is None or response is not self._finer:
+        if self.response is None or response is not self._finer:
             self._finer, found = response, response.on(finer.transforms, self.transforms)
             self.newton(found)
             return found
-        return self._response
+        return self.response
 
     def coarser(self) -> _Level | None:
         """Return the level with half of the points of each long axis."""

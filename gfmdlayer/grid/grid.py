@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.grid.sums import Sums
+from gfmdlayer.grid.sums import Completion, Sums
 from gfmdlayer.kernels import kernel
 
 COARSEST = 64  # points of an axis of the coarsest of nested grids, at least
@@ -103,6 +103,15 @@ class Grid:
     def sums(self) -> Sums:
         """Sums, means and extrema over the points and the waves of the grid."""
         return Sums(self.parseval_weights, self.ranks)
+
+    @property
+    def completion(self) -> Completion:
+        """Functions that complete results in nopython code."""
+        return Completion()
+
+    def every_mode(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the values of all modes, from those of the modes that this process holds, one a mode."""
+        return values
 
     @property
     def is_whole(self) -> bool:

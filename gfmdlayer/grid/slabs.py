@@ -35,6 +35,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.grid.fftw import DOUBLE, SINGLE, SlabPlans, address, plan_pair
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import MpiRanks, wait
+from gfmdlayer.grid.sums import Completion
 from gfmdlayer.grid.transforms import Plans, Transforms
 
 _SHARED = Path("/dev/shm")  # the memory that processes share, on Linux
@@ -298,6 +299,68 @@ class SlabGrid(Grid):
             found[places] = parts[rank]
         return found[:before], found[before:]
 
+    def every_mode(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the values of all modes, from those of the modes that this rank holds, one a mode."""
+        parts = self.ranks.all_of(values.reshape(self.spectral_shape))
+        return np.ravel(np.concatenate(parts, axis=1))
+
+    @cached_property
+    def completion(self) -> Completion:
+        """Functions that complete results in nopython code."""
+
+        def completed(ours: Callable[[Array], Array]) -> Callable[[int, int, int], None]:
+            def complete(size: int, source: int, target: int) -> None:
+                array_at(target, (size,), np.float64)[:] = ours(array_at(source, (size,), np.float64))
+
+            return complete
+
+        given = self.ranks.total, self.ranks.maximum
+        return Completion(*(self._address((ours.__name__,), completed(ours)) for ours in given))
+
+    def exchange_of_rows(self, number: int, dtype: npt.DTypeLike) -> int:
+        """Return the address of a function that writes the rows beside those of a field.
+
+        So many before and after, into an array of shape (2 number, columns).
+        """
+
+        def exchange(_: int, source: int, target: int) -> None:
+            found = array_at(target, (2, number, self.points[1]), dtype)
+            found[0], found[1] = self.halo(array_at(source, self.shape, dtype), number, number)
+
+        return self._address(("exchange", number, dtype), exchange)
+
+    def sum_of_rows(self, points: tuple[int, ...], first: int, count: int, dtype: npt.DTypeLike) -> int:
+        """Return the address of a function that makes a whole field of so many points of the ranks' parts.
+
+        A part has `count` rows, which begin with the row `first` of the periodic field. Where parts have the
+        same rows, these are added.
+        """
+        every = self.ranks.all_of((first, count))
+        counts, parts = [rows * points[1] for _, rows in every], list[Array]()
+
+        def join(_: int, source: int, target: int) -> None:
+            own, field = array_at(source, (count, points[1]), dtype), array_at(target, points, dtype)
+            parts[:] = parts or [np.empty((sum(counts) // points[1], points[1]), dtype)]
+            wait(self.ranks.communicator.Iallgatherv(own, [parts[0], counts]))
+            field[:], end = 0, 0
+            for begin, rows in every:
+                part, end = parts[0][end : end + rows], end + rows
+                inside = min(rows, points[0] - begin)
+                field[begin : begin + inside] += part[:inside]
+                field[: rows - inside] += part[inside:]
+
+        return self._address(("sum", points, dtype), join)
+
+    def _address(self, key: Any, called: Callable[[int, int, int], None]) -> int:
+        """Return the address of a function, always the same one, that lives as long as the grid."""
+        if key not in self._functions:
+            self._functions[key] = callable_by_address(self.ranks, called)
+        return address(self._functions[key])
+
+    @cached_property
+    def _functions(self) -> dict[Any, Any]:
+        return {}
+
     def _neighbours(self, before: int, after: int) -> tuple[Places, Places]:
         """Places in the halo of the rows from each rank, and among the own rows of those for each rank."""
         if (before, after) not in self._halos:
@@ -347,6 +410,27 @@ def refused(points: tuple[int, ...], ranks: int) -> str:
 _FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 
 
+def callable_by_address(ranks: MpiRanks, function: Callable[[int, int, int], None]) -> Any:
+    """Return a function of a number and two addresses for `transforms.execute`, which cannot raise."""
+
+    def call(number: int | None, source: int, target: int) -> None:
+        try:
+            function(number or 0, source, target)
+        except BaseException:  # the other ranks would wait for ever
+            traceback.print_exc()
+            sys.stderr.flush()
+            ranks.communicator.Abort(1)
+
+    return _FUNCTION(call)
+
+
+def array_at(place: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+    """Return the array at an address."""
+    kind = np.dtype(dtype)
+    memory = (ctypes.c_byte * (kind.itemsize * math.prod(shape))).from_address(place)
+    return np.asarray(np.ctypeslib.as_array(memory).view(kind).reshape(shape))
+
+
 class SlabTransforms(Transforms):
     """Transforms of the fields of a grid over ranks: along the rows, exchange, along the columns.
 
@@ -370,7 +454,10 @@ class SlabTransforms(Transforms):
         self._kind = np.dtype(np.complex64 if single else np.complex128)
         whole = grid.points[0], grid.points[1] // 2 + 1
         self._exchange = transposition(grid.ranks, whole, self._kind, shared)
-        self._functions = [_FUNCTION(self._called(each)) for each in (self._forward, self._backward)]
+        self._functions = [
+            callable_by_address(grid.ranks, lambda _, *places, each=each: each(*places))
+            for each in (self._forward, self._backward)
+        ]
         self.shape, self.spectral_shape = grid.shape, grid.spectral_shape
         self.threads, self.single, self._wisdom, self._time_limit = threads, single, wisdom, time_limit
         self._plan()
@@ -437,22 +524,7 @@ class SlabTransforms(Transforms):
         self._fftw.execute_dft_c2r(self._slab.backward, rows.ctypes.data, target)
 
     def _columns(self, place: int) -> NDArray[Any]:
-        kind = self._kind
-        memory = (ctypes.c_byte * (kind.itemsize * math.prod(self.spectral_shape))).from_address(place)
-        return np.asarray(np.ctypeslib.as_array(memory).view(kind).reshape(self.spectral_shape))
-
-    def _called(self, transform: Callable[[int, int], None]) -> Callable[[Any, int, int], None]:
-        """Return a function for compiled code, which cannot pass on an exception."""
-
-        def call(_plan: Any, source: int, target: int) -> None:
-            try:
-                transform(source, target)
-            except BaseException:  # the other ranks would wait for ever
-                traceback.print_exc()
-                sys.stderr.flush()
-                self._grid.ranks.communicator.Abort(1)
-
-        return call
+        return array_at(place, self.spectral_shape, self._kind)
 
 
 def transforms_of(grid: Grid, wisdom: str | None = None, threads: int = 1) -> Transforms:

@@ -1,19 +1,53 @@
 """Sums over the grid: the one place where values at different points and waves are combined.
 
 The rule: a compiled kernel acts on the points and waves that this process holds and returns partial results;
-Python code completes them by a method of `Sums`. One process holds the whole grid, and partial results are
-complete; on a grid over several ranks the methods communicate, and no caller changes.
+Python code completes them by a method of `Sums`, and a kernel that goes on with them by `summed` and
+`greatest`. One process holds the whole grid, and partial results are complete; on a grid over several ranks
+these communicate, and no caller changes.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.cpython.unsafe.tuple import tuple_setitem
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.ranks import ALONE, Partial, Ranks
+from gfmdlayer.grid.transforms import execute
 from gfmdlayer.kernels import kernel
+
+
+class Completion(NamedTuple):
+    """Addresses of functions that complete results over the ranks, for nopython code; 0 on one process."""
+
+    total: int = 0
+    maximum: int = 0
+
+
+@kernel(inner=True)
+def summed(over: Completion, sums: Any) -> Any:
+    """Complete sums, a tuple of float64, in nopython code."""
+    return sums if over.total == 0 else _completed(over.total, sums)
+
+
+@kernel(inner=True)
+def greatest(over: Completion, maxima: Any) -> Any:
+    """Complete maxima, a tuple of float64, in nopython code."""
+    return maxima if over.maximum == 0 else _completed(over.maximum, maxima)
+
+
+@kernel(inner=True)
+def _completed(function: int, values: Any) -> Any:
+    work = np.empty(len(values))
+    for i in range(len(values)):
+        work[i] = values[i]
+    execute(function, work.size, work, work)  # type: ignore[call-arg]
+    for i in range(len(values)):
+        values = tuple_setitem(values, i, work[i])
+    return values
 
 
 class Sums:

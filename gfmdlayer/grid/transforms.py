@@ -35,7 +35,7 @@ class Plans(NamedTuple):
 
 
 @intrinsic
-def _execute(
+def execute(
     _context: Any, _function: Any, _plan: Any, source: Any, target: Any
 ) -> tuple[Any, Any]:  # numba's own types, which carry no annotations
     """Call ``void function(plan, source, target)`` by address."""
@@ -60,13 +60,13 @@ def _execute(
 @nb.njit(inline="always")
 def forward(plans: Plans, field: FloatArray, spectrum: ComplexArray) -> None:
     """Transform ``field`` into ``spectrum``, real-to-complex, both flat and from `Transforms`."""
-    _execute(plans.execute_forward, plans.forward_plan, field, spectrum)  # type: ignore[call-arg]
+    execute(plans.execute_forward, plans.forward_plan, field, spectrum)  # type: ignore[call-arg]
 
 
 @nb.njit(inline="always")
 def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
     """Unnormalised complex-to-real transform of ``spectrum``, which is destroyed, into ``field``."""
-    _execute(plans.execute_backward, plans.backward_plan, spectrum, field)  # type: ignore[call-arg]
+    execute(plans.execute_backward, plans.backward_plan, spectrum, field)  # type: ignore[call-arg]
 
 
 class Transforms:

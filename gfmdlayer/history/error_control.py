@@ -88,8 +88,21 @@ class Integrator(Resumable, Protocol):
         """Return -sigma at the end of the step of the last `terms`, for the transform of a displacement."""
         ...
 
+    def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
+        """Return kappa and b of the last `terms` with the curvature c of `ErrorControl`, linear in u."""
+        ...
+
+    def parts(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return the displacements at the end of the step whose histories are separate: u, or one a body."""
+        ...
+
+    @property
+    def past(self) -> ComplexArray:
+        """The same displacements after the last step."""
+        ...
+
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
-        """Return the part of -sigma at the end of the step that is due to dt^2 u''/2."""
+        """Return the part of -sigma at the end of the step that is due to dt^2 u''/2 of the `parts`."""
         ...
 
     def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:
@@ -115,6 +128,7 @@ class ErrorControl:
         self._contact_motion: ComplexArray | None = None  # change of u over the last step of a moving punch
         self._velocity: ComplexArray | None = None
         self._last_step = self._largest_stress = self._largest_force = 0.0
+        self._known: tuple[ComplexArray, ComplexArray] | None = None  # displacement and curvature of a step
 
     @property
     def shortest_time(self) -> float:
@@ -123,19 +137,19 @@ class ErrorControl:
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b at the end of a step, with the curvature where it counts."""
-        integrator = self._integrator
+        integrator, self._known = self._integrator, None
         stiffness, b = integrator.terms(step)
         if not self._curved or self._velocity is None:
             return stiffness, b
-        gain = integrator.curvature_stress(np.full(integrator.u.shape, self._ratio, dtype=np.complex128)).real
-        return stiffness + gain, b + gain * (integrator.u + integrator.step * self._velocity)
+        return integrator.curved(self._ratio, self._velocity)
 
     def advance(self, spectrum: ComplexArray) -> None:
         """Advance the history over the step of the last `terms`, with the curvature that is now known."""
         integrator, velocity = self._integrator, None
         if integrator.step > 0:
-            velocity = (spectrum - integrator.u) * (1 / integrator.step)
+            velocity = (integrator.parts(spectrum) - integrator.past) * (1 / integrator.step)
         integrator.advance(spectrum, self._curvature(spectrum))
+        self._known = None
         if velocity is not None:
             self._velocity, self._last_step = velocity, integrator.step
 
@@ -182,7 +196,8 @@ class ErrorControl:
         """Stress delta f by which the force is too small, because u is not linear over the step."""
         curvature = self._curvature(spectrum)
         if curvature is None:
-            curvature = _UNKNOWN_CURVATURE * (spectrum - self._integrator.u)
+            integrator = self._integrator
+            curvature = _UNKNOWN_CURVATURE * (integrator.parts(spectrum) - integrator.past)
         return self._integrator.missing_stress(spectrum, curvature)
 
     def _tangential_error(self, slope: ComplexArray, force: ComplexArray, error: ComplexArray) -> float:
@@ -216,8 +231,13 @@ class ErrorControl:
         """dt^2 u''/2 from the divided difference of the last three displacements, this one included."""
         if self._velocity is None:
             return None
-        numbers = (each.view(np.float64) for each in (spectrum, self._integrator.u, self._velocity))
-        return _curvature(self._ratio, self._integrator.step, *numbers).view(np.complex128)
+        if self._known is not None and self._known[0] is spectrum:
+            return self._known[1]
+        now, past = self._integrator.parts(spectrum), self._integrator.past
+        numbers = (each.view(np.float64) for each in (now, past, self._velocity))
+        found = _curvature(self._ratio, self._integrator.step, *numbers).view(np.complex128)
+        self._known = spectrum, found
+        return found
 
     @property
     def _ratio(self) -> float:

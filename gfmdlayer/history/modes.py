@@ -307,7 +307,9 @@ class Modes:
             stretch=np.zeros((branch_times.size, 2 * size)),
         )
         local = np.where(of_branch[:, np.newaxis], 0.0, weights)
-        index, local_weights = np.ascontiguousarray(np.nonzero(local)[1]), local[local > 0]
+        number, index = (np.ascontiguousarray(each) for each in np.nonzero(local))
+        local_weights = local[local > 0]
+        self._rows = len(weights), np.flatnonzero(of_branch), number  # of the stretches in the spectrum
         energy_weights = local_weights * self._sums.weights[index]
         self._local = LocalModes(index, local_weights, energy_weights, np.zeros((index.size, 2)))
         self._times = np.concatenate((branch_times, times[local > 0]))
@@ -332,6 +334,50 @@ class Modes:
         )
         self.stored = self._sums.total(twice) / 2
         self.dissipated += self._sums.total(heat)
+
+    @property
+    def stretches(self) -> ComplexArray:
+        """The stretches y_j of the modes of the spectrum, (modes, nq); zero where a mode has no weight."""
+        count, of_branch, number = self._rows
+        found = np.zeros((count, self.u.size), dtype=np.complex128)
+        found[of_branch] = self._branches.stretch.view(np.complex128)
+        found[number, self._local.position] = self._local.stretch.view(np.complex128)[:, 0]
+        return found
+
+    def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
+        """Return kappa and b of the last `terms` with the curvature, which is linear in u.
+
+        `ratio` is the step over the last two; `velocity` belongs to the last step.
+        """
+        gain = self.curvature_stress(np.full(self.u.shape, ratio, dtype=np.complex128)).real
+        return self.stiffness + gain, self._b + gain * (self.u + self.step * velocity)
+
+    def parts(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return the displacement itself: there is one body."""
+        return spectrum
+
+    @property
+    def past(self) -> ComplexArray:
+        """The displacement after the last step."""
+        return self.u
+
+    def slowest(self, tolerance: float) -> float:
+        """Return a bound on the time in which a body that rests in the frame of the contact creeps.
+
+        It is the longest relaxation time with more than the part `tolerance` of the stiffness, times the
+        largest ratio of glassy and relaxed stiffness.
+        """
+        branches, local = self._branches, self._local
+        glassy = self.relaxed + branches.shape[::2] * float(branches.moduli.sum())
+        np.add.at(glassy, local.position, local.weights)
+        some = self.relaxed > 0
+        contrast = (glassy[some] / self.relaxed[some]).max(initial=1.0)
+        heaviest = np.outer(branches.moduli, branches.shape[::2][some] / glassy[some]).max(
+            axis=1, initial=0.0
+        )
+        parts = np.concatenate((heaviest, local.weights / glassy[local.position]))
+        longest = self._times[parts > tolerance].max(initial=0.0)
+        return self._sums.maximum(float(contrast)) * self._sums.maximum(float(longest))
 
     def state(self) -> State:
         """Return displacement, stretches and energies."""

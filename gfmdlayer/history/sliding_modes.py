@@ -87,8 +87,9 @@ class SlidingModes(Modes):
         two_waves = first != second
         repeated = two_waves[index]
         mode, at = np.append(mode, mode[repeated]), np.append(index, index[repeated])
+        self._modes = len(weights), mode, np.where(two_waves[at], 0.5, 1.0)
         self._q = np.append(first[index], second[index[repeated]])
-        self._weights = weights[mode, at] * np.where(two_waves[at], 0.5, 1.0)
+        self._weights = weights[mode, at] * self._modes[2]
         self._theta = times[mode, at]
         count = at.size
         self._waves = Waves(
@@ -99,6 +100,14 @@ class SlidingModes(Modes):
             phase=np.zeros(count),
             phi=np.zeros((6, count), dtype=np.complex128),
         )
+
+    @property
+    def stretches(self) -> ComplexArray:
+        """The stretches Y_j of the modes of the spectrum, (modes, nq): the mean of the waves of a mode."""
+        (count, mode, share), waves = self._modes, self._waves
+        found = np.zeros((count, self.relaxed.size), dtype=np.complex128)
+        np.add.at(found, (mode, waves.position), waves.stretch * share)
+        return found
 
     def prepare(self, step: float) -> None:
         """Compute the stiffness and the factors for the length of a step and for the velocity."""

@@ -290,10 +290,11 @@ class StackModes(Modes):
         self._theta, self._layer = network.times, network.layer
         self._position = np.argsort(at, kind="stable")[np.count_nonzero(at < 0) :]
         wave = at[self._position]
+        relaxing, first = np.unique(network.spring, return_index=True)
         self._elements = Elements(
             network.force,
-            network.projection,
-            np.searchsorted(network.spring, np.arange(network.projection.shape[2] + 1)),
+            np.ascontiguousarray(network.projection[:, :, relaxing]),
+            np.append(first, network.spring.size),
             network.roots,
             np.searchsorted(wave, np.arange(len(network.force) + 1)),
         )
@@ -366,6 +367,11 @@ class StackModes(Modes):
             self._xi += missing
         self.stored += self._sums.total(self._energy(self._xi, end))
         self.dissipated += self._sums.total(heat) + more
+
+    @property
+    def internal(self) -> tuple[ComplexArray, IntArray]:
+        """The internal vectors xi, (positions, internal), and the numbers of their waves."""
+        return self._xi[..., 0] + 1j * self._xi[..., 1], self._position
 
     def state(self) -> State:
         """Return the history, with the internal vectors."""

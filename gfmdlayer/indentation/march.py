@@ -58,11 +58,14 @@ class Nodes(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """Prescribed depth or force at the ends of the steps, shape (nt,); linear over each step."""
+    """Prescribed depth or force at the ends of the steps, shape (nt,); linear over each step.
+
+    Where the control changes, the first step begins at the depth or force that the last one has found.
+    """
 
     time: FloatArray
     value: FloatArray
-    by_force: bool
+    by_force: BoolArray  # (nt,), of the step that ends at a time
     breakpoints: BoolArray  # whether the rate jumps at a time
     snapshots: BoolArray  # whether fields are kept at a time
     adhesion: float  # work of adhesion
@@ -589,7 +592,14 @@ def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Tria
 
 @kernel(inner=True)
 def _find_radius(
-    h: float, target: float, guess: float, a_old: float, weights: Weights, slope: float, run: Run
+    h: float,
+    target: float,
+    by_force: bool,
+    guess: float,
+    a_old: float,
+    weights: Weights,
+    slope: float,
+    run: Run,
 ) -> Radius:
     """Find the contact at the end of a step whose prescribed depth or force is `target`.
 
@@ -604,7 +614,7 @@ def _find_radius(
         edge, rest, unit, other, n = _solve(a, a_old, h, weights, run)
         if n < 0:
             return Radius(0.0, 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED)
-        depth = (target - other) / unit if drive.by_force else target
+        depth = (target - other) / unit if by_force else target
         r = depth * edge + rest + math.sqrt(math.pi * a * drive.adhesion * run.body.local)
         force = depth * unit + other
         scale = max(abs(depth), abs(rest))
@@ -847,7 +857,9 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
         duration = max(duration, 1e-290)
-        begin = drive.value[at - 1] if at else 0.0
+        begin, by_force = drive.value[at - 1] if at else 0.0, drive.by_force[at]
+        if at and by_force != drive.by_force[at - 1]:
+            begin = found.force if by_force else found.depth
         begins = at == 0 or drive.breakpoints[at]
         done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
         for _ in range(_SUBSTEPS):
@@ -858,25 +870,25 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
                 weights, h_old = _set_step(h, run), h
             _find_past(run)
             free = work.past[0] + work.far_past[0] + (weights.before * state.chi[0] if a_old > 0 else 0.0)
-            touches = target > 0 if drive.by_force else target > free
+            touches = target > 0 if by_force else target > free
             starts = touches and a_old == 0 and not met and at > 0
             ends = not touches and a_old > 0 and drive.adhesion == 0
             if piece < 1:
                 touches = False
             elif starts or ends:
-                part = _event(h, now, target, drive.by_force, body, state, ends)
+                part = _event(h, now, target, by_force, body, state, ends)
                 if _INSTANT < part < 1 - _INSTANT:
                     piece, met = part, starts
                     continue
                 touches = starts and part <= _INSTANT
-            apart = Radius(0.0, 0.0, free if drive.by_force else target, 0.0, 0, 0, COMPLETE)
+            apart = Radius(0.0, 0.0, free if by_force else target, 0.0, 0, 0, COMPLETE)
             found = apart
             if touches or (drive.adhesion > 0 and a_old > 0):
                 guess = 0.3 * stop if drive.adhesion == 0 else stop
                 if a_old > 0:
                     guess = a_old + h * (rate + bend * (h + since)) if drive.adhesion == 0 else a_old
                     guess = min(stop, max(0.2 * a_old, guess))
-                found = _find_radius(h, target, guess, a_old, weights, slope, run)
+                found = _find_radius(h, target, by_force, guess, a_old, weights, slope, run)
                 taken += found.solutions
                 slope, status = found.slope, found.status
                 if status != COMPLETE:

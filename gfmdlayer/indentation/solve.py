@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.indentation.compliance import (
     Compliance,
@@ -37,7 +37,7 @@ class History(NamedTuple):
 
     time: FloatArray  # (nt,), ascending
     value: FloatArray  # (nt,)
-    by_force: bool = False
+    by_force: bool | BoolArray = False  # of all times, or (nt,) of the pieces that end at them
 
 
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
@@ -114,11 +114,12 @@ def find_space(
     largest = max(float(history.value.max()), 0.0)
     if largest == 0 == adhesion:  # nothing touches, whatever the nodes
         return make_space(Features(1.0, 0.0, 0.0), 1.0, tolerance)
-    reach = min(_WIDER * _halfspace_radius(body, profile, largest, history.by_force, adhesion), profile.rim)
+    by_force = bool(np.any(history.by_force))
+    reach = min(_WIDER * _halfspace_radius(body, profile, largest, by_force, adhesion), profile.rim)
     features = find_features(body, reach)
     if features.last * reach > _MOST_PHASE:  # on a soft base the contact may be smaller
         reach = _MOST_PHASE / features.last
-    ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), history.by_force)
+    ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), by_force)
     for _ in range(60):
         space = make_space(features, reach)
         try:
@@ -147,7 +148,9 @@ def march_on(
     value = np.interp(time, history.time, history.value)
     breakpoints = np.isin(time, breakpoints_of(history))
     kept = np.isin(time, [] if snapshots is None else snapshots)
-    drive = Drive(time, value, history.by_force, breakpoints, kept, adhesion, _EDGE)
+    pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
+    by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
+    drive = Drive(time, value, by_force, breakpoints, kept, adhesion, _EDGE)
     found = march(body, profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
@@ -160,8 +163,14 @@ def march_on(
 def breakpoints_of(history: History) -> FloatArray:
     """Return the times between the first and the last at which the rate of a history jumps."""
     rate = np.diff(history.value) / np.diff(history.time)
-    jumps = np.abs(np.diff(rate)) > _JUMP * max(float(np.abs(rate).max()), 1e-300)
-    return np.asarray(history.time[1:-1][jumps])
+    by_force = np.broadcast_to(history.by_force, history.time.shape)
+    switch = by_force[1:] != by_force[:-1]
+    rate[switch] = 0.0
+    largest = np.zeros(rate.size)
+    for each in (True, False):
+        largest[by_force[1:] == each] = np.abs(rate[by_force[1:] == each]).max(initial=1e-300)
+    jumps = np.abs(np.diff(rate)) > _JUMP * np.maximum(largest[1:], largest[:-1] * ~switch[1:])
+    return np.asarray(history.time[1:-1][jumps | switch[1:]])
 
 
 def _elastic_limits(body: Body, space: Space) -> Iterator[Compliance]:

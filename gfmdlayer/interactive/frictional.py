@@ -15,10 +15,9 @@ from gfmdlayer.friction.response import Response
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables.contact_statistics import area_error, interpolated_area
-from gfmdlayer.results.provenance import provenance
-from gfmdlayer.results.schema import VARIABLES
 from gfmdlayer.validation.problems import ConfigError, shown
 
 if TYPE_CHECKING:
@@ -147,8 +146,6 @@ def _taken_from(
 
 def _dataset(grid: Grid, found: Solution, moved: FloatArray) -> xarray.Dataset:
     """Return fields and scalars of a solution."""
-    import xarray
-
     area, touching = math.prod(grid.period), found.contact
     pressed, gap = found.pressure.reshape(grid.shape), np.where(touching, 0.0, np.maximum(found.gap, 0.0))
     interpolated = interpolated_area(touching.reshape(grid.shape), pressed, gap.reshape(grid.shape), grid)
@@ -177,46 +174,29 @@ def _dataset(grid: Grid, found: Solution, moved: FloatArray) -> xarray.Dataset:
         fields[f"displacement_{axis}"] = found.displacement[1 + i]
         scalars[f"tangential_force_{axis}"] = found.traction[i].mean() * area
         scalars[f"tangential_displacement_{axis}"] = moved[i]
-    axes = dict(zip("xy", grid.coordinates, strict=False))
-    held: dict[str, Any] = {
-        name: (tuple(axes), values.reshape(grid.shape), _MEANINGS[name]) for name, values in fields.items()
-    }
-    held |= {name: ((), value, _MEANINGS[name]) for name, value in scalars.items()}
-    coords = {name: ((name,), x, _MEANINGS[name]) for name, x in axes.items()}
-    return xarray.Dataset(held, coords, provenance())
-
-
-def _meaning(long_name: str, units: str = "1") -> dict[str, str]:
-    return {"long_name": long_name, "units": units}
+    return dataset(grid, fields, scalars, _MEANINGS)
 
 
 def _along(axis: str) -> dict[str, dict[str, str]]:
     """Meanings of components along an axis."""
     return {
-        f"shear_{axis}": _meaning(f"shear traction of the punch on the surface along {axis}", "pressure"),
-        f"slip_{axis}": _meaning(f"slip of the surface against the punch in the step along {axis}", "length"),
-        f"displacement_{axis}": _meaning(f"displacement of the surface along {axis}", "length"),
-        f"tangential_force_{axis}": _meaning(
+        f"shear_{axis}": meaning(f"shear traction of the punch on the surface along {axis}", "pressure"),
+        f"slip_{axis}": meaning(f"slip of the surface against the punch in the step along {axis}", "length"),
+        f"displacement_{axis}": meaning(f"displacement of the surface along {axis}", "length"),
+        f"tangential_force_{axis}": meaning(
             f"force of the punch along {axis}, of a line per length", "pressure area"
         ),
-        f"tangential_displacement_{axis}": _meaning(f"displacement of the punch along {axis}", "length"),
+        f"tangential_displacement_{axis}": meaning(f"displacement of the punch along {axis}", "length"),
     }
 
 
 _MEANINGS = {
-    **{name: _meaning(entry.long_name, entry.units) for name, entry in VARIABLES.items()},
+    **MEANINGS,
     **_along("x"),
     **_along("y"),
-    "contact": _meaning("whether the point is in contact"),
-    "stick": _meaning("whether the point is in contact and below the bound of friction"),
-    "contact_area": _meaning("relative contact area, contact points / all points"),
-    "contact_area_interpolated": _meaning("relative contact area, the edge located between the points"),
-    "contact_area_error": _meaning("estimated error of contact_area_interpolated"),
-    "stick_area": _meaning("relative area of the points that stick"),
-    "mean_pressure": _meaning("mean pressure over the cell", "pressure"),
-    "force": _meaning("force over the cell, of a line per length", "pressure area"),
-    "depth": _meaning("depth of the punch below its first touch", "length"),
-    "residual": _meaning("residual of the frictional contact"),
-    "transforms": _meaning("pairs of Fourier transforms of one component; half for single precision"),
-    "iterations": _meaning("Newton steps"),
+    "stick": meaning("whether the point is in contact and below the bound of friction"),
+    "stick_area": meaning("relative area of the points that stick"),
+    "residual": meaning("residual of the frictional contact"),
+    "transforms": meaning("pairs of Fourier transforms of one component; half for single precision"),
+    "iterations": meaning("Newton steps"),
 }

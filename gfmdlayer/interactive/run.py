@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.reader import from_python, gives
-from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
+from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.config.trajectory import Trajectory
 from gfmdlayer.execution import case_run, interrupts, workers
 from gfmdlayer.execution.folder import Folder, read_config
@@ -39,7 +39,7 @@ from gfmdlayer.model import ConvergenceError, model_of
 from gfmdlayer.notes import notes
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
-from gfmdlayer.results.gathering import CaseRecord, labelled
+from gfmdlayer.results.gathering import CaseRecord, Swept, labelled
 from gfmdlayer.results.journal import Recording
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.validation.sections import files_named
@@ -162,9 +162,9 @@ def compute(
     try:
         said = model.run(recording, advance)
     except ConvergenceError as error:
-        error.data = recording.dataset(coordinates, model.columns, described, config.unit)
+        error.data = recording.dataset(coordinates, model.columns, described, config.unit, model.places)
         raise
-    return recording.dataset(coordinates, model.columns, described, config.unit), said
+    return recording.dataset(coordinates, model.columns, described, config.unit, model.places), said
 
 
 def _attempt(
@@ -391,9 +391,7 @@ def _gathered(config: Config, every: Sequence[SweepCase], results: Sequence[Resu
         CaseRecord(case.index, result.data, case.values, result.reason or None)
         for case, result in zip(every, results, strict=True)
     ]
-    keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-    times = None if "output.times" in keys else config.output.times
-    return labelled(records, keys, drawn, is_listed(config.sweep), config.unit, times)
+    return labelled(records, Swept.of(config.sweep, config.unit, config.output.times))
 
 
 def _run_in_folder(

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from gfmdlayer.body.body import Body, check_body
 from gfmdlayer.body.isolated import isolated as without_images
+from gfmdlayer.body.pair import Pair
+from gfmdlayer.body.solid import Solid
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import CONTROLS
@@ -20,6 +22,7 @@ from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.interactive.frictional import FRICTIONAL, with_friction
+from gfmdlayer.interactive.one_contact import dataset
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
@@ -37,8 +40,6 @@ from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
-from gfmdlayer.results.provenance import provenance
-from gfmdlayer.results.schema import VARIABLES
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant
 from gfmdlayer.validation.problems import shown
@@ -114,12 +115,12 @@ def solve(
     Returns
     -------
     xarray.Dataset
-        pressure, displacement (positive upward), gap, contact and, with a hardness, imprint along x[, y];
-        contact_area (part of the
-        cell), contact_area_interpolated (with edges between the points) and the estimate
-        contact_area_error of its error, mean_pressure, force, depth,
-        residual and FFT pairs, in the units of the arguments. An isolated contact has area,
-        area_interpolated and area_error (of a line, of the width) in place of parts and means of the cell,
+        pressure, displacement (positive upward), gap, contact and, with a hardness, imprint along x[, y], of
+        a `Pair` also displacement_body and displacement_counterbody, each out of its own body;
+        contact_area (part of the cell), contact_area_interpolated (with edges between the points) and the
+        estimate contact_area_error of its error, mean_pressure, force, depth, residual and FFT pairs, in the
+        units of the arguments. An isolated contact has area, area_interpolated and area_error (of a line, of
+        the width) in place of parts and means of the cell,
         and displacement and gap are NaN where they are not known, further from a point in contact than the
         reach.
 
@@ -202,6 +203,7 @@ def solve(
         given["interface"] = interface
     config = _config({"points": _points(punch, points), "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
+    _check_grid(body, grid)
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
     if frictional:
         _check_friction(frictional, plain=not alone and law is HARD_WALL and config.hardness is None)
@@ -244,7 +246,20 @@ def solve(
     points = int(in_contact(problem, solution).sum())
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
-    return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0), reach)
+    surface = loading.surface(solution, kappa, nothing, 0.0)
+    parts = _parts(case, surface, glassy=instantaneous) if reach is None else {}
+    return _dataset(grid, problem, solution, surface, reach, parts)
+
+
+def _check_grid(body: Body, grid: Grid) -> None:
+    """Raise a ConfigError if the grid does not suit a body, or one of a pair."""
+    if isinstance(body, Pair):
+        _check_grid(body.first, grid)
+        _check_grid(body.second, grid)
+    elif isinstance(body, Solid):
+        found = body.problems_on_grid(grid.points, grid.period)
+        if messages := [f"body.{problem.key}: {problem.message}" for problem in found]:
+            raise ConfigError(messages)
 
 
 def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
@@ -322,12 +337,26 @@ def _beyond_the_hardness(problem: Problem) -> str:
     return f"mean pressure: got {target!r}; must be below {most}"
 
 
+def _parts(case: Case, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:
+    """Return the displacement of each body of a pair; nothing for one body."""
+    body = case.body
+    if not isinstance(body, Pair):
+        return {}
+    part = np.ravel(body.part_of_second(case.grid.waves, glassy=glassy))
+    second = case.transforms.backward(part * surface.spectrum) / case.grid.size
+    first = case.transforms.backward((1 - part) * surface.spectrum) / case.grid.size
+    return {"displacement_body": first, "displacement_counterbody": second}
+
+
 def _dataset(
-    grid: Grid, problem: Problem, solution: Solution, surface: Surface, reach: Reach | None
+    grid: Grid,
+    problem: Problem,
+    solution: Solution,
+    surface: Surface,
+    reach: Reach | None,
+    parts: Mapping[str, FloatArray],
 ) -> xarray.Dataset:
     """Return fields and scalars of a solution; `reach` is that of an isolated contact."""
-    import xarray
-
     touching = in_contact(problem, solution)
     imprint = {} if solution.flow is None else {"imprint": solution.flow}
     wall = problem.wall_pressure(solution.pressure, solution.gap).reshape(grid.shape)
@@ -338,6 +367,7 @@ def _dataset(
         "gap": closed_gap(problem, solution),
         "contact": touching,
         **imprint,
+        **parts,
     }
     scalars = {
         "contact_area": solution.contact_area,
@@ -353,32 +383,4 @@ def _dataset(
     if reach is not None:
         fields |= {name: reach.masked(np.asarray(fields[name], float)) for name in ("displacement", "gap")}
         scalars = totals(scalars, math.prod(grid.period))
-    axes = dict(zip("xy", grid.coordinates, strict=False))
-    held: dict[str, Any] = {
-        name: (tuple(axes), values.reshape(grid.shape), _MEANINGS[name]) for name, values in fields.items()
-    }
-    held |= {name: ((), value, _MEANINGS[name]) for name, value in scalars.items()}
-    coords = {name: ((name,), x, _MEANINGS[name]) for name, x in axes.items()}
-    return xarray.Dataset(held, coords, provenance())
-
-
-def _meaning(long_name: str, units: str = "1") -> dict[str, str]:
-    return {"long_name": long_name, "units": units}
-
-
-_MEANINGS = {
-    **{name: _meaning(entry.long_name, entry.units) for name, entry in VARIABLES.items()},
-    "contact": _meaning("whether the point is in contact"),
-    "contact_area": _meaning("relative contact area, contact points / all points"),
-    "area": _meaning("contact area, of a line the width", "area"),
-    "area_interpolated": _meaning("contact area, of a line the width, the edge between the points", "area"),
-    "area_error": _meaning("estimated error of area_interpolated", "area"),
-    "contact_area_interpolated": _meaning("relative contact area, the edge located between the points"),
-    "contact_area_error": _meaning("estimated error of contact_area_interpolated"),
-    "mean_pressure": _meaning("mean pressure over the cell", "pressure"),
-    "force": _meaning("force over the cell, of a line per length", "pressure area"),
-    "depth": _meaning("depth of the punch below its first touch", "length"),
-    "residual": _meaning("residual of the contact problem"),
-    "transforms": _meaning("pairs of Fourier transforms, forward and backward"),
-    "iterations": _meaning("iterations of the contact solver"),
-}
+    return dataset(grid, fields, scalars)

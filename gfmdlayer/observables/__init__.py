@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import Adhesion
+from gfmdlayer.observables.bodies import Bodies
 from gfmdlayer.observables.contact import (
     INDENTATION,
     ContactMeans,
@@ -51,6 +52,7 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "adhesion": Adhesion,
     "yielding": Yielding,
     "energy": EnergyBalance,
+    "bodies": Bodies,
     "instabilities": Instabilities,
     "statistics": ContactStatistics,
     "temperature": Temperature,

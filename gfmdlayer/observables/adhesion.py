@@ -59,7 +59,8 @@ class Adhesion(Observable):
         """Return the columns of a case whose interface attracts."""
         return cls.COLUMNS if config.interfaces else None
 
-    def __init__(self, _case: Parts) -> None:
+    def __init__(self, case: Parts) -> None:
+        self._sums = case.grid.sums
         self._force = self._stress = self._work = 0.0
         self._last: tuple[float, float] | None = None  # depth and mean pressure
 
@@ -79,9 +80,9 @@ class Adhesion(Observable):
         self._pull(step.surface.depth, solution.mean_pressure, float(step.row["force"]))
         attracted = apart & (traction >= PART * law.strength) if law.attracts else apart & False
         return {
-            "interface_energy": float(law.energy(solution.gap).mean()),
-            "attractive_area": float(attracted.mean()),
-            "largest_tension": max(-float(solution.pressure.min()), 0.0),
+            "interface_energy": self._sums.mean(law.energy(solution.gap)),
+            "attractive_area": self._sums.mean(attracted.astype(float)),
+            "largest_tension": max(-self._sums.minimum(float(solution.pressure.min())), 0.0),
         }
 
     def _pull(self, depth: float, pressure: float, force: float) -> None:

@@ -3,7 +3,8 @@
 Without friction at the interface the pressure p is normal to the surface, and where p is not even about a
 slope of the surface it pulls along x by p du/dx. The mean of p du/dx over the surface is the tangential
 stress against the motion; times the velocity it is the power that the body turns into heat. A punch that
-rolls without friction meets the same resistance as one that slides: the normal contact is the same.
+rolls without friction meets the same resistance as one that slides: the normal contact is the same. Of two
+deformable bodies each counts with the velocity of the contact along it: u = u_1 + u_2 v_2/v_1.
 
 With friction at the interface the mean of the shear traction t of the punch on the body adds to the
 tangential force. Under a moving punch t moves with the surface, which stretches by dv/dx, v the displacement
@@ -79,6 +80,7 @@ class Friction(Observable):
         grid = case.grid
         self._direction = direction(case.config)
         self._sums = grid.sums
+        self._two = case.integrator if case.config.two_bodies else None
         if case.velocity is None:
             self._position = None
             return
@@ -99,7 +101,8 @@ class Friction(Observable):
             shear = float(self._direction @ step.shear.traction.mean(axis=1)) - step.shear.stretch
         if self._position is None:
             return {"tangential_force": shear, "friction": shear / mean if mean > 0 else math.nan}
-        p, u = self._transforms.forward(pressure), step.surface.spectrum
+        p = self._transforms.forward(pressure)
+        u = step.surface.spectrum if self._two is None else self._two.carried
         force = self._sums.total(float((self._slope * (p.imag * u.real - p.real * u.imag)).sum())) + shear
         angle = cmath.phase(self._sums.total((self._phase * pressure).sum(keepdims=True))[0])
         return {

@@ -42,11 +42,18 @@ import numpy as np
 from h5py import h5a, h5f, h5g
 from numpy.typing import NDArray
 
-from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.config.sweeps import as_label, is_listed, sampling, swept_keys
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
 from gfmdlayer.results.netcdf import add_variable, attribute, column, new_file, opened, write_at
-from gfmdlayer.results.schema import FIELDS, OVER_TIME, SAME_TIME, SWEEP_FILE, VARIABLES, described_key
+from gfmdlayer.results.schema import (
+    OVER_TIME,
+    SAME_TIME,
+    SNAPSHOT_FIELDS,
+    SWEEP_FILE,
+    VARIABLES,
+    described_key,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -107,6 +114,23 @@ class Labelled(NamedTuple):
 Asked = float | Sequence[float] | None  # `output.times`: a spacing, a list, or not given
 
 
+class Swept(NamedTuple):
+    """How the cases of a sweep are labelled."""
+
+    keys: Sequence[str]  # in the order of the dimensions
+    listed: bool = False  # along the one dimension `case`, even where the cases happen to be a product
+    unit: Callable[[str], str] = str  # label of a unit
+    asked: Asked = None
+    sampling: Mapping[str, str | int | float] = MappingProxyType({})  # method, number and seed of samples
+
+    @classmethod
+    def of(cls, sweep: Mapping[str, Any], unit: Callable[[str], str], times: Asked) -> Swept:
+        """Return the labels of a sweep of the configuration, whose `output.times` are given."""
+        keys = swept_keys(sweep)
+        asked = None if "output.times" in keys else times
+        return cls(keys, is_listed(sweep), unit, asked, sampling(sweep))
+
+
 class CaseData(Protocol):
     """One case, open for reading."""
 
@@ -153,7 +177,7 @@ class _File:
         for name, dataset in h5.items():
             if not isinstance(dataset, h5py.Dataset) or dataset.maxshape[:1] != (None,):
                 continue
-            if name in {TIME.name, "snapshot", *FIELDS}:
+            if name in {TIME.name, "snapshot", *SNAPSHOT_FIELDS}:
                 continue
             if dataset.ndim == 1:
                 yield name, Column(_described(dataset))
@@ -239,22 +263,13 @@ class Gathered:
     """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
 
     The first pass, here, finds the times, columns and shared attributes of the cases; the second, `curves`,
-    reads the columns. `keys` are in the order of the dimensions; cases that are `listed` lie along the one
-    dimension `case`, even where they happen to be a product; `asked` are the times of `output.times`.
-    `failed` has the reason for each case without results, `places` the indices of each case along
-    `dimensions`; `along` is the dimension of the rows, time or row.
+    reads the columns. `failed` has the reason for each case without results, `places` the indices of each
+    case along `dimensions`; `along` is the dimension of the rows, time or row.
     """
 
-    def __init__(
-        self,
-        records: Sequence[CaseRecord],
-        keys: Sequence[str],
-        listed: bool = False,
-        unit: Callable[[str], str] = str,
-        asked: Asked = None,
-    ) -> None:
-        self._records, self._keys, self._unit = records, keys, unit
-        self._layout = lay_out([record.values for record in records], keys, listed)
+    def __init__(self, records: Sequence[CaseRecord], swept: Swept) -> None:
+        self._records, self._swept, self._unit = records, swept, swept.unit
+        self._layout = lay_out([record.values for record in records], swept.keys, swept.listed)
         self.dimensions, self.places = tuple(self._layout.lengths), self._layout.places
         self.shape = tuple(self._layout.lengths.values())
         self.failed = {each.index: each.failed for each in records if each.failed is not None}
@@ -269,7 +284,7 @@ class Gathered:
         for record in records:
             if record.index not in self.failed and not self._add(record, times):
                 self.failed[record.index] = INCOMPLETE
-        common = times.common(asked)
+        common = times.common(swept.asked)
         self.along = ROW if common is None else TIME.name
         # Of rows, their numbers.
         self._times: NDArray[Any] = np.arange(times.longest.size) if common is None else common
@@ -417,13 +432,20 @@ class Gathered:
             )
         return lines
 
-    def attributes(self, given: Mapping[str, object]) -> dict[str, object]:
-        """Attributes that all cases share, those given, swept keys, failed and waiting cases, notes."""
+    @property
+    def attributes(self) -> dict[str, object]:
+        """Attributes that all cases share, swept keys, failed and waiting cases, notes."""
         lost = sorted(self.failed.items())
         waiting = " ".join(f"{index:04d}" for index, reason in lost if reason == WAITING)
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in lost if reason != WAITING)
-        own = {"swept": " ".join(self._keys), "complete": int(not waiting), "failed": report}
-        return {**self._shared, **given, **own, "incomplete": waiting, "notes": "\n".join(self.notes)}
+        own = {"swept": " ".join(self._swept.keys), "complete": int(not waiting), "failed": report}
+        return {
+            **self._shared,
+            **self._swept.sampling,
+            **own,
+            "incomplete": waiting,
+            "notes": "\n".join(self.notes),
+        }
 
 
 def _numbered(cases: Collection[int]) -> str:
@@ -511,22 +533,13 @@ def labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
 
-def collect(
-    directory: str | Path,
-    records: Sequence[CaseRecord],
-    keys: Sequence[str],
-    attributes: Mapping[str, str | int | float] | None = None,
-    listed: bool = False,
-    unit: Callable[[str], str] = str,
-    asked: Asked = None,
-) -> Path:
+def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) -> Path:
     """Write DIR/sweep.h5 from the files of the cases; return its path.
 
-    A case that failed or whose file is not complete is NaN, and is named in the attribute `failed`. The
-    attributes given are added to those of `Gathered`, whose other arguments are given too.
+    A case that failed or whose file is not complete is NaN, and is named in the attribute `failed`.
     """
     path = Path(directory) / SWEEP_FILE
-    sweep = Gathered(records, keys, listed, unit, asked)
+    sweep = Gathered(records, swept)
     with new_file(path) as file:
         h5 = file.begin()
         coordinates = sweep.coordinates
@@ -554,7 +567,7 @@ def collect(
                     start = (*place, *(0 for _ in values.shape))
                     write_at(columns[name].id, start, values.reshape(*(1 for _ in place), *values.shape))
             file.check()
-        h5.attrs.update(sweep.attributes(attributes or {}))
+        h5.attrs.update(sweep.attributes)
     return path
 
 
@@ -569,18 +582,11 @@ def _options(shape: tuple[int, ...]) -> dict[str, Any]:
     return options
 
 
-def labelled(
-    records: Sequence[CaseRecord],
-    keys: Sequence[str],
-    attributes: Mapping[str, str | int | float],
-    listed: bool = False,
-    unit: Callable[[str], str] = str,
-    asked: Asked = None,
-) -> xarray.Dataset:
+def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
     """Return cases as `open_results` does a folder; with fields of those in memory, if their grids agree."""
     import xarray
 
-    sweep = Gathered(records, keys, listed, unit, asked)
+    sweep = Gathered(records, swept)
     columns = {name: np.full(shape, np.nan) for name, (*_, shape) in sweep.columns.items()}
     for place, curves in sweep.curves():
         for name, values in curves.items():
@@ -595,16 +601,20 @@ def labelled(
     cases = [record.source for record in records if isinstance(record.source, xarray.Dataset)]
     first = cases[0] if cases else xarray.Dataset()
     if first.sizes.get("snapshot") and all(_surface(case) == _surface(first) for case in cases):
-        for name in (each for each in FIELDS if all(each in case for case in cases)):
+        for name in (each for each in SNAPSHOT_FIELDS if all(each in case for case in cases)):
             fields = np.full((*sweep.shape, *first[name].shape), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
                 if isinstance(record.source, xarray.Dataset):
                     fields[place] = record.source[name].to_numpy()
             held[name] = ((*sweep.dimensions, *first[name].dims), fields, first[name].attrs)
-        coords |= {str(name): first[name].variable for name in first[FIELDS[0]].dims}
-    return xarray.Dataset(held, coords, sweep.attributes(attributes)).set_coords(TIME.name)
+        coords |= {
+            name: first[name].variable
+            for name in ("snapshot", "x", "y", "z", "layer", "spring")
+            if name in first.coords
+        }
+    return xarray.Dataset(held, coords, sweep.attributes).set_coords(TIME.name)
 
 
 def _surface(case: xarray.Dataset) -> list[Any]:
     """Return the coordinates of the snapshots, for a comparison."""
-    return [case[name].to_numpy().tolist() for name in ("snapshot", "x", "y") if name in case.coords]
+    return [case[name].to_numpy().tolist() for name in ("snapshot", "x", "y", "z") if name in case.coords]

@@ -4,7 +4,7 @@ An HDF5 file does not survive a killed process; a file of .npy arrays that only 
 into a journal, and its HDF5 file is written from the journal at the end. The journal is a sequence of blocks:
 
     (columns), the columns of some rows
-    (0, places of the fields in `schema.FIELDS`, from 1), the time of a snapshot, its fields
+    (0, places of the fields in `schema.SNAPSHOT_FIELDS`, from 1), the time of a snapshot, its fields
 
 A block never changes. A checkpoint holds the position behind the last one; a resumed case goes on there, over
 whatever follows.
@@ -29,11 +29,12 @@ from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.files.locks import regular_and_no_link
 from gfmdlayer.observables import Column
 from gfmdlayer.results.provenance import now, provenance
-from gfmdlayer.results.schema import FIELDS, VARIABLES, ResultsError, Variable
+from gfmdlayer.results.schema import BELOW, FIELDS, VARIABLES, ResultsError, Variable
 
 if TYPE_CHECKING:
     import xarray
 
+    from gfmdlayer.body.depths import Place
     from gfmdlayer.grid.grid import Grid
 
 HELD = 1 << 24  # bytes in memory at most, before they are written
@@ -56,9 +57,10 @@ class Recorder(Protocol):
         /,
         *others: FloatArray | None,
     ) -> None:
-        """Record the surface at a time, by arrays of the grid's shape, in the order of `schema.FIELDS`.
+        """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`.
 
-        The traction is given with attraction only, the imprint with a hardness, shear and slip with friction.
+        The traction is given with attraction only, the imprint with a hardness, shear and slip with friction,
+        the displacements of body and counterbody where both deform.
         """
         ...
 
@@ -185,8 +187,10 @@ class Journal:
             for array in (_places(fields), np.array(time)):
                 yield from (_head(array.dtype, array.shape), array)
             for field in (each for each in fields if each is not None):
-                yield _head(field.dtype, grid.points)
-                yield from (block for _, block in grid.blocks(field, rows))
+                first = field.shape[: field.ndim - len(grid.points)]  # depths or springs
+                yield _head(field.dtype, (*first, *grid.points))
+                for part in field.reshape(-1, *grid.shape):
+                    yield from (block for _, block in grid.blocks(part, rows))
 
         every = parts()
         try:
@@ -269,7 +273,9 @@ class Recording:
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
-        self.fields: list[tuple[Any, ...]] = []  # time, then those of FIELDS, None where one is not given
+        self.fields: list[
+            tuple[Any, ...]
+        ] = []  # time, then those of SNAPSHOT_FIELDS, None where one is not given
         self.noted: dict[str, Attribute] = {}
         self._started, self._begun = now(), time.monotonic()
 
@@ -291,8 +297,12 @@ class Recording:
         columns: Sequence[Column],
         attributes: Mapping[str, str | float],
         unit: Callable[[str], str] = str,
+        places: Sequence[Place] = (),
     ) -> xarray.Dataset:
-        """Return the results as `open_case` gives them; `attributes` come in addition to the provenance."""
+        """Return the results as `open_case` gives them; `attributes` come in addition to the provenance.
+
+        `places` are those of the fields below the surface.
+        """
         import xarray
 
         columns = [column.in_units(unit) for column in columns]
@@ -302,13 +312,14 @@ class Recording:
             for name, x in coordinates.items()
         }
         held |= self._columns(columns)
-        held |= self._snapshots({name: len(held[name][1]) for name in coordinates}, known)
+        lengths = {name: len(held[name][1]) for name in coordinates}
+        held |= self._snapshots(lengths, known) | self._below(lengths, known, places)
         ended = {"started": self._started, "finished": now(), "wall_seconds": time.monotonic() - self._begun}
         counts = {"rows": len(self.rows), "snapshots": len(self.fields), "complete": 1}
         described = {**provenance(), **ended, **attributes, **self.noted, **counts}
         indices = {name for name, (dims, *_) in held.items() if dims == (name,)}
         ends = {name for each in columns if each.along is not None for name, *_ in each.along.ends}
-        coords = {name: held.pop(name) for name in indices | (ends & held.keys())}
+        coords = {name: held.pop(name) for name in indices | (ends & held.keys()) | ({"layer"} & held.keys())}
         return xarray.Dataset(held, coords, described)
 
     def _columns(self, columns: Sequence[Column]) -> dict[str, Any]:
@@ -334,4 +345,29 @@ class Recording:
             if given and given[0] is not None:
                 values = np.reshape([fields[place] for fields in self.fields], (-1, *lengths.values()))
                 found[name] = (("snapshot", *lengths), values, known[name].described)
+        return found
+
+    def _below(
+        self, lengths: Mapping[str, int], known: Mapping[str, Variable], places: Sequence[Place]
+    ) -> dict[str, Any]:
+        """Return the fields below the surface, NaN in the snapshots that have none."""
+        found: dict[str, Any] = {}
+        for at, (name, first) in enumerate(BELOW.items(), start=1 + len(FIELDS)):
+            given = [fields[at] if at < len(fields) else None for fields in self.fields]
+            example = next((each for each in given if each is not None), None)
+            if example is None:
+                continue
+            values = np.full((len(given), *np.shape(example)), np.nan, dtype=known[name].dtype)
+            for i, each in enumerate(given):
+                if each is not None:
+                    values[i] = each
+            found[name] = ((("snapshot", first, *lengths)), values, known[name].described)
+            rows = [place.depth for place in places] if first == "z" else range(len(example))
+            found[first] = ((first,), np.array(rows), known[first].described)
+        if "z" in found:
+            found["layer"] = (
+                ("z",),
+                np.array([place.layer for place in places]),
+                known["layer"].described,
+            )
         return found

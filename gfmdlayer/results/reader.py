@@ -13,17 +13,17 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
 from gfmdlayer.config import ConfigError, load
-from gfmdlayer.config.sweeps import combinations, is_listed, sampling, swept_keys
+from gfmdlayer.config.sweeps import combinations
 from gfmdlayer.files.locks import open_for_writing, read_json, regular
 from gfmdlayer.files.whole import is_intact
-from gfmdlayer.results.gathering import WAITING, CaseRecord, labelled
-from gfmdlayer.results.schema import FIELDS, SWEEP_FILE, ResultsError
+from gfmdlayer.results.gathering import WAITING, CaseRecord, Swept, labelled
+from gfmdlayer.results.schema import FIELDS, SNAPSHOT_FIELDS, SWEEP_FILE, ResultsError, in_order
 from gfmdlayer.results.stored import case_numbers, document
 
 if TYPE_CHECKING:
@@ -39,11 +39,6 @@ VERIFIED = 1 << 28  # bytes of a file that is verified when it is opened: a quar
 def case_path(directory: str | Path, index: int) -> Path:
     """Return the path of a case's file in a folder of results."""
     return Path(directory) / "cases" / f"{index:04d}.h5"
-
-
-def sweep_path(directory: str | Path) -> Path:
-    """Return the path of the sweep file in a folder of results."""
-    return Path(directory) / SWEEP_FILE
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
@@ -79,18 +74,19 @@ def replay(path: Path, until: float, recorder: Recorder) -> None:
             values = [dataset[start : min(start + _ROWS_READ, rows)] for dataset in columns.values()]
             for row in zip(*values, strict=True):
                 recorder.row(**dict(zip(columns, row, strict=True)))
-        last = max((place for place, name in enumerate(FIELDS, start=1) if name in fields), default=0)
         for i, time in enumerate(fields["snapshot"][:].tolist()):
             if time <= until:
-                given: list[Any] = [fields[name][i] if name in fields else None for name in FIELDS[:last]]
-                recorder.snapshot(time, *given)
+                given = {name: fields[name][i] for name in SNAPSHOT_FIELDS if name in fields}
+                # NaN in the snapshots without fields below the surface
+                known = {n: each for n, each in given.items() if n in FIELDS or not np.isnan(each.flat[0])}
+                recorder.snapshot(time, *in_order(known))
 
 
 def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], dict[str, h5py.Dataset]]:
     """Return the columns of rows, and time and fields of the snapshots, by name."""
     columns = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
     # Earlier versions wrote no gap, and the hard wall has no traction.
-    fields = {name: columns.pop(name) for name in ("snapshot", *FIELDS) if name in columns}
+    fields = {name: columns.pop(name) for name in ("snapshot", *SNAPSHOT_FIELDS) if name in columns}
     return columns, fields
 
 
@@ -178,7 +174,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     directory = Path(directory)
     if not directory.is_dir():
         raise ResultsError(f"{directory}: no such folder")
-    sweep, config = sweep_path(directory), directory / "config.yaml"
+    sweep, config = directory / SWEEP_FILE, directory / "config.yaml"
     files = sorted((directory / "cases").glob("*.h5"))
     if not sweep.exists() and not (directory / "cases").is_dir():
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
@@ -219,9 +215,8 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
         records.append(CaseRecord(number, path, values, missing))
     if all(record.failed for record in records):
         raise ResultsError(f"{directory}: no complete case")
-    keys, times = swept_keys(sweep), (data.get("output") or {}).get("times")
-    asked = None if "output.times" in keys else times
-    return labelled(records, keys, sampling(sweep), is_listed(sweep), _unit(config), asked)
+    times = (data.get("output") or {}).get("times")
+    return labelled(records, Swept.of(sweep, _unit(config), times))
 
 
 def _unit(config: Path) -> Callable[[str], str]:
@@ -273,10 +268,14 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
         from gfmdlayer.results.fields_of_cases import FieldOfCases
 
         axes = {
-            name: example[name].variable.load() for name in ("snapshot", "x", "y") if name in example.coords
+            name: example[name].variable.load()
+            for name in ("snapshot", "z", "layer", "x", "y")
+            if name in example.variables
         }
         added = {}
-        for name in FIELDS:
+        keys = sweep.attrs["swept"].split()
+        alike = not any(key.endswith("thickness") or key.startswith("output.inside") for key in keys)
+        for name in SNAPSHOT_FIELDS if alike else FIELDS:
             if name in example:
                 field, times = example[name].variable, axes["snapshot"].to_numpy()
                 lazy = indexing.LazilyIndexedArray(FieldOfCases(files, name, field.shape, times))

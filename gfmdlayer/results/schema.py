@@ -8,9 +8,9 @@ and "1" for dimensionless quantities.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gfmdlayer.validation.sections import described
 
@@ -82,15 +82,64 @@ VARIABLES: dict[str, Variable] = {
         )
         for axis in "xy"
     },
+    "z": Variable(
+        "depth below the surface", "length", origin="of the undeformed body; an interface is there twice"
+    ),
+    "layer": Variable("number of the layer at the depth", "1", "i8", origin="from the surface, 0"),
+    **{
+        f"displacement_{axis}": Variable(
+            f"displacement along {axis}" + ", positive downward" * (axis == "z"),
+            "length",
+            "f4",
+            origin="below the surface",
+        )
+        for axis in "xyz"
+    },
+    **{
+        f"stress_{axes}": Variable(
+            f"{words}, positive in tension", "pressure", "f4", origin="below the surface"
+        )
+        for axes, words in (
+            ("xx", "normal stress along x"),
+            ("yy", "normal stress along y"),
+            ("zz", "normal stress along z, of an interface the peel stress"),
+        )
+    },
+    **{
+        f"stress_{axes}": Variable(f"shear stress {axes}", "pressure", "f4", origin="below the surface")
+        for axes in ("xy", "xz", "yz")
+    },
+    "von_mises": Variable("von Mises stress", "pressure", "f4", origin="below the surface"),
+    "spring": Variable("number of the spring", "1", "i8", origin="from the surface, 0"),
+    "spring_strain": Variable("strain of each spring of the layers", "length", origin="for other depths"),
+    "spring_force": Variable("force of each spring of the layers", "pressure", origin="for other depths"),
+    **{
+        f"displacement_{name}": Variable(
+            f"normal displacement of the surface of the {name}, positive out of it",
+            "length",
+            origin="from the surface at rest",
+        )
+        for name in ("body", "counterbody")
+    },
     "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
 }
 
 # Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness, shear
-# and slip with friction.
+# and slip with friction, the displacement of each of two bodies.
 FIELDS = (
     "displacement", "pressure", "gap", "traction", "imprint", "shear_x", "shear_y", "slip_velocity_x",
-    "slip_velocity_y",
+    "slip_velocity_y", "displacement_body", "displacement_counterbody",
 )  # fmt: skip
+# Fields of the snapshots below the surface, after those above, and their first dimension. Springs only where
+# the layers relax by different laws: they determine the fields at all depths (`body.inside`).
+BELOW = {
+    **dict.fromkeys((f"displacement_{axis}" for axis in "xyz"), "z"),
+    **dict.fromkeys((f"stress_{axes}" for axes in ("xx", "yy", "zz", "xy", "xz", "yz")), "z"),
+    "von_mises": "z",
+    "spring_strain": "spring",
+    "spring_force": "spring",
+}
+SNAPSHOT_FIELDS = (*FIELDS, *BELOW)
 SWEEP_FILE = "sweep.h5"
 SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
@@ -136,6 +185,11 @@ _OF_A_BRANCH = {
     "G": ("modulus of a branch of the layer", "G"),
     "tau": ("relaxation time of a branch of the layer", "tau"),
 }
+
+
+def in_order(fields: Mapping[str, Any]) -> list[Any]:
+    """Return fields of a snapshot in the order of `SNAPSHOT_FIELDS`, None where one is not given."""
+    return [fields.get(name) for name in SNAPSHOT_FIELDS[: 1 + max(map(SNAPSHOT_FIELDS.index, fields))]]
 
 
 def parameter(key: str) -> Parameter | None:

@@ -2,7 +2,10 @@
 
     time(time), the columns of the observables                    x(x)[, y(y)]
     snapshot(snapshot), displacement, pressure, gap; traction with attraction, imprint with a hardness,
-    shear_x, slip_velocity_x with friction                                             (snapshot, x[, y])
+    shear_x, slip_velocity_x with friction; displacement_body, displacement_counterbody where both deform
+                                                                                       (snapshot, x[, y])
+    z(z), layer(z); displacement_x, stress_xx and others                  (snapshot, z, x[, y])
+    spring_strain, spring_force, from which these follow at any depth     (snapshot, spring, x[, y])
 
 Rows are appended ROWS_HELD at a time and snapshots are written at once, so that a run of any length needs the
 same memory. Chunks carry checksums: damaged data are refused when they are read. The file ends with a seal,
@@ -13,12 +16,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
@@ -31,7 +34,10 @@ from gfmdlayer.results.gathering import dimension_names, labels
 from gfmdlayer.results.netcdf import NewFile, add_variable, append, contents, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now, provenance
-from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable, described_key
+from gfmdlayer.results.schema import BELOW, SNAPSHOT_FIELDS, VARIABLES, Variable, described_key
+
+if TYPE_CHECKING:
+    from gfmdlayer.body.depths import Place
 
 # The template of a case file: all variables without their values.
 #
@@ -96,7 +102,9 @@ def _growing(*places: int) -> dict[str, Any]:
     return {**shapes, "fletcher32": True}
 
 
-def add_field(h5: h5py.File, name: str, axes: tuple[str, ...], known: Variable) -> h5py.Dataset:
+def add_field(
+    h5: h5py.File, name: str, axes: tuple[str, ...], known: Variable, **options: Any
+) -> h5py.Dataset:
     """Add a variable of the snapshots, in blocks of at most BLOCK points."""
     shape = tuple(len(h5[axis]) for axis in axes)
     rows = -(-shape[0] // -(-math.prod(shape) // BLOCK))
@@ -110,6 +118,7 @@ def add_field(h5: h5py.File, name: str, axes: tuple[str, ...], known: Variable) 
         maxshape=(None, *shape),
         chunks=(1, rows, *shape[1:]),
         **PACKED,
+        **options,
     )
 
 
@@ -124,7 +133,7 @@ class CaseWriter:
 
     `coordinates` of the grid are in the order of the arrays' axes. `attributes` take precedence over the
     provenance, so that a resumed case keeps the time of its first start; `elapsed` are the seconds of earlier
-    runs, added to `wall_seconds`.
+    runs, added to `wall_seconds`. `places` are those of the fields below the surface.
     """
 
     def __init__(
@@ -136,8 +145,9 @@ class CaseWriter:
         elapsed: float = 0.0,
         unit: Callable[[str], str] = str,
         swept: Mapping[str, object] = MappingProxyType({}),
+        places: Sequence[Place] = (),
     ) -> None:
-        self.path = Path(path)
+        self.path, self._places = Path(path), places
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
         self._shape = tuple(len(values) for values in self._coordinates.values())
         self._attributes, self._swept, self._unit = dict(attributes or {}), swept, unit
@@ -202,29 +212,52 @@ class CaseWriter:
         pressure: NDArray[np.float64],
         *others: NDArray[np.float64] | None,
     ) -> None:
-        """Record the surface at a time, by arrays of the shape of the grid, in the order of `schema.FIELDS`.
+        """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`.
 
-        Gap, traction and the others are given in every snapshot or in none. Arrays of another shape are a
+        Gap, traction and the others of the shape of the grid are given in every snapshot or in none; those
+        below the surface have depths or springs as their first axis. Arrays of another shape are a
         ValueError.
         """
         if self._columns is None:
             self._begin(("time",))
-        given = dict(zip(FIELDS, (displacement, pressure, *others), strict=False))
-        fields = {name: field for name, field in given.items() if field is not None}
-        if not self._growing["snapshot"].shape[0]:
-            for name in [name for name in fields if name not in self._growing]:
-                added = add_field(self._h5, name, tuple(self._coordinates), dict(self._fields)[name])
-                self._growing[name] = added.id
-        for name in FIELDS:
-            if (name in fields) != (name in self._growing):
+        given = dict(zip(SNAPSHOT_FIELDS, (displacement, pressure, *others), strict=False))
+        fields = {name: np.asarray(field) for name, field in given.items() if field is not None}
+        count = self._growing["snapshot"].shape[0]
+        for name, field in fields.items():
+            if name not in self._growing and (name in BELOW or not count):
+                self._add_field(name, field, count)
+        for name in SNAPSHOT_FIELDS:
+            if name not in BELOW and (name in fields) != (name in self._growing):
                 raise ValueError(f"{self.path}: some snapshots have a {name} and others have none")
         for name, field in fields.items():
-            if np.shape(field) != self._shape:
-                raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {self._shape}")
+            shape = (*self._growing[name].shape[1:2], *self._shape) if name in BELOW else self._shape
+            if field.shape != shape:
+                raise ValueError(f"{self.path}: {name} of shape {field.shape}; must be {shape}")
         append(self._growing["snapshot"], [time])
         for name, field in fields.items():
-            append(self._growing[name], np.asarray(field)[np.newaxis])
+            append(self._growing[name], field[np.newaxis])
+        for name in BELOW.keys() & self._growing.keys() - fields.keys():  # unwritten chunks take no space
+            self._growing[name].set_extent((count + 1, *self._growing[name].shape[1:]))
         self._file.check()
+
+    def _add_field(self, name: str, field: NDArray[Any], count: int) -> None:
+        """Add a field of the snapshots, of which some before it may have no fields below the surface."""
+        known, axes, options = dict(self._fields), tuple(self._coordinates), {}
+        if (first := BELOW.get(name)) is not None:
+            axes, options = (first, *axes), {"fillvalue": np.nan}
+            if first not in self._h5:
+                values = [place.depth for place in self._places] if first == "z" else range(len(field))
+                described = known[first].described
+                add_variable(self._h5, first, (first,), described, data=values, dtype=known[first].dtype)
+            if first == "z" and "layer" not in self._h5:
+                layers = [place.layer for place in self._places]
+                add_variable(self._h5, "layer", ("z",), known["layer"].described, data=layers, dtype="i8")
+        added = add_field(self._h5, name, axes, known[name], **options)
+        if first == "z":
+            added.attrs["coordinates"] = "layer"
+        self._growing[name] = added.id
+        if count and first is not None:
+            added.id.set_extent((count, *added.shape[1:]))
 
     def note(self, **attributes: Attribute) -> None:
         """Add attributes of the file that are known at the end of the run."""

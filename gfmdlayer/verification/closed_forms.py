@@ -256,7 +256,8 @@ def stiffness_limits(_quick: bool) -> Iterator[Row]:
     def worst(values: object) -> float:
         return float(np.abs(np.asarray(values) - 1).max())
 
-    thick = [LayeredHalfspace(math.inf, nu, 7.0).layer_factor(q, 3.0) for nu in (0.0, 0.3, 0.5)]
+    deep = [LayeredHalfspace(d, nu, 7.0) for d in (math.inf, 1e300) for nu in (0.0, 0.3, 0.5)]
+    thick = [body.layer_factor(q, 3.0) for body in deep]
     yield Row("S - 1, d = inf", 0.0, worst(thick), _ROUNDING, "Eq. (29)")
     alike = [LayeredHalfspace(1.0, nu, 5.0, nu).layer_factor(q, 5.0) for nu in (0.0, 0.3, 0.5)]
     yield Row("S - 1, layer of the halfspace's material", 0.0, worst(alike), _ROUNDING, "Eq. (12), m = n = 0")

@@ -78,6 +78,17 @@ def test_short_waves_are_those_of_the_springs(name: str) -> None:
     np.testing.assert_allclose(found, ZONE[name], rtol=1e-11)
 
 
+@pytest.mark.parametrize("lattice", [*(cubic(ratio) for ratio in (0.05, 1.0, 20.0)), fcc(), fcc(layers=3)])
+def test_lattices_are_stable_on_the_whole_zone(lattice: Lattice) -> None:
+    q = 2 * np.pi * np.fft.fftfreq(64) / lattice.spacing
+    waves = Wavevectors.of_components(q[:, np.newaxis], q)
+    found = lattice.stiffness(waves, 0.0)
+    assert (found[waves.magnitude > 0] > 0).all()
+    # Fourfold axis and mirrors of both faces.
+    np.testing.assert_allclose(found, found.T, rtol=1e-10)
+    np.testing.assert_allclose(found[1:], found[:0:-1], rtol=1e-10)
+
+
 @pytest.mark.parametrize(
     ("lattice", "expected"),
     [
@@ -177,6 +188,138 @@ def test_an_array_of_another_code_is_a_body_on_its_grid(tmp_path: Path) -> None:
         gfmdlayer.ConfigError, match=r"holds an array of shape \(32, 32\); must be that of grid"
     ):
         gfmdlayer.run(config | {"grid": {"points": [16, 32]}}, body=own)
+
+
+def stroh(constants: Any, axes: Any, phi: float) -> float:
+    """Return K/q by Stroh's six-dimensional eigenproblem; the rows of `axes` are x, y and z of the grid."""
+    voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+    C = np.asarray(constants)[voigt[:, :, None, None], voigt]
+    e, z = np.cos(phi) * axes[0] + np.sin(phi) * axes[1], axes[2]
+    Q, R, T = (np.einsum("j,ijkl,l", a, C, b) for a, b in ((e, e), (e, z), (z, z)))
+    W = np.linalg.inv(T)
+    p, v = np.linalg.eig(np.block([[-W @ R.T, W], [R @ W @ R.T - Q, -R @ W]]))
+    A, B = v[:3, p.imag > 0], v[3:, p.imag > 0]
+    return float(1 / (z @ (1j * A @ np.linalg.inv(B)) @ z).real)
+
+
+def test_any_elastic_constants_in_any_orientation_agree_with_stroh() -> None:
+    random = np.random.default_rng(4)
+    for _ in range(8):
+        X, z = random.standard_normal((6, 6)), random.standard_normal(3)
+        C, x = X @ X.T + 2 * np.eye(6), np.cross(z, random.standard_normal(3))
+        body = Anisotropic(C=((C + C.T) / 2).tolist(), normal=z.tolist(), along=x.tolist(), angle=17.0)
+        axes = np.array([each / np.linalg.norm(each) for each in (x, np.cross(z, x), z)])
+        phi = random.uniform(0, 2 * np.pi, 3)
+        found = body.stiffness(at(np.degrees(phi), 2.0), 0.0) / 2.0
+        expected = [stroh(C, axes, each - np.radians(17.0)) for each in phi]
+        # The eigenvectors of a random body lose two digits.
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_the_orientation_turns_the_crystal() -> None:
+    """About [001] like `angle`; the threefold axis of a face (111) is a sixfold one of K(q) = K(-q)."""
+    silicon: dict[str, Any] = {"C11": 165.8, "C12": 63.9, "C44": 79.6}
+    turned, angled = Anisotropic(**silicon, along=(1, 1, 0)), Anisotropic(**silicon, angle=-45.0)
+    waves = at([0.0, 10.0, 50.0], 3.0)
+    np.testing.assert_allclose(turned.stiffness(waves, 0.0), angled.stiffness(waves, 0.0), rtol=1e-13)
+    matrix = Anisotropic(C=Anisotropic(**silicon).constants)
+    assert (matrix.stiffness(waves, 0.0) == Anisotropic(**silicon).stiffness(waves, 0.0)).all()
+    face = Anisotropic(**silicon, normal=(1, 1, 1), along=(1, -1, 0))
+    six = face.stiffness(at(10.0 + 60.0 * np.arange(6), 1.0), 0.0)
+    np.testing.assert_allclose(six, six[0], rtol=1e-12)
+    assert face.stiffness(at(40.0, 1.0), 0.0) != pytest.approx(six[0], rel=1e-3)
+
+
+def coefficients(n: int, m: int, axes: int) -> Any:
+    """Return random Hermitian Phi(q) > 0 with Phi(-q) = conj Phi(q), shape (n, m, axes, axes)."""
+    fields = np.random.default_rng(5).standard_normal((n, m, axes, axes))
+    A = np.fft.fft2(fields, axes=(0, 1))
+    return A @ A.swapaxes(-1, -2).conj() + np.eye(axes)
+
+
+def fix_gfc(Phi: Any, cell: Any, atoms: int = 1) -> bytes:
+    """Return the file that LAMMPS's `fix gfc` writes."""
+    n, m, size, _ = Phi.shape
+    head = np.array([size // atoms, n, m, atoms], dtype="<i4").tobytes() + np.float64(8.6e-5).tobytes()
+    return bytes(head + Phi.astype("<c16").tobytes() + np.ravel(cell).tobytes() + np.zeros(size).tobytes())
+
+
+def test_stiffness_measured_by_molecular_dynamics_is_a_body(tmp_path: Path) -> None:
+    """The relaxed stiffness of the atoms along the normal: Phi_zz less what the other directions give."""
+    Phi, table = coefficients(8, 10, 3), tmp_path / "crystal.bin.5000"
+    table.write_bytes(fix_gfc(Phi, [[0.5, 0], [0, 0.25]]))
+    inner, side = np.linalg.inv(Phi[..., :2, :2]), Phi[..., :2, 2:]
+    freed = Phi[..., 2, 2] - (side.swapaxes(-1, -2).conj() @ inner @ side)[..., 0, 0]
+    K = freed.real / (0.5 * 0.25)
+    qx, qy = (2 * np.pi * np.fft.fftfreq(n, d) for n, d in ((8, 0.5), (10, 0.25)))
+    waves = Wavevectors.of_components(qx[:, np.newaxis], qy)
+    found = Tabulated(table=table).stiffness(waves, 0.0)
+    np.testing.assert_allclose(found[waves.magnitude > 0], K[waves.magnitude > 0], rtol=1e-12)
+    assert found[0, 0] == 0
+
+    import h5py
+
+    other = tmp_path / "crystal.h5"
+    with h5py.File(other, "w") as h5:
+        h5["stiffness"] = K
+        h5["stiffness"].attrs["period"] = [4.0, 2.5]
+    np.testing.assert_allclose(Tabulated(table=other).stiffness(waves, 0.0), found, rtol=1e-12)
+    config: dict[str, Any] = {
+        "grid": {"points": [8, 10], "period": [4.0, 2.5]},
+        "trajectory": {"depth": 0.01},
+    }
+    config |= {"time": {"end": 1.0, "step": 1.0}, "punch": {"shape": "parabola", "radius": 2.0}}
+    one, two = (gfmdlayer.run(config, body={"kind": "table", "table": str(each)}) for each in (table, other))
+    assert float(one.force[-1]) == pytest.approx(float(two.force[-1]), rel=1e-10)
+
+
+def test_a_chain_of_atoms_is_a_line(tmp_path: Path) -> None:
+    Phi, table = coefficients(16, 1, 2), tmp_path / "chain.bin.1"
+    table.write_bytes(fix_gfc(Phi, [[0.5, 0], [0, 0]]))
+    freed = Phi[:, 0, 1, 1].real - np.abs(Phi[:, 0, 0, 1]) ** 2 / Phi[:, 0, 0, 0].real
+    q = 2 * np.pi * np.arange(1, 9) / 8.0
+    np.testing.assert_allclose(Tabulated(table=table).stiffness(q, 0.0), freed[1:9] / 0.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"short", "it ends within its head"),
+        (fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0, 1]])[:-8], "it has .* bytes; must be"),
+        (
+            fix_gfc(coefficients(8, 8, 6), [[1, 0.0], [0, 1]], atoms=2),
+            "its cells have 2 atoms; must have one",
+        ),
+        (fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0.5, 1]]), "its cells are skew"),
+        (fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0, 1]]), r"has the period \[8.0, 8.0\]; must be"),
+    ],
+)
+def test_other_files_of_molecular_dynamics_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
+    table = tmp_path / "crystal.bin.5000"
+    table.write_bytes(data)
+    grid = {"points": [8, 8], "period": 1.0}
+    with pytest.raises(gfmdlayer.ConfigError, match=message):
+        gfmdlayer.Config(name="a", grid=grid, body={"kind": "table", "table": str(table)})
+
+
+def test_arrays_that_are_no_stiffness_are_refused(tmp_path: Path) -> None:
+    table, grid = tmp_path / "crystal.npy", {"points": [8, 8]}
+    for values, message in (
+        (np.arange(64.0).reshape(8, 8) + 1, "differs between q and -q"),
+        (-np.ones((8, 8)), "must hold finite numbers along one axis or two, > 0"),
+    ):
+        np.save(table, values)
+        with pytest.raises(gfmdlayer.ConfigError, match=message):
+            gfmdlayer.Config(name="a", grid=grid, body={"kind": "table", "table": str(table), "period": 1.0})
+    other = tmp_path / "crystal.h5"
+    other.write_bytes(b"no HDF5")
+    with pytest.raises(gfmdlayer.ConfigError, match="cannot be read as an array"):
+        gfmdlayer.Config(name="a", grid=grid, body={"kind": "table", "table": str(other)})
+
+
+def test_atoms_are_points_of_the_grid_in_solve_too() -> None:
+    with pytest.raises(gfmdlayer.ConfigError, match=r"spacing: got 1\.0 on a grid of spacing 0\.125"):
+        gfmdlayer.solve(cubic(1.0), gfmdlayer.Parabola(radius=1.0), depth=0.01, points=(8, 8), period=1.0)
 
 
 def test_a_contact_on_a_crystal_tends_to_that_on_its_continuum() -> None:

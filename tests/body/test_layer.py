@@ -116,41 +116,6 @@ def test_incompressible_solid_follows_equation_15(G: complex) -> None:
             assert relative_error(LayeredHalfspace(x, 0.5, bulk).layer_factor(1.0, G), exact) < ROUNDING
 
 
-@pytest.mark.parametrize("bulk", CONTRASTS)
-@pytest.mark.parametrize("nu", POISSON)
-def test_infinitely_thick_layer_is_a_halfspace_of_its_material(nu: float, bulk: float) -> None:
-    q = np.array([1e-8, 1.0, 1e6])
-    for thickness in (math.inf, 1e300):
-        body = LayeredHalfspace(thickness, nu, bulk)
-        np.testing.assert_allclose(body.stiffness(q, 3.0), q * 3.0 / (1 - nu), rtol=ROUNDING)
-
-
-@pytest.mark.parametrize("nu", POISSON)
-@pytest.mark.parametrize("nu_bulk", POISSON)
-def test_without_a_layer_the_surface_is_the_halfspace(nu: float, nu_bulk: float) -> None:
-    q, G = np.array([1e-8, 1.0, 1e6]), np.array([[1e-6], [1.0], [1e6], [1.0 + 5.0j]])
-    stiffness = LayeredHalfspace(0.0, nu, 7.0, nu_bulk).stiffness(q, G)
-    np.testing.assert_allclose(stiffness, np.broadcast_to(q * 7.0 / (1 - nu_bulk), (4, 3)), rtol=ROUNDING)
-
-
-def test_layer_of_the_halfspace_material_changes_nothing() -> None:
-    q = np.logspace(-8, 6, 29)
-    for nu in POISSON:
-        np.testing.assert_allclose(LayeredHalfspace(1.0, nu, 5.0, nu).layer_factor(q, 5.0), 1, rtol=ROUNDING)
-
-
-def test_thin_incompressible_layer_is_squeezed_like_a_lubricant_on_a_rigid_base() -> None:
-    # S -> (2/3) (qd)^3, that is K -> 3 G/(q^2 d^3); the next term of the series is (6/5) (qd)^2 of it.
-    x = np.array([1e-8, 1e-5, 1e-3])
-    factor = LayeredHalfspace(1.0, 0.5, math.inf).layer_factor(x, 1.0)
-    np.testing.assert_allclose(factor, 2 / 3 * x**3, rtol=2e-6)
-
-
-def test_thin_incompressible_layer_has_the_stiffness_of_its_base() -> None:
-    # S -> G/G_bulk, the correction being of first order in qd times the contrast.
-    assert LayeredHalfspace(1e-8, 0.5, 4.0).layer_factor(1.0, 1.0) == pytest.approx(0.25, rel=1e-7)
-
-
 @pytest.mark.parametrize("bulk", [0.0, 1e-3, 1.0, 1e3])
 def test_mean_height_is_free_on_a_deformable_base(bulk: float) -> None:
     assert LayeredHalfspace(0.1, 0.3, bulk).stiffness(0.0, 1.0) == 0

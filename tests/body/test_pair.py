@@ -100,31 +100,6 @@ def test_two_stacks_face_to_face() -> None:
         np.testing.assert_allclose(found.stiffness(s), known, rtol=2e-10)
 
 
-def test_modes_agree_with_two_histories_side_by_side() -> None:
-    """Backward Euler commutes with the elimination of the displacement between the bodies."""
-    (one, two), dt = ((2.0, [3.0, 5.0], [0.1, 10.0]), (4.0, [1.0, 20.0], [0.5, 10.0])), 0.05
-    modes = in_series(spectrum(one), spectrum(two)).spectrum
-    pair = (modes.relaxed[0], modes.weights[:, 0], modes.times[:, 0])
-    u = np.sin(np.arange(1, 81) * dt) ** 2
-
-    def march(bodies: tuple[Any, ...]) -> list[float]:
-        stretch, own, found = [np.zeros(len(t)) for _, _, t in bodies], np.zeros(len(bodies)), []
-        decay = [1 / (1 + dt / np.asarray(t)) for _, _, t in bodies]
-        weights = [np.asarray(w) for _, w, _ in bodies]
-        kappa = np.array([k + w @ d for (k, _, _), w, d in zip(bodies, weights, decay, strict=True)])
-        for end in u:
-            past = zip(weights, decay, stretch, own, strict=True)
-            b = np.array([w @ (d * (before - y)) for w, d, y, before in past])
-            sigma = ((b / kappa).sum() - end) / (1 / kappa).sum()  # sigma = -kappa_i u_i + b_i, u = sum u_i
-            now = (b - sigma) / kappa
-            stretch = [d * (y + n - o) for d, y, n, o in zip(decay, stretch, now, own, strict=True)]
-            own = now
-            found.append(-sigma)
-        return found
-
-    np.testing.assert_allclose(march((one, two)), march((pair,)), rtol=1e-13)
-
-
 def test_a_body_of_fixed_mean_adds_no_compliance_to_the_mean() -> None:
     rigid_base = gfmdlayer.bonded_layer(0.1, Zener(), poisson=0.3)
     half = gfmdlayer.halfspace(Zener(tau=3.0))
@@ -209,9 +184,23 @@ def test_a_stiff_counterbody_approaches_the_rigid_punch() -> None:
         ),
         ({"thickness": 1}, {}, "counterbody.thickness: unknown key"),
         (
-            {"layer": {}},
-            {"trajectory": {"velocity": 1.0}},
-            "counterbody: relaxes while the punch moves; must be elastic, or set no velocity",
+            {"layer": {}, "velocity_ratio": 1.0},
+            {},
+            "counterbody.velocity_ratio: only for a punch that moves; remove it or set trajectory.velocity",
+        ),
+        (
+            {"layer": {}, "velocity_ratio": 1.0},
+            {
+                "trajectory": {"velocity": 1.0},
+                "punch": {
+                    "shape": "self_affine",
+                    "hurst": 0.8,
+                    "rms_slope": 0.1,
+                    "short_cutoff": 0.01,
+                    "seed": 1,
+                },
+            },
+            "counterbody.velocity_ratio: got 1.0 with a rough punch, whose heights would pass the contact",
         ),
         (
             {"layer": {}},
@@ -239,6 +228,13 @@ def test_two_halfspaces_touch_by_the_law_of_hertz() -> None:
         for body in (Pair(one, two), same)
     )
     np.testing.assert_allclose(found.pressure, known.pressure, atol=1e-6 * float(known.pressure.max()))
+    # Halfspaces share the displacement in proportion to their compliances (1 - nu)/G.
+    own, size = 0.7 / 1.0, float(abs(found.displacement).max())
+    np.testing.assert_allclose(
+        found.displacement_body, own / (own + 0.6 / 3.0) * found.displacement, atol=1e-12 * size
+    )
+    both = found.displacement_body + found.displacement_counterbody
+    np.testing.assert_allclose(both, found.displacement, atol=1e-12 * size)
 
 
 def test_layers_of_a_stack_and_a_counterbody_merge_their_modes_within_the_bound() -> None:

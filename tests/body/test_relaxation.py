@@ -67,16 +67,6 @@ def test_zener_layer_relaxes_in_three_modes(nu: float, contrast: float) -> None:
         assert (spectrum.times <= contrast * (1 + ROUNDING)).all()
 
 
-def test_relaxation_times_of_the_default_case() -> None:
-    q = 2 * np.pi * np.array([1.0, 3.0, 10.0])
-    spectrum = relaxation_spectrum(LayeredHalfspace(0.05, 0.5, 1.0), Zener(1.0, 10.0, 1.0), q)
-    times = [[1, 4.17316, 9.84365], [1, 5.32998, 8.24585], [1, 5.49934, 5.60627]]
-    # The printed digits are six.
-    np.testing.assert_allclose(np.sort(spectrum.times, axis=0).T, times, rtol=2e-6)
-    np.testing.assert_allclose(spectrum.relaxed / (2 * q), 1, rtol=1e-14)
-    np.testing.assert_allclose(spectrum.glassy / (2 * q), [1.06941, 2.24090, 9.18985], rtol=5e-6)
-
-
 poisson_ratios = st.floats(-1, 0.5, exclude_min=True) | st.sampled_from([0.5, 0.5 - 1e-9, 0.5 - 1e-4])
 frequencies = st.builds(
     lambda size, angle: 10**size * complex(math.cos(angle), math.sin(angle)),

@@ -158,20 +158,6 @@ def assert_same(one: LayerStack, other: LayerStack, within: float = SPECTRUM) ->
         np.testing.assert_allclose(spectra[1].stiffness(s), spectra[0].stiffness(s), rtol=within)
 
 
-def test_a_layer_cut_in_two_is_the_same() -> None:
-    for nu in (0.0, 0.3, 0.5):
-        whole = LayerStack((Layer(1.0, 0.4, HARD), Layer(0.7, nu, SOFT), BASE))
-        cut = LayerStack((Layer(1.0, 0.4, HARD), Layer(0.2, nu, SOFT), Layer(0.5, nu, SOFT), BASE))
-        assert_same(whole, cut)
-
-
-def test_a_layer_like_the_halfspace_vanishes() -> None:
-    assert_same(
-        LayerStack((Layer(1.0, 0.4, SOFT), BASE)),
-        LayerStack((Layer(1.0, 0.4, SOFT), Layer(0.3, BASE.poisson, BASE.material), BASE)),
-    )
-
-
 def test_a_layer_without_thickness_vanishes() -> None:
     above = (Layer(1.0, 0.4, SOFT), Layer(0.3, 0.5, HARD))
     assert_same(

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-import pickle
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gfmdlayer.body.materials import Prony, Zener
@@ -56,6 +52,8 @@ for block in Path(__file__).with_name("rejected.txt").read_text("utf-8").split("
         "punch: {shape: wegde, slope: 1, radius: 2}",
         "layer: {material: {model: pronny, G0: 1, branches: []}}",
         "punch: {shape: array, counts: 4, element: {shape: spher, slope: 3}}",
+        "punch: {shape: pyramd, angle: 80}",
+        "grid: {geometry: axisymmetric}\npunch: {shape: pyramd, angle: 80}",
     ],
 )
 def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path: Path, content: str) -> None:
@@ -229,12 +227,6 @@ def test_shipped_configurations_contain_the_papers_cases(name: str, quick: bool)
     assert config.with_values({}) == expected
 
 
-@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_every_shipped_configuration_loads_and_has_a_quick_version(path: Path) -> None:
-    assert load(path).name == path.stem
-    assert path.with_stem(path.stem.removesuffix("-quick") + "-quick").exists()
-
-
 def test_the_rolling_cylinder_moves_in_each_case() -> None:
     cases = load(CONFIGS / "cylinder-rolling.yaml")
     assert min(cases.sweep["trajectory.velocity"]) > 0
@@ -364,84 +356,11 @@ def test_errors_of_overrides_name_the_option(tmp_path: Path, override: str, begi
 
 # --- round trip, cases, digest ---
 
-_positive = st.floats(1e-6, 1e6)
-_solids = st.one_of(
-    st.fixed_dictionaries({"model": st.just("zener"), "G0": st.floats(0.1, 1), "Ginf": st.floats(1, 1e4)}),
-    st.fixed_dictionaries(
-        {
-            "model": st.just("prony"),
-            "branches": st.lists(
-                st.fixed_dictionaries({"G": _positive, "tau": _positive}), min_size=1, max_size=4
-            ),
-        }
-    ),
-)
-_histograms = st.one_of(
-    st.fixed_dictionaries({"max": _positive}, optional={"bins": st.integers(1, 1000)}),
-    st.fixed_dictionaries({"max": st.floats(1, 2), "scale": st.just("log"), "min": st.floats(0.1, 0.9)}),
-)
-_configs = st.fixed_dictionaries(
-    {
-        "name": st.from_regex(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,20}", fullmatch=True),
-        "grid": st.fixed_dictionaries(
-            {"points": st.one_of(st.integers(8, 9999), st.lists(st.integers(8, 99), min_size=1, max_size=2))},
-            optional={"period": _positive},
-        ),
-        "layer": st.fixed_dictionaries(
-            {
-                "thickness": st.one_of(_positive, st.just(math.inf)),
-                "material": _solids,
-                "poisson": st.integers(-900, 500).map(lambda thousandths: thousandths / 1000),
-            }
-        ),
-        "time": st.fixed_dictionaries({"end": st.floats(10, 20), "step": st.floats(1e-6, 1)}),
-        "solver": st.fixed_dictionaries(
-            {"method": st.sampled_from(["fire", "active_set", "conjugate_gradient"])}
-        ),
-        "output": st.fixed_dictionaries(
-            {"snapshots": st.lists(st.one_of(st.just(0.0), st.floats(1e-30, 10)), unique=True).map(sorted)},
-            optional={"patches": st.booleans(), "histograms": st.fixed_dictionaries({"gap": _histograms})},
-        ),
-    },
-    optional={
-        "punch": st.fixed_dictionaries({"shape": st.just("wedge"), "slope": _positive}),
-        "trajectory": st.fixed_dictionaries({"control": st.just("load"), "load": _positive}),
-        "sweep": st.fixed_dictionaries(
-            {
-                "halfspace.shear_modulus": st.lists(
-                    st.one_of(st.floats(0.1, 1e30), st.just(math.inf)), min_size=1, max_size=4, unique=True
-                )
-            },
-            optional={"solver.method": st.just(["active_set", "fire"]), "grid.points": st.just([64, 128])},
-        ),
-    },
-)
 
-
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=_configs)
-def test_a_dump_loads_as_an_equal_configuration(tmp_path: Path, data: dict[str, Any]) -> None:
-    config = Config.model_validate(data)
-    again = load(write(tmp_path, config.dump()))
-    assert again == config
-    assert again.dump() == config.dump()
-    assert pickle.loads(pickle.dumps(config)) == config
-
-
-@pytest.mark.parametrize(
-    "punch",
-    [
-        "{radius: [1.0, .inf]}",
-        "{shape: sinusoid, amplitude: [0.1, 0], wavelength: 0.5}",
-        "{shape: array, counts: [2, 3], element: {shape: flat, width: [0.1, 0.2], edge_radius: 0.01}}",
-        "{shape: self_affine, hurst: 0.8, short_cutoff: 0.1, roll_off: 0.3, rms_slope: 0.1, seed: 7}",
-        "{shape: topography, file: case.yaml, fill: membrane, detrend: plane, taper: 0.2}",
-    ],
-)
-def test_a_punch_is_dumped_as_it_was_given(tmp_path: Path, punch: str) -> None:
-    config = load(write(tmp_path, "name: x\ngrid: {points: [32, 48]}\npunch: " + punch))
-    assert load(write(tmp_path, config.dump())) == config
-    assert digest(config.with_values({"solver.tolerance": 1e-5})) != digest(config)
+@given(number=st.floats(1e-30, 1e30))
+def test_numbers_are_dumped_to_the_last_digit(number: float) -> None:
+    config = Config(name="x").with_values({"layer.thickness": number})
+    assert load("", content=config.dump()).layer.thickness == number
 
 
 def test_dump_writes_out_every_default_readably() -> None:
@@ -514,76 +433,6 @@ def test_a_configuration_cannot_be_changed() -> None:
         Config(name="x").layer.thickness = 1.0
 
 
-def test_no_numerics_is_imported() -> None:
-    heavy = "{'numpy', 'numba', 'scipy', 'h5py', 'pyfftw', 'mpi4py', 'matplotlib', 'xarray', 'rich'}"
-    code = f"import sys, gfmdlayer.config; print(sorted({heavy} & sys.modules.keys()))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
-
-
-# --- any text at all ---
-
-
-def accepted_or_refused(path: Path, *overrides: str) -> bool:
-    """Load a configuration; return False for an error without place. Other errors pass through."""
-    try:
-        return isinstance(load(path, overrides), Config)
-    except ConfigError as error:
-        return all(problem.startswith((f"{path}:", "--set:")) for problem in error.problems) and bool(
-            error.problems
-        )
-
-
-_SIGNS = "[]{}:,-?!&*#|>%@`'\" \n\t\x85\u2028"
-_KEYS = (
-    "name:~sweep: ~layer: ~thickness: ~punch: ~shape: ~output: {times: ~grid: ~points: ~material: ~model: "
-)
-_VALUES = [
-    ".inf",
-    ".nan",
-    "1e400",
-    "0x",
-    "0o9",
-    "!!int",
-    "<<",
-    "&a",
-    "*a",
-    "2001-99-99",
-    "null",
-    "true",
-    "layer.thickness",
-]
-_scraps = st.lists(
-    st.one_of(
-        st.sampled_from(_SIGNS),
-        st.sampled_from(_KEYS.split("~")),
-        st.sampled_from([*_VALUES, "layer.thickness", '"\\UFFFFFFFF"', "%YAML 1.1\n---\n"]),
-    )
-).map("".join)
-
-
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(content=st.one_of(st.text(), _scraps), prefix=st.sampled_from(["", "name: x\n"]))
-@example(content="punch: {shape: profile, file: 'a\\0b'}", prefix="name: x\n")
-@example(content='punch: {shape: profile, file: "a\\0b"}', prefix="name: x\n")
-@example(content="punch: {shape: profile, file: " + "a" * 5000 + "}", prefix="name: x\n")
-@example(content="{{a}}: 1", prefix="")
-def test_any_text_is_a_configuration_or_a_named_error(tmp_path: Path, content: str, prefix: str) -> None:
-    path = tmp_path / "case.yaml"
-    path.write_bytes((prefix + content).encode("utf-8", errors="surrogatepass"))
-    assert accepted_or_refused(path)
-
-
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    override=st.one_of(
-        st.text(), _scraps.map("sweep.layer.thickness={}".format), _scraps.map("punch={}".format)
-    )
-)
-def test_any_override_is_taken_or_a_named_error(tmp_path: Path, override: str) -> None:
-    assert accepted_or_refused(write(tmp_path, "name: x"), override)
-
-
 ROUGH = {"shape": "self_affine", "hurst": 0.8, "short_cutoff": 0.1, "rms_slope": 0.1, "seed": 1}
 
 
@@ -646,11 +495,3 @@ def test_a_wrong_number_in_a_long_list_is_reported_at_its_place(tmp_path: Path) 
         "case.yaml:4:5: sweep.punch.radius[600]: got -2; must be a number > 0, or two of them, "
         "one for each direction"
     ]
-
-
-def test_the_keys_of_a_rejected_shape_are_not_checked(tmp_path: Path) -> None:
-    """The default shape does not reject them."""
-    found = problems(write(tmp_path, "name: x\ngrid: {points: 64}\npunch: {shape: pyramid, angle: 80}\n"))
-    assert len(found) == 1
-    isolated = "name: x\ngrid: {geometry: axisymmetric}\npunch: {shape: pyramid, angle: 80}\n"
-    assert len(problems(write(tmp_path, isolated))) == 1

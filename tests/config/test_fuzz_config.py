@@ -1,5 +1,7 @@
 """Any file at all, given to the command line: it is run, or refused with named errors and exit status 2.
 
+Damaged configurations are trials of `scripts/soak.py` (`tests/scripts/test_soak.py`).
+
 With --hypothesis-profile=long (see `conftest`) these take ten thousand examples, runs a third of them.
 """
 
@@ -19,9 +21,6 @@ from gfmdlayer import cli
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import leaves
 from gfmdlayer.punch.shapes import SHAPES
-
-CONFIGS = Path(__file__).parents[2] / "configs"
-SHIPPED = {path.name: path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml"))}
 
 anything = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -151,8 +150,24 @@ def test_any_bytes_are_accepted_or_refused(folder: Path, content: str | bytes) -
 @example("name: x\ngrid: {points: " + "9" * 400 + "}\n")
 @example("name: x\ngrid: {period: 1e200}\n")
 @example("name: x\npunch: {shape: array, element: {shape: cone, slope: 1}, counts: " + "9" * 400 + "}\n")
+@example("name: x\npunch: {shape: profile, file: 'a\\0b'}\n")
+@example('name: x\npunch: {shape: profile, file: "a\\0b"}\n')
+@example("name: x\npunch: {shape: profile, file: " + "a" * 5000 + "}\n")
+@example("{{a}}: 1")
 def test_what_looks_like_a_configuration_is_accepted_or_refused(folder: Path, content: str) -> None:
     accepted_or_refused(folder / "case.yaml", content)
+
+
+@anything
+@given(
+    override=st.one_of(st.text(), trees.map("sweep.layer.thickness={}".format), trees.map("punch={}".format))
+)
+def test_any_override_is_taken_or_refused(folder: Path, override: str) -> None:
+    (folder / "case.yaml").write_text("name: x\n")
+    status, errors = gfmdlayer("check", "case.yaml", f"--set={override}")
+    assert status in (0, 2)
+    for line in errors.splitlines():
+        assert line.startswith(("gfmdlayer: case.yaml:", "gfmdlayer: --set") if status else "warning")
 
 
 @pytest.mark.parametrize(
@@ -176,49 +191,6 @@ def test_what_looks_like_a_configuration_is_accepted_or_refused(folder: Path, co
     ids=lambda text: text[:12],
 )
 def test_texts_that_are_hard_to_read_are_refused_or_taken(folder: Path, content: str) -> None:
-    accepted_or_refused(folder / "case.yaml", content)
-
-
-# --- the shipped configurations, damaged ---
-
-SCRAPS = [
-    *("\t", "&a ", "*a", "\x00", "\u2028", "\ud800", ": ", "- ", "#"),
-    *("{", "]", "'", '"', "!!str ", ".nan", "1e999", "-"),
-]
-
-
-@st.composite
-def damaged(draw: st.DrawFn) -> str:
-    """Draw a shipped configuration with lines lost, doubled, swapped or scribbled on."""
-    lines = SHIPPED[draw(st.sampled_from(sorted(SHIPPED)))].splitlines(keepends=True)
-    for _ in range(draw(st.integers(1, 5))):
-        i = draw(st.integers(0, len(lines) - 1))
-        line = lines[i]
-        match draw(st.sampled_from(["lose", "double", "swap", "value", "scribble", "end", "indent", "join"])):
-            case "lose":
-                lines[i] = ""
-            case "double":
-                lines.insert(i, line)
-            case "swap":
-                j = draw(st.integers(0, len(lines) - 1))
-                lines[i], lines[j] = lines[j], line
-            case "value":
-                lines[i] = line.partition(":")[0] + f": {draw(trees)}\n"
-            case "scribble":
-                at = draw(st.integers(0, len(line)))
-                lines[i] = line[:at] + draw(st.sampled_from(SCRAPS)) + line[at:]
-            case "end":
-                lines[i:] = [line[: draw(st.integers(0, len(line)))]]
-            case "indent":
-                lines[i] = draw(st.sampled_from([" ", "  ", "\t", ""])) + line.lstrip()
-            case "join":
-                lines[i] = line.rstrip("\n")
-    return "".join(lines)
-
-
-@anything
-@given(content=damaged())
-def test_damaged_configurations_are_accepted_or_refused(folder: Path, content: str) -> None:
     accepted_or_refused(folder / "case.yaml", content)
 
 

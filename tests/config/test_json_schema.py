@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+import pickle
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from gfmdlayer.cli import main
-from gfmdlayer.config import load, text
+from gfmdlayer.config import digest, load, text
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.config.model import problems
 from gfmdlayer.config.sweeps import unswept
@@ -77,6 +78,8 @@ output:
     every: 2
   stiffness: {frequencies: [0, 1.0, .inf], every: 3}
 """,
+    LINE + "output: {snapshots: [1.0], inside: {depths: [0, 0.1], times: [1.0], every: 2}}\n",
+    LINE + "output: {inside: {points: 5, every: 1}}\n",
     LINE + "trajectory: {kind: table, file: heights.txt}\ntime: {step: adaptive}\noutput: {times: [1, 2]}\n",
     LINE
     + """\
@@ -118,12 +121,16 @@ sweep:
     "  material: {model: elastic, G: 1}}\n",
     LINE + "body: {kind: lattice, crystal: simple_cubic, nearest: 1, next_nearest: 2, spacing: 0.03125,\n"
     "  layers: 4}\n",
+    LINE + "body: {kind: anisotropic, normal: [1, 1, 1], along: [1, -1, 0], C: [[4, 1, 1, 0, 0, 0],\n"
+    "  [1, 4, 1, 0, 0, 0], [1, 1, 4, 0, 0, 0],\n"
+    "  [0, 0, 0, 2, 0, 0], [0, 0, 0, 0, 2, 0], [0, 0, 0, 0, 0, 2]]}\n",
     LINE + "body: {kind: lattice, nearest: 1, spacing: 0.03125}\n",
     LINE + "body: {kind: table, table: heights.txt, mean: 0.5}\n",
     LINE + "body: {kind: table, table: stiffness.npy, period: 2.0}\n",
     LINE
     + "counterbody: {layer: {thickness: 0.1, poisson: 0.4, material: {}}, halfspace: {shear_modulus: 3}}\n",
     LINE + "counterbody: {body: {file: bed.py}}\n",
+    LINE + "counterbody: {velocity_ratio: 1}\ntrajectory: {velocity: 2}\n",
     LINE + "counterbody: {body: {kind: layers}}\n",
     LINE
     + """\
@@ -245,7 +252,8 @@ def is_refused(data: Any) -> bool:
 def is_of_one_value(problem: Problem) -> bool:
     """Whether no other value, key or file has a part in a problem."""
     own = unswept(problem.key)
-    related = ("does not exist", "> from", "log with from", "lists of the same length")
+    related = ("does not exist", "> from", "log with from", "lists of the same length", "row by row")
+    related += ("positive definite", "must be perpendicular")
     return (
         all(f"{other}.".startswith(f"{own}.") for other in problem.others)
         and not problem.at_key
@@ -281,20 +289,25 @@ def test_the_command_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
-def test_the_configurations_that_come_along_are_valid(path: Path) -> None:
+def test_the_configurations_that_come_along_are_valid_and_have_a_quick_version(path: Path) -> None:
     assert not list(VALIDATOR.iter_errors(plain(path.read_text())))
+    assert load(path).name == path.stem
+    assert path.with_stem(path.stem.removesuffix("-quick") + "-quick").exists()
 
 
 @pytest.mark.parametrize("content", SOUND)
-def test_both_take_what_is_sound(content: str) -> None:
+def test_both_take_what_is_sound_and_what_is_dumped_is_the_same(content: str) -> None:
     Path("case.yaml").write_text(content)
-    load("case.yaml")
+    config = load("case.yaml")
     assert not list(VALIDATOR.iter_errors(plain(content)))
+    again = load("again.yaml", content=config.dump()), pickle.loads(pickle.dumps(config))
+    assert {each.dump() for each in again} == {config.dump()}
+    assert {digest(each) for each in again} == {digest(config)}
 
 
 def test_keys_of_a_body_of_ones_own_may_have_any_name_and_be_swept() -> None:
     content = LINE + "body: {file: bed.py, k: 2.0}\nsweep: {body.k: [1, 2.5]}\n"
-    test_both_take_what_is_sound(content)
+    test_both_take_what_is_sound_and_what_is_dumped_is_the_same(content)
 
 
 def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:

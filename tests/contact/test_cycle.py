@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numba as nb
@@ -58,7 +62,7 @@ def test_a_cycle_is_close_to_the_inverse_on_the_free_points(shape: tuple[int, in
     """
     grid, rng = Grid(shape, (1.0, 1.0)), np.random.default_rng(1)
     kappa, n = 2.0 * np.ravel(grid.wavenumbers), grid.size
-    given = cycle_of(shape, kappa, 4 * np.pi)
+    given = cycle_of(Grid(shape, (1.0, 1.0)), kappa, 4 * np.pi)
     for free, D in (
         (np.arange(n) < n // 2, np.full(n, 1.0)),
         (rng.random(n) < 0.8, 10 ** rng.uniform(0, 4, n)),
@@ -78,10 +82,10 @@ def test_lines_and_stiffnesses_that_no_stencil_describes_have_no_cycle() -> None
     grid = Grid((64, 64), (1.0, 1.0))
     q = np.ravel(grid.wavenumbers) / (2 * np.pi)
     layer = np.where(q > 0, 1.0 + 1e4 / np.maximum(q, 1.0) ** 4, 0.0)
-    assert cycle_of((64, 64), 2.0 * q, 2.0).grids.size > 0
-    assert cycle_of((64, 64), layer, 1.0).grids.size == 0
-    line = np.ravel(Grid((4096,), (1.0,)).wavenumbers)
-    assert cycle_of((4096,), line, 1.0).grids.size == 0
+    assert cycle_of(Grid((64, 64), (1.0, 1.0)), 2.0 * q, 2.0).grids.size > 0
+    assert cycle_of(Grid((64, 64), (1.0, 1.0)), layer, 1.0).grids.size == 0
+    line = Grid((4096,), (1.0,))
+    assert cycle_of(line, np.ravel(line.wavenumbers), 1.0).grids.size == 0
 
 
 def followed(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch, *, cycles: bool) -> list[Any]:
@@ -143,3 +147,37 @@ def test_the_margin_is_the_least_curvature_of_a_stiff_law(monkeypatch: pytest.Mo
         H, B = (basis.T @ (free + D) @ basis for D in (np.diag(curvature[moves]), half))
         exact = float(scipy.linalg.eigh(H, B, subset_by_index=[0, 0], eigvals_only=True)[0])
         assert exact - 1e-3 <= found.margin <= 1.04 * exact + 0.006
+
+
+OVER_RANKS = """
+import numpy as np
+from mpi4py import MPI
+from gfmdlayer.contact.newton.cycle import cycle_of
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import MpiRanks
+from gfmdlayer.grid.slabs import SlabGrid
+from test_cycle import _answers
+
+ranks = MpiRanks(MPI.COMM_WORLD)
+for points in ((40, 24), (33, 27), (16, 40)):
+    whole, grid = Grid(points, (1.0, 1.0)), SlabGrid(points, (1.0, 1.0), members=ranks)
+    rng = np.random.default_rng(1)
+    free, D, force = rng.random(points) < 0.8, 10 ** rng.uniform(0, 4, points), rng.normal(size=points)
+    free, D, force = (each.astype(np.float32) for each in (free, D, free * force))
+    M = []
+    for each, rows in ((whole, slice(None)), (grid, grid.rows)):
+        given = cycle_of(each, 2.0 * np.ravel(each.wavenumbers), 4 * np.pi)
+        M.append(_answers(given, free[rows].ravel(), D[rows].ravel(), force[rows].reshape(1, -1)))
+    wrong = abs(M[1] - M[0].reshape(points)[grid.rows].ravel()).max()
+    assert wrong < 1e-5 * abs(M[0]).max(), (points, ranks.number, wrong)
+if ranks.first:
+    print("all agree")
+"""
+
+
+def test_a_cycle_over_ranks_is_that_of_one_process() -> None:
+    """Sums of 13 terms and over the grids in single precision: some 1e-6 of the largest answer."""
+    command = [str(Path(sys.executable).parent / "mpirun"), "-n", "3", sys.executable, "-c", OVER_RANKS]
+    given = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, env=given)
+    assert done.stdout == "all agree\n", done.stderr

@@ -42,17 +42,6 @@ def closed_form(load: float) -> tuple[float, float]:
     return depth, 2 / math.pi * math.acos(cosine)
 
 
-def test_a_loaded_halfspace_creeps_by_the_closed_form(run: Run) -> None:
-    recording = run(ALONE | {"time.step": 0.025})
-    for time in (0.5, 1.0, 2.0, 3.0):
-        depth, contact = closed_form(equivalent_load(time))
-        row = int(np.argmin(abs(recording["time"] - time)))
-        # 0.025^2/12 of the creep in time, and (1/n)^(3/2) of an edge that falls between grid points.
-        assert recording["depth"][row] == pytest.approx(depth, rel=2e-4)
-        assert recording["contact_area"][row] == pytest.approx(contact, abs=2 / 1024)
-        assert recording["mean_pressure"][row] == pytest.approx(LOAD * min(time, 1) / 2, rel=1e-6)
-
-
 def test_load_control_is_of_second_order(run: Run) -> None:
     # On the same grid, so that time alone makes a difference.
     elastic = run(

@@ -207,15 +207,6 @@ def test_without_contact_there_is_no_pressure() -> None:
     assert found.contact_area == 0.0
 
 
-def test_a_flat_punch_carries_the_given_load_evenly() -> None:
-    grid = Grid((64, 64), (1.0, 1.0))
-    stiffness, size = np.ravel(grid.wavenumbers), grid.size
-    problem = Problem(stiffness, np.zeros(stiffness.size, complex), np.zeros(size), 0.1)
-    found = NestedGradient(Transforms(grid.shape), grid).solve(problem, np.zeros(size), TOLERANCE)
-    assert found.converged
-    np.testing.assert_allclose(found.pressure, 0.1, rtol=1e-6)  # corrections are in single precision
-
-
 def test_a_depth_may_follow_a_load() -> None:
     case, problem = problem_of(1, sizes=(64,))
     start = np.zeros(case.punch.size)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
 from gfmdlayer import observables
 from gfmdlayer.config import Config
-from gfmdlayer.execution import case_run, interrupts, status
+from gfmdlayer.execution import case_run, status
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.growth import claimed
 from gfmdlayer.execution.interrupts import Stopped
@@ -159,21 +159,14 @@ def test_a_checkpoint_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "c"]
 
 
-@pytest.mark.parametrize(
-    ("changed", "reason"),
-    [
-        ({"numpy_version": "2.5"}, r"numpy_version 2\.4 -> 2\.5$"),
-        ({"format": "2"}, r"format 1 -> 2$"),
-        ({"digest": "abd"}, r"digest abc -> abd$"),
-        ({"processor": "other"}, r"processor \(none\) -> other$"),
-        ({"ranks": "2"}, r"ranks \(none\) -> 2$"),
-    ],
-)
-def test_a_checkpoint_of_other_origin_is_refused(
-    tmp_path: Path, changed: dict[str, str], reason: str
-) -> None:
+def test_a_checkpoint_of_other_origin_is_refused(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "c", MADE_BY, {}, STATE)
-    with pytest.raises(CheckpointError, match=f"would not give the same bits: {reason}"):
+    changed = {"format": "2", "digest": "abd", "numpy_version": "2.5", "processor": "other", "ranks": "2"}
+    reasons = (
+        "digest abc -> abd; format 1 -> 2; numpy_version 2.4 -> 2.5; processor (none) -> other; "
+        "ranks (none) -> 2"
+    )
+    with pytest.raises(CheckpointError, match=f"would not give the same bits: {re.escape(reasons)}$"):
         read_checkpoint(tmp_path / "c", MADE_BY | changed)
 
 
@@ -206,11 +199,6 @@ def run(folder: Folder, every: float = 0.0) -> str:
     return case_run.run_case(CASE, folder, checkpoint_every=every).state
 
 
-def arrays(folder: Folder) -> dict[str, bytes]:
-    with h5py.File(folder.case(7)) as h5:
-        return {name: np.asarray(h5[name]).tobytes() for name in h5}
-
-
 @pytest.fixture
 def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Have the next run stop after so many steps, as a signal does; never, for 0."""
@@ -230,7 +218,11 @@ def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 
 
 def test_a_case_stopped_twice_has_the_bits_of_one_that_was_not(
-    folder: Folder, tmp_path: Path, stop_after: Callable[[int], None], capsys: pytest.CaptureFixture[str]
+    folder: Folder,
+    tmp_path: Path,
+    stop_after: Callable[[int], None],
+    capsys: pytest.CaptureFixture[str],
+    bits: Callable[[Path], dict[str, bytes]],
 ) -> None:
     whole = Folder(tmp_path / "whole")
     whole.cases.mkdir(parents=True)
@@ -241,7 +233,7 @@ def test_a_case_stopped_twice_has_the_bits_of_one_that_was_not(
         assert not folder.case(7).exists()
     stop_after(0)
     assert run(folder) == "complete"
-    assert arrays(folder) == arrays(whole)
+    assert bits(folder.case(7)) == bits(whole.case(7))
     told = capsys.readouterr().err
     assert "case 0007 goes on from time 0.3" in told
     assert "case 0007 goes on from time 0.6" in told
@@ -269,23 +261,21 @@ def test_time_and_start_of_all_parts_are_in_the_file(
     assert 0 < float(str(known["wall_seconds"])) <= first + second
 
 
-@pytest.mark.parametrize("version", ["gfmdlayer_version", "git_commit", "processor", "format"])
 def test_another_version_is_told_and_the_case_begins_anew(
     folder: Folder,
     stop_after: Callable[[int], None],
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-    version: str,
 ) -> None:
     stop_after(4)
     run(folder)
     stop_after(0)
     made_by = provenance.made_by
-    monkeypatch.setattr(provenance, "made_by", lambda digest: made_by(digest) | {version: "other"})
+    monkeypatch.setattr(provenance, "made_by", lambda digest: made_by(digest) | {"git_commit": "other"})
     assert run(folder) == "complete"
     told = capsys.readouterr().err
     assert "case 0007 begins anew, its checkpoint is set aside: it would not give the same bits" in told
-    assert f"{version} " in told
+    assert "git_commit " in told
     assert folder.case(7, "checkpoint.aside").exists()
     assert "goes on" not in told
 
@@ -350,12 +340,6 @@ def test_checkpoints_come_at_the_interval_and_cost_little(
     # Each look at the clock takes 1/8, and a checkpoint some of them: no more than 2 % of the time.
     assert len(written) > 2
     assert np.diff(written).min() >= 0.25 / 0.02
-
-
-def test_a_request_to_stop_is_forgotten_by_no_signal() -> None:
-    import signal
-
-    assert set(interrupts.STOP_SIGNALS) == {signal.SIGINT, signal.SIGTERM, signal.SIGUSR1}
 
 
 def test_restart_and_completion_leave_no_checkpoint(

@@ -49,6 +49,7 @@ def one_line(text: str) -> str:
     [
         (["--jobs", "99999999999999999999"], "--jobs 99999999999999999999: must be from 1 to 16384"),
         (["--jobs", "0"], "--jobs 0: must be from 1 to 16384"),
+        (["--threads", "0"], "--threads 0: must be from 1 to 16384"),
         (["--threads", "99999999999999999999"], "--threads 99999999999999999999: must be from 1 to 16384"),
     ],
 )

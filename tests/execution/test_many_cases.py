@@ -206,7 +206,7 @@ def test_values_that_are_found_impossible_in_their_turn_fail_alone(
 
 def test_a_shard_keeps_its_own_cases_alone() -> None:
     lazy, shard = Cases(product(30, 20)), sweep.Shard(2, 100)
-    expected = [case.index for case in shard.share(lazy[:])]
+    expected = shard.places(lazy[:])
     tracemalloc.start()
     own = sweep.OwnCases(lazy, shard)
     _, peak = tracemalloc.get_traced_memory()
@@ -236,5 +236,5 @@ def test_a_very_long_sweep_is_dealt_out_once_and_evenly_over_all_values(total: i
 def test_a_shard_of_a_thousand_million_is_found_at_once() -> None:
     """Parts beyond the number of cases have none, and cost nothing."""
     every = cases(product(3, 2))
-    assert sweep.Shard(1, 10**9).share(every) == every[:1]
-    assert sweep.Shard(10**9, 10**9).share(every) == []
+    assert sweep.Shard(1, 10**9).places(every) == [0]
+    assert sweep.Shard(10**9, 10**9).places(every) == []

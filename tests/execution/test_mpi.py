@@ -18,7 +18,7 @@ import pytest
 from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import MARK
 from gfmdlayer.execution.preflight import launched_size
-from gfmdlayer.execution.workers import LauncherError, threads_each
+from gfmdlayer.execution.workers import threads_each
 
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
 CORES = len(os.sched_getaffinity(0))
@@ -329,8 +329,6 @@ def test_threads_are_one_each_unless_asked() -> None:
     assert threads_each(environment, 2) == 2
     assert environment["OMP_NUM_THREADS"] == "2"
     assert threads_each({"OMP_NUM_THREADS": "3,2"}) == 3  # for nested regions
-    with pytest.raises(LauncherError, match="--threads 0: must be from 1 to 16384"):
-        threads_each(environment, 0)
 
 
 def test_mpi_is_not_loaded_without_a_launcher() -> None:

@@ -94,28 +94,6 @@ def test_cases_have_common_plans_where_their_kernels_cannot_be_compiled_before(
     ]
 
 
-def test_files_of_others_survive_a_run_and_a_restart(run_here: Run) -> None:
-    run_here(small(SWEEP))
-    names = (
-        *(
-            "my_analysis.h5",
-            "0000-copy.h5",
-            "notes.failed",
-            "x.aside",
-            "00001.h5",
-            "0001.h5.bak",
-            "run.running",
-        ),
-        *("thesis.part", "notes.running", "backup-2024-deadbeef.part", "12.checkpoint", "old.journal0"),
-    )
-    others = [Path("out") / place / name for name in names for place in (".", "cases")]
-    for path in others:
-        path.write_text("mine")
-    run_here(small(SWEEP))
-    run_here(small(SWEEP), restart=True)
-    assert [path.read_text() for path in others] == ["mine"] * len(others)
-
-
 def test_a_configuration_through_a_pipe_is_read_from_its_beginning(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

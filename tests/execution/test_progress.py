@@ -103,6 +103,8 @@ def test_the_time_left_counts_cases_by_their_expected_seconds(
 
     begun = status.Running(2, "here", 1, 0.0, 2.0, 0.0, 0.0)
     assert reporter._progress((begun,)).seconds_left is None
+    first_steps = replace(begun, simulated_time=0.01, steps=5, expected=1000)
+    assert reporter._progress((first_steps,)).seconds_left is None
     now[0] += 15  # twice as fast as expected: 60 s of work by two workers in 15 s
     reporter.ended(Outcome(0, "complete", seconds=5.0))
     at_work = (status.Running(2, "here", 1, 1.0, 2.0, 0.0, 0.0, "", 5, 0.0, 0.0, 10),)

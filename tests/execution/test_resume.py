@@ -34,10 +34,13 @@ BODIES: dict[str, dict[str, object]] = {
     "steady": {"trajectory.velocity": 2.0, "time.steady": 1e-2, "time.end": 4.0},
     "surface": {"grid.points": [16, 8], "grid.period": [1.0, 0.5]},
 }
+PAIR = {"layer": {"thickness": 0.1, "material": PRONY}, "halfspace": {"shear_modulus": 5.0}}
+BODIES |= {"pair": {"counterbody": PAIR}, "sliding pair": {"counterbody": PAIR, "trajectory.velocity": 0.3}}
 METHODS = ("fire", "active_set", "conjugate_gradient")
 RUNS = [
     (body, steps, method)
     for body, steps, method in product(BODIES, STEPS, METHODS)
+    if "pair" not in body or method == "active_set"
     if steps != "paper" or "trajectory.velocity" not in BODIES[body]  # which does not follow a moving punch
 ]
 # A film that jumps into contact, is pulled out of it, and comes again under a load.
@@ -82,7 +85,11 @@ BODIES |= {
     "rolling": FRICTION
     | {"trajectory": {"control": "load", "load": 0.05, "velocity": 0.05, "creepage": 0.01}},
 }
+BODIES["in a window"] = FRICTION | {"grid.points": 256, "trajectory.load": 1e-3}
+BODIES["without friction"] = FRICTION | {"interface": {"law": "coulomb", "coefficient": 0.0}}
 RUNS += [(body, steps, "auto") for body in ("frictional", "rolling") for steps in ("adaptive", "exponential")]
+RUNS += [("in a window", "adaptive", "auto"), ("in a window", "exponential", "auto")]
+RUNS += [("without friction", "exponential", "auto")]
 RUNS += [("yielding", "adaptive", "nested_gradient"), ("yielding", "exponential", "nested_gradient")]
 RUNS += [("adhesive", "adaptive", "newton"), ("adhesive", "exponential", "newton")]
 RUNS += [("pulled off", "adaptive", "newton")]

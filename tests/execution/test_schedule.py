@@ -283,8 +283,3 @@ def test_a_thousand_ranks_are_served_in_time() -> None:
     # the other; and the waits of some twenty more.
     assert total - shortest(costs, 1024) <= costs[-1024] + 1024 * 4e-4 + 20 * 1e-3
     assert served == pytest.approx(20_000 * 4e-4, rel=0.1)  # once a case, and in the way of rank 0's own
-
-
-@pytest.mark.parametrize(("ranks", "least"), [(1, 6.0), (2, 3.0), (3, 3.0), (6, 3.0)])
-def test_the_bound_is_that_of_sum_longest_and_pair(ranks: int, least: float) -> None:
-    assert shortest(np.array([1.0, 1.0, 1.0, 3.0]), ranks) == least

@@ -254,6 +254,13 @@ def test_mappings_are_labelled_in_short(texts: list[str], labels: list[str]) -> 
     assert value_labels(texts) == labels
 
 
+def test_legends_round_long_numbers_as_far_as_they_stay_apart() -> None:
+    assert value_labels([2e-4, 0.000632455532034, 2e-3]) == ["0.0002", "0.000632", "0.002"]
+    assert value_labels([1.2345678, 1.2349]) == ["1.2346", "1.2349"]
+    assert value_labels([1234.5678, 2.34567]) == ["1234.57", "2.35"]
+    assert value_labels([0.03127]) == ["0.03127"]
+
+
 @pytest.mark.parametrize(
     ("units", "scales", "label", "scale"),
     [

@@ -20,7 +20,7 @@ from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshot_plots import OVERLAP, Inset, snapshots_figure, waterfall_figure
-from gfmdlayer.results.gathering import CaseRecord, collect
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.results.writer import CaseWriter
@@ -51,7 +51,7 @@ def write_sweep(folder: Path, swept: Mapping[str, Sequence[object]]) -> None:
     for index, values in enumerate(itertools.product(*swept.values())):
         write_case(case_path(folder, index))
         records.append(CaseRecord(index, case_path(folder, index), dict(zip(swept, values, strict=True))))
-    collect(folder, records, list(swept))
+    collect(folder, records, Swept(list(swept)))
 
 
 @pytest.mark.parametrize("columns", [1, 2])
@@ -107,20 +107,6 @@ def test_two_keys_differ_by_colour_and_line_style(tmp_path: Path) -> None:
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     bulk = [r"$G_\mathrm{bulk}$ = 0.1", r"$G_\mathrm{bulk}$ = 10", r"$G_\mathrm{bulk}$ = $10^{5}$"]
     assert labels == ["$d$ = 0.1", "$d$ = 0.2", *bulk]
-
-
-def test_list_of_combinations_names_every_value_in_the_order_swept(tmp_path: Path) -> None:
-    keys = ["layer.thickness", "layer.material.Ginf"]
-    pairs = [(0.1, 10.0), (0.2, 5.0)]
-    for index in range(2):
-        write_case(case_path(tmp_path, index))
-    records = [
-        CaseRecord(i, case_path(tmp_path, i), dict(zip(keys, p, strict=True))) for i, p in enumerate(pairs)
-    ]
-    collect(tmp_path, records, keys)
-    with open_results(tmp_path) as data:
-        labels = [text.get_text() for text in curves_figure(data).legends[0].get_texts()]
-    assert labels == [r"$d$ = 0.1, $G_\infty$ = 10", r"$d$ = 0.2, $G_\infty$ = 5"]
 
 
 def test_time_is_not_scaled_without_a_common_relaxation_time(tmp_path: Path) -> None:

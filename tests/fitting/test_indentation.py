@@ -199,7 +199,7 @@ def test_a_noisy_depth_is_reduced_to_its_straight_pieces() -> None:
     drive = Drive.of(TIME, depth)
     assert drive.time.size <= 6
     assert drive.error == pytest.approx(1e-3, rel=0.2)
-    assert np.abs(np.interp(TIME, drive.time, drive.depth) - RAMP_HOLD).max() < 2e-3
+    assert np.abs(np.interp(TIME, drive.time, drive.value) - RAMP_HOLD).max() < 2e-3
 
 
 @pytest.mark.parametrize(
@@ -324,7 +324,7 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path: Path) -> None:
     [
         ("time (s),depth (nm),force", None, "time and depth with a unit, but force without"),
         ("time (s),depth (nN),force (nN)", None, "got the unit 'nN' for depth; must be m, mm, um or nm"),
-        ("time,height,force", None, "no column is named depth"),
+        ("time,width,force", None, "no column is named depth"),
         ("time,depth,depth", None, "two columns are named depth"),
         ("time,depth,force", ("s", "nm", "kg"), "got the unit 'kg' for force"),
     ],

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.friction.problem import Law, Problem, Solution, norms
-from gfmdlayer.friction.response import Response
+from gfmdlayer.friction.response import Operator, Response, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
@@ -71,6 +71,42 @@ def test_shear_of_a_line_is_the_difference_of_two_pressures(shape: str) -> None:
     )
     if shape == "parabola":  # c/a = (1 - Q/(mu P))^(1/2), but for a spacing at each edge, of 103
         assert found.stick.sum() / found.contact.sum() == pytest.approx(0.5**0.5, abs=2 / 103)
+
+
+@pytest.mark.parametrize("points", [(512,), (256, 128)])
+def test_a_window_responds_as_the_whole_surface(points: tuple[int, ...]) -> None:
+    """Differences of a few points need no more transforms than twice their range; single precision."""
+    grid = Grid(points, (1.0,) * len(points))
+    r = np.random.default_rng(1)
+    held = np.zeros(points)
+    held[(slice(-20, None),) * len(points)] = held[(slice(0, 9),) * len(points)] = 1.0  # across the boundary
+    near = np.flatnonzero(held.ravel() * (r.random(grid.size) < 0.7))
+    spent = Spent()
+    response = Operator(grid, Response.of_halfspace(grid, 1.0, 0.1), Work(Transforms(points), spent, 1.0))
+    x = np.zeros((1 + len(points), grid.size))
+    x[:, near] = r.standard_normal((1 + len(points), near.size))
+    whole = response(x)[:, near]
+    among = response.among(near)
+    before = spent.pairs
+    np.testing.assert_allclose(among(x[:, near]), whole, rtol=0, atol=2e-6 * np.abs(whole).max())
+    part = 8 if len(points) == 1 else 2
+    assert spent.pairs - before == pytest.approx(0.5 * (1 + len(points)) / part ** len(points))
+
+
+@pytest.mark.parametrize("n", [512, 4096])
+def test_the_work_of_a_step_does_not_grow_with_the_points(n: int) -> None:
+    """A cylinder: 40 pairs a twentieth of the tangential course, 80 from nothing."""
+    grid, response, solver = setting((n,), poisson=0.3)
+    mu, load, state, pairs = 0.4, 0.02, None, []
+    problem = Problem(response, parabola(grid, 0.25), Law(mu), load=load, force=np.zeros(1))
+    for part in (0.0, 0.25, 0.3, 0.35):
+        before = None if state is None else state.displacement[1:]
+        start = None if state is None else state.tractions
+        step = replace(problem, force=np.array([part * mu * load]), before=before)
+        state = solver.solve(step, start)
+        pairs.append(state.pairs)
+    assert pairs[0] < 80
+    assert np.mean(pairs[2:]) < 40
 
 
 def test_a_sphere_has_the_numbers_of_contact() -> None:

@@ -12,7 +12,7 @@ from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.model import simulate
-from gfmdlayer.results.gathering import CaseRecord, collect
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.verification.runs import Recording
 
@@ -63,7 +63,7 @@ def test_files_of_cases_and_sweeps_name_units_and_modulus(tmp_path: Path) -> Non
         values = {"trajectory": {"control": "force", "force": force}}
         assert run_case(SweepCase(index, config.with_values(values), {}), folder).state == "complete"
         records.append(CaseRecord(index, folder.case(index), {"trajectory.force": force}))
-    collect(tmp_path, records, ["trajectory.force"], unit=config.unit)
+    collect(tmp_path, records, Swept(["trajectory.force"], unit=config.unit))
     expected = {
         "time": "s", "mean_pressure": "1", "mean_stress": "MPa", "depth": "mm", "work": "N/mm",
         "pressure_bin": "MPa", "pressure_bin_end": "MPa",

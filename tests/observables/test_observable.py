@@ -20,7 +20,7 @@ from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
 from gfmdlayer.observables.observable import Parts
-from gfmdlayer.results.gathering import CaseRecord, collect
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import open_case
 from gfmdlayer.resumable import State
 
@@ -87,7 +87,7 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
         np.testing.assert_array_equal(found["largest_rms"], np.maximum.accumulate(rms.values))
         assert rms.values.argmax() == 8
         rows = rms.values
-    collect(tmp_path, [CaseRecord(0, folder.case(0), {})], [])
+    collect(tmp_path, [CaseRecord(0, folder.case(0), {})], Swept([]))
     with xr.open_dataset(tmp_path / "sweep.h5", engine="h5netcdf") as sweep:
         np.testing.assert_array_equal(sweep["pressure_rms"], rows)
         assert sweep["pressure_rms"].attrs["units"] == "pressure"

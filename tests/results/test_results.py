@@ -19,7 +19,7 @@ import xarray as xr
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import writer
-from gfmdlayer.results.gathering import CaseRecord, collect, dimension_names
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect, dimension_names
 from gfmdlayer.results.provenance import git_commit
 from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
 from gfmdlayer.results.schema import VARIABLES, ResultsError
@@ -318,7 +318,7 @@ def test_damage_is_found_by_hdf5_where_another_program_has_changed_the_file(
 
 
 def test_a_damaged_sweep_file_is_refused(tmp_path: Path) -> None:
-    collect(tmp_path, write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}]), ["a.b"])
+    collect(tmp_path, write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}]), Swept(["a.b"]))
     damage(tmp_path / "sweep.h5")
     with pytest.raises(ResultsError, match=r"sweep\.h5: is damaged: it holds other bytes than were written"):
         open_results(tmp_path)
@@ -328,7 +328,7 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path: Path) -> None:
     thick, moduli = [0, 0.25, float("inf")], [1.0, 10.0]
     keys = ["layer.thickness", "halfspace.shear_modulus"]
     records = write_sweep(tmp_path, [dict(zip(keys, (d, g), strict=True)) for d in thick for g in moduli])
-    collect(tmp_path, records, keys)
+    collect(tmp_path, records, Swept(keys))
     with open_results(tmp_path) as data:
         assert data["contact_area"].dims == ("thickness", "shear_modulus", "time")
         np.testing.assert_array_equal(data["thickness"], thick)
@@ -346,7 +346,7 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path: Path) -> None:
 def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path: Path) -> None:
     keys = ["layer.thickness", "halfspace.shear_modulus"]
     records = write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in product((0.1, 0.2), (1, 2, 3))])
-    collect(tmp_path, records, keys)
+    collect(tmp_path, records, Swept(keys))
     with open_results(tmp_path) as data:
         assert data["displacement"].dims == ("thickness", "shear_modulus", "snapshot", "x")
         assert data["displacement"].attrs["units"] == data["x"].attrs["units"] == "length"
@@ -360,7 +360,7 @@ def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path: Path) -> None:
 
 def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{"a.b": value} for value in range(4)])
-    collect(tmp_path, records, ["a.b"])
+    collect(tmp_path, records, Swept(["a.b"]))
     records[1].source.write_text("damaged")
     records[2].source.unlink()
     with open_results(tmp_path) as data:
@@ -372,12 +372,12 @@ def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path: Path) -> None:
 
 def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{"grid.period": 1.0}, {"grid.period": 2.0}])
-    collect(tmp_path, records, ["grid.period"])
+    collect(tmp_path, records, Swept(["grid.period"]))
     with open_results(tmp_path) as data:
         assert "contact_area" in data
         assert not {"displacement", "pressure"} & set(data.data_vars)
     records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
-    collect(tmp_path, records, ["a.b"])
+    collect(tmp_path, records, Swept(["a.b"]))
     with CaseWriter(records[1].source, {"x": X[:8]}) as other:
         other.snapshot(1.0, X[:8], X[:8])
     with open_results(tmp_path) as data, pytest.raises(ResultsError, match=r"0001\.h5: displacement of"):
@@ -404,7 +404,7 @@ def test_cases_that_ended_in_a_steady_state_keep_their_last_row(tmp_path: Path) 
                 )
             case.note(settled=1 if index < 2 else 0)
         records.append(CaseRecord(index, path, {"trajectory.velocity": float(index)}))
-    collect(tmp_path, records, ["trajectory.velocity"])
+    collect(tmp_path, records, Swept(["trajectory.velocity"]))
     with open_results(tmp_path) as data:
         np.testing.assert_array_equal(data["time"], range(5))
         assert data["velocity"].attrs["symbol"] == "v"
@@ -423,7 +423,7 @@ def test_shared_last_parts_take_the_whole_key() -> None:
 def test_list_of_combinations_has_one_dimension(tmp_path: Path) -> None:
     keys = ["layer.thickness", "layer.material.Ginf"]
     pairs = [(0.1, 10.0), (0.2, 20.0), (0.1, 30.0)]
-    collect(tmp_path, write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in pairs]), keys)
+    collect(tmp_path, write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in pairs]), Swept(keys))
     with open_results(tmp_path) as data:
         assert data["contact_area"].dims == ("case", "time")
         np.testing.assert_array_equal(data["case"], [0, 1, 2])
@@ -445,7 +445,7 @@ def test_list_of_combinations_has_one_dimension(tmp_path: Path) -> None:
 def test_values_that_are_no_numbers_become_text(
     tmp_path: Path, key: str, values: list[object], labels: list[str]
 ) -> None:
-    collect(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), [key])
+    collect(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), Swept([key]))
     with open_results(tmp_path) as data:
         assert data["b"].to_numpy().tolist() == labels
         assert data["contact_area"].sel(b=labels[1], time=1.0) == 2.0
@@ -455,7 +455,7 @@ def test_failed_and_missing_cases_are_nan_and_named(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2, 0.3)])
     records[0] = CaseRecord(0, records[0].source, records[0].values, "did not converge at time 0.2")
     records[2].source.unlink()
-    collect(tmp_path, records, ["layer.thickness"])
+    collect(tmp_path, records, Swept(["layer.thickness"]))
     with open_results(tmp_path) as data:
         np.testing.assert_array_equal(data["contact_area"].sel(time=1.0), [np.nan, 2.0, np.nan])
         expected = ["0000: did not converge at time 0.2", "0002: no complete result file"]
@@ -464,7 +464,7 @@ def test_failed_and_missing_cases_are_nan_and_named(tmp_path: Path) -> None:
 
 def test_sweep_where_every_case_failed_opens(tmp_path: Path) -> None:
     records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, "no") for i in range(2)]
-    collect(tmp_path, records, ["a.b"])
+    collect(tmp_path, records, Swept(["a.b"]))
     with open_results(tmp_path) as data:
         assert data.sizes == {"b": 2, "time": 0}
 
@@ -474,7 +474,7 @@ def collect_steps(folder: Path, steps: Sequence[Sequence[float]], **how: Any) ->
     paths = [write_case(case_path(folder, i), times) for i, times in enumerate(steps)]
     records = [CaseRecord(i, path, {"a.b": i}) for i, path in enumerate(paths)]
     records.append(CaseRecord(len(paths), case_path(folder, len(paths)), {"a.b": len(paths)}, "no"))
-    collect(folder, records, ["a.b"], **how)
+    collect(folder, records, Swept(["a.b"], **how))
 
 
 def test_cases_with_steps_of_their_own_keep_all_of_their_rows(tmp_path: Path) -> None:
@@ -516,7 +516,7 @@ def test_output_times_are_a_common_axis_to_the_end_of_the_longest_case(
 
 def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2)])
-    collect(tmp_path, records, ["layer.thickness"], listed=True)
+    collect(tmp_path, records, Swept(["layer.thickness"], listed=True))
     with open_results(tmp_path) as data:
         assert data["contact_area"].dims == ("case", "time")
         np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2])
@@ -526,7 +526,7 @@ def test_a_thousand_failures_are_named(tmp_path: Path) -> None:
     # Beyond the 64 kB that HDF5 allows an attribute of fixed length.
     reason = "ConvergenceError: t = 0.1: residual 1e-3 after 20000 iterations of fire; the tolerance is 1e-6"
     records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, reason) for i in range(1000)]
-    collect(tmp_path, records, ["a.b"])
+    collect(tmp_path, records, Swept(["a.b"]))
     with open_results(tmp_path) as data:
         assert len(data.attrs["failed"]) > 65_536
         assert data.attrs["failed"].splitlines() == [f"{i:04d}: {reason}" for i in range(1000)]
@@ -535,7 +535,7 @@ def test_a_thousand_failures_are_named(tmp_path: Path) -> None:
 def test_a_damaged_case_is_left_out_of_the_sweep_and_no_other(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{"a.b": i} for i in range(3)])
     damage(records[1].source)
-    collect(tmp_path, records, ["a.b"])
+    collect(tmp_path, records, Swept(["a.b"]))
     with open_results(tmp_path) as data:
         assert data["contact_area"].isnull().all("time").to_numpy().tolist() == [False, True, False]
         assert data.attrs["failed"] == "0001: no complete result file"
@@ -548,7 +548,7 @@ def test_collecting_holds_one_case_at_a_time(tmp_path: Path) -> None:
     for number in (2, 30):
         records = [CaseRecord(i, path, {"a.b": i}) for i in range(number)]
         tracemalloc.start()
-        collect(tmp_path, records, ["a.b"])
+        collect(tmp_path, records, Swept(["a.b"]))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < peaks[0] + 28 * 1000
@@ -559,7 +559,7 @@ def test_single_case_is_opened_itself(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{}])
     for with_sweep_file in (False, True):
         if with_sweep_file:
-            collect(tmp_path, records, [])
+            collect(tmp_path, records, Swept([]))
         with open_results(tmp_path) as data:
             assert data["displacement"].dims == ("snapshot", "x")
 

@@ -11,7 +11,7 @@ import pytest
 from gfmdlayer.observables import Column
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import provenance
-from gfmdlayer.results.gathering import CaseRecord, collect
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path, open_results
 from gfmdlayer.results.writer import CaseWriter, case_template
 
@@ -37,7 +37,7 @@ def write(folder: Path, index: int, *further: Column) -> CaseRecord:
 def test_numbers_and_distributions_of_all_cases_are_labelled(tmp_path: Path) -> None:
     of_gap, count = gap_histogram(0.0, 1.0, np.inf), Column("patches", "number of patches", dtype="i8")
     records = [write(tmp_path, index, of_gap, count) for index in range(3)]
-    collect(tmp_path, records, ["trajectory.depth", "punch.radius"])
+    collect(tmp_path, records, Swept(["trajectory.depth", "punch.radius"]))
     with open_results(tmp_path) as data:
         assert data["gap_histogram"].dims == ("depth", "radius", "time", "gap_bin")
         assert data["gap_histogram"].attrs["long_name"] == "part of the surface"
@@ -65,7 +65,7 @@ def test_a_column_that_some_cases_lack_is_nan_there_and_said(
     monkeypatch.setattr("gfmdlayer.results.writer.case_template", _fresh_template)
     records += [write(tmp_path, index) for index in range(2, 9)]
     provenance._software.cache_clear()
-    collect(tmp_path, records, ["trajectory.depth"])
+    collect(tmp_path, records, Swept(["trajectory.depth"]))
     with open_results(tmp_path) as data:
         assert data["work"].isnull().all("time").to_numpy().tolist() == [False] * 2 + [True] * 7
         found = data["gap_histogram"].isnull().all(("time", "gap_bin")).to_numpy().tolist()

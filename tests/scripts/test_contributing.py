@@ -25,7 +25,7 @@ LINE = re.compile(r"(`|^```python\n    )(\"\w[^`]*?,)\n?(`|```$)", re.DOTALL | r
 STEPS = "time: {end: 1.0, step: 0.25}"
 GRID = "grid: {points: 64}"
 CASES = {
-    "a punch shape": f"{GRID}\npunch: {{shape: frustum, face: 0.2, slope: 100.0}}\n{STEPS}",
+    "a punch shape": f"{GRID}\npunch: {{shape: frustum, flat: 0.2, slope: 100.0}}\n{STEPS}",
     "a material law": f"""{GRID}
 layer: {{thickness: .inf, material: {{model: rouse, G0: 1.0, G: 2.0, tau: 1.0, modes: 2}}}}
 punch: {{shape: flat, width: 0.25, edge_radius: 1.0e-6}}
@@ -93,7 +93,17 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, xr.Dataset]:
     return {title: open_case(path).load() for title, path in found.items()}
 
 
-def test_a_frustum_touches_with_its_face(results: dict[str, xr.Dataset]) -> None:
+def test_the_examples_have_the_style_of_the_package(tmp_path: Path) -> None:
+    for code, path in FILE.findall(PAGE.read_text(encoding="utf-8")):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(code, encoding="utf-8")
+    for check in (["check"], ["format", "--check"]):
+        command = [sys.executable, "-m", "ruff", *check, "--config", str(PAGE.with_name("pyproject.toml"))]
+        found = subprocess.run([*command, str(tmp_path)], capture_output=True, text=True, check=False)
+        assert found.returncode == 0, found.stdout
+
+
+def test_a_frustum_touches_with_its_flat_end(results: dict[str, xr.Dataset]) -> None:
     assert results["a punch shape"]["contact_area"][-1] == 25 / 64  # |x| <= 0.2
 
 

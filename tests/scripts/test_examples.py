@@ -17,7 +17,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import MARK
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.workers import assemble
-from gfmdlayer.results.gathering import CaseRecord, collect
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path
 from gfmdlayer.results.writer import CaseWriter
 
@@ -64,7 +64,7 @@ def test_relaxation_time_of_exponentials_is_found(tmp_path: Path, monkeypatch: p
             for time in np.arange(0.0, end + step / 2, step):
                 left = np.exp(-(time - 1) / tau) if tau else 0.0  # the ramp ends at 1
                 case.row(time=time, contact_area=min(time, 0.3 - 0.1 * left), mean_pressure=0.1)
-    collect(tmp_path, records, list(sweep))
+    collect(tmp_path, records, Swept(list(sweep)))
     found = example(monkeypatch, "relaxation_time", tmp_path)["relaxation_time"]
     assert found.dims == ("tau",)
     # The trapezoidal rule adds step^2/12 of the slope at the start, the end cuts off exp(-15/tau) (15 + tau).

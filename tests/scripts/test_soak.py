@@ -61,7 +61,7 @@ def test_a_case_follows_from_its_seed(trials: Callable[[str], Any]) -> None:
 
 
 def test_damaged_configurations_are_taken_or_refused(trials: Callable[[str], Any], tmp_path: Path) -> None:
-    ends = Counter(trials("fuzz").trial(1, index, tmp_path).kind for index in range(40))
+    ends = Counter(trials("fuzz").trial(1, index, tmp_path).kind for index in range(80))
     assert set(ends) == {"taken", "refused"}
     assert ends["refused"] > ends["taken"]
 

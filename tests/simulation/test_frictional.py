@@ -76,6 +76,18 @@ def test_partial_slip_is_the_difference_of_two_pressures() -> None:
     assert 0.6 < sticks.sum() / (pressed[0].to_numpy() > 0).sum() < 0.8  # (1 - Q/mu P)^(1/2) = 0.71
 
 
+def test_oblique_loading_sticks() -> None:
+    """Depth and displacement grow in a ratio below mu: with equal kernels t is this part of p.
+
+    The tolerance of the adaptive steps is 1e-3; points come into contact in the midst of steps.
+    """
+    trajectory = {"control": "depth", "depth": 0.008, "tangential": {"displacement": 0.0016}}
+    steps = {"end": 1.0, "step": "adaptive", "tolerance": 1e-3}
+    found = run(halfspace(0.5, trajectory=trajectory), {"grid.points": 1024, "time": steps})
+    assert float(found.friction[-1]) == pytest.approx(0.2, rel=1e-3)
+    assert float(found.stick_area[-1]) == float(found.contact_area[-1])
+
+
 def test_rolling_with_creepage_is_carters() -> None:
     """Q/(mu P) = 1 - (1 - xi R/(mu a))^2: 0.2736 (F. W. Carter, 1926), to one of 29 points.
 
@@ -132,7 +144,7 @@ def test_the_energy_balance_closes_to_second_order(drive: str) -> None:
 
 
 def test_adaptive_steps_find_the_same() -> None:
-    """The force is within the bound of 50 steps a stretch, 1e-3 of mu P; the depth within the tolerance."""
+    """Force and depth are within the tolerance; slip may leave ten times as much, docs/theory/friction.md."""
     fixed = run(relaxing(), {"time": {"end": 4.0, "step": 0.0125}})
     free = run(relaxing(), {"time": {"end": 4.0, "step": "adaptive"}, "output": {"times": [1, 2, 2.1, 3, 4]}})
     assert int(free.rejected.sum()) < 30
@@ -171,6 +183,7 @@ def test_without_friction_there_is_none_and_with_much_all_sticks() -> None:
         )
     )
     np.testing.assert_allclose(smooth.depth, bare.depth, rtol=1e-5, atol=1e-9)
+    assert float((smooth.transforms - bare.transforms).sum()) <= smooth.time.size  # half a pair for u_x
     assert float(abs(smooth.tangential_force).max()) == 0
     assert math.isnan(rough.attrs["first_slip"])
     # Points that leave the contact take the mean of their last traction and none: not more than the balance.

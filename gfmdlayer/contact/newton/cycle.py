@@ -17,6 +17,9 @@ A grid is read once on the way down and once on the way up: x, B and share live 
 
 The last grid is solved directly, with the magnitudes of its eigenvalues. M is symmetric, and positive where
 B (S + D) < 2, even if K + D is not: conjugate gradients still meet negative curvature.
+
+Of several ranks each holds its rows of the finest grid, and all of the others, a third of its points. Each
+adds up the rows of the next grid that its own reach, and all bring these together.
 """
 
 from __future__ import annotations
@@ -28,10 +31,11 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
-from gfmdlayer.contact.stencil import sample, stencil, symbol
+from gfmdlayer.contact.stencil import REACH, sample, stencil, symbol
 from gfmdlayer.grid.fftw import aligned
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.grid.transforms import truncated
+from gfmdlayer.grid.slabs import SlabGrid
+from gfmdlayer.grid.transforms import execute, truncated
 from gfmdlayer.kernels import kernel
 
 _FEWEST = 4  # points of an axis at least: the last grid has 4 to 7 along each
@@ -48,7 +52,7 @@ _ROOM = 16  # numbers before a row in the work space, two of which are its neigh
 class Cycle(NamedTuple):
     """All grids in one array each, the finest first; no grid where there is no cycle."""
 
-    grids: IntArray  # rows, columns, first point of each, and where the places of rows and columns begin
+    grids: IntArray  # rows and columns held, first point, where their places begin, first row, all rows
     unit: float  # of all stiffness here
     weights: Any  # of the stencils
     point: FloatArray  # c of each grid
@@ -63,6 +67,11 @@ class Cycle(NamedTuple):
     place: IntArray  # of rows and columns: the one of the next grid before each, then their number there
     part: Any  # of the way to the next one
     rows: Any  # work space
+    beside: Any  # forces of the rows of the finest grid beside those held, (4, columns)
+    stiff_beside: Any
+    reached: Any  # rows of the next grid that these reach
+    exchange: int  # address of the function that writes `beside`; 0 on one process
+    join: int  # of the one that brings the rows reached together
 
 
 @kernel
@@ -73,15 +82,15 @@ def unit_of(kappa_1: float) -> float:
 
 def no_cycle() -> Cycle:
     """Return a cycle without a grid."""
-    return _cycle([], 1.0, [], [], 0.0)
+    return _cycle(Grid((1, 1), (1.0, 1.0)), [], 1.0, [], [], 0.0)
 
 
-def cycle_of(shape: tuple[int, ...], stiffness: FloatArray, kappa_1: float) -> Cycle:
-    """Return the cycle for a stiffness, one value a mode.
+def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float) -> Cycle:
+    """Return the cycle on a grid for a stiffness, one value a mode.
 
     It has no grid for lines, small surfaces, and where the stencils do not describe the stiffness.
     """
-    unit = unit_of(kappa_1)
+    shape, stiffness, unit = whole.points, whole.every_mode(stiffness), unit_of(kappa_1)
     shapes = _shapes(shape, stiffness)
     if len(shapes) < 2:
         return no_cycle()
@@ -102,7 +111,7 @@ def cycle_of(shape: tuple[int, ...], stiffness: FloatArray, kappa_1: float) -> C
             ((lacking / exact).mean(), min(_SMOOTHING, _POSITIVE * float(taps[0]) / found.max()))
         )
         kappa = truncated(kappa, points, below)
-    cycle = _cycle(shapes, unit, weights, constants, _LOWEST * kappa_1 / unit)
+    cycle = _cycle(whole, shapes, unit, weights, constants, _LOWEST * kappa_1 / unit)
     height, width = shapes[-1]
     kappa = np.where(kappa > 0, kappa, 0.5 * kappa_1 / unit)
     response = np.fft.irfft2(kappa.reshape(height, -1), (height, width))
@@ -133,30 +142,43 @@ def _shapes(shape: tuple[int, ...], stiffness: FloatArray) -> list[tuple[int, ..
 
 
 def _cycle(
+    whole: Grid,
     shapes: list[tuple[int, ...]],
     unit: float,
     weights: list[Any],
     constants: list[tuple[float, float]],
     lowest: float,
 ) -> Cycle:
-    points = np.array([np.prod(shape) for shape in shapes], dtype=np.int64)
+    held = [whole.shape, *shapes[1:]] if shapes else []
+    points = np.array([np.prod(shape) for shape in held], dtype=np.int64)
     size, last, finest, width = (
         (int(points.sum()), int(points[-1]), int(points[0]), shapes[0][1]) if shapes else (0, 0, 0, 0)
     )
     # Rows, then columns, of each grid and of the next one.
     axes = [axis for pair in pairwise(shapes) for axis in zip(*pair, strict=True)]
     begin = np.cumsum([0] + [n + 1 for n, _ in axes])[: len(axes)]
-    grids = np.zeros((len(shapes), 5), dtype=np.int64)
-    grids[:, :2] = np.array(shapes).reshape(-1, 2)
-    grids[:, 2], grids[:-1, 3:] = np.cumsum(points) - points, begin.reshape(-1, 2)
+    grids = np.zeros((len(shapes), 7), dtype=np.int64)
+    grids[:, :2], grids[:1, 5] = np.array(held).reshape(-1, 2), whole.first_row
+    grids[:, 2], grids[:-1, 3:5] = np.cumsum(points) - points, begin.reshape(-1, 2)
+    grids[:, 6] = [shape[0] for shape in shapes]
+    grids[:-1, 3] += grids[:-1, 5]
     place = np.array([k * m // n for n, m in axes for k in range(n + 1)], dtype=np.int64)
     part = np.array([k * m % n / n for n, m in axes for k in range(n + 1)], dtype=np.float32)
+    beside, stiff_beside, reached = (np.empty((0, 0), np.float32) for _ in range(3))
+    exchange, join = 0, 0
+    if shapes and isinstance(whole, SlabGrid):
+        beside, stiff_beside = (np.empty((2 * REACH, width), np.float32) for _ in range(2))
+        first, end = (int(place[row]) for row in (whole.rows.start, whole.rows.stop - 1))
+        reached = np.empty((end + 2 - first, shapes[1][1]), np.float32)
+        exchange = whole.exchange_of_rows(REACH, np.float32)
+        join = whole.sum_of_rows(shapes[1], first, len(reached), np.float32)
     length = -(-(width + 2 * _ROOM) // _ROOM) * _ROOM
     point, smoothing = np.array(constants).reshape(-1, 2).T.copy()
     return Cycle(
         grids, unit, np.array(weights, np.float32).reshape(-1, 6), point, smoothing, lowest,
         np.zeros((last, last)), np.zeros((last, last), np.float32), _space(size), _space(size - finest),
         _space(size - finest), _space(finest), place, part, _space(9 * length).reshape(9, length),
+        beside, stiff_beside, reached, exchange, join,
     )  # fmt: skip
 
 
@@ -170,10 +192,17 @@ def _space(size: int) -> Any:
 def set_cycle(cycle: Cycle, work: Any) -> None:
     """Take the D of the finest grid, `PRESSED` where points are pressed, to all grids; find M 1."""
     last = cycle.grids.shape[0] - 1
+    if cycle.exchange != 0:
+        execute(cycle.exchange, 0, cycle.D, cycle.stiff_beside)  # type: ignore[call-arg]
     for level in range(last):
         first = cycle.grids[level, 2]
         fine = _field(cycle, level, cycle.D, first)
-        _set_below(cycle, level, fine, _field(cycle, level + 1, cycle.D, first + fine.size))
+        below = _field(cycle, level + 1, cycle.D, first + fine.size)
+        if _is_shared(cycle, level):
+            _set_below(cycle, level, fine, cycle.reached)
+            execute(cycle.join, 0, cycle.reached, below)  # type: ignore[call-arg]
+        else:
+            _set_below(cycle, level, fine, below)
     first, size = cycle.grids[last, 2], cycle.matrix.shape[0]
     whole = cycle.matrix.copy()
     for i in range(size):
@@ -200,6 +229,12 @@ def _set_below(cycle: Cycle, level: int, stiffness: Any, below: Any) -> None:
 
 
 @kernel(inner=True)
+def _is_shared(cycle: Cycle, level: int) -> bool:
+    """Whether ranks hold parts of a grid."""
+    return level == 0 and cycle.exchange != 0
+
+
+@kernel(inner=True)
 def _field(cycle: Cycle, level: int, values: Any, first: int) -> Any:
     """The rows of a grid whose points begin there in the values of all grids."""
     rows, columns = cycle.grids[level, 0], cycle.grids[level, 1]
@@ -213,7 +248,13 @@ def run_cycle(cycle: Cycle, force: Any, target: Any) -> tuple[float, float]:
     for level in range(last):
         first = cycle.grids[level, 2] - finest
         r = _field(cycle, level, force, 0) if level == 0 else _field(cycle, level, cycle.r, first)
-        _descend(cycle, level, r, _field(cycle, level + 1, cycle.r, first + r.size))
+        below = _field(cycle, level + 1, cycle.r, first + r.size)
+        if _is_shared(cycle, level):
+            execute(cycle.exchange, 0, force, cycle.beside)  # type: ignore[call-arg]
+            _descend(cycle, level, r, cycle.reached)
+            execute(cycle.join, 0, cycle.reached, below)
+        else:
+            _descend(cycle, level, r, below)
     first, size = cycle.grids[last, 2] - finest, cycle.matrix.shape[0]
     forces, x = cycle.r[first : first + size], cycle.result[first : first + size]
     for i in range(size):
@@ -243,6 +284,24 @@ def _close(row: Any, columns: int) -> None:
 
 
 @nb.njit(inline="always")
+def _beside(cycle: Cycle, level: int) -> tuple[Any, Any]:
+    """Forces and D of the rows beside those held; none of a whole grid, which is periodic."""
+    number = cycle.beside.shape[0] if level == 0 else 0
+    return cycle.beside[:number], cycle.stiff_beside[:number]
+
+
+@nb.njit(inline="always")
+def _row(values: Any, i: int, ends: Any) -> Any:
+    """A row, or one of two before or after."""
+    rows = values.shape[0]
+    if 0 <= i < rows:
+        return values[i]
+    if ends.shape[0] > 0:
+        return ends[i + 2 if i < 0 else 2 + i - rows]
+    return values[i + rows if i < 0 else i - rows]
+
+
+@nb.njit(inline="always")
 def _apply_beside(weights: Any, i: int, ring: Any, r: Any, D: Any, row: Any, beside: Any) -> None:
     """Write r - (S + D) x of row i but for the taps to the left and right, and what these act on."""
     w0, w1, w3, w4, w5 = weights[0], weights[1], weights[3], weights[4], weights[5]
@@ -265,9 +324,9 @@ def _descend(cycle: Cycle, level: int, force: Any, below: Any) -> None:
     w0, w2, least, softest = weights[0], weights[2], _HALF * weights[0], np.float32(_SOFT) / c
     ring, row, beside = cycle.rows, cycle.rows[5], cycle.rows[6]
     left, right = beside[_ROOM - 1 :], beside[_ROOM + 1 :]
+    ends, ends_D = _beside(cycle, level)
     for k in range(-2, rows + 2):
-        i = k + rows if k < 0 else k - rows if k >= rows else k
-        x, r, D = ring[(k + 5) % 5], force[i], stiffness[i]
+        x, r, D = ring[(k + 5) % 5], _row(force, k, ends), _row(stiffness, k, ends_D)
         inner = x[_ROOM:]
         for j in range(columns):
             stiff = w0 + D[j]
@@ -296,10 +355,13 @@ def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tu
     w0, w2, least, softest = weights[0], weights[2], _HALF * weights[0], np.float32(_SOFT) / c
     ring, row, beside, line, motion = cycle.rows, cycle.rows[5], cycle.rows[6], cycle.rows[7], cycle.rows[8]
     left, right = beside[_ROOM - 1 :], beside[_ROOM + 1 :]
-    first, begin = cycle.grids[level, 3], cycle.grids[level, 4]
+    ends, ends_D = _beside(cycle, level)
+    first, begin, first_row, all_rows = cycle.grids[level, 3:]
+    first -= first_row
     for k in range(-2, rows + 2):
-        i = k + rows if k < 0 else k - rows if k >= rows else k
-        m, part = cycle.place[first + i], cycle.part[first + i]
+        i = first_row + k
+        i = first + (i + all_rows if i < 0 else i - all_rows if i >= all_rows else i)
+        m, part = cycle.place[i], cycle.part[i]
         one, other = below[m], below[m + 1 if m + 1 < rows_below else 0]
         for j in range(columns_below):
             line[j] = one[j] + part * (other[j] - one[j])
@@ -312,7 +374,7 @@ def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tu
             for j in range(columns):
                 m = cycle.place[begin + j]
                 motion[j] = line[m] + cycle.part[begin + j] * (line[m + 1] - line[m])
-        x, r, D = ring[(k + 5) % 5], force[i], stiffness[i]
+        x, r, D = ring[(k + 5) % 5], _row(force, k, ends), _row(stiffness, k, ends_D)
         inner = x[_ROOM:]
         for j in range(columns):
             stiff, yields = w0 + D[j], D[j] if D[j] > softest else softest
@@ -349,8 +411,10 @@ def _add_row(cycle: Cycle, level: int, i: int, row: Any, below: Any) -> None:
 
     Two rows of the work space gather for the two rows of it on either side, and are added when full.
     """
-    rows, columns, _, first, begin = cycle.grids[level]
-    rows_below, columns_below = below.shape
+    rows, columns, _, first, begin, _, all_rows = cycle.grids[level]
+    columns_below, shared = below.shape[1], level == 0 and cycle.exchange != 0
+    rows_below, before = cycle.grids[level + 1, 0], cycle.place[first] if shared else 0
+    per = np.float32(rows_below * columns_below / (all_rows * columns))
     m, end, part = cycle.place[first + i], cycle.place[first + i + 1], cycle.part[first + i]
     if i == 0:
         below[:], cycle.rows[7:] = _NONE, _NONE
@@ -358,9 +422,8 @@ def _add_row(cycle: Cycle, level: int, i: int, row: Any, below: Any) -> None:
     for j in range(columns):
         here[j] += (_ONE - part) * row[j]
         after[j] += part * row[j]
-    per = np.float32(rows_below * columns_below / (rows * columns))
-    for k in range(m, rows_below + 1 if end == rows_below else end):
-        found, full = below[k if k < rows_below else 0], cycle.rows[7 + k % 2]
+    for k in range(m, m + 2 if i == rows - 1 else end):
+        found, full = below[0 if k == rows_below and not shared else k - before], cycle.rows[7 + k % 2]
         if columns == 2 * columns_below:
             full[_ROOM - 1] = full[_ROOM - 1 + columns]
             values = full[_ROOM - 1 :]

@@ -17,6 +17,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.newton.cycle import PRESSED, Cycle, run_cycle, set_cycle, unit_of
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
+from gfmdlayer.grid.sums import Completion, greatest, summed
 from gfmdlayer.grid.transforms import Plans, backward, forward
 from gfmdlayer.interface.forms import Terms, term
 from gfmdlayer.kernels import LANES, kernel
@@ -40,6 +41,8 @@ class AdhesiveSystem(NamedTuple):
     load: float
     kappa_1: float  # kappa_1
     floor: ResidualFloor
+    size: float  # number of points, of all ranks
+    over: Completion
 
 
 class AdhesiveState(NamedTuple):
@@ -128,7 +131,7 @@ def set_interaction(system: AdhesiveSystem, at: AdhesiveState, cap: Any) -> floa
                 if u[i] > h[i]:
                     total += (cap - traction[i]) * (u[i] - h[i])
                     curvature[i] = 0.0
-    return total
+    return float(summed(system.over, (total,))[0])
 
 
 @kernel(reorder=True, inner=True)
@@ -165,14 +168,16 @@ def balance(
                 at.curvature[first + i] = 0.0  # as the point moves on to where it is
             worst[i] = off if off > worst[i] else worst[i]
             free[i] = moves
-            high, low = (value, value) if moves > 0.0 else (-np.inf, np.inf)
-            most[i] = high if high > most[i] else most[i]
-            least[i] = low if low < least[i] else least[i]
+            up, down = (value, value) if moves > 0.0 else (-np.inf, np.inf)
+            most[i] = up if up > most[i] else most[i]
+            least[i] = down if down < least[i] else least[i]
             total += moves * value
             count += moves
+    total, count = summed(system.over, (total, count))
     mean = total / count if system.mean_is_fixed and count > 0.0 else 0.0
-    largest = max(most.max() - mean, mean - least.min(), 0.0)
-    return worst.max() if np.isfinite(total) else np.nan, multiplier, largest, mean_u, largest_u
+    off, high, low = greatest(system.over, (worst.max(), most.max(), -least.min()))
+    largest = max(high - mean, mean + low, 0.0)
+    return off if np.isfinite(total) else np.nan, multiplier, largest, mean_u, largest_u
 
 
 @kernel(reorder=True, inner=True)
@@ -206,9 +211,11 @@ def _open_pressure(
             if cap is not None and u[i] > h[i]:
                 total += value - cap
                 count += 1.0
-    mean, bottom = mean / at.u.size, lowest.min()
-    largest = max(highest.max(), -bottom)
-    return total, count, most.max(), least.min(), max(mean, 0.0) - bottom, mean, largest
+    total, count, mean = summed(system.over, (total, count, mean / system.size))
+    strongest, weakest, top, bottom = greatest(
+        system.over, (most.max(), -least.min(), highest.max(), -lowest.min())
+    )
+    return total, count, strongest, -weakest, max(mean, 0.0) + bottom, mean, max(top, bottom)
 
 
 @kernel(reorder=True, inner=True)
@@ -245,6 +252,7 @@ def begin(
     total = 0.0
     for i in range(d.size):
         total += lifts[i]
+    (total,) = summed(system.over, (total,))
     far = lack * stiff / (unit * total)
     for i in range(d.size):
         d[i] = far * lifts[i]
@@ -257,17 +265,19 @@ def begin(
 @kernel(reorder=True, inner=True)
 def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float) -> None:
     """Set the preconditioner that takes a transform."""
-    n, total, stiffest, stiff = step.d.size, 0.0, curvature.max(), unit_of(system.kappa_1)
+    n, total, stiff = system.size, 0.0, unit_of(system.kappa_1)
+    (stiffest,) = greatest(system.over, (curvature.max(),))
     for k in range(step.softening.size):
         # The factor n^2 turns the stiffness per point into that for a backward transform.
         softening = stiff / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
         step.softening[k] = softening
         total += softening
-    step.point[0] = n * total / (_STIFF * step.softening.size)
+    total, count = summed(system.over, (total, float(step.softening.size)))
+    step.point[0] = n * total / (_STIFF * count)
     step.share[:] = 1.0
     if stiffest > 0.0:
         compliance = step.point[0] / stiff
-        for i in range(n):
+        for i in range(step.d.size):
             step.share[i] = 1.0 / np.sqrt(1.0 + compliance * max(curvature[i], 0.0))
 
 
@@ -315,12 +325,13 @@ def minimise(
     All are in the units of the step.
     """
     direction, applied, z = step.direction, step.applied, step.z
-    n, stiff = direction.size, unit_of(system.kappa_1)
+    n, over, stiff = direction.size, system.over, unit_of(system.kappa_1)
     kappa_1, one, centred = system.kappa_1 / stiff, lifted(step), system.mean_is_fixed
     count, whole, pairs, last = 0.0, 0.0, 0, 1.0
     for i in range(n):
         count += step.free[i]
         whole += one[i]
+    count, whole = summed(over, (count, whole))
     if count == 0.0:
         return 0, 0.0
     aim = max(floor, inexact * _centre(system, step, count))
@@ -328,6 +339,7 @@ def minimise(
     for iteration in range(_MOST):
         spent, total, across = precondition(single, step, step.force, z)
         pairs += 1 + spent
+        total, across = summed(over, (total, across))
         mean = np.float32(total / whole if centred else 0.0)
         if centred and step.cycle.grids.size > 0:
             # The sum of force M 1 is that of M force. By transforms it is the sum of the forces, zero.
@@ -337,12 +349,13 @@ def minimise(
         for i in range(n):
             direction[i] = z[i] - mean * one[i] + beta * direction[i]
         apply(single, step.kappa, direction, step.work, applied)
-        elastic, along, square, total = _curvatures(step)
+        elastic, along, square, total = summed(over, _curvatures(step))
         if square == 0.0:
             return pairs, 0.0
         if not along > _NO_CURVATURE * (elastic + kappa_1 * square):
             return pairs, min(along / square, -1e-300)
-        if _advance(across / along, total / count if centred else 0.0, step) <= aim:
+        (left,) = greatest(over, (_advance(across / along, total / count if centred else 0.0, step),))
+        if left <= aim:
             return pairs, 0.0
     return pairs, 0.0
 
@@ -400,6 +413,7 @@ def _centre(system: AdhesiveSystem, step: Step, count: float) -> float:
     total, largest = 0.0, np.zeros(LANES, np.float32)
     for i in range(step.d.size):
         total += step.force[i]
+    (total,) = summed(system.over, (total,))
     mean: Any = np.float32(total / count if system.mean_is_fixed else 0.0)
     for first in range(0, step.d.size, LANES):
         force, free = step.force[first : first + LANES], step.free[first : first + LANES]
@@ -407,7 +421,7 @@ def _centre(system: AdhesiveSystem, step: Step, count: float) -> float:
             left = force[i] - mean * free[i]
             force[i] = left
             largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
-    return float(largest.max())
+    return float(greatest(system.over, (float(largest.max()),))[0])
 
 
 @kernel(reorder=True, inner=True)
@@ -424,11 +438,11 @@ def move(
 
     Where the mean is fixed it is restored by a shift of the points that do not touch.
     """
-    shift, n = 0.0, to.u.size
+    shift, n = 0.0, system.size
     for turn in range(60):
         total, free = 0.0, 0.0
         most, least = np.full(LANES, -np.inf), np.full(LANES, np.inf)
-        for first in range(0, n, LANES):
+        for first in range(0, to.u.size, LANES):
             end = first + LANES
             h, u, v, d = system.h[first:end], at.u[first:end], to.u[first:end], step.d[first:end]
             if turn == 0:
@@ -449,7 +463,9 @@ def move(
                 free += 1.0 if is_free else 0.0
                 most[i] = v[i] if v[i] > most[i] else most[i]
                 least[i] = v[i] if v[i] < least[i] else least[i]
-        lack, largest = mean * n - total, max(most.max(), -least.min())
+        total, free = summed(system.over, (total, free))
+        top, bottom = greatest(system.over, (most.max(), -least.min()))
+        lack, largest = mean * n - total, max(top, bottom)
         if not system.mean_is_fixed or abs(lack) <= _ROUNDING * largest * n or free == 0.0:
             break
         shift = lack / free
@@ -481,7 +497,8 @@ def set_stress_after(
         for i in range(d.size):
             largest[i] = abs(cut[i]) if abs(cut[i]) > largest[i] else largest[i]
             farthest[i] = abs(d[i]) if abs(d[i]) > farthest[i] else farthest[i]
-    if largest.max() <= _OF_SINGLE * farthest.max():
+    off, far = greatest(system.over, (float(largest.max()), float(farthest.max())))
+    if off <= _OF_SINGLE * far:
         return 0
     apply(single, step.kappa, step.direction, step.work, step.applied)
     for i in range(at.u.size):
@@ -524,7 +541,9 @@ def compare(
             elastic -= (0.5 * (stress0[i] + stress1[i]) + dead) * way
             off = abs(traction1[i] - traction0[i] + curvature[i] * way)
             most[i] = off if off > most[i] else most[i]
-    return first, last, elastic, most.max() / system.strength
+    first, last, elastic = summed(system.over, (first, last, elastic))
+    (largest,) = greatest(system.over, (most.max(),))
+    return first, last, elastic, largest / system.strength
 
 
 @kernel(reorder=True, inner=True)
@@ -538,4 +557,5 @@ def shorten(at: AdhesiveState, part: float, to: AdhesiveState) -> None:
 @kernel(reorder=True, inner=True)
 def lost(system: AdhesiveSystem, at: AdhesiveState) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
-    return bool((system.h - at.u).min() > system.range and at.traction.max() < -system.load)
+    overlap, traction = greatest(system.over, (-(system.h - at.u).min(), at.traction.max()))
+    return bool(-overlap > system.range and traction < -system.load)

@@ -69,6 +69,8 @@ from gfmdlayer.contact.newton.passes import (
 )
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.sums import greatest, summed
 from gfmdlayer.grid.transforms import Plans, Transforms
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import State
@@ -164,12 +166,13 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         target = done if descends else 1.0
         residual, multiplier, largest, of_u, depth = balance(system, at, held, 1.0 - target, step, cap)
         mean = (1.0 - target) * mean0
-        lack = (mean - of_u) * at.u.size
+        lack = (mean - of_u) * system.size
         lack = lack if abs(mean - of_u) > _LIFTED * abs(mean0) + _OF_SUMS * depth and mean0 != 0.0 else 0.0
         # A flat surface is in balance at any mean: the residual does not tell whether it has moved.
         if (done == 1.0 and residual <= tolerance and lack == 0.0) or iterations == limit or pulled_off:
             break
-        aim = tolerance * max(system.strength, step.pressure.max())
+        (strongest,) = greatest(system.over, (step.pressure.max(),))
+        aim = tolerance * max(system.strength, strongest)
         if descends and done < 1.0 and lack == 0.0 and (largest <= aim or settled):
             released += drop if is_lost(system, drop, unstable) else 0.0
             descends, unstable, drop, damping = False, False, 0.0, 0.0
@@ -230,7 +233,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled = True, False
             damping = max(_SHORTER * damping, _AT_REST * system.kappa_1)
-            if damping > _HOPELESS * (system.kappa_1 + max(at.curvature.max(), -at.curvature.min())):
+            stiffest, softest = greatest(system.over, (at.curvature.max(), -at.curvature.min()))
+            if damping > _HOPELESS * (system.kappa_1 + max(stiffest, softest)):
                 break
             continue
         at, to, swapped, energy = to, at, not swapped, after
@@ -297,6 +301,7 @@ def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields, cap: Any) -
         held[i] = step.free[i] * step.pressure[i]
         total += held[i]
         count += step.free[i]
+    total, count = summed(system.over, (total, count))
     if system.mean_is_fixed and count > 0.0:
         for i in range(held.size):
             held[i] -= step.free[i] * total / count
@@ -355,6 +360,7 @@ def find_margin(
         for i in range(n):
             xHx += x[i] * (Kx[i] + D[i] * x[i])
             xBx += x[i] * (Kx[i] + half * x[i])
+        xHx, xBx = summed(system.over, (xHx, xBx))
         if not xBx > 0.0:
             return 1.0, 1.0, 0.0, pairs
         last, margin = margin, xHx / xBx
@@ -371,6 +377,7 @@ def find_margin(
         for i in range(n):
             across += slope[i] * w[i]
             change += (slope[i] - before[i]) * w[i]
+        across, change = summed(system.over, (across, change))
         beta = max(change / previous, 0.0) if turn > 0 else 0.0
         xHd, dHd, xBd, dBd = 0.0, 0.0, 0.0, 0.0
         for i in range(n):
@@ -379,6 +386,7 @@ def find_margin(
             dHd += d[i] * (Kd[i] + D[i] * d[i])
             xBd += d[i] * (Kx[i] + half * x[i])
             dBd += d[i] * (Kd[i] + half * d[i])
+        xHd, dHd, xBd, dBd = summed(system.over, (xHd, dHd, xBd, dBd))
         share = _lowest(xHx, xHd, dHd, xBx, xBd, dBd)
         size = xBx + 2.0 * share * xBd + share * share * dBd
         if not size > 0.0:
@@ -391,6 +399,7 @@ def find_margin(
     for i in range(n):
         square += x[i] * x[i]
         attraction -= D[i] * x[i] * x[i]
+    square, attraction = summed(system.over, (square, attraction))
     return margin, stiff * xHx / square, stiff * attraction / square, pairs
 
 
@@ -414,6 +423,7 @@ def _admit(system: AdhesiveSystem, free: Any, x: Any, one: Any) -> None:
         x[i] *= free[i]
         total += x[i]
         whole += free[i] * one[i]
+    total, whole = summed(system.over, (total, whole))
     mean = total / whole if system.mean_is_fixed and whole > 0.0 else 0.0
     for i in range(x.size):
         x[i] -= mean * free[i] * one[i]
@@ -430,8 +440,9 @@ def leave(
     n, strongest = x.size, 1e-300
     for i in range(n):
         strongest = max(strongest, abs(at.curvature[i] * x[i]))
+    (strongest,) = greatest(system.over, (strongest,))
     far, energy, pairs = _KICK * system.strength / strongest, set_interaction(system, at, cap), 0
-    mean = at.u.mean() if system.mean_is_fixed else 0.0
+    mean = summed(system.over, (at.u.sum(),))[0] / system.size if system.mean_is_fixed else 0.0
     for _ in range(_KICKS):
         best, side = 0.0, 0.0
         for sign in (1.0, -1.0, 0.0):
@@ -442,9 +453,10 @@ def leave(
             move(system, at, step, (sign if sign != 0.0 else side) * far, mean, to, cap)
             set_stress(plans, system, to, step.spectrum, step.spectrum)
             pairs += 1
-            change = set_interaction(system, to, cap) - energy
+            after, change = set_interaction(system, to, cap), 0.0
             for i in range(n):
                 change -= (0.5 * (at.stress[i] + to.stress[i]) + system.load) * (to.u[i] - at.u[i])
+            change = (after - energy) + summed(system.over, (change,))[0]
             if change < best:
                 best, side = change, sign
         if best < 0.0:
@@ -463,16 +475,17 @@ class Newton:
 
     starts_from: ClassVar[Literal["gap"]] = "gap"
 
-    def __init__(self, transforms: Transforms) -> None:
+    def __init__(self, transforms: Transforms, grid: Grid | None = None) -> None:
         self._transforms = transforms
-        self._mode = _any_deformation(transforms.size)
+        self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
+        self._mode = _any_deformation(self._grid)
         self._stiffness: FloatArray = np.empty(0)  # of the cycle
         self._margin, self._part = math.nan, 0.0  # of a pair that is counted with the next step
 
     @cached_property
     def _single(self) -> Transforms:
         """Transforms in single precision; from the wisdom of a run that is restored before its first step."""
-        return self._transforms.of_shape(self._transforms.shape, single=True)
+        return self._transforms.of_shape(self._grid.points, single=True)
 
     @cached_property
     def _fields(self) -> NewtonFields:
@@ -499,11 +512,11 @@ class Newton:
         """Solve from the gap of the last step; infinite where there is none, and the surface at rest."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
-        system, fields = _system(problem), self._prepared(problem)
+        system, fields = _system(problem, self._grid), self._prepared(problem)
         plans, single = self._transforms.plans, self._single.plans
         cap = problem.hardness if problem.hardness < np.inf else None
         progress, u = self._begin(system, start, cap), fields.at.u
-        chunk, converged = max(4, _CHUNK // u.size), False
+        chunk, converged = max(4, _CHUNK // self._grid.size), False
         self._lowest.x[:] = self._mode
         while not converged and progress.iterations < limit and not progress.pulled_off:
             before, most = progress.iterations, min(chunk, limit - progress.iterations)
@@ -537,17 +550,17 @@ class Newton:
         )
         if cap is not None:  # the pressures above it count too
             solution = replace(solution, residual=max(solution.residual, progress.residual))
-        return replace(solution, released_energy=released / u.size, margin=self._margin)
+        return replace(solution, released_energy=released / self._grid.size, margin=self._margin)
 
     def _prepared(self, problem: Problem) -> NewtonFields:
         """The work arrays, with the cycle for the stiffness of the step."""
-        step, stiffness, n = self._fields.step, problem.stiffness, self._transforms.size
-        if not np.array_equal(self._stiffness, stiffness):
+        step, stiffness, n = self._fields.step, problem.stiffness, self._grid.size
+        if not problem.ranks.minimum(int(np.array_equal(self._stiffness, stiffness))):
             self._stiffness = stiffness.copy()
             kappa_1 = problem.residual_floor.stiffness
             step.kappa[:] = stiffness / (n * unit_of(kappa_1))
-            cycle = cycle_of(self._transforms.shape, stiffness, kappa_1) if n >= _WORTH_CYCLE else no_cycle()
-            D = cycle.D[:n] if cycle.grids.size else self._single.empty_field()
+            cycle = cycle_of(self._grid, stiffness, kappa_1) if n >= _WORTH_CYCLE else no_cycle()
+            D = cycle.D[: step.d.size] if cycle.grids.size else self._single.empty_field()
             self._fields = self._fields._replace(step=step._replace(cycle=cycle, stiffness=D))
         return self._fields
 
@@ -577,9 +590,10 @@ class Newton:
         fields, lowest = self._fields, self._lowest
         given = self._single.plans, system, fields.at, fields.step, lowest
         found: tuple[float, float, float, int] = find_margin(*given)
-        if lowest.x.any() or not fields.step.free.any():
+        moved, free = self._grid.sums.maximum(np.array([lowest.x.any(), fields.step.free.any()], float))
+        if moved or not free:
             return found
-        lowest.x[:] = _any_deformation(lowest.x.size)
+        lowest.x[:] = _any_deformation(self._grid)
         margin, curvature, attraction, pairs = find_margin(*given)
         return margin, curvature, attraction, found[-1] + pairs
 
@@ -587,7 +601,7 @@ class Newton:
         """Compile the kernel for a balance of forces that is no minimum."""
         fields, size = self._fields, self._mode.size
         stiffness = np.ones(fields.spectrum.size)
-        system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))
+        system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)), self._grid)
         for array in (*fields.at, *fields.to, *fields.step[:-1], self._lowest.x):
             array[:] = 0.0
         leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x, None)
@@ -606,12 +620,13 @@ class Newton:
         u = fields.at.u
         np.subtract(system.h, start, out=u)
         fields.held[:] = 0.0
-        if np.isfinite(u).all():
-            done, mean = 0.0, float(u.mean()) if system.mean_is_fixed else 0.0
+        sums = self._grid.sums
+        if sums.minimum(int(np.isfinite(u).all())):
+            done, mean = 0.0, sums.mean(u) if system.mean_is_fixed else 0.0
             energy = hold(self._transforms.plans, system, fields, cap)
         else:
             u[:] = 0.0
-            project(u, system.h, system.mean_is_fixed)
+            project(u, system.h, system.mean_is_fixed, sums.ranks)
         return Progress(
             done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
             multiplier=0.0, residual=np.inf, energy=energy, exact=True, pairs=float(done == 0.0),
@@ -619,13 +634,16 @@ class Newton:
         )  # fmt: skip
 
 
-def _any_deformation(size: int) -> FloatArray:
-    """One that no symmetry rules out; always the same."""
-    return np.random.default_rng(0).normal(size=size)
+def _any_deformation(grid: Grid) -> FloatArray:
+    """One that no symmetry rules out; always the same, of which each rank has its rows."""
+    numbers, row = np.random.default_rng(0), grid.size // grid.points[0]
+    for _ in range(grid.first_row):
+        numbers.normal(size=row)
+    return numbers.normal(size=math.prod(grid.shape))
 
 
-def _system(problem: Problem) -> AdhesiveSystem:
-    n, law, floor = problem.obstacle.size, problem.interface, problem.residual_floor
+def _system(problem: Problem, grid: Grid) -> AdhesiveSystem:
+    n, law, floor = grid.size, problem.interface, problem.residual_floor
     return AdhesiveSystem(
         problem.stiffness / n,
         problem.intercept / n,
@@ -637,4 +655,6 @@ def _system(problem: Problem) -> AdhesiveSystem:
         problem.applied_pressure,
         floor.stiffness,
         floor,
+        float(n),
+        grid.completion,
     )

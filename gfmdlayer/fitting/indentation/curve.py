@@ -1,16 +1,19 @@
-"""A measured force curve: time, depth and force of an indenter, with checks, straight pieces and units."""
+"""A measured force curve: its columns, segments and prescribed quantities, checks, straight pieces, units."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.solve import corners
@@ -20,10 +23,25 @@ FEWEST_ROWS = 8
 GAP = 0.05  # of the duration: a longer pause between two rows gives a warning if the force changes in it
 GAP_STEPS = 20  # and if it is this many times longer than the usual step
 LARGEST = 1e30
+FIRST, BENT = 0.1, -0.25  # part of the largest force, from which a parabola of force over depth bends so much
+PRESCRIBED = ("depth", "force", "base")
+DEPTH, FORCE, BASE = PRESCRIBED
 
 
 class CurveError(FitError):
     """A curve cannot be fitted; the message names it and has one line for each reason."""
+
+
+class Segment(NamedTuple):
+    """Rows of a curve with one name and one prescribed quantity."""
+
+    name: str  # approach, hold, retract, or a name of the file
+    prescribed: str  # depth, force or base
+    first: int  # the first row
+    end: int  # the row after the last one
+
+    def __str__(self) -> str:
+        return f"{self.name} (rows {self.first + 1} to {self.end}, {self.prescribed} prescribed)"
 
 
 @dataclass(frozen=True)
@@ -40,10 +58,23 @@ class ForceCurve:
         Measured depth of the indenter below the undeformed surface, up to a contact point and a drift.
     force : array_like, shape (rows,)
         Positive where it compresses.
-    noise : float, optional
-        Standard deviation of the force; estimated from the residual by default.
+    noise, depth_noise : float, optional
+        Standard deviations of the force and of the depth; estimated from the residual by default.
     position : tuple of float
         Place (x, y) on the sample, for maps.
+    prescribed : str or sequence of str, shape (rows,), optional
+        The quantity that the instrument prescribes: `depth`, `force`, or the `base` of the cantilever, depth
+        + force/stiffness. The fit minimises the error of the force where depth or base is prescribed, and of
+        the depth where the force is. By default it is guessed from the straightness of the columns.
+    segment : sequence of str, shape (rows,), optional
+        Names of the segments, such as approach, hold, retract; guessed by default.
+    stiffness, stiffness_error : float, optional
+        Stiffness of the cantilever, force per length, and its relative standard error: with an error it is
+        fitted too.
+    punch : mapping, optional
+        Indenter of this curve, with the keys of a configuration; by default the model's.
+    origin : mapping
+        Facts for the record of a fit, such as the name and the digest of the file.
 
     Raises
     ------
@@ -56,8 +87,8 @@ class ForceCurve:
     >>> from gfmdlayer import ForceCurve
     >>> depth = np.linspace(0.0, 0.1, 50)
     >>> curve = ForceCurve("ramp", 10 * depth, depth, 2.0 * depth**1.5, noise=1e-3)
-    >>> curve.time.size
-    50
+    >>> print(*curve.segments)
+    approach (rows 1 to 50, depth prescribed)
     """
 
     name: str
@@ -66,11 +97,18 @@ class ForceCurve:
     force: FloatArray
     noise: float | None = None
     position: tuple[float, ...] = field(default=())
+    prescribed: str | Sequence[str] | None = None
+    segment: Sequence[str] | None = None
+    depth_noise: float | None = None
+    stiffness: float | None = None
+    stiffness_error: float | None = None
+    punch: Mapping[str, Any] | None = None
+    origin: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for key in ("time", "depth", "force"):
             object.__setattr__(self, key, _column(self.name, key, getattr(self, key)))
-        if reasons := list(self._faults()):
+        if reasons := list(self._faults()) or list(self._faults_of_segments()):
             raise CurveError("\n".join(f"curve {self.name}: {reason}" for reason in reasons))
 
     def _faults(self) -> Iterator[str]:
@@ -93,8 +131,81 @@ class ForceCurve:
             yield "the depth never changes"
         elif sound and self.force.max() <= 0:
             yield "no force is positive; forces are positive where the indenter presses"
-        if self.noise is not None and not 0 < self.noise < math.inf:
-            yield f"noise = {self.noise!r}; it must be > 0 and finite, or None"
+        for key in ("noise", "depth_noise", "stiffness", "stiffness_error"):
+            value = getattr(self, key)
+            if value is not None and not 0 < value < math.inf:
+                yield f"{key} = {value!r}; it must be > 0 and finite, or None"
+        if self.stiffness_error is not None and self.stiffness is None:
+            yield "stiffness_error is given without a stiffness"
+
+    def _faults_of_segments(self) -> Iterator[str]:
+        rows = self.time.size
+        for key in ("prescribed", "segment"):
+            given = getattr(self, key)
+            if not (given is None or isinstance(given, str)) and len(given) != rows:
+                yield f"{key} has {len(given)} values for {rows} rows; give one for each row"
+                return
+        given = [self.prescribed] if isinstance(self.prescribed, str) else self.prescribed
+        wrong = [] if given is None else sorted({str(each) for each in given} - set(PRESCRIBED))
+        if wrong:
+            yield f"prescribed is {wrong[0]!r}; it must be one of {', '.join(PRESCRIBED)}"
+            return
+        kinds = {each.prescribed for each in self.segments}
+        if BASE in kinds and self.stiffness is None:
+            yield "the base is prescribed, but the stiffness of the cantilever is missing; give the stiffness"
+        if {BASE, DEPTH} <= kinds:
+            yield "prescribes the depth and the base; give one of them, or the force, in each segment"
+        names = [each.name for each in self.segments if each.name in {"approach", "retract"}]
+        if names and names[0] == "retract":
+            yield "its segments are out of order: retract comes before approach"
+        for each in self.segments:
+            moved = self.position_of_drive[each.end - 1] - self.position_of_drive[each.first]
+            sense = {"approach": -1, "retract": 1}.get(each.name, 0)
+            if self.segment is not None and sense * moved > NEGLIGIBLE * np.ptp(self.position_of_drive):
+                yield (
+                    f"the segment {each} moves {'away' if sense < 0 else 'inward'}; are the segments out of "
+                    "order, or is a sign wrong?"
+                )
+
+    @cached_property
+    def position_of_drive(self) -> FloatArray:
+        """The base, where the stiffness is known; else the depth; shape (rows,)."""
+        return self.depth if self.stiffness is None else self.depth + self.force / self.stiffness
+
+    @cached_property
+    def segments(self) -> tuple[Segment, ...]:
+        """The segments, as given or guessed, one for each stretch of one name and one prescribed quantity."""
+        guess = None
+        if self.prescribed is None or self.segment is None:
+            guess = _guess(self)
+        names = [""] * self.time.size if self.segment is None else list(map(str, self.segment))
+        kinds = [str(self.prescribed or "")] * self.time.size
+        if not (self.prescribed is None or isinstance(self.prescribed, str)):
+            kinds = list(map(str, self.prescribed))
+        for each in guess or ():
+            for row in range(each.first, each.end):
+                names[row] = names[row] or each.name
+                kinds[row] = kinds[row] or each.prescribed
+        ends = [i for i in range(1, len(names)) if (names[i], kinds[i]) != (names[i - 1], kinds[i - 1])]
+        return tuple(Segment(names[i], kinds[i], i, j) for i, j in pairwise([0, *ends, len(names)]))
+
+    @cached_property
+    def by_force(self) -> BoolArray:
+        """Whether the force is prescribed in a row, and the depth measured; shape (rows,)."""
+        found = np.zeros(self.time.size, dtype=bool)
+        for each in self.segments:
+            found[each.first : each.end] = each.prescribed == FORCE
+        return found
+
+    @property
+    def by_base(self) -> bool:
+        """Whether the base is prescribed in a segment."""
+        return any(each.prescribed == BASE for each in self.segments)
+
+    @property
+    def measured(self) -> FloatArray:
+        """The force where depth or base is prescribed, the depth where the force is; shape (rows,)."""
+        return np.where(self.by_force, self.depth, self.force)
 
     def warnings(self) -> Iterator[str]:
         """Yield doubts about the curve that do not prevent a fit."""
@@ -105,17 +216,43 @@ class ForceCurve:
                 f"the force changes in a gap of {steps[row]:.4g} after row {row + 1} (time "
                 f"{self.time[row]:.6g}); the fit assumes that the depth changes evenly there"
             )
-        if np.corrcoef(self.depth, self.force)[0, 1] < 0:
+        if np.ptp(self.force) > 0 and np.corrcoef(self.position_of_drive, self.force)[0, 1] < 0:
             yield "the force falls where the depth grows. Is a sign or the order of the columns wrong?"
+
+    def looks_swapped(self) -> bool:
+        """Whether the force bends down over the depth while it grows, as if the two were swapped."""
+        rows = np.arange(int(np.argmax(self.force)) + 1)
+        rows = rows[self.force[rows] > FIRST * float(np.max(self.force))]
+        if rows.size < FEWEST_ROWS or not np.ptp(self.position_of_drive[rows]) > 0:
+            return False
+        x, y = (values[rows] for values in (self.position_of_drive, self.force))
+        x, y = (x - x.min()) / np.ptp(x), (y - y.min()) / np.ptp(y)
+        return bool(np.polynomial.polynomial.polyfit(x, y, 2)[2] < BENT)
+
+    @property
+    def guessed(self) -> str:
+        """The sentence that says which segments and prescribed quantities are guessed, or nothing."""
+        missing = [
+            words
+            for words, given in (("segments", self.segment), ("prescribed quantities", self.prescribed))
+            if given is None
+        ]
+        return f"{' and '.join(missing)} guessed" if missing else ""
 
     def in_units(self, time: float, length: float, force: float) -> ForceCurve:
         """Return the curve with each column multiplied by the size of its unit."""
+
+        def times(value: float | None, factor: float) -> float | None:
+            return None if value is None else value * factor
+
         return replace(
             self,
             time=self.time * time,
             depth=self.depth * length,
             force=self.force * force,
-            noise=None if self.noise is None else self.noise * force,
+            noise=times(self.noise, force),
+            depth_noise=times(self.depth_noise, length),
+            stiffness=times(self.stiffness, force / length),
         )
 
 
@@ -137,62 +274,122 @@ def _rows(wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> str:
     return f"row{'s' * (rows.size > 1)} {shown}{more}"
 
 
-# The measured depth as straight pieces in time, and time points of a solution between their corners.
+# The guess of segments and of what is prescribed.
 #
-# A measured depth has noise and thousands of rows. Straight pieces replace it; their corners are rows, and
-# they stay within `TOLERANCE` of the range or `SIGMAS` of the noise. The
-# depths of the corners follow from least squares; corners that the noise explains are removed again. The
-# pieces stay straight when a contact point and a drift are subtracted.
+# An instrument prescribes straight pieces in time; the other quantity bends. A hold lies where one of the two
+# stays at its largest value. In each segment the quantity that is straighter, by `CLEARLY`, is prescribed;
+# where both are equally straight or crooked, it is the position.
 
-TOLERANCE = 1e-3  # of the range of the depth
+NEGLIGIBLE = 0.02  # of the range: a plateau is so even
+CLEARLY = 0.4  # of the other's distance from a straight line
+FEWEST_OF_SEGMENT = 4
+PRESSED = 0.05  # of the largest force: rows in contact
+
+
+def noise_of(values: FloatArray) -> float:
+    """Return the standard deviation of the noise of a smooth column, from its second differences."""
+    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / 6**0.5
+
+
+def _guess(curve: ForceCurve) -> list[Segment]:
+    position, rows = curve.position_of_drive, curve.time.size
+    first, end = max(map(_plateau, (curve.force, position)), key=lambda plateau: plateau[1] - plateau[0])
+    if end - first < max(FEWEST_OF_SEGMENT, rows // 50):  # no hold
+        first = end = int(np.argmax(position)) + 1
+    first = first if first >= FEWEST_OF_SEGMENT else 0
+    end = end if rows - end >= FEWEST_OF_SEGMENT else rows
+    parts = (("approach", 0, min(first, end)), ("hold", min(first, end), end), ("retract", end, rows))
+    found = [Segment(name, _prescribed(curve, i, j), i, j) for name, i, j in parts if j > i]
+    moving = next((each.prescribed for each in found if each.name == "approach"), "")
+    if moving == FORCE:  # a machine that prescribes the force while it moves does so in all segments
+        return [each._replace(prescribed=FORCE) for each in found]
+    return [each._replace(prescribed=moving) if moving and each.name != "hold" else each for each in found]
+
+
+def _plateau(values: FloatArray) -> tuple[int, int]:
+    """Return the rows between which a column stays at its largest value."""
+    within = max(NEGLIGIBLE * float(np.ptp(values)), SIGMAS * noise_of(values))
+    level = float(np.max(values)) - within
+    high = np.flatnonzero(values >= level)
+    middle = float(np.median(values[high[0] : high[-1] + 1]))
+    near = np.flatnonzero(np.abs(values - middle) <= within)
+    return int(near[0]), int(near[-1]) + 1
+
+
+def _prescribed(curve: ForceCurve, first: int, end: int) -> str:
+    position = DEPTH if curve.stiffness is None else BASE
+    rows = np.arange(first, end)
+    pressed = rows[curve.force[first:end] > PRESSED * float(np.max(curve.force))]
+    rows = pressed if pressed.size >= FEWEST_ROWS else rows
+    if rows.size < FEWEST_OF_SEGMENT:
+        return position
+    bends = []
+    for values in (curve.force, curve.position_of_drive):
+        line = np.polynomial.Polynomial.fit(curve.time[rows], values[rows], 1)
+        squares = float(np.mean((values[rows] - line(curve.time[rows])) ** 2)) - noise_of(values[rows]) ** 2
+        least = noise_of(values) / rows.size**0.5 + 1e-6 * float(np.ptp(values))
+        bends.append(max(squares, least**2) ** 0.5 / float(np.ptp(values) or 1.0))
+    return FORCE if bends[0] < CLEARLY * bends[1] else position
+
+
+# A prescribed quantity as straight pieces in time.
+#
+# A measured depth, base or force has noise and thousands of rows. Straight pieces replace it; their corners
+# are rows, and they stay within `TOLERANCE` of the range or `SIGMAS` of the noise. The values at the corners
+# follow from least squares; corners that the noise explains are removed again. The pieces stay straight when
+# a contact point and a drift are subtracted.
+
+TOLERANCE = 1e-3  # of the range
 SIGMAS = 4.5  # standard deviations of the noise: one row in 150 000 lies further away
+ROOM = 0.45  # of a piece: largest shift of a corner into it
+MOST_SHIFTED = 20  # corners whose times are fitted too
 CHANCE = 20.0  # a corner is removed if the sum of squares grows by less than this many variances
-SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of the force
+SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of the response
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A depth of straight pieces."""
+    """A prescribed quantity of straight pieces."""
 
     time: FloatArray  # shape (corners,)
-    depth: FloatArray  # shape (corners,)
-    error: float  # standard deviation of the measured depth from the pieces
+    value: FloatArray  # shape (corners,)
+    error: float  # standard deviation of the measured values from the pieces
+    # Of the values at the corners, then of the times of the inner ones where noise shifts them, over the
+    # variance of a row; shape (fitted, fitted).
+    covariance: FloatArray
 
     @classmethod
-    def of(cls, time: FloatArray, depth: FloatArray) -> Drive:
-        """Reduce a measured depth to straight pieces."""
-        noise = 1.4826 * float(np.median(np.abs(np.diff(depth, 2)))) / 6**0.5
-        within = TOLERANCE * float(np.ptp(depth))
-        times = time[corners(time, depth, max(within, SIGMAS * noise))]
+    def of(cls, time: FloatArray, values: FloatArray, span: float | None = None) -> Drive:
+        """Reduce measured values to straight pieces; `span` is the range of the whole column."""
+        if time.size == 1:
+            return cls(time, values, 0.0, np.zeros((1, 1)))
+        noise = noise_of(values) if time.size > FEWEST_OF_SEGMENT else 0.0
+        within = TOLERANCE * (float(np.ptp(values)) if span is None else span)
+        times = time[corners(time, values, max(within, SIGMAS * noise))]
+        shifted = False
         if SIGMAS * noise > within:
-            times = _pruned(time, depth, times, CHANCE * noise**2)
-        at_corners, squares = _least_squares(time, depth, times)
-        return cls(times, at_corners, (squares / time.size) ** 0.5)
+            times = _pruned(time, values, times, CHANCE * noise**2)
+            if shifted := 2 < times.size <= MOST_SHIFTED:
+                times = _fewest_shifted(time, values, times, CHANCE * noise**2)
+        at_corners, squares = _least_squares(time, values, times)
+        columns = _derivatives(time, times, at_corners)[:, : None if shifted else times.size]
+        freedom = max(time.size - columns.shape[1], 1)
+        covariance = np.asarray(np.linalg.pinv(columns.T @ columns), dtype=float)
+        return cls(times, at_corners, (squares / freedom) ** 0.5, covariance)
 
-    def corrected(self, contact_point: float, drift: float) -> Drive:
-        """Return the depth below the contact point, without the drift."""
-        return Drive(self.time, self.depth - contact_point - drift * (self.time - self.time[0]), self.error)
-
-    @property
-    def first_contact(self) -> tuple[int, float]:
-        """The piece in which the depth first becomes positive, and the time.
-
-        The first corner for a depth that is positive from the start; the last for one that is never positive.
-        """
-        if self.depth[0] >= 0:
-            return 0, float(self.time[0])
-        below = np.flatnonzero(self.depth > 0)
-        if not below.size:
-            return self.time.size - 2, float(self.time[-1])
-        piece = int(below[0]) - 1
-        before, after = self.depth[piece], self.depth[piece + 1]
-        part = -before / (after - before)
-        return piece, float(self.time[piece] + part * (self.time[piece + 1] - self.time[piece]))
+    def moved(self, by: FloatArray) -> Drive:
+        """Return the drive with changes of its values, and of the times of its inner corners."""
+        count = self.time.size
+        inner = by[count:] if by.size > count else np.zeros(max(count - 2, 0))
+        time = self.time + np.concatenate(([0.0], inner, [0.0]))[:count]
+        return Drive(time, self.value + by[:count], self.error, self.covariance)
 
     @property
     def breakpoints(self) -> FloatArray:
         """Times of the corners at which the rate jumps by a large part of itself, and of both ends."""
-        rates = np.diff(self.depth) / np.diff(self.time)
+        rates = np.diff(self.value) / np.diff(self.time)
+        if not rates.size:
+            return self.time
         jumps = np.abs(np.diff(rates)) > SHARP * np.abs(rates).max()
         return np.asarray(self.time[np.concatenate(([True], jumps, [True]))])
 
@@ -210,8 +407,65 @@ def _pruned(time: FloatArray, depth: FloatArray, corners: FloatArray, chance: fl
     return corners
 
 
+def _fewest_shifted(time: FloatArray, values: FloatArray, corners: FloatArray, chance: float) -> FloatArray:
+    """Shift corners to their best times, and remove those that the others then replace."""
+    corners = _shifted(time, values, corners)
+    squares = _least_squares(time, values, corners)[1]
+    while corners.size > 2:
+        without = [_shifted(time, values, np.delete(corners, i)) for i in range(1, corners.size - 1)]
+        sums = [_least_squares(time, values, each)[1] for each in without]
+        best = int(np.argmin(sums))
+        if sums[best] > squares + chance:
+            break
+        corners, squares = without[best], sums[best]
+    return corners
+
+
+def _shifted(time: FloatArray, values: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return the times of the corners by least squares: noise puts them on wrong rows."""
+    from scipy.optimize import least_squares
+
+    if corners.size == 2:
+        return corners
+
+    def joined(inner: FloatArray) -> FloatArray:
+        return np.concatenate((corners[:1], inner, corners[-1:]))
+
+    def residual(inner: FloatArray) -> FloatArray:
+        at = joined(inner)
+        return np.asarray(np.interp(time, at, _least_squares(time, values, at)[0]) - values)
+
+    def jacobian(inner: FloatArray) -> FloatArray:
+        at = joined(inner)
+        columns = _derivatives(time, at, _least_squares(time, values, at)[0])
+        linear, own = columns[:, : at.size], columns[:, at.size :]
+        return own - linear @ np.linalg.lstsq(linear, own, rcond=None)[0]  # Golub and Pereyra, after Kaufman
+
+    for _ in range(3):  # each may go half the way to its neighbours
+        inner, steps = corners[1:-1], ROOM * np.diff(corners)
+        bounds = inner - steps[:-1], inner + steps[1:]
+        scale = np.minimum(steps[:-1], steps[1:])
+        found = joined(least_squares(residual, inner, jac=jacobian, bounds=bounds, x_scale=scale).x)
+        settled = bool((np.abs(found - corners)[1:-1] < 0.5 * scale).all())
+        corners = found
+        if settled:
+            break
+    return corners
+
+
+def _derivatives(time: FloatArray, corners: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the derivatives of straight pieces to the values at corners, and to the times of inner ones."""
+    piece = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
+    slope = (np.diff(values) / np.diff(corners))[piece]
+    right = (time - corners[piece]) / (corners[piece + 1] - corners[piece])
+    columns = np.zeros((time.size, corners.size))
+    rows = np.arange(time.size)
+    columns[rows, piece], columns[rows, piece + 1] = 1 - right, right
+    return np.hstack((columns, -slope[:, np.newaxis] * columns[:, 1:-1]))
+
+
 def _least_squares(time: FloatArray, depth: FloatArray, corners: FloatArray) -> tuple[FloatArray, float]:
-    """Return the depths of the corners by least squares over all rows, and the sum of squares."""
+    """Return the values at the corners by least squares over all rows, and the sum of squares."""
     from scipy.linalg import solveh_banded
 
     piece = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
@@ -235,12 +489,21 @@ PREFIXES = {
     "": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2,
     "k": 1e3, "M": 1e6,
 }  # fmt: skip
-BASES = {"time": {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}, "depth": {"m": 1.0}, "force": {"N": 1.0}}
-COLUMNS = ("time", "depth", "force")
+BASES = {
+    "time": {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0},
+    "depth": {"m": 1.0},
+    "base": {"m": 1.0},
+    "force": {"N": 1.0},
+}
+COLUMNS = ("time", "depth", "force")  # the base may replace the depth
+WORDS = ("segment", "prescribed")  # columns of words
 _NAMES = {
     "time": {"t", "time"},
     "depth": {"d", "depth", "indentation", "delta", "displacement"},
+    "base": {"base", "height", "piezo", "z"},
     "force": {"f", "force", "load", "p"},
+    "segment": {"segment"},
+    "prescribed": {"prescribed", "control"},
 }
 _HEADING = re.compile(r"\s*([^(\[/]*?)\s*(?:[(\[/]\s*([^)\]]*?)\s*[)\]]?)?\s*")
 
@@ -280,4 +543,6 @@ def in_si(units: Units | None) -> Sizes:
 
 def allowed(column: str) -> str:
     """Name the units of a column."""
-    return {"time": "s, ms, min or h", "depth": "m, mm, um or nm", "force": "N, mN, uN, nN or pN"}[column]
+    lengths = "m, mm, um or nm"
+    known = {"time": "s, ms, min or h", "depth": lengths, "base": lengths, "force": "N, mN, uN, nN or pN"}
+    return known[column]

@@ -1,21 +1,23 @@
 """Measured force curves in files: columns of text, HDF5, and the formats of AFMs.
 
-Text (.csv, .txt, .dat, .tsv): one curve in columns of time, depth and force, in this order or in the order of
-the headings. Units are in the headings, as in ``depth (nm)``, or are given separately.
+Text (.csv, .txt, .dat, .tsv): one curve in columns of time, depth and force, in this order or in the order
+of the headings. A column `base`, the position of the cantilever's base, may replace the depth. The columns
+`segment` and `prescribed` have words. Units are in the headings, as in ``depth (nm)``, or given separately.
 
-HDF5 (.h5, .hdf5): variables time, depth and force at the root, (rows,) for one curve or (curves, rows) for
-many, which may share a time of (rows,) and have x and y of (curves,); or one group for each curve with these
-variables and the attributes x and y. Units are the attribute `units`. Rows of NaN after the end of a short
-curve are left out.
+HDF5 (.h5, .hdf5): variables time, depth (or base) and force at the root, (rows,) for one curve or
+(curves, rows) for many, which may share a time of (rows,) and have x and y of (curves,); or one group for
+each curve with these variables and the attributes x, y and stiffness. `segment` and `prescribed` are
+variables of words. Units are the attribute `units`. Rows of NaN after the end of a short curve are left out.
 
-afmformats (the extra `afm`) reads other files, in SI units; the depth is the position of the tip.
+afmformats (the extra `afm`) reads other files, in SI units, with their segments: the base is prescribed, and
+the force in the pause of a creep curve.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -26,7 +28,18 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.tables import TableError, is_number, read_lines, refuse_other_files
-from gfmdlayer.fitting.indentation.curve import COLUMNS, ForceCurve, Sizes, allowed, parse_heading, size_of
+from gfmdlayer.fitting.indentation.curve import (
+    BASE,
+    COLUMNS,
+    FORCE,
+    WORDS,
+    ForceCurve,
+    Sizes,
+    allowed,
+    parse_heading,
+    size_of,
+)
+from gfmdlayer.fitting.indentation.estimates import FitOptions
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}
 HDF5 = {".h5", ".hdf5"}
@@ -67,21 +80,49 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
     return [replace(each, name=os.fsencode(each.name).decode(errors="backslashreplace")) for each in every]
 
 
-def read_curve(entry: Entry, units: Units | None = None, into: Sizes = (1.0, 1.0, 1.0)) -> ForceCurve:
+def read_curve(
+    entry: Entry,
+    units: Units | None = None,
+    into: Sizes = (1.0, 1.0, 1.0),
+    options: FitOptions = FitOptions(),  # noqa: B008
+) -> ForceCurve:
     """Read a curve; with known units, convert it to the units of the model.
 
     `units` are those of time, depth and force for columns without a unit; `into` are the sizes in SI of the
-    model's units of time, length and force.
+    model's units of time, length and force. The options have facts that are not in the file.
     """
-    if entry.path.suffix.lower() in TEXT:
-        columns, found = _text_columns(entry.path)
-    elif entry.path.suffix.lower() in HDF5:
-        columns, found = _hdf5_columns(entry)
-    else:
-        return _afm_curve(entry).in_units(*(1 / size for size in into))
-    sizes = _sizes(entry.path, found, units, into)
-    time, depth, force = (columns[column] * size for column, size in zip(COLUMNS, sizes, strict=True))
-    return ForceCurve(entry.name, time, depth, force, position=entry.position)
+    origin = {"file": entry.path.name, "sha256": contents(entry.path), "curve": entry.key}
+    suffix = entry.path.suffix.lower()
+    if suffix not in TEXT | HDF5:
+        data = _afm_group(entry.path)[int(entry.key)]
+        return afm_curve(data, entry.name, into, options, position=entry.position, origin=origin)
+    columns, found, words, stiffness = _text_columns(entry.path) if suffix in TEXT else _hdf5_columns(entry)
+    sizes = _sizes(entry.path, found, units, into, columns)
+    columns = {key: values * sizes[key] for key, values in columns.items()}
+    own = options.stiffness if stiffness is None else stiffness
+    if "depth" not in columns:
+        if own is None:
+            raise TableError(
+                f"{entry.path}: curve {entry.name} has the base but no depth, which is base - "
+                "force/stiffness; give the stiffness of the cantilever"
+            )
+        columns["depth"] = columns.pop("base") - columns["force"] / own
+    return ForceCurve(
+        entry.name, columns["time"], columns["depth"], columns["force"], position=entry.position,
+        origin=origin, **curve_facts(words, own, options),
+    )  # fmt: skip
+
+
+def curve_facts(
+    words: Mapping[str, Sequence[str]], stiffness: float | None, options: FitOptions
+) -> dict[str, Any]:
+    """Return the facts of a curve that are in its file, or else in the options."""
+    return {
+        "segment": words.get("segment"),
+        "prescribed": words.get("prescribed", options.prescribed),
+        "stiffness": stiffness,
+        "stiffness_error": None if stiffness is None else options.stiffness_error,
+    }
 
 
 def contents(path: Path) -> str:
@@ -104,28 +145,35 @@ def _entries(path: Path) -> Iterator[Entry]:
             yield Entry(path, str(number), f"{path.stem}-{number_of_curve}", place if len(place) == 2 else ())
 
 
-def _text_columns(path: Path) -> tuple[dict[str, FloatArray], dict[str, str]]:
-    """Return the columns of a text file and the units in its headings."""
+_Columns = tuple[dict[str, FloatArray], dict[str, str], dict[str, list[str]], float | None]
+
+
+def _text_columns(path: Path) -> _Columns:
+    """Return the columns of a text file, the units in its headings, its words; it has no stiffness."""
     lines = read_lines(path)
-    first = next((i for i, line in enumerate(lines) if all(map(is_number, line[2]))), None)
+    first = next((i for i, line in enumerate(lines) if sum(map(is_number, line[2])) >= len(COLUMNS)), None)
     if first is None:
         raise TableError(f"{path}:1: no rows of numbers; the file must have columns of time, depth and force")
     order = {column: i for i, column in enumerate(COLUMNS)}
     units: dict[str, str] = {}
     if first:
         order, units = _headings(path, *lines[first - 1][:2])
-    width = len(lines[first][2])
-    rows = []
+    width, numbers = len(lines[first][2]), [i for column, i in order.items() if column not in WORDS]
+    if max(order.values()) >= width:
+        raise TableError(f"{path}:{lines[first][0]}: got {width} columns; must be time, depth and force")
+    wrong = set(range(width)) - set(numbers) if first else set()
     for number, shown, words in lines[first:]:
-        if len(words) != width or not all(map(is_number, words)):
+        must_be_numbers = [word for i, word in enumerate(words) if i not in wrong]
+        if len(words) != width or not all(map(is_number, must_be_numbers)):
             raise TableError(
                 f"{path}:{number}: got {shown[:60]!r}; must be {width} numbers, as in the rows above"
             )
-        rows.append([float(word) for word in words])
-    table = np.array(rows)
-    if max(order.values()) >= width:
-        raise TableError(f"{path}:{lines[first][0]}: got {width} columns; must be time, depth and force")
-    return {column: table[:, i] for column, i in order.items()}, units
+    rows = [words for _, _, words in lines[first:]]
+    columns = {
+        column: np.array([float(words[i]) for words in rows]) for column, i in order.items() if i in numbers
+    }
+    text = {column: [words[i] for words in rows] for column, i in order.items() if column in WORDS}
+    return columns, units, text, None
 
 
 def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[str, str]]:
@@ -142,7 +190,12 @@ def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[
         order[column] = i
         if unit:
             units[column] = unit
-    if missing := [column for column in COLUMNS if column not in order]:
+    if "depth" in order:  # the base follows from depth, force and stiffness
+        order.pop("base", None)
+        units.pop("base", None)
+    if missing := [
+        column for column in COLUMNS if column not in order and not (column == "depth" and "base" in order)
+    ]:
         raise TableError(
             f"{path}:{number}: no column is named {' or '.join(missing)}; name time, depth and force, as in "
             "time (s), depth (nm), force (nN)"
@@ -150,24 +203,28 @@ def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[
     return order, units
 
 
-def _sizes(path: Path, found: dict[str, str], given: Units | None, into: Sizes) -> list[float]:
+def _sizes(
+    path: Path, found: dict[str, str], given: Units | None, into: Sizes, columns: Iterable[str]
+) -> dict[str, float]:
     """Return the sizes of the columns' units over the sizes of the model's; 1 if no column has a unit."""
-    units = dict(zip(COLUMNS, given or (), strict=False)) | found
+    units = dict(zip(COLUMNS, given or (), strict=False))
+    units = ({"base": units["depth"]} if units else {}) | units | found
     if not units:
-        return [1.0] * len(COLUMNS)
-    if missing := [column for column in COLUMNS if column not in units]:
+        return dict.fromkeys(columns, 1.0)
+    if missing := [column for column in columns if column not in units]:
         raise TableError(
             f"{path}: {' and '.join(units)} with a unit, but {' and '.join(missing)} without; give "
             "all units, in the headings or with --units"
         )
-    sizes = []
-    for column, own in zip(COLUMNS, into, strict=True):
+    own = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
+    sizes = {}
+    for column in columns:
         size = size_of(units[column], column)
         if size is None:
             raise TableError(
                 f"{path}: got the unit {units[column]!r} for {column}; must be {allowed(column)}"
             )
-        sizes.append(size / own)
+        sizes[column] = size / own[column]
     return sizes
 
 
@@ -189,27 +246,32 @@ def _hdf5_entries(path: Path) -> Iterator[Entry]:
             yield Entry(path, str(i), f"{path.stem}-{i:0{digits}d}", place)
 
 
-def _hdf5_columns(entry: Entry) -> tuple[dict[str, FloatArray], dict[str, str]]:
+def _hdf5_columns(entry: Entry) -> _Columns:
     with _hdf5(entry.path) as file:
         row = int(entry.key) if "force" in file and entry.key else None
         place = file if "force" in file else file[entry.key]
         refuse_other_files(entry.path, place)
-        columns, units = {}, {}
-        for column in COLUMNS:
+        columns, units, words = {}, {}, {}
+        for column in ("time", "depth" if "depth" in place or "base" not in place else "base", "force"):
             if column not in place:
                 raise TableError(f"{entry.path}: curve {entry.name} has no variable {column}")
             data = place[column]
             columns[column] = np.asarray(data[:] if data.ndim == 1 or row is None else data[row], dtype=float)
             if unit := data.attrs.get("units"):
                 units[column] = unit.decode() if isinstance(unit, bytes) else str(unit)
+        for column in WORDS:
+            if column in place:
+                found = place[column].asstr()
+                words[column] = list(map(str, found[:] if found.ndim == 1 or row is None else found[row]))
+        stiffness = place.attrs.get("stiffness")
     sizes = {values.size for values in columns.values()}
     if len(sizes) == 1:
-        missing = np.all([np.isnan(values) for values in columns.values()], axis=0) | (
-            np.isnan(columns["depth"]) & np.isnan(columns["force"])
-        )
+        position = columns["depth" if "depth" in columns else "base"]
+        missing = np.isnan(columns["force"]) & np.isnan(position)
         end = int(np.flatnonzero(~missing)[-1]) + 1 if not missing.all() else missing.size
         columns = {column: values[:end] for column, values in columns.items()}
-    return columns, units
+        words = {column: values[:end] for column, values in words.items()}
+    return columns, units, words, None if stiffness is None else float(stiffness)
 
 
 @contextmanager
@@ -245,20 +307,45 @@ def _afm_group(path: Path) -> Any:
         raise TableError(f"{path}: cannot be read by afmformats ({error})") from error
 
 
-def _afm_curve(entry: Entry) -> ForceCurve:
-    """Read a curve by afmformats; the position of the tip is the measured height plus the deflection."""
-    data = _afm_group(entry.path)[int(entry.key)]
-    stiffness = data.metadata.get("spring constant")
+# Names of the segments of afmformats by number.
+_PARTS = {
+    "force-distance": ("approach", "retract"),
+    "creep-compliance": ("approach", "hold", "retract"),
+    "stress-relaxation": ("before", "approach", "hold", "retract"),
+}
+
+
+def afm_curve(
+    data: Any,
+    name: str,
+    into: Sizes = (1.0, 1.0, 1.0),
+    options: FitOptions = FitOptions(),  # noqa: B008
+    **more: Any,
+) -> ForceCurve:
+    """Return a curve of afmformats; the position of the tip is the measured height plus the deflection."""
+    found = data.metadata.get("spring constant")
+    if found is None and options.stiffness is not None:
+        found = options.stiffness * into[2] / into[1]
     if "time" not in data.columns or "force" not in data.columns:
-        raise TableError(f"{entry.path}: curve {entry.name} has no time or no force; it needs both")
+        raise TableError(f"curve {name} has no time or no force; it needs both")
     force = np.asarray(data["force"])
     if "tip position" in data.columns:
         tip = np.asarray(data["tip position"])
-    elif "height (measured)" in data.columns and stiffness:
-        tip = np.asarray(data["height (measured)"]) + force / stiffness
+    elif "height (measured)" in data.columns and found:
+        tip = np.asarray(data["height (measured)"]) + force / found
     else:
         raise TableError(
-            f"{entry.path}: curve {entry.name} has no tip position; it needs the tip position, or the "
-            "measured height and the spring constant"
+            f"curve {name} has no tip position; it needs the tip position, or the measured height and the "
+            "spring constant"
         )
-    return ForceCurve(entry.name, data["time"], -tip, force, position=entry.position)
+    words: dict[str, list[str]] = {}
+    mode = str(data.metadata.get("imaging mode", "force-distance"))
+    if "segment" in data.columns and mode in _PARTS:
+        numbers = np.asarray(data["segment"]).astype(int)
+        words["segment"] = [_PARTS[mode][min(k, len(_PARTS[mode]) - 1)] for k in numbers]
+        if found:
+            creep = mode == "creep-compliance"
+            words["prescribed"] = [FORCE if creep and each == "hold" else BASE for each in words["segment"]]
+    facts = curve_facts(words, found and float(found), options)
+    curve = ForceCurve(name, data["time"], -tip, force, **facts, **more)
+    return curve.in_units(*(1 / size for size in into))

@@ -12,8 +12,8 @@ stiff residual fixes the parameter.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -21,17 +21,52 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import CurveError, ForceCurve
+from gfmdlayer.fitting.indentation.curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
 from gfmdlayer.fitting.indentation.problem import LeastSquares, Parameter
 
 BAND = 0.95  # confidence of all intervals
+OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 STIFF = 1e3  # of the further residual, over its standard error
 ROUNDS = 5  # of the search for an end of a profile
 CLOSE = 0.02  # an end is found when the root of the growth is this close to t, relative to t
 FAR = 4.0  # the search ends this many linear half-widths from the estimate
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How curves are fitted."""
+
+    loss: str = "linear"  # linear; or soft_l1, huber, cauchy, which give outliers less weight
+    profile: bool = False  # find profile intervals too; the fit then takes three to ten times as long
+    # given: depths count from the surface. detect: each curve has a free contact point and a free offset of
+    # the force, which start where the force begins to rise.
+    contact: str = "given"
+    segments: tuple[str, ...] = ()  # names of the segments whose rows count; all by default
+    # Of curves whose files do not name them: the prescribed quantity, and the stiffness of the cantilever, in
+    # the units of the model, with its relative standard error.
+    prescribed: str | None = None
+    stiffness: float | None = None
+    stiffness_error: float | None = None
+
+    def __post_init__(self) -> None:
+        problems = []
+        if self.loss not in LOSSES:
+            problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(LOSSES)}")
+        if self.contact not in {"given", "detect"}:
+            problems.append(f"contact: got {self.contact!r}; must be given or detect")
+        if self.prescribed not in {None, *PRESCRIBED}:
+            problems.append(f"prescribed: got {self.prescribed!r}; must be one of {', '.join(PRESCRIBED)}")
+        for key in ("stiffness", "stiffness_error"):
+            value = getattr(self, key)
+            if value is not None and not 0 < value < math.inf:
+                problems.append(f"{key}: got {value!r}; must be > 0 and finite")
+        if isinstance(self.segments, str) or not all(isinstance(each, str) for each in self.segments):
+            problems.append(f"segments: got {self.segments!r}; must be names, such as ('approach', 'hold')")
+        if problems:
+            raise ConfigError(problems)
 
 
 @dataclass(frozen=True)
@@ -53,6 +88,12 @@ class Estimate:
         return f"{self.key}[{self.curve}]" if self.curve else self.key
 
     @property
+    def is_open(self) -> bool:
+        """Whether the data leave it open: the interval reaches a bound, or spans a factor of ten."""
+        (low, high), (least, most) = self.profile or self.interval, self.bounds
+        return low <= least or high >= most or (self.relative and high > OPEN * low)
+
+    @property
     def standard_error(self) -> float:
         """Standard error in the units of the value."""
         return self.value * self.error if self.relative else self.error
@@ -60,12 +101,20 @@ class Estimate:
 
 @dataclass(frozen=True)
 class CurveFit:
-    """A curve with the force of the fitted model."""
+    """A curve with the response of the fitted model."""
 
     curve: ForceCurve  # the measurement
     force: FloatArray  # predicted, at the rows of the curve
-    band: FloatArray  # half width of the 95 % confidence band of the prediction
-    noise: float  # standard deviation of the force, as given or from the residual
+    depth: FloatArray  # predicted, at the rows of the curve
+    band: FloatArray  # half width of the 95 % confidence band of the measured quantity
+    used: BoolArray  # rows whose residuals count
+    noise: float  # standard deviation of the force, as given or from the residual; NaN if none is measured
+    depth_noise: float  # of the depth
+
+    @property
+    def residual(self) -> FloatArray:
+        """Predicted minus measured values of the measured quantity, shape (rows,)."""
+        return np.where(self.curve.by_force, self.depth, self.force) - self.curve.measured
 
 
 @dataclass(frozen=True)
@@ -80,6 +129,8 @@ class IndentationFit:
     warnings: tuple[str, ...]  # parameters that the data do not determine, and odd data
     solutions: int  # number of solved contact problems, each over a whole curve
     config: Any = field(repr=False)  # the model with the fitted values
+    start: Mapping[str, float]  # the parameters at which the search started, by name
+    options: FitOptions
 
     @property
     def depth(self) -> float:
@@ -97,30 +148,12 @@ class IndentationFit:
         raise KeyError(f"{name}: must be one of {', '.join(each.name for each in self.parameters)}")
 
 
-@dataclass(frozen=True)
-class FitOptions:
-    """How curves are fitted."""
-
-    loss: str = "linear"  # linear; or soft_l1, huber, cauchy, which give outliers less weight
-    profile: bool = False  # find profile intervals too; the fit then takes three to ten times as long
-    # given: depths count from the surface. detect: each curve has a free contact point and a free offset of
-    # the force, which start where the force begins to rise.
-    contact: str = "given"
-
-    def __post_init__(self) -> None:
-        problems = []
-        if self.loss not in LOSSES:
-            problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(LOSSES)}")
-        if self.contact not in {"given", "detect"}:
-            problems.append(f"contact: got {self.contact!r}; must be given or detect")
-        if problems:
-            raise ConfigError(problems)
-
-
-def conclude(problem: LeastSquares, u: FloatArray, options: FitOptions, notes: list[str]) -> IndentationFit:
+def conclude(
+    problem: LeastSquares, u: FloatArray, options: FitOptions, notes: list[str], start: Mapping[str, float]
+) -> IndentationFit:
     """Return the fit at u: estimates, intervals, correlations, information criteria, warnings."""
     residuals, jacobian = problem.residuals(u), problem.jacobian(u)
-    known = all(each.curve.noise is not None for each in problem.predictions)
+    known = problem.noise_is_known
     factor = variance(residuals, u.size, options.loss, known)
     spread = covariance(jacobian, factor)
     t = quantile(BAND, residuals.size - u.size)
@@ -136,14 +169,14 @@ def conclude(problem: LeastSquares, u: FloatArray, options: FitOptions, notes: l
         _estimate(each, values[each.name], (float(reported[i]), float(errors[i])), t, profiles[i])
         for i, each in enumerate(problem.parameters)
     )
-    band = t * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, spread, jacobian), 0.0))
-    fitted = tuple(_curve_fits(problem, u, band, residuals, known))
+    fitted = tuple(_curve_fits(problem, u, t * t * spread))
     correlation = on_scale / np.outer(errors, errors)
     notes += _doubts(estimates, correlation, fitted, factor if known else 1.0)
-    aic, bic = _criteria(fitted, u.size)
+    aic, bic = _criteria(problem, fitted, u.size)
     return IndentationFit(
-        estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u)
-    )
+        estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u),
+        start, options,
+    )  # fmt: skip
 
 
 def _estimate(
@@ -168,30 +201,38 @@ def _estimate(
     return Estimate(*named, value, error, ends, of_profile, parameter.bounds, relative)
 
 
-def _curve_fits(
-    problem: LeastSquares, u: FloatArray, band: FloatArray, residuals: FloatArray, known: bool
-) -> Iterator[CurveFit]:
-    begin = 0
-    freedom = residuals.size / max(residuals.size - u.size, 1)
-    for force, each, noise in zip(problem.forces(u), problem.predictions, problem.noise, strict=True):
-        rows = slice(begin, begin + force.size)
-        begin = rows.stop
-        own = float(np.sqrt(np.mean(residuals[rows] ** 2) * freedom)) * noise
-        yield CurveFit(each.curve, force, band[rows] * noise, float(noise) if known else own)
+def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Iterator[CurveFit]:
+    """Yield the curves with their predictions; `spread` is the square of the 95 % region of u."""
+    derivatives = problem.derivatives(u)
+    freedom = problem.rows / max(problem.rows - u.size, 1)
+    for i, each in enumerate(problem.predictions):
+        columns = np.stack([np.broadcast_to(column[i], each.used.shape) for column in derivatives], axis=1)
+        band = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", columns, spread, columns), 0.0))
+        force, depth = each.in_columns(problem.config(u, each.curve.name), problem.correction(u, each.curve))
+        found = CurveFit(each.curve, force, depth, band, each.used, math.nan, math.nan)
+        noise = []
+        for k, given in enumerate((each.curve.noise, each.curve.depth_noise)):
+            rows = found.used & (each.curve.by_force == bool(k))
+            own = math.sqrt(freedom * float(np.mean(found.residual[rows] ** 2))) if rows.any() else math.nan
+            noise.append(float(given) if given is not None and rows.any() else own)
+        yield replace(found, noise=noise[0], depth_noise=noise[1])
 
 
-def _criteria(fitted: Sequence[CurveFit], parameters: int) -> tuple[float, float]:
+def _criteria(problem: LeastSquares, fitted: Sequence[CurveFit], parameters: int) -> tuple[float, float]:
     """Return AIC and BIC; an estimated noise counts as a parameter."""
-    twice, rows, count = 0.0, 0, parameters
-    for each in fitted:
-        squares, size = float(np.sum((each.force - each.curve.force) ** 2)), each.force.size
-        if each.curve.noise is None:
-            twice += size * (math.log(2 * math.pi * max(squares, 1e-300) / size) + 1)
-            count += 1
-        else:
-            twice += size * math.log(2 * math.pi * each.noise**2) + squares / each.noise**2
-        rows += size
-    return twice + 2 * count, twice + count * math.log(rows)
+    twice, count = 0.0, parameters
+    for i, each in enumerate(fitted):
+        twice += problem.log_determinant(i)
+        for k, given in enumerate(problem.noise_is_given(i)):
+            rows = each.used & (each.curve.by_force == bool(k))
+            squares, size = float(np.sum(each.residual[rows] ** 2)), int(rows.sum())
+            if not given:
+                twice += size * (math.log(2 * math.pi * max(squares, 1e-300) / size) + 1)
+                count += 1
+            elif size:
+                noise = float(problem.noise[i, k])
+                twice += size * math.log(2 * math.pi * noise**2) + squares / noise**2
+    return twice + 2 * count, twice + count * math.log(problem.rows)
 
 
 def _doubts(
@@ -209,7 +250,7 @@ def _doubts(
         elif below or above:
             side, bound = ("an upper", least) if below else ("a lower", most)
             yield f"{each.name}: the data give only {side} limit; the interval reaches {bound:g}"
-        elif each.relative and high > 10 * low:
+        elif each.is_open:
             yield f"{each.name}: the data hardly determine it; the interval spans a factor {high / low:.2g}"
     for i, j in combinations(range(len(estimates)), 2):
         if abs(correlation[i, j]) > 0.99:
@@ -217,7 +258,7 @@ def _doubts(
             value = f"correlation {correlation[i, j]:.4f}"
             yield f"{pair}: the data determine only a combination of them ({value})"
     for fit in fitted:
-        residual = fit.force - fit.curve.force
+        residual = fit.residual[fit.used]
         if np.sum(residual**2) > 0:
             along = float(residual[1:] @ residual[:-1] / (residual @ residual))
             if along > 0.5:
@@ -252,7 +293,14 @@ class ContactPoint(NamedTuple):
 
 
 def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
-    """Find the contact point of a curve; the force grows with the power `exponent` of the depth."""
+    """Find the contact point of a curve; the force grows with the power `exponent` of the depth.
+
+    Where the force is prescribed from the first row on, contact begins with it.
+    """
+    if curve.segments[0].prescribed == FORCE:
+        least = 3 * noise_of(curve.force) + 0.01 * float(np.max(curve.force))
+        row = max(int(np.argmax(curve.force > least)) - 1, 0)
+        return ContactPoint(float(curve.depth[row]), noise_of(curve.depth), 0.0)
     end = int(np.argmax(curve.force)) + 1
     offset = float(np.median(curve.force[: max(BASELINE, end // 20)]))
     reached = np.flatnonzero(curve.force[:end] - offset > PART * (curve.force[end - 1] - offset))

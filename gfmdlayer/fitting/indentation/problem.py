@@ -1,16 +1,22 @@
-"""The least-squares problem: the forces of a model, its free parameters, residuals and their derivatives.
+"""The least-squares problem: predictions of a model, its free parameters, residuals and their derivatives.
 
-The fit varies the vector u. A modulus, a time or a length enters by its logarithm; Poisson's ratios,
-exponents and values of a curve enter directly. An instantaneous modulus Ginf enters by the logarithm of
-Ginf - G0 of the same material, so that no step of the fit makes a material that stiffens with time. Residuals
-are predicted minus measured forces over the noise of the curve.
+The fit varies the vector u. A modulus, a time, a length or a stiffness enters by its logarithm; Poisson's
+ratios, exponents and corrections of a curve enter directly. An instantaneous modulus Ginf enters by the
+logarithm of Ginf - G0 of the same material, so that no step of the fit makes a material that stiffens with
+time. Residuals are predicted minus measured values over the noise: forces where the depth or the base of the
+cantilever is prescribed, depths where the force is.
 
-Values of a curve correct its columns: depth = measured depth - contact_point - drift (t - t_first),
-force = measured force - force_offset.
+Values of a curve correct its columns, with the position x of the base, or else of the indenter:
+depth = measured depth - contact_point - drift (t - t_first),
+force = (measured force - force_offset - force_drift (t - t_first) - tilt (x - x_first)) stiffness/(nominal).
 
-Derivatives are forward differences. Two are exact and need no solution: the derivative to an offset of the
-force, and, where all moduli of the body are free, the derivative to the last modulus: the force is of first
-degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
+The prescribed quantity is measured too. Straight pieces replace it, and the values at their corners have a
+covariance C from least squares. With the derivatives P of the predictions to these values, the residuals
+have the covariance noise^2 + P C P^T; they are multiplied by its inverse root (generalised least squares).
+
+Derivatives are forward differences. Some are exact and need no solution: the derivatives to corrections of
+the measured quantity, and, where all moduli of the body are free and depths prescribed, the derivative to the
+last modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
 """
 
 from __future__ import annotations
@@ -19,109 +25,343 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from typing import Any, Literal
+from itertools import groupby, pairwise
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
 from scipy.interpolate import PchipInterpolator
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.model import explain
 from gfmdlayer.config.sweeps import assigned
-from gfmdlayer.fitting.indentation.curve import CurveError, Drive, ForceCurve
+from gfmdlayer.fitting.indentation.curve import DEPTH, FORCE, SIGMAS, CurveError, Drive, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.indentation.solve import History, LeftGridError, Space, find_space, make_space, on_halved_steps
+from gfmdlayer.punch.revolution import Revolution, abel_transform
 from gfmdlayer.validation.problems import shown, unknown_key
 
-# The force of a model at the rows of a measured curve.
+# The response of a model at the rows of a measured curve.
 #
-# A fit chooses the times of the solution once, so that the force depends smoothly on the parameters: between
-# two corners of the depth the times are fixed fractions of the piece, or of its rest after first contact.
-# They are denser where the force bends, which evens out the errors of interpolation (de Boor 1973) and of the
-# solution.
+# A fit chooses the times of the solution once, so that the response depends smoothly on the parameters:
+# between two corners of the prescribed quantity the times are fixed fractions of the piece, or of its rest
+# after first contact. They are denser where the response bends, which evens out the errors of interpolation
+# (de Boor 1973) and of the solution.
+#
+# The base of a cantilever is at depth + F/k. With F = 4 X(0), the spring is a further compliance
+# of the body at q = 0, and the base takes the place of the depth.
 
 STEPS = 32  # of a mesh; each piece has at least FEWEST
 FEWEST = 2
-TRIAL = 10  # steps in each piece for the first solution, which shows where the force bends
-ONSET = 1.5  # F grows with this power of the depth
+TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
 WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
 EVEN = 0.3  # fraction of the steps that is spread evenly over the time
+SHIFT = 1e-3  # of the range: smallest step of a difference to a corner
+CLOSE = 0.2  # of the shortest piece: largest step of a difference to the time of a corner
+LEAST_FORCE = 0.01  # of the largest: rows of a prescribed force below it do not count
+NOISY = 0.1  # noise of the prescribed quantity, over that of the measured one, that counts; both over ranges
+
+
+class Correction(NamedTuple):
+    """Values of a curve that correct its columns."""
+
+    contact_point: float = 0.0
+    drift: float = 0.0
+    force_offset: float = 0.0
+    force_drift: float = 0.0
+    tilt: float = 0.0
+    stiffness: float = math.inf
+
+
+OF_A_CURVE = Correction._fields
+
+
+class _Pieces(NamedTuple):
+    """The prescribed quantity, without its corrections, in pieces that are straight in time."""
+
+    begin: FloatArray  # times at which the pieces begin and end, shape (pieces,)
+    end: FloatArray
+    first: FloatArray  # values there
+    last: FloatArray
+    by_force: BoolArray
+
+    def at(self, times: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return the values at times, of the pieces that end there or later, and whether they are forces."""
+        piece = np.clip(np.searchsorted(self.end, times), 0, self.end.size - 1)
+        part = (times - self.begin[piece]) / (self.end[piece] - self.begin[piece])
+        return self.first[piece] + part * (self.last[piece] - self.first[piece]), self.by_force[piece]
+
+    @property
+    def first_contact(self) -> tuple[int, float]:
+        """The piece in which the value first becomes positive, and the time; the end if none does."""
+        if self.first[0] >= 0:
+            return 0, float(self.begin[0])
+        rising = np.flatnonzero(self.last > 0)
+        if not rising.size:
+            return self.end.size - 1, float(self.end[-1])
+        piece = int(rising[0])
+        part = max(-self.first[piece] / (self.last[piece] - self.first[piece]), 0.0)
+        return piece, float(self.begin[piece] + part * (self.end[piece] - self.begin[piece]))
 
 
 class Prediction:
-    """Forces under the depth of a measured curve."""
+    """Forces and depths under the prescribed quantity of a measured curve."""
 
-    def __init__(self, curve: ForceCurve) -> None:
+    def __init__(self, curve: ForceCurve, segments: Sequence[str] = (), offset: float = 0.0) -> None:
         self.curve = curve
-        self.drive = Drive.of(curve.time, curve.depth)
-        self._parts = [np.linspace(0, 1, TRIAL + 1)] * (self.drive.time.size - 1)
+        self.drives: list[Drive] = []
+        self._kinds: list[str] = []
+        self.used = np.zeros(curve.time.size, dtype=bool)  # rows whose residuals count
+        for kind, each in groupby(curve.segments, key=lambda segment: segment.prescribed):
+            parts = list(each)
+            rows = slice(parts[0].first, parts[-1].end)
+            values = curve.force if kind == FORCE else curve.position_of_drive
+            self.drives.append(Drive.of(curve.time[rows], values[rows], float(np.ptp(values))))
+            self._kinds.append(kind)
+            for part in parts:
+                self.used[part.first : part.end] = not segments or part.name in segments
+        if (by_force := curve.by_force).any():
+            # Without force the indenter may be anywhere above the surface.
+            forces = np.interp(curve.time, *self._joined())
+            scatter = max(each.error for each, kind in self._of_kind(FORCE))
+            least = max(LEAST_FORCE * float(np.max(curve.force) - offset), SIGMAS * scatter / 10**0.5)
+            self.used &= ~by_force | (forces - offset > least)
+        if not self.used.any():
+            known = ", ".join(dict.fromkeys(each.name for each in curve.segments))
+            raise CurveError(
+                f"curve {curve.name}: no row is left in the segments {', '.join(segments) or known}; it has "
+                f"{known}"
+            )
+        self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
-        self.changes = 0  # of times and nodes; forces before and after a change must not be compared
+        self._made: list[tuple[Config, Space, Compliance]] = []
+        self.changes = 0  # of times and nodes; responses before and after a change must not be compared
 
-    def adapt(self, config: Config, contact_point: float = 0.0, drift: float = 0.0) -> None:
-        """Choose the times by the bends of the force of a model, and the nodes by its lengths."""
+    def _joined(self) -> tuple[FloatArray, FloatArray]:
+        return np.concatenate([each.time for each in self.drives]), np.concatenate(
+            [each.value for each in self.drives]
+        )
+
+    def _of_kind(self, kind: str) -> list[tuple[Drive, str]]:
+        return [each for each in zip(self.drives, self._kinds, strict=True) if each[1] == kind]
+
+    def corrected(self, at: Correction) -> tuple[FloatArray, FloatArray]:
+        """Return the corners of the prescribed quantity without its corrections: times and values."""
+        pieces = self._pieces(at)
+        return np.append(pieces.begin, pieces.end[-1]), np.append(pieces.first, pieces.last[-1])
+
+    @property
+    def kinds(self) -> set[str]:
+        """The prescribed quantities."""
+        return set(self._kinds)
+
+    def adapt(self, config: Config, at: Correction) -> None:
+        """Choose the times by the bends of the response of a model, and the nodes by its lengths."""
         self._space, self.changes = None, self.changes + 1
-        drive = self.drive.corrected(contact_point, drift)
-        self._parts = [np.linspace(0, 1, TRIAL + 1)] * len(self._parts)
-        times, force = self._solution(config, drive)
+        pieces = self._pieces(at)
+        self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
+        times, force, depth = self._solution(config, at, pieces)
         if times.size > 2 and np.ptp(force) > 0:
-            self._parts = _graded(times, force, drive)
+            self._parts = _graded(times, force, depth, pieces, onset(as_revolution(config.punch)))
 
-    def force(self, config: Config, contact_point: float = 0.0, drift: float = 0.0) -> FloatArray:
-        """Return the force at the rows of the curve, without an offset."""
-        drive, rows = self.drive.corrected(contact_point, drift), self.curve.time
-        times, force = self._solution(config, drive)
-        found = np.zeros(rows.size)
-        edges = [times[0], *(time for time in drive.breakpoints if time > times[0])]
+    def response(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth of the indenter at the rows."""
+        rows, pieces = self.curve.time, self._pieces(at)
+        times, force, depth = self._solution(config, at, pieces)
+        power = onset(as_revolution(config.punch))
+        forces, depths = np.zeros(rows.size), np.zeros(rows.size)
+        edges = [times[0], *(time for time in self._breakpoints if time > times[0])]
         for first, last in pairwise(edges):
             inside = (rows >= first) & (rows <= last)
             nodes = (times >= first) & (times <= last)
-            found[inside] = _interpolated(times[nodes], force[nodes], rows[inside])
-        return found
+            forces[inside] = _until_it_opens(times[nodes], force[nodes], rows[inside], power)
+            depths[inside] = _as_power(times[nodes], depth[nodes], rows[inside], power)
+        return forces, depths
 
-    def _solution(self, config: Config, drive: Drive) -> tuple[FloatArray, FloatArray]:
-        """Return times and forces from the first contact on."""
-        times = _mesh(drive, self._parts)
-        body, profile = IsolatedContact(config).body, as_revolution(config.punch)
-        history = History(times, np.interp(times, drive.time, drive.depth))
+    def in_columns(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth as the columns of the curve would have them, at the rows."""
+        force, depth = self.response(config, at)
+        curve, since = self.curve, self.curve.time - self.curve.time[0]
+        ratio = 1.0 if curve.stiffness is None else curve.stiffness / at.stiffness
+        force = ratio * force + baseline(curve, at)
+        depth = depth + at.contact_point + at.drift * since
+        if curve.by_base:
+            depth = np.where(curve.by_force, depth, curve.position_of_drive - force / (curve.stiffness or 1))
+        return force, depth
+
+    def measured(self, config: Config, at: Correction) -> FloatArray:
+        """Return the predicted values of the measured quantity, at the rows."""
+        force, depth = self.in_columns(config, at)
+        return np.where(self.curve.by_force, depth, force)
+
+    def scatter(self, config: Config, at: Correction, noise: FloatArray) -> tuple[FloatArray, int]:
+        """Return the errors of the measured quantity by the noise of the prescribed one, and the solutions.
+
+        Shape (rows, corners), with independent columns; only of the drives that are noisy beside `noise`.
+        """
+        relative = float(np.median(noise)) / max(float(np.ptp(self.curve.measured)), 1e-300)
+        base, columns = self.measured(config, at), []
+        solutions = 1
+        for k, drive in enumerate(self.drives):
+            span = max(float(np.ptp(drive.value)), 1e-300)
+            if drive.error < NOISY * relative * span or drive.time.size < 2:
+                continue
+            derivatives = []
+            for number, variance in enumerate(np.diag(drive.covariance)):
+                shift = np.zeros(drive.covariance.shape[0])
+                shift[number] = max(drive.error * variance**0.5, SHIFT * span)
+                if number >= drive.time.size:
+                    shift[number] = min(
+                        drive.error * variance**0.5, CLOSE * float(np.min(np.diff(drive.time)))
+                    )
+                self.drives[k] = drive.moved(shift)
+                derivatives.append((self.measured(config, at) - base) / shift[number])
+                self.drives[k] = drive
+                solutions += 1
+            values, vectors = np.linalg.eigh(drive.covariance)
+            root = vectors * np.sqrt(np.maximum(values, 0.0))
+            columns.append(drive.error * np.stack(derivatives, axis=1) @ root)
+        return np.hstack(columns) if columns else np.zeros((base.size, 0)), solutions
+
+    @property
+    def _breakpoints(self) -> FloatArray:
+        """Times between which the response is smooth; the first piece of a drive begins at the last's end."""
+        found = [each.breakpoints for each in self.drives]
+        return np.concatenate([found[0], *(each[1:] if each.size > 1 else each for each in found[1:])])
+
+    def _pieces(self, at: Correction) -> _Pieces:
+        curve, parts = self.curve, []
+        begin: float | None = None
+        for drive, kind in zip(self.drives, self._kinds, strict=True):
+            time, value = drive.time, drive.value
+            since = time - curve.time[0]
+            if kind == FORCE:
+                position = np.interp(time, curve.time, curve.position_of_drive) - curve.position_of_drive[0]
+                value = value - at.force_offset - at.force_drift * since - at.tilt * position
+                value = value if curve.stiffness is None else value * (at.stiffness / curve.stiffness)
+            else:
+                value = value - at.contact_point - at.drift * since
+            if begin is not None:  # from the last row of the drive before to the first of this one
+                slope = (value[1] - value[0]) / (time[1] - time[0]) if time.size > 1 else 0.0
+                first = value[0] - slope * (time[0] - begin)
+                time, value = np.append(begin, time), np.append(first, value)
+            parts.append((time[:-1], time[1:], value[:-1], value[1:], np.full(time.size - 1, kind == FORCE)))
+            begin = float(time[-1])
+        return _Pieces(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+    def _solution(
+        self, config: Config, at: Correction, pieces: _Pieces
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return times, forces and depths of the indenter from the first contact on."""
+        parts = self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
+        times = _mesh(pieces, parts)
+        both = np.empty(2 * times.size - 1)
+        both[::2], both[1::2] = times, (times[1:] + times[:-1]) / 2
+        history = History(both, *pieces.at(both))
+        profile = as_revolution(config.punch)
         if not history.value.max() > 0:
-            return times, np.zeros(times.size)
+            return times, np.zeros(times.size), np.zeros(times.size)
         while True:
-            space = self._space = self._space or find_space(body, profile, history)
+            space = self._space = self._space or self._find_space(config, at, pieces)
             try:
-                return times, on_halved_steps(body, space, profile, history, times).force[::2]
+                made = self._compliance(config, space)
+                if self.curve.by_base:
+                    space, made = with_spring(space, made, at.stiffness)
+                found = on_halved_steps(made, space, profile, history, times)
             except LeftGridError:
-                self._space = make_space(space.features, min(WIDER * space.nodes.reach, profile.rim))
+                nodes = self._space.nodes
+                self._space = make_space(self._space.features, min(WIDER * nodes.reach, profile.rim))
                 self.changes += 1
             except ArithmeticError as error:
                 raise FitError(f"curve {self.curve.name}: {error}") from error
+            else:
+                force, depth = found.force[::2], found.depth[::2]
+                return times, force, depth - force / at.stiffness if self.curve.by_base else depth
+
+    def _compliance(self, config: Config, space: Space) -> Compliance:
+        """Return the compliance of the body at the nodes of a space; the last two are kept."""
+        for known, nodes, made in self._made:
+            if known is config and nodes is space:
+                return made
+        made = space.compliance(IsolatedContact(config).body)
+        self._made = [(config, space, made), *self._made[:1]]
+        return made
+
+    def _find_space(self, config: Config, at: Correction, pieces: _Pieces) -> Space:
+        """Return the nodes for the largest contact of each prescribed quantity."""
+        body, profile = IsolatedContact(config).body, as_revolution(config.punch)
+        found = []
+        for by_force in (False, True):
+            own = pieces.by_force == by_force
+            largest = float(np.concatenate((pieces.first[own], pieces.last[own])).max(initial=0.0))
+            if not by_force and self.curve.by_base:
+                largest = min(largest, float(np.max(self.curve.depth)) - at.contact_point)
+            if largest > 0:
+                ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), by_force)
+                found.append(find_space(body, profile, ends))
+        if not found:
+            found = [find_space(body, profile, History(np.array([0.0, 1.0]), np.zeros(2)))]
+        return max(found, key=lambda space: space.nodes.reach)
 
 
-def _mesh(drive: Drive, parts: list[FloatArray]) -> FloatArray:
+def with_spring(space: Space, body: Compliance, stiffness: float) -> tuple[Space, Compliance]:
+    """Return a space with the node q = 0, and the body with a spring of this stiffness there.
+
+    (2/pi) C X(0) = F/stiffness for the weight 1, with F = 4 X(0).
+    """
+    cosines = np.column_stack((space.nodes.cosines, np.ones(space.nodes.cosines.shape[0])))
+    q, weights = np.append(space.q, 0.0), np.append(space.weights, 1.0)
+    rigid = np.zeros((body.modes.shape[0], 1))
+    with_spring = body._replace(
+        q=q,
+        weights=weights,
+        instant=np.append(body.instant, 2 * math.pi / stiffness),
+        modes=np.hstack((body.modes, rigid)),
+        times=np.hstack((body.times, rigid + 1.0)),
+    )
+    return space._replace(q=q, weights=weights, nodes=space.nodes._replace(cosines=cosines)), with_spring
+
+
+def onset(profile: Revolution) -> float:
+    """Return the power of the depth with which the force begins: 1 + 1/n for a profile r^n, 1 for a flat."""
+    small = 1e-6 * (profile.rim if math.isfinite(profile.rim) else 1.0)
+    near, far = abel_transform(profile, small), abel_transform(profile, 2 * small)
+    return 1.0 if far == 0 else 1 + 1 / math.log2(far / near)
+
+
+def _mesh(pieces: _Pieces, parts: list[FloatArray]) -> FloatArray:
     """Return the times of a mesh, from the first contact on."""
-    first, begin = drive.first_contact
+    first, begin = pieces.first_contact
     times = []
     for piece in range(first, len(parts)):
-        end = drive.time[piece + 1]
+        end = pieces.end[piece]
         times.append(begin + (end - begin) * parts[piece][:-1])
         begin = end
-    return np.append(np.concatenate(times), drive.time[-1])
+    return np.append(np.concatenate(times), pieces.end[-1])
 
 
-def _interpolated(times: FloatArray, force: FloatArray, rows: FloatArray) -> FloatArray:
-    """Interpolate F^(2/3), which is smooth where a sphere touches, until the contact opens.
+def _as_power(times: FloatArray, values: FloatArray, rows: FloatArray, power: float) -> FloatArray:
+    """Interpolate values^power, which is smooth where the contact begins."""
+    raised = np.maximum(values, 0.0) ** power
+    if times.size < 2 or not rows.size:
+        return np.full(rows.size, values[0] if values.size else 0.0)
+    return np.asarray(np.maximum(PchipInterpolator(times, raised)(rows), 0.0) ** (1 / power))
 
-    From the last two times in contact, F^(2/3) is extended linearly to zero, at most to the next time. So the
+
+def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, power: float) -> FloatArray:
+    """Interpolate F^(1/power), which is smooth where the contact begins, until the contact opens.
+
+    From the last two times in contact, it is extended linearly to zero, at most to the next time. So the
     result stays continuous when a further time gets a small contact force.
     """
-    root = np.maximum(force, 0.0) ** (1 / ONSET)
+    root = np.maximum(force, 0.0) ** (1 / power)
     touching = np.flatnonzero(root > 0)
     if touching.size < 2:
-        return np.asarray(np.interp(rows, times, force))
+        return np.asarray(np.interp(rows, times, force)) if times.size else np.zeros(rows.size)
     last = int(touching[-1])
     if last < times.size - 1 and root[last] < root[last - 1]:
         pace = (root[last - 1] - root[last]) / (times[last] - times[last - 1])
@@ -129,24 +369,28 @@ def _interpolated(times: FloatArray, force: FloatArray, rows: FloatArray) -> Flo
         times, root = np.append(times[: last + 1], leaves), np.append(root[: last + 1], 0.0)
     inside = rows <= times[-1]
     found = np.zeros(rows.size)
-    found[inside] = np.maximum(PchipInterpolator(times, root)(rows[inside]), 0.0) ** ONSET
+    found[inside] = np.maximum(PchipInterpolator(times, root)(rows[inside]), 0.0) ** power
     return found
 
 
-def _graded(times: FloatArray, force: FloatArray, drive: Drive) -> list[FloatArray]:
+def _graded(
+    times: FloatArray, force: FloatArray, depth: FloatArray, pieces: _Pieces, power: float
+) -> list[FloatArray]:
     """Return the fractions of each piece at which the error of interpolation is even."""
-    first, begin = drive.first_contact
-    root = np.maximum(force, 0.0) ** (1 / ONSET)
-    slope = np.diff(root) / np.diff(times)
-    bend = np.abs(np.diff(slope)) / (times[2:] - times[:-2]) / np.ptp(root)
-    bend[np.isin(times[1:-1], drive.time)] = 0.0  # a corner of the depth is a node
+    first, begin = pieces.first_contact
+    by_force = pieces.at(times[1:])[1]
+    straight = np.maximum(force, 0.0) ** (1 / power), np.maximum(depth, 0.0) ** power
+    slopes = [np.diff(each) / np.diff(times) / max(float(np.ptp(each)), 1e-300) for each in straight]
+    slope = np.where(by_force, slopes[1], slopes[0])
+    bend = np.abs(np.diff(slope)) / (times[2:] - times[:-2])
+    bend[np.isin(times[1:-1], pieces.end)] = 0.0  # a corner of the prescribed quantity is a node
     bend = np.concatenate((bend[:1], bend, bend[-1:]))
     density = np.sqrt(np.maximum(bend[1:], bend[:-1]))
     density += EVEN * np.sum(density * np.diff(times)) / np.ptp(times) + 1e-300
     level = np.concatenate(([0.0], np.cumsum(density * np.diff(times))))
-    parts = [np.linspace(0, 1, FEWEST + 1)] * (drive.time.size - 1)
+    parts = [np.linspace(0, 1, FEWEST + 1)] * pieces.end.size
     for piece in range(first, len(parts)):
-        end = drive.time[piece + 1]
+        end = pieces.end[piece]
         low, high = np.interp([begin, end], times, level)
         steps = max(FEWEST, round(STEPS * (high - low) / level[-1]))
         inner = np.interp(np.linspace(low, high, steps + 1), level, times)
@@ -158,7 +402,6 @@ def _graded(times: FloatArray, force: FloatArray, drive: Drive) -> list[FloatArr
 
 # The free parameters: keys of the model and values of a curve, their bounds and scales.
 
-OF_A_CURVE = ("contact_point", "drift", "force_offset")
 SECTIONS = ("name", "units", "grid", "layer", "layers", "halfspace", "punch", "temperature", "shift")
 LINEAR: Mapping[str, tuple[float, float]] = {
     "poisson": (-0.99, 0.5),
@@ -178,7 +421,8 @@ class Model:
         if foreign := [key for key in data if key not in SECTIONS]:
             raise ConfigError([f"{key}: {unknown_key(key, SECTIONS, ())}" for key in foreign])
         grid = {"geometry": "axisymmetric"} | dict(data.get("grid") or {})
-        # The curves prescribe the depth; the default depth may be impossible for this body.
+        self._given = dict(data)
+        # The curves have the history; the default depth may be impossible for this body.
         given = {"name": "indentation"} | dict(data) | {"grid": grid, "trajectory": {"depth": 0.0}}
         try:
             self.config = Config.model_validate(given)
@@ -186,6 +430,10 @@ class Model:
             raise ConfigError(map(str, explain(error))) from None
         self._data = self.config.model_dump(exclude_none=True)
         self.keys = dict(_numbers(self._data))
+
+    def under(self, punch: Mapping[str, Any]) -> Model:
+        """Return the model with another indenter."""
+        return Model(self._given | {"punch": dict(punch)})
 
     def with_values(self, values: dict[str, float]) -> Config:
         """Return the configuration in which the dotted keys have these values."""
@@ -221,7 +469,7 @@ class Parameter:
     def scale(self) -> Literal["logarithmic", "linear"]:
         """Whether its logarithm is fitted."""
         own = self.key in OF_A_CURVE or self.key.rpartition(".")[2] in LINEAR
-        return "linear" if own else "logarithmic"
+        return "linear" if own and self.key != "stiffness" else "logarithmic"
 
 
 def free_parameters(
@@ -235,6 +483,9 @@ def free_parameters(
     for key, bounds in asked.items():
         if key in OF_A_CURVE:
             owners = list(curves) if len(curves) > 1 else [""]
+            if key not in spans:
+                wrong.append(f"free: {key}: got a curve without a prescribed base; only such curves have it")
+                continue
             found += [Parameter(key, 0.0, _bounds(bounds, spans[key]), owner) for owner in owners]
         elif key not in model.keys:
             wrong.append(f"free: {key}: {unknown_key(key, [*model.keys, *OF_A_CURVE], model.keys)}")
@@ -276,6 +527,7 @@ def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
             yield place, float(value)
 
 
+_KEPT = 4  # configurations: a correction of a curve does not change the body
 TRIES = 3  # the differences are repeated when the nodes changed on the way, at most so often
 # Steps of the differences, in a logarithm and in the range of a linear parameter: a derivative is off by half
 # a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a shorter step would
@@ -292,10 +544,24 @@ class LeastSquares:
         self, model: Model, parameters: Sequence[Parameter], predictions: Sequence[Prediction]
     ) -> None:
         self.model, self.parameters, self.predictions = model, list(parameters), list(predictions)
-        # Standard deviation of the force of each curve, by which its residuals are divided.
-        self.noise = np.array([each.curve.noise or np.abs(each.curve.force).max() for each in predictions])
+        self._models = {
+            each.curve.name: model if each.curve.punch is None else model.under(each.curve.punch)
+            for each in predictions
+        }
+        # Standard deviations of force and depth of each curve, by which its residuals are divided.
+        self.noise = np.array(
+            [
+                [
+                    each.curve.noise or float(np.ptp(each.curve.force)),
+                    each.curve.depth_noise or float(np.ptp(each.curve.depth)),
+                ]
+                for each in predictions
+            ]
+        )
+        self._roots = [_Root(np.zeros((int(each.used.sum()), 0))) for each in predictions]
         self.solutions = 0  # number of solved contact problems, each over a whole curve
         self._last: tuple[object, list[FloatArray]] = (None, [])
+        self._configs: dict[tuple[object, ...], Config] = {}  # the latest
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -352,113 +618,166 @@ class LeastSquares:
                 slopes[i, [p.name for p in self.parameters].index(each.above)] = base / value
         return found, slopes
 
-    def config(self, u: FloatArray) -> Config:
-        """Return the configuration at u."""
+    def config(self, u: FloatArray, curve: str | None = None) -> Config:
+        """Return the configuration at u, with the indenter of a curve."""
         values = self.values(u)
-        own = [each for each in self.parameters if each.key not in OF_A_CURVE]
-        return self.model.with_values({each.key: values[each.name] for each in own})
+        own = {each.key: values[each.name] for each in self.parameters if each.key not in OF_A_CURVE}
+        model = self.model if curve is None else self._models[curve]
+        known = (id(model), *own.items())
+        if known not in self._configs:
+            self._configs = {known: model.with_values(own)} | dict(list(self._configs.items())[: _KEPT - 1])
+        return self._configs[known]
+
+    def correction(self, u: FloatArray, curve: ForceCurve) -> Correction:
+        """Return the values of a curve at u."""
+        values = self.values(u)
+        own = {
+            each.key: values[each.name]
+            for each in self.parameters
+            if each.key in OF_A_CURVE and each.curve in {"", curve.name}
+        }
+        return Correction(**({"stiffness": curve.stiffness or math.inf} | own))
 
     def adapt(self, u: FloatArray) -> None:
-        """Choose the times of the solutions for the forces at u."""
-        config = self.config(u)
-        for prediction in self.predictions:
-            prediction.adapt(config, **self._motion(u, prediction.curve.name))
+        """Choose the times of the solutions for the responses at u."""
+        for each in self.predictions:
+            each.adapt(self.config(u, each.curve.name), self.correction(u, each.curve))
 
-    def forces(self, u: FloatArray) -> list[FloatArray]:
-        """Return the forces of each curve at u."""
+    def weigh(self, u: FloatArray) -> None:
+        """Find the covariance of the residuals by the noise of the prescribed quantities, at u."""
+        for i, each in enumerate(self.predictions):
+            noise = self.noise_of_rows(i)
+            found, solutions = each.scatter(
+                self.config(u, each.curve.name), self.correction(u, each.curve), noise
+            )
+            self.solutions += solutions
+            self._roots[i] = _Root(found[each.used] / noise[each.used][:, np.newaxis])
+
+    def noise_of_rows(self, i: int) -> FloatArray:
+        """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
+        return np.asarray(np.where(self.predictions[i].curve.by_force, self.noise[i, 1], self.noise[i, 0]))
+
+    def noise_is_given(self, i: int) -> BoolArray:
+        """Whether the noise of force and depth of a curve is given, or needs no estimate; shape (2,)."""
+        each = self.predictions[i]
+        given = (each.curve.noise, each.curve.depth_noise)
+        measured = each.curve.by_force[each.used]
+        return np.array([given[k] is not None or not (measured == bool(k)).any() for k in (0, 1)])
+
+    @property
+    def noise_is_known(self) -> bool:
+        """Whether no noise must be estimated."""
+        return all(self.noise_is_given(i).all() for i in range(len(self.predictions)))
+
+    def log_determinant(self, i: int) -> float:
+        """Logarithm of the determinant of the covariance of a curve's residuals, over its noise."""
+        return self._roots[i].log_determinant
+
+    def measured(self, u: FloatArray) -> list[FloatArray]:
+        """Return the predicted values of the measured quantity of each curve at u."""
         if self._last[0] != (u.tobytes(), self._changes):
-            config = self.config(u)
-            forces = [self._force(config, u, prediction) for prediction in self.predictions]
-            self._last = ((u.tobytes(), self._changes), forces)
+            found = [self._measured(u, each) for each in self.predictions]
+            self._last = ((u.tobytes(), self._changes), found)
         return self._last[1]
 
     @property
     def _changes(self) -> tuple[int, ...]:
         return tuple(each.changes for each in self.predictions)
 
+    @property
+    def rows(self) -> int:
+        """Number of residuals of the curves."""
+        return sum(int(each.used.sum()) for each in self.predictions)
+
     def residuals(self, u: FloatArray) -> FloatArray:
-        """Return predicted minus measured force over the noise, curve after curve.
+        """Return predicted minus measured values over the noise, curve after curve, and the given stiffness.
 
         Infinite where the values are impossible or the contact is not found: the fit then steps less.
         """
         try:
-            forces = self.forces(u)
+            found = self.measured(u)
         except (ValidationError, FitError):
-            return np.full(sum(each.curve.time.size for each in self.predictions), np.inf)
+            return np.full(self.rows + len(self._given), np.inf)
+        away = [f - each.curve.measured for f, each in zip(found, self.predictions, strict=True)]
+        given: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._given])
+        return np.asarray(np.concatenate((self._scaled(away), given)))
+
+    def _scaled(self, rows: Sequence[FloatArray]) -> FloatArray:
+        """Return values at the rows of each curve that count, over the noise, uncorrelated."""
         return np.concatenate(
             [
-                (force - each.curve.force) / noise
-                for force, each, noise in zip(forces, self.predictions, self.noise, strict=True)
+                root @ (values[each.used] / self.noise_of_rows(i)[each.used])
+                for i, (values, each, root) in enumerate(
+                    zip(rows, self.predictions, self._roots, strict=True)
+                )
             ]
         )
 
+    @cached_property
+    def _given(self) -> list[tuple[int, float, float]]:
+        """The parameters that were measured beforehand: number, value, relative error."""
+        curves = {each.curve.name: each.curve for each in self.predictions}
+        found = []
+        for i, each in enumerate(self.parameters):
+            curve = curves[each.curve or next(iter(curves))]
+            if each.key == "stiffness" and curve.stiffness and curve.stiffness_error:
+                found.append((i, curve.stiffness, curve.stiffness_error))
+        return found
+
     def jacobian(self, u: FloatArray) -> FloatArray:
-        """Return the derivatives of the residuals, shape (rows, parameters)."""
+        """Return the derivatives of the residuals, shape (residuals, parameters)."""
+        given = np.zeros((len(self._given), u.size))
+        for row, (i, _, error) in enumerate(self._given):
+            given[row, i] = 1 / error
+        columns = [self._scaled(column) for column in self.derivatives(u)]
+        return np.vstack((np.stack(columns, axis=1), given))
+
+    def derivatives(self, u: FloatArray) -> list[list[FloatArray]]:
+        """Return the derivatives of the measured quantity of each curve, for each parameter."""
         for _ in range(TRIES):
-            forces, before = self.forces(u), self._changes
-            columns = [self._column(i, u, forces) for i in range(u.size)]
+            found, before = self.measured(u), self._changes
+            columns = [self._column(i, u, found) for i in range(u.size)]
             if self._changes == before:
                 break
         if self._euler is not None:
             *others, last = self._euler
-            whole = [f - self.offset(u, p.curve.name) for f, p in zip(forces, self.predictions, strict=True)]
-            columns[last] = [
-                force - sum((columns[i][k] for i in others), np.zeros(1)) for k, force in enumerate(whole)
-            ]
-        scaled = [
-            np.concatenate([part / noise for part, noise in zip(column, self.noise, strict=True)])
-            for column in columns
-        ]
-        return np.stack(scaled, axis=1)
+            for k, each in enumerate(self.predictions):
+                force = found[k] - baseline(each.curve, self.correction(u, each.curve))
+                columns[last][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
+        return columns
 
-    def _column(self, i: int, u: FloatArray, forces: list[FloatArray]) -> list[FloatArray]:
-        """Derivative of the forces to one parameter; zeros for the one that follows from Euler's theorem."""
+    def _column(self, i: int, u: FloatArray, found: list[FloatArray]) -> list[FloatArray]:
+        """Derivative of the measured values to one parameter; zeros for the last one by Euler's theorem."""
         parameter = self.parameters[i]
         if self._euler is not None and i == self._euler[-1]:
-            return [np.zeros(1) for _ in forces]
+            return [np.zeros(1) for _ in found]
         moved = u.copy()
         low, high = parameter.bounds
         step = STEP if parameter.scale == "logarithmic" else LINEAR_STEP * (high - low)
         moved[i] += step if u[i] + step <= self.bounds[1][i] else -step
         try:
-            config = self.config(moved)
+            self.config(moved)
         except ValidationError:  # a bound that depends on another parameter
             moved[i] = 2 * u[i] - moved[i]
-            config = self.config(moved)
         column = []
-        for force, prediction in zip(forces, self.predictions, strict=True):
-            if parameter.curve not in {"", prediction.curve.name}:
-                column.append(np.zeros(force.size))
-            elif parameter.key == "force_offset":
-                column.append(np.ones(force.size))
+        for values, each in zip(found, self.predictions, strict=True):
+            if parameter.curve not in {"", each.curve.name}:
+                column.append(np.zeros(values.size))
+            elif (exact := _added(parameter.key, each)) is not None:
+                column.append(exact)
             else:
-                column.append((self._force(config, moved, prediction) - force) / (moved[i] - u[i]))
+                column.append((self._measured(moved, each) - values) / (moved[i] - u[i]))
         return column
 
-    def _force(self, config: Config, u: FloatArray, prediction: Prediction) -> FloatArray:
+    def _measured(self, u: FloatArray, each: Prediction) -> FloatArray:
         self.solutions += 1
-        name = prediction.curve.name
-        return prediction.force(config, **self._motion(u, name)) + self.offset(u, name)
-
-    def _motion(self, u: FloatArray, curve: str) -> dict[str, float]:
-        """Contact point and drift of a curve, where they are free."""
-        return {
-            each.key: float(u[i])
-            for i, each in enumerate(self.parameters)
-            if each.key in {"contact_point", "drift"} and each.curve in {"", curve}
-        }
-
-    def offset(self, u: FloatArray, curve: str) -> float:
-        """Return the offset of the force of a curve."""
-        return sum(
-            float(u[i])
-            for i, each in enumerate(self.parameters)
-            if each.key == "force_offset" and each.curve in {"", curve}
-        )
+        return each.measured(self.config(u, each.curve.name), self.correction(u, each.curve))
 
     @cached_property
     def _euler(self) -> list[int] | None:
         """The free moduli, if all moduli of the body are free; None otherwise, or if a key is not known."""
+        if any(each.kinds != {DEPTH} for each in self.predictions):
+            return None
         free = {each.key: i for i, each in enumerate(self.parameters)}
         found = []
         for key, value in self.model.keys.items():
@@ -470,6 +789,35 @@ class LeastSquares:
             elif last not in MODULI | NO_MODULI and not key.startswith("punch."):
                 return None
         return found or None
+
+
+class _Root:
+    """The inverse root of 1 + A A^T, for A of few columns."""
+
+    def __init__(self, A: FloatArray) -> None:
+        self._vectors, singular, _ = np.linalg.svd(A, full_matrices=False)
+        self._less = (1 + singular**2) ** -0.5 - 1
+        self.log_determinant = float(np.sum(np.log1p(singular**2)))
+
+    def __matmul__(self, values: FloatArray) -> FloatArray:
+        return np.asarray(values + self._vectors @ (self._less * (self._vectors.T @ values)))
+
+
+def baseline(curve: ForceCurve, at: Correction) -> FloatArray:
+    """Return the force that a curve has without contact, at its rows."""
+    position = curve.position_of_drive
+    since = curve.time - curve.time[0]
+    return np.asarray(at.force_offset + at.force_drift * since + at.tilt * (position - position[0]))
+
+
+def _added(key: str, prediction: Prediction) -> FloatArray | None:
+    """Return the derivative of the measured quantity to a correction that is added to it, or None."""
+    curve = prediction.curve
+    if key in {"force_offset", "force_drift", "tilt"} and FORCE not in prediction.kinds:
+        return baseline(curve, Correction(**{key: 1.0}))
+    if key in {"contact_point", "drift"} and prediction.kinds == {FORCE}:
+        return np.ones(curve.time.size) if key == "contact_point" else curve.time - curve.time[0]
+    return None
 
 
 # Checks of curves with a model: mixed units, depths beyond the layer.
@@ -517,6 +865,11 @@ def warnings_before(
     radius = model.keys.get("punch.radius", np.inf)
     for curve in curves:
         yield from (f"curve {curve.name}: {warning}" for warning in curve.warnings())
+        if curve.looks_swapped() and onset(as_revolution(model.config.punch)) > 1:
+            yield (
+                f"curve {curve.name}: the force bends down as the depth grows, where this indenter bends it "
+                "up; are force and depth swapped, or is the contact point wrong?"
+            )
         depth = reached[curve.name]
         for size, name in ((thickness, "thickness of the layer"), (radius, "radius of the punch")):
             if STRAIN * size < depth:
@@ -538,7 +891,8 @@ def _other_modulus(model: Model, factor: float) -> str:
     key, modulus = next((k, v) for k, v in model.keys.items() if k.rpartition(".")[2] in MODULI)
     return (
         f"the forces need moduli {factor:.2g} times larger than in the model ({key} = {modulus * factor:.3g} "
-        f"instead of {modulus:g}). Do force, depth, punch and moduli have the same units?"
+        f"instead of {modulus:g}). Do force, depth, punch and moduli have the same units? Are force and "
+        "depth swapped?"
     )
 
 

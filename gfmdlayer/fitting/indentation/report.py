@@ -1,40 +1,133 @@
-"""The output of a fit: the fitted model in YAML, all numbers in JSON, a picture, a summary."""
+"""The output of a fit: model in YAML, numbers in JSON, rows in CSV, all in HDF5, a picture, a summary.
+
+JSON and HDF5 have every input of the fit: digests of the files, segments, rows, starts, options, versions.
+The rows of a curve in CSV and HDF5 can be read and fitted again.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
 
 from gfmdlayer.config import text
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
 from gfmdlayer.fitting.indentation.estimates import CurveFit, Estimate, IndentationFit
 from gfmdlayer.fitting.report import plain_name, with_suffixes, written
+from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
+from gfmdlayer.results.provenance import provenance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# In HDF5: the value, standard error and 95 % interval of each parameter; and facts of the fit.
+COLUMNS = ("estimate", "error", "low", "high")
+SCALARS = ("noise", "aic", "bic")
+MEASURED = ("depth", "force", "fitted_depth", "fitted_force")
 SHOWN_CURVES = 6
 SECTIONS = ("units", "grid", "layer", "layers", "halfspace", "punch")
 
 
 def targets(out: Path, force: bool) -> list[Path]:
-    """Return the names of YAML, JSON and picture; existing files are an error unless `force`."""
+    """Return the names of YAML, JSON, picture, CSV and HDF5; existing files are an error unless `force`."""
     material = out if out.suffix.lower() in {".yaml", ".yml"} else out.with_name(f"{out.name}.yaml")
-    return with_suffixes(material, [".json", ".png"], force)
+    return with_suffixes(material, [".json", ".png", ".csv", ".h5"], force)
 
 
 def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[str]:
-    """Write YAML to `out`, JSON and picture beside it, and return the lines of a summary."""
-    material, numbers, picture = targets(out, force)
+    """Write YAML to `out`, the other files beside it, and return the lines of a summary."""
+    material, numbers, picture, rows, everything = targets(out, force)
     data = json.dumps(as_data(fit), indent=2, allow_nan=False) + "\n"
-    written(material, {material: model_yaml(fit, material.stem), numbers: data}, force)
+    written(material, {material: model_yaml(fit, material.stem), numbers: data, rows: as_table(fit)}, force)
+    with new_file(everything) as file:
+        add_fit(file.begin(), fit)
     save(fit_figure(fit), picture)
-    return [*summary(fit), f"model: {material}", f"numbers: {numbers}", f"figure: {picture}"]
+    files = {"model": material, "numbers": numbers, "rows": rows, "all": everything, "figure": picture}
+    return [*summary(fit), *(f"{name}: {path}" for name, path in files.items())]
+
+
+def as_table(fit: IndentationFit) -> str:
+    """Return the rows of all curves as text in columns, measured and fitted."""
+    units = fit.config.units
+    time, length, force = (
+        "" if units is None else f" ({units.label(x)})" for x in ("time", "length", "force")
+    )
+    names = [
+        f"time{time}",
+        f"depth{length}",
+        f"force{force}",
+        f"fitted_depth{length}",
+        f"fitted_force{force}",
+    ]
+    lines = [f"# {line}" for line in summary(fit)]
+    lines.append(",".join([*names, "used", "segment", "prescribed", "curve"]))
+    for each in fit.curves:
+        columns = _rows(each)
+        numbers = np.column_stack([columns[key] for key in ("time", *MEASURED)])
+        words = zip(columns["used"], columns["segment"], columns["prescribed"], strict=True)
+        for row, (used, *named) in zip(numbers.tolist(), words, strict=True):
+            lines.append(",".join([*map(repr, row), str(int(used)), *named, _word(each.curve.name)]))
+    return "\n".join(lines) + "\n"
+
+
+def add_fit(h5: h5py.File, fit: IndentationFit) -> None:
+    """Put estimates, input and rows of a fit into a new file, a group for each curve."""
+    add_estimates(h5, fit)
+    units = fit.config.units
+    labels = {"time": "time", "depth": "length", "force": "force"}
+    for each in fit.curves:
+        group = h5.create_group(each.curve.name.replace("/", "_"))
+        for key, values in _rows(each).items():
+            is_text = key in {"segment", "prescribed"}
+            data = np.array(values, dtype=object) if is_text else values
+            group.create_dataset(key, data=data, dtype=h5py.string_dtype() if is_text else None)
+            if units is not None and (words := labels.get(key.removeprefix("fitted_"))):
+                group[key].attrs["units"] = units.label(words)
+        for key, value in _curve_data(each).items():
+            if value is not None:
+                stored = value if isinstance(value, (str, int, float)) else json.dumps(value)
+                group.attrs[key] = stored
+    given = {"start": json.dumps(dict(fit.start)), "options": json.dumps(vars(fit.options))}
+    model = text.written(fit.config.model_dump(exclude_none=True))
+    known = {"model": model, "warnings": "\n".join(fit.warnings)}
+    set_attributes(h5, {**provenance(), **given, **known, "complete": 1})
+
+
+def add_estimates(h5: h5py.File, fit: IndentationFit) -> None:
+    """Put the estimates of a fit into a new file, see `force_map`."""
+    keys = np.array([each.name for each in fit.parameters], dtype=object)
+    rows = np.array([[each.value, each.standard_error, *each.interval] for each in fit.parameters]).T
+    add_variable(h5, "parameter", ("parameter",), {}, data=keys, dtype=h5py.string_dtype())
+    for column, values in zip(COLUMNS, rows, strict=True):
+        add_variable(h5, column, ("parameter",), {}, data=values)
+    h5.create_dataset("correlation", data=fit.correlation)
+    noise = fit.curves[0].noise if math.isfinite(fit.curves[0].noise) else fit.curves[0].depth_noise
+    for scalar, value in zip(SCALARS, (noise, fit.aic, fit.bic), strict=True):
+        h5.create_dataset(scalar, data=float(value))
+
+
+def _rows(each: CurveFit) -> dict[str, Any]:
+    """Return the columns of a curve, measured and fitted, with the names of its segments."""
+    curve = each.curve
+    words: dict[str, list[str]] = {"segment": [], "prescribed": []}
+    for part in curve.segments:
+        for key, word in (("segment", part.name), ("prescribed", part.prescribed)):
+            words[key] += [_word(word)] * (part.end - part.first)
+    numbers = {"time": curve.time, "depth": curve.depth, "force": curve.force}
+    return numbers | {"fitted_depth": each.depth, "fitted_force": each.force, "used": each.used} | words
+
+
+def _word(words: str) -> str:
+    """Return words without the characters that separate columns."""
+    return re.sub(r"[\s,;#]+", "_", words) or "_"
 
 
 def model_yaml(fit: IndentationFit, name: str) -> str:
@@ -52,12 +145,32 @@ def as_data(fit: IndentationFit) -> dict[str, Any]:
         "correlation": fit.correlation.tolist(),
         "aic": fit.aic,
         "bic": fit.bic,
-        "curves": [
-            {"name": each.curve.name, "rows": each.curve.time.size, "noise": each.noise}
-            for each in fit.curves
-        ],
+        "curves": [_curve_data(each) for each in fit.curves],
         "warnings": list(fit.warnings),
+        "start": dict(fit.start),
+        "options": vars(fit.options),
+        "provenance": provenance(),
     }
+
+
+def _curve_data(each: CurveFit) -> dict[str, Any]:
+    return {
+        "name": each.curve.name,
+        "rows": each.curve.time.size,
+        "fitted_rows": int(each.used.sum()),
+        "noise": _known(each.noise),
+        "depth_noise": _known(each.depth_noise),
+        "segments": [segment._asdict() for segment in each.curve.segments],
+        "guessed": each.curve.guessed,
+        "stiffness": each.curve.stiffness,
+        "stiffness_error": each.curve.stiffness_error,
+        "punch": None if each.curve.punch is None else dict(each.curve.punch),
+        **each.curve.origin,
+    }
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _estimate(each: Estimate) -> dict[str, Any]:
@@ -81,10 +194,21 @@ def summary(fit: IndentationFit) -> list[str]:
         f"Fit of {number}, {rows} rows, {len(fit.parameters)} free parameters. "
         f"AIC {fit.aic:.2f}, BIC {fit.bic:.2f}.",
         *_table(fit.parameters),
-        *(f"noise of {each.curve.name}: {each.noise:.4g}" for each in fit.curves[:SHOWN_CURVES]),
+        *(line for each in fit.curves[:SHOWN_CURVES] for line in _curve(each)),
         *_correlations(fit),
         *(f"warning: {warning}" for warning in fit.warnings),
     ]
+
+
+def _curve(each: CurveFit) -> Iterator[str]:
+    """Yield lines with the segments of a curve, as given or guessed, and its noise."""
+    name, guessed = each.curve.name, each.curve.guessed
+    yield f"segments of {name}: {', '.join(map(str, each.curve.segments))}" + (
+        f" ({guessed})" if guessed else ""
+    )
+    found = {"force": each.noise, "depth": each.depth_noise}
+    words = (f"{value:.4g} of the {key}" for key, value in found.items() if math.isfinite(value))
+    yield f"noise of {name}: {', '.join(words)}"
 
 
 def comparison(fits: dict[str, IndentationFit]) -> list[str]:
@@ -93,7 +217,7 @@ def comparison(fits: dict[str, IndentationFit]) -> list[str]:
     width = max(len(name) for name in fits)
     lines = [f"{'model':{width}}  parameters  {'noise':>10}  {'AIC - best':>11}  {'BIC - best':>11}"]
     for name, fit in sorted(fits.items(), key=lambda item: item[1].bic):
-        noise = math.sqrt(sum(each.noise**2 for each in fit.curves) / len(fit.curves))
+        noise = math.sqrt(float(np.nanmean([(each.noise, each.depth_noise) for each in fit.curves]) ** 2))
         lines.append(
             f"{name:{width}}  {len(fit.parameters):10d}  {noise:10.4g}  {fit.aic - best_aic:11.2f}  "
             f"{fit.bic - best_bic:11.2f}"
@@ -124,31 +248,43 @@ def _correlations(fit: IndentationFit) -> Iterator[str]:
 
 
 def fit_figure(fit: IndentationFit) -> Figure:
-    """Draw measured and fitted forces with the confidence band over time, and below them the residuals."""
+    """Draw the measured quantities with the fit and its 95 % band over time, and below them the residuals."""
     shown = fit.curves[:SHOWN_CURVES]
+    quantities = [
+        (name, by_force)
+        for name, by_force in (("force", False), ("depth", True))
+        if any((each.curve.by_force == by_force).any() for each in shown)
+    ]
+    units = fit.config.units
     with styled():
-        figure = new_figure(1, 100.0)
-        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
-        for each, colour in zip(shown, colours(len(shown) + 1), strict=False):
-            _draw(above, below, each, colour)
-        above.set_title("(a)", loc="left")
-        handles, labels = above.get_legend_handles_labels()
-        above.legend(handles[:3], labels[:3])
-        below.axhline(0, color="black", linewidth=0.5)
-        units = fit.config.units
-        time, force = ("" if units is None else units.label(words) for words in ("time", "force"))
-        name_axes(above, y=Quantity("force", force))
-        name_axes(below, Quantity("time", time), Quantity("residual", force))
-        below.set_title("(b)", loc="left")
+        figure = new_figure(2 if len(quantities) > 1 else 1, 100.0)
+        axes = figure.subplots(2, len(quantities), sharex=True, squeeze=False, height_ratios=(2.2, 1))
+        for number, ((name, by_force), (above, below)) in enumerate(zip(quantities, axes.T, strict=True)):
+            for each, colour in zip(shown, colours(len(shown) + 1), strict=False):
+                if (each.curve.by_force == by_force).any():
+                    _draw(above, below, each, by_force, colour)
+            above.set_title(f"({'ac'[number]})", loc="left")
+            handles, labels = above.get_legend_handles_labels()
+            above.legend(handles[:3], labels[:3])
+            below.axhline(0, color="black", linewidth=0.5)
+            words = {"force": "force", "depth": "length"}[name]
+            time, unit = ("" if units is None else units.label(each) for each in ("time", words))
+            name_axes(above, y=Quantity(name, unit))
+            name_axes(below, Quantity("time", time), Quantity("residual", unit))
+            below.set_title(f"({'bd'[number]})", loc="left")
         finish(figure)
     return figure
 
 
-def _draw(above: Axes, below: Axes, each: CurveFit, colour: str) -> None:
-    time, measured, fitted, band = each.curve.time, each.curve.force, each.force, each.band
+def _draw(above: Axes, below: Axes, each: CurveFit, by_force: bool, colour: str) -> None:
+    rows = each.curve.by_force == by_force
+    fitted = np.where(rows, each.depth if by_force else each.force, np.nan)  # a gap where it is prescribed
+    measured = np.where(rows, each.curve.measured, np.nan)
+    time, band = each.curve.time, each.band
     thin = max(1, time.size // 400)  # more markers would hide the line
     above.plot(time[::thin], measured[::thin], ".", color="0.6", ms=2.2, mew=0, label="measured")
     above.plot(time, fitted, color=colour, linewidth=1.0, label="fitted")
     above.fill_between(time, fitted - band, fitted + band, color=colour, alpha=0.3, lw=0, label="95 % band")
-    below.plot(time[::thin], (measured - fitted)[::thin], ".", color=colour, ms=1.8, mew=0)
-    below.fill_between(time, -band, band, color=colour, alpha=0.3, lw=0)
+    residual = np.where(each.used, measured - fitted, np.nan)
+    below.plot(time[::thin], residual[::thin], ".", color=colour, ms=1.8, mew=0)
+    below.fill_between(time, -band, band, where=rows, color=colour, alpha=0.3, lw=0)

@@ -1,0 +1,298 @@
+"""Displacements and stresses below the surface on the periodic grid, from the surface and its history.
+
+Strains and forces of the springs between the faces of the layers (`body.inside`) determine all fields. They
+are linear in the displacement of the surface and in the stretches of its modes, wave by wave. Where the
+layers relax alike, displacement and pressure of the surface are enough.
+
+z points down, tension is positive. On a surface u_x = i n_x U, s_xx = n_x^2 s_nn + n_y^2 s_tt,
+s_xy = n_x n_y (s_nn - s_tt), s_xz = i n_x S; a line is in plane strain, s_yy = s_tt. Transforms are not
+normalised (`grid.transforms`). Fields that are odd along an axis have no wave at its largest wavenumber,
+since the two waves +q and -q are one there. The mean is that of layers which cannot widen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
+from gfmdlayer.body.depths import Place
+from gfmdlayer.body.inside import Inside, Readout, alike
+from gfmdlayer.body.relaxation import Spectrum
+from gfmdlayer.body.stack import LayerStack
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.history.error_control import Integrator
+from gfmdlayer.history.modes import Modes
+from gfmdlayer.history.stack_modes import StackModes
+from gfmdlayer.kernels import kernel
+
+_CHUNK = 4096  # waves whose stretches are summed at once
+
+# Fields on a line, and on a surface: displacements along x, y, z and stresses.
+LINE = ("x", "z", "xx", "yy", "zz", "xz")
+SURFACE = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
+
+
+class Springs(NamedTuple):
+    """Transforms of the strains and the forces of all springs, downward, (springs, nq)."""
+
+    strains: ComplexArray
+    forces: ComplexArray
+
+
+class Interior:
+    """The fields below the surface of a stack, on a grid.
+
+    `modes` is the function `spectrum` of the body whose modes an integrator has; none of them is merged.
+    """
+
+    def __init__(
+        self,
+        stack: LayerStack,
+        grid: Grid,
+        places: Sequence[Place],
+        modes: Callable[[FloatArray], Spectrum] | None = None,
+    ) -> None:
+        self.grid, self.places, self._modes = grid, places, modes
+        self.relaxes_alike = alike([layer.material for layer in stack.present])
+        waves = grid.waves
+        size = np.ravel(waves.magnitude)
+        different, where = np.unique(size, return_inverse=True)
+        self._at_mean = np.flatnonzero(size == 0)
+        different, where = np.unique(size, return_inverse=True)
+        self._where: IntArray = where.ravel()
+        self.inside = Inside(stack, different)
+        axes = len(grid.points)
+        q = np.stack([np.ravel(waves.qx), np.ravel(waves.qy)])[:axes]
+        largest = np.pi * np.divide(grid.points, grid.period)[:, np.newaxis]
+        self._n = q / np.where(size > 0, size, 1.0)
+        self._odd = np.where(np.abs(q) < (1 - 1e-9) * largest, self._n, 0.0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fields: one letter for a displacement, two for a stress."""
+        return LINE if len(self.grid.points) == 1 else SURFACE
+
+    def springs(self, integrator: Integrator, p: ComplexArray) -> Springs:
+        """Return the springs after the last step of an integrator, and for this pressure."""
+        if self.relaxes_alike:
+            return self.of_surface(integrator.u, p)
+        assert isinstance(integrator, Modes)
+        return self.of_history(integrator, p)
+
+    def of_surface(self, u: ComplexArray, p: ComplexArray) -> Springs:
+        """Return the springs of layers that relax alike, for displacement (upward) and pressure."""
+        strains, forces = (each[:, self._where] for each in self.inside.alike())
+        return self._with_mean(Springs(strains * -u, forces * p), p)
+
+    def of_history(self, integrator: Modes, p: ComplexArray) -> Springs:
+        """Return the springs of layers that relax by different laws."""
+        inside, u, y = self.inside, integrator.u, integrator.stretches
+        found = Springs(*(each[:, self._where] * -u for each in inside.relaxed))
+        scale, every = (inside.q * inside.stiffness[0])[self._where], np.arange(u.size)
+        network = isinstance(integrator, StackModes)
+        moduli, taus = inside.of_uppermost
+        for k, (G, tau) in enumerate(zip(moduli, taus, strict=True)):
+            each = np.full((inside.q.size, 1), tau)
+            rows = np.full(each.shape, k) if network else self._nearest.rows(np.arange(len(each)), each)
+            found.forces[0] -= G * scale * _taken(y, rows[self._where], every)[:, 0]
+        if isinstance(integrator, StackModes):
+            xi, at = integrator.internal
+            springs = inside.of_internal(self._where[at], -u[at], -xi)
+            found.strains[1:, at], found.forces[1:, at] = springs
+        else:
+            self._add(found, inside.memory, self._rows, y)
+        return self._with_mean(found, p)
+
+    @cached_property
+    def _nearest(self) -> _Nearest:
+        assert self._modes is not None
+        return _Nearest(self._modes(self.inside.q))
+
+    @cached_property
+    def _rows(self) -> IntArray:
+        memory = self.inside.memory
+        return self._nearest.rows(memory.waves, memory.times)
+
+    def _with_mean(self, springs: Springs, p: ComplexArray) -> Springs:
+        """Keep the mean pressure as the force of the first spring, which has none of its own."""
+        springs.forces[0, self._at_mean] = p[self._at_mean]
+        return springs
+
+    def _add(self, springs: Springs, memory: Readout, rows: IntArray, y: ComplexArray) -> None:
+        """Add the parts of the stretches y, (modes, nq), where they count; `rows` are those of the memory."""
+        number = np.full(self.inside.q.size, -1)
+        number[memory.waves] = np.arange(memory.waves.size)
+        felt = number[self._where]
+        every = np.flatnonzero(felt >= 0)
+        for start in range(0, every.size, _CHUNK):
+            at = every[start : start + _CHUNK]
+            of = felt[at]
+            stretch = _taken(y, rows[of], at)
+            springs.strains[1:, at] -= np.einsum("nsm,nm->sn", memory.strains[of], stretch)
+            springs.forces[1:, at] -= np.einsum("nsm,nm->sn", memory.forces[of], stretch)
+
+    def at(self, springs: Springs, place: Place) -> dict[str, FloatArray]:
+        """Return the fields at a place by name, each of the grid's shape."""
+        depth, number = place
+        own = self.inside.layer == number
+        T = np.ascontiguousarray(np.moveaxis(self.inside.transfer(np.asarray(depth), number), 2, 0))
+        spectra = np.empty((len(self.names), self._where.size), dtype=np.complex128)
+        superpose(T, self._where, springs.strains[own], springs.forces[own], self._n, self._odd, spectra)
+        if (at := self._at_mean).size:
+            p, nu = springs.forces[0, at], self.inside.stack.present[number].poisson
+            lateral = -nu / (1 - nu) * p
+            means = {"z": self._sunk(springs, depth), "zz": -p, "xx": lateral, "yy": lateral}
+            for name, spectrum in zip(self.names, spectra, strict=True):
+                spectrum[at] = means.get(name, 0.0)
+        shape = self.grid.spectral_shape
+        return {
+            name: self.grid.from_waves(spectrum.reshape(shape))
+            for name, spectrum in zip(self.names, spectra, strict=True)
+        }
+
+    def recorded(self, springs: Springs) -> dict[str, NDArray[Any]]:
+        """Return the fields of a snapshot, (places, *grid), and where they are needed the springs."""
+        shape = len(self.places), *self.grid.shape
+        found: dict[str, NDArray[Any]] = {
+            named(name): np.empty(shape, np.float32) for name in (*self.names, "von_mises")
+        }
+        for i, place in enumerate(self.places):
+            fields = self.at(springs, place)
+            fields["von_mises"] = von_mises(fields)
+            for name, field in fields.items():
+                found[named(name)][i] = field
+        if not self.relaxes_alike:
+            waves = self.grid.spectral_shape
+            for each, values in zip(("strain", "force"), springs, strict=True):
+                fields_of = [self.grid.from_waves(one.reshape(waves).copy()) for one in values]
+                found[f"spring_{each}"] = np.array(fields_of)
+        return found
+
+    def _sunk(self, springs: Springs, depth: float) -> ComplexArray:
+        """Return the mean displacement at a depth, downward."""
+        at, inside = self._at_mean, self.inside
+        down = springs.strains[0, at]
+        for i, top, layer in zip(inside.firsts, inside.tops, inside.stack.present, strict=False):
+            if depth > top:
+                down = down - min((depth - top) / layer.thickness, 1.0) * springs.strains[i, at]
+        return np.asarray(down)
+
+
+class _Nearest:
+    """Numbers of the modes whose times are nearest to given ones: their stretches are those of the network.
+
+    The modes of the body are those of the network, but for rounding and for modes without weight.
+    """
+
+    def __init__(self, spectrum: Spectrum) -> None:
+        self._logs = np.where(spectrum.weights > 0, np.log(spectrum.times), np.inf)
+
+    def rows(self, waves: IntArray, times: FloatArray) -> IntArray:
+        """Return for times (n, m) at n of the waves the numbers of the modes; -1 where there are none."""
+        found = np.full(times.shape, -1)
+        if len(self._logs):
+            for k in range(times.shape[1]):
+                apart = np.abs(self._logs[:, waves] - np.log(times[:, k]))
+                found[:, k] = np.where(np.isfinite(apart.min(axis=0)), apart.argmin(axis=0), -1)
+        return found
+
+
+def _taken(y: ComplexArray, rows: IntArray, at: IntArray) -> ComplexArray:
+    """Return the stretches of these modes, (n, m), at n waves; zero for the number -1."""
+    if not len(y):
+        return np.zeros(rows.shape, dtype=np.complex128)
+    return np.where(rows >= 0, y[rows, at[:, np.newaxis]], 0.0)
+
+
+@kernel(reorder=True)
+def superpose(
+    transfer: FloatArray,
+    column: IntArray,
+    strains: ComplexArray,
+    forces: ComplexArray,
+    n: FloatArray,
+    odd: FloatArray,
+    spectra: ComplexArray,
+) -> None:
+    """Set the transforms of the fields, in the order of `LINE` or `SURFACE`.
+
+    `transfer` has the shape (waves, 6, springs), `column` the numbers of the waves, (nq,); `n` and `odd` are
+    the directions of the waves, (axes, nq), the latter zero at the largest wavenumber of the axis.
+    """
+    for i in range(column.size):
+        T = transfer[column[i]]
+        W = U = szz = S = snn = stt = 0j
+        for j in range(len(strains)):
+            e, f = strains[j, i], forces[j, i]
+            W, U = W + T[0, j] * e, U + T[1, j] * e
+            szz, S, snn, stt = szz + T[2, j] * f, S + T[3, j] * f, snn + T[4, j] * f, stt + T[5, j] * f
+        along = 1j * odd[0, i]
+        if len(n) == 1:
+            spectra[0, i], spectra[1, i], spectra[2, i] = along * U, W, snn
+            spectra[3, i], spectra[4, i], spectra[5, i] = stt, szz, along * S
+        else:
+            across, change = 1j * odd[1, i], snn - stt
+            spectra[0, i], spectra[1, i], spectra[2, i] = along * U, across * U, W
+            spectra[3, i], spectra[4, i] = stt + n[0, i] ** 2 * change, stt + n[1, i] ** 2 * change
+            spectra[5, i], spectra[6, i] = szz, odd[0, i] * odd[1, i] * change
+            spectra[7, i], spectra[8, i] = along * S, across * S
+
+
+def named(name: str) -> str:
+    """Return the name of a field in results."""
+    return {1: f"displacement_{name}", 2: f"stress_{name}"}.get(len(name), name)
+
+
+INVARIANTS = {
+    "von_mises": "von Mises stress",
+    "largest_shear": "largest shear stress",
+    "shear_on_plane": "shear stress on planes of constant depth",
+}
+
+
+def von_mises(stress: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the von Mises stress, of stresses by the names of their components."""
+    return np.asarray(np.sqrt(3 * _second(stress)))
+
+
+def largest_shear(stress: Mapping[str, FloatArray], equivalent: FloatArray) -> FloatArray:
+    """Return half the largest difference of principal stresses; `equivalent` is the von Mises stress."""
+    xx, yy, zz, xz = (stress[name] for name in ("xx", "yy", "zz", "xz"))
+    if "xy" not in stress:  # on a line the stress across it is principal
+        half, radius = (xx + zz) / 2, np.hypot((xx - zz) / 2, xz)
+        return np.maximum(radius, (np.abs(yy - half) + radius) / 2)
+    # Principal stresses: mean + 2/3 equivalent cos(angle + 2 pi k/3).
+    xy, yz, mean = stress["xy"], stress["yz"], (xx + yy + zz) / 3
+    a, b, c = xx - mean, yy - mean, zz - mean
+    third = a * b * c + 2 * xy * xz * yz - a * yz * yz - b * xz * xz - c * xy * xy
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cosine = np.nan_to_num(np.clip(13.5 * third / (equivalent * equivalent * equivalent), -1, 1))
+    return np.asarray(equivalent * np.sin((np.arccos(cosine) + np.pi) / 3) / np.sqrt(3.0))
+
+
+def shear_on_plane(stress: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the magnitude of the shear stress on planes of constant depth."""
+    return np.hypot(stress["xz"], stress["yz"]) if "yz" in stress else np.abs(stress["xz"])
+
+
+def invariants(stress: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the fields of `INVARIANTS`."""
+    equivalent = von_mises(stress)
+    every = equivalent, largest_shear(stress, equivalent), shear_on_plane(stress)
+    return dict(zip(INVARIANTS, every, strict=True))
+
+
+def _second(stress: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the second invariant J2 of the deviator."""
+    xx, yy, zz = (stress[name] for name in ("xx", "yy", "zz"))
+    a, b, c = xx - yy, yy - zz, zz - xx
+    total = (a * a + b * b + c * c) / 6
+    for name in ("xy", "xz", "yz"):
+        if name in stress:
+            total += stress[name] * stress[name]
+    return np.asarray(total)

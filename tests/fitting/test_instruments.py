@@ -1,0 +1,266 @@
+"""Fits of instruments that prescribe depth, force, or the base of a cantilever."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+from gfmdlayer import ConfigError, ForceCurve, fit_indentation
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.fitting.indentation.curve import Drive
+from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
+from gfmdlayer.fitting.indentation.estimates import FitOptions
+from gfmdlayer.fitting.indentation.problem import Correction, Model, Prediction, with_spring
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.indent import as_revolution
+from gfmdlayer.indentation.model import IsolatedContact
+from gfmdlayer.indentation.solve import History, find_space, on_halved_steps
+
+TIME = np.linspace(0.0, 5.0, 201)
+ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")
+TRUTH = (1.0, 4.0, 0.7)
+MODEL: dict[str, Any] = {
+    "layer": {
+        "thickness": 1.0,
+        "poisson": 0.5,
+        "material": {"model": "zener", "G0": 1.0, "Ginf": 4.0, "tau": 0.7},
+    },
+    "halfspace": {"shear_modulus": math.inf},
+    "punch": {"shape": "parabola", "radius": 5.0},
+}
+START = MODEL | {
+    "layer": MODEL["layer"] | {"material": {"model": "zener", "G0": 2.0, "Ginf": 5.0, "tau": 1.5}}
+}
+RAMP = np.interp(TIME, [0, 0.5, 1.5, 4, 5], [-0.1, 0.0, 0.2, 0.2, 0.0])
+
+
+def noise(seed: int, level: float) -> np.ndarray:
+    return level * np.random.default_rng(seed).standard_normal(TIME.size)
+
+
+def contact(**history: Any) -> Any:
+    """Return force and depth of the model under a history, at the rows."""
+    config = Model(MODEL).config
+    body = IsolatedContact(config).body
+    found = gfmdlayer.indent(body, as_revolution(config.punch), TIME, tolerance=3e-4, **history)
+    return np.interp(TIME, found.time, found.force), np.interp(TIME, found.time, found.depth)
+
+
+def on_base(stiffness: float) -> ForceCurve:
+    """Return a curve without noise of a cantilever whose base follows the ramp."""
+    curve = ForceCurve("afm", TIME, RAMP, np.maximum(RAMP, 0), prescribed="base", stiffness=stiffness)
+    curve = replace(curve, depth=RAMP - curve.force / stiffness)
+    prediction, config = Prediction(curve), Model(MODEL).config
+    prediction.adapt(config, Correction(stiffness=stiffness))
+    force, _ = prediction.response(config, Correction(stiffness=stiffness))
+    return replace(curve, force=force, depth=RAMP - force / stiffness)
+
+
+def test_creep_gives_the_thickness_of_a_layer_that_a_fit_of_relaxation_loses() -> None:
+    # A force held on 2 um of gel under a bead; 3 nm of noise, four parameters, a start 1.5 to 2 off.
+    time = np.linspace(0.0, 10.0, 401)
+    force = np.interp(time, [0, 0.5, 10], [0, 5e-9, 5e-9])
+    body = gfmdlayer.bonded_layer(thickness=2e-6, material=gfmdlayer.Zener(1500.0, 6000.0, 0.8), base=np.inf)
+    found = gfmdlayer.indent(body, gfmdlayer.Sphere(radius=5e-6), time, force=force)
+    depth = np.interp(time, found.time, found.depth) + 3e-9 * np.random.default_rng(0).standard_normal(401)
+    model = {
+        "layer": {
+            "thickness": 3e-6,
+            "material": {"model": "zener", "G0": 1000.0, "Ginf": 3000.0, "tau": 1.0},
+        },
+        "halfspace": {"shear_modulus": math.inf},
+        "punch": {"shape": "sphere", "radius": 5e-6},
+    }
+    fit = fit_indentation(ForceCurve("creep", time, depth, force), model, [*ZENER, "layer.thickness"])
+    assert {each.prescribed for each in fit.curves[0].curve.segments} == {"force"}
+    for each, truth in zip(fit.parameters, (1500.0, 6000.0, 0.8, 2e-6), strict=True):
+        assert each.interval[0] < truth < each.interval[1]
+    assert fit["thickness"].interval[1] < 2 * fit["thickness"].interval[0]
+    assert fit.curves[0].depth_noise == pytest.approx(3e-9, rel=0.15)  # four standard errors of 401 rows
+
+
+def test_a_spring_in_series_leaves_the_contact_under_its_own_depth() -> None:
+    # The base follows a ramp; the depth that follows, prescribed on the same body, gives the same force. Both
+    # have the error of 200 steps, some 1e-4; where contact is lost inside a step, its square root.
+    body, profile = IsolatedContact(Model(MODEL).config).body, as_revolution(Model(MODEL).config.punch)
+    times = TIME[TIME <= 4.4]
+    space = find_space(body, profile, History(TIME, RAMP))
+    sprung = with_spring(space, space.compliance(body), 5.0)
+    found = on_halved_steps(sprung[1], sprung[0], profile, History(TIME, RAMP), times)
+    depth = found.depth - found.force / 5.0
+    again = on_halved_steps(body, space, profile, History(found.time, depth), times)
+    assert np.abs(again.force - found.force).max() < 5e-4 * found.force.max()
+    assert found.force.max() > 0.3 * 5.0 * RAMP.max()  # the spring takes a good part of the motion
+
+
+def test_the_base_of_a_cantilever_gives_moduli_and_an_uncertain_stiffness_widens_them() -> None:
+    curve = on_base(stiffness=5.0)
+    measured = curve.force + noise(1, 0.01 * curve.force.max())
+    given = replace(curve, force=measured, depth=RAMP - measured / 5.0)
+    sure = fit_indentation(given, START, ZENER)
+    for key, truth in zip(ZENER, TRUTH, strict=True):
+        assert sure[key].value == pytest.approx(truth, abs=4 * sure[key].standard_error)
+    # A stiffness 8 % too large scales the force; the base stays. The stated error of 10 % covers it.
+    wrong = replace(
+        given, force=1.08 * measured, depth=given.depth, stiffness=1.08 * 5.0, stiffness_error=0.1
+    )
+    unsure = fit_indentation(wrong, START, ZENER)
+    assert unsure["stiffness"].interval[0] < 5.0 < unsure["stiffness"].interval[1]
+    for key, truth in zip(ZENER, TRUTH, strict=True):
+        assert unsure[key].interval[0] < truth < unsure[key].interval[1]
+    assert unsure["G0"].error > 1.5 * sure["G0"].error
+
+
+def test_tilt_drift_and_offset_of_the_baseline_are_found_beside_the_moduli() -> None:
+    force, depth = contact(depth=RAMP)
+    position = RAMP - RAMP[0]
+    baseline = 0.2 + 0.05 * TIME + 0.4 * position
+    measured = force + baseline + noise(2, 0.005 * force.max())
+    free = [*ZENER, "force_offset", "force_drift", "tilt"]
+    fit = fit_indentation(ForceCurve("a", TIME, depth, measured, prescribed="depth"), START, free)
+    for key, truth in zip(free, (*TRUTH, 0.2, 0.05, 0.4), strict=True):
+        # 1e-3 for the interpolation in time
+        assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error + 1e-3 * truth)
+
+
+def test_noise_of_the_prescribed_quantity_widens_the_intervals_and_moves_no_corner_of_the_ramp() -> None:
+    force, depth = contact(depth=RAMP)
+    noisy = depth + noise(3, 0.02 * np.ptp(depth))
+    drive = Drive.of(TIME, noisy)
+    # A kink of slopes 0.2 and 0 in rows of noise s, 25 ms apart: an error of the time of s/0.2 (dt/1 s)^0.5.
+    assert drive.time[1:-1] == pytest.approx([1.5, 4.0], abs=4 * 0.006 / 0.2 * 0.025**0.5 * 2)
+    measured = force + noise(4, 0.005 * force.max())
+    clean = fit_indentation(ForceCurve("a", TIME, depth, measured, prescribed="depth"), START, ZENER)
+    both = fit_indentation(ForceCurve("a", TIME, noisy, measured, prescribed="depth"), START, ZENER)
+    for key, truth in zip(ZENER, TRUTH, strict=True):
+        assert both[key].error > 1.5 * clean[key].error
+        assert abs(both[key].value - truth) < 4 * both[key].standard_error
+
+
+@pytest.mark.parametrize("prescribed", ["depth", "force", "base"])
+def test_the_prescribed_quantity_is_guessed_from_the_straight_column(prescribed: str) -> None:
+    if prescribed == "force":
+        force, depth = contact(force=np.interp(TIME, [0, 1, 4, 5], [0, 3.0, 3.0, 0.5]))
+        curve = ForceCurve("a", TIME, depth, force)
+    else:
+        curve = on_base(5.0)
+        curve = replace(
+            curve, prescribed=None, **({"stiffness": None, "depth": RAMP} if prescribed == "depth" else {})
+        )
+    spread = 0.01 * np.ptp(curve.measured)
+    for seed in range(3):
+        measured = curve.measured + noise(seed, spread)
+        column = {"depth": measured} if prescribed == "force" else {"force": measured}
+        found = replace(curve, **column)
+        assert [each.name for each in found.segments] == ["approach", "hold", "retract"]
+        assert {each.prescribed for each in found.segments} == {prescribed}
+    assert found.guessed == "segments and prescribed quantities guessed"
+
+
+def test_a_pause_at_constant_force_between_motions_of_the_base() -> None:
+    # Creep in the pause of an AFM: the base, the force, and the base again are prescribed.
+    curve = on_base(5.0)
+    top = int(np.searchsorted(TIME, 1.5))
+    pause = (np.arange(TIME.size) > top) & (TIME < 3.0)
+    words = np.where(pause, "force", "base")
+    force = np.where(pause, curve.force[top], curve.force)
+    mixed = replace(curve, force=force, prescribed=list(words))
+    prediction, config, at = Prediction(mixed), Model(MODEL).config, Correction(stiffness=5.0)
+    prediction.adapt(config, at)
+    found, depth = prediction.response(config, at)
+    assert found[pause] == pytest.approx(curve.force[top], rel=1e-3)
+    assert depth[pause][-1] > depth[top] * 1.02  # creep
+    assert (np.diff(depth[pause]) > 0).all()
+    # what the instrument would have measured, fitted
+    base = np.where(pause, depth + found / 5.0, RAMP)
+    measured = np.where(pause, found, found + noise(5, 0.005 * found.max()))
+    position = base - measured / 5.0 + np.where(pause, noise(6, 1e-3 * np.ptp(base)), 0.0)
+    fit = fit_indentation(replace(mixed, force=measured, depth=position), START, ZENER)
+    for key, truth in zip(ZENER, TRUTH, strict=True):
+        assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error + 3e-3 * truth)
+
+
+def test_only_the_rows_of_the_chosen_segments_count() -> None:
+    force, depth = contact(depth=RAMP)
+    words = np.where(TIME < 1.5, "approach", np.where(TIME < 4, "hold", "retract"))
+    spoilt = np.where(words == "retract", 3 * force, force)
+    curve = ForceCurve("a", TIME, depth, spoilt, segment=list(words), prescribed="depth")
+    fit = fit_indentation(curve, START, ZENER, segments=["approach", "hold"])
+    assert [fit[key].value for key in ZENER] == pytest.approx(TRUTH, rel=5e-3)
+    assert int(fit.curves[0].used.sum()) == int((words != "retract").sum())
+    with pytest.raises(
+        FitError, match="no row is left in the segments pause; it has approach, hold, retract"
+    ):
+        fit_indentation(curve, START, ZENER, segments=["pause"])
+
+
+def test_a_fit_does_not_depend_on_the_fits_before_it() -> None:
+    force, depth = contact(depth=RAMP)
+    first = ForceCurve("a", TIME, depth, force + noise(7, 0.02 * force.max()))
+    second = ForceCurve("b", TIME, depth, 5 * force + noise(8, 0.1 * force.max()))
+    alone = [fit_indentation(each, START, ZENER[:2]) for each in (first, second)]
+    again = [fit_indentation(each, START, ZENER[:2]) for each in (second, first)][::-1]
+    for one, other in zip(alone, again, strict=True):
+        assert [each.value for each in one.parameters] == [each.value for each in other.parameters]
+
+
+def test_columns_of_a_file_name_segments_prescribed_quantity_and_base(tmp_path: Path) -> None:
+    path = tmp_path / "afm.csv"
+    rows = [
+        f"{t!r},{'approach' if t < 2.5 else 'retract'},{b!r},base,{max(b, 0.0)!r}"
+        for t, b in zip(TIME.tolist(), RAMP.tolist(), strict=True)
+    ]
+    path.write_text("time,segment,height,prescribed,force\n" + "\n".join(rows))
+    (entry,) = entries([path])
+    with pytest.raises(TableError, match="has the base but no depth"):
+        read_curve(entry)
+    curve = read_curve(entry, options=FitOptions(stiffness=5.0, stiffness_error=0.1))
+    assert [(each.name, each.prescribed) for each in curve.segments] == [
+        ("approach", "base"),
+        ("retract", "base"),
+    ]
+    assert curve.position_of_drive == pytest.approx(RAMP)
+    assert curve.stiffness_error == 0.1
+    assert len(str(curve.origin["sha256"])) == 64
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"prescribed": "base"}, "the base is prescribed, but the stiffness of the cantilever is missing"),
+        ({"prescribed": "height"}, "prescribed is 'height'; it must be one of depth, force, base"),
+        ({"prescribed": ["depth"]}, "prescribed has 1 values for 201 rows"),
+        ({"segment": ["retract"] * 100 + ["approach"] * 101}, "out of order: retract comes before approach"),
+        ({"segment": ["approach"] * 100 + ["retract"] * 50 + ["approach"] * 51}, "moves away"),
+        (
+            {"stiffness": 1.0, "prescribed": ["base"] * 100 + ["depth"] * 101},
+            "prescribes the depth and the base; give one of them",
+        ),
+        ({"stiffness": -1.0}, "stiffness = -1.0; it must be > 0"),
+        ({"stiffness_error": 0.1}, "stiffness_error is given without a stiffness"),
+    ],
+)
+def test_impossible_segments_and_springs_are_named(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(FitError, match=message):
+        ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0.0) ** 1.5, **change)
+
+
+def test_a_free_stiffness_needs_a_prescribed_base() -> None:
+    curve = ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0.0) ** 1.5, prescribed="depth")
+    with pytest.raises(ConfigError, match="stiffness: got a curve without a prescribed base"):
+        fit_indentation(curve, START, [*ZENER, "stiffness"])
+
+
+def test_swapped_columns_of_force_and_depth_are_named() -> None:
+    force, depth = contact(depth=RAMP)
+    curve = ForceCurve("a", TIME, force, 0.2 * depth / depth.max(), prescribed="force")
+    assert curve.looks_swapped()
+    assert not ForceCurve("a", TIME, depth, force).looks_swapped()
+    fit = fit_indentation(curve, START | {"layer": START["layer"] | {"thickness": 50.0}}, ZENER[:1])
+    assert any("are force and depth swapped" in warning for warning in fit.warnings)
