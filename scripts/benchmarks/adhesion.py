@@ -90,6 +90,34 @@ def measure(effort: Effort) -> Iterator[Table]:
     yield Table("adhesion", title, rows, note)
     small = [course for course in courses if course.grid.size <= 1 << 12]
     yield _ablations([*small, _rough(128, effort.steps // 3)] if large else small)
+    rough = [_rough(side, effort.steps // 3) for side in ((64, 128, *sides) if large else sides)]
+    yield _cycles([*rough, *(course._replace(law=steep) for course in rough[:2])], effort.repetitions)
+
+
+def _cycles(courses: list[_Course], repetitions: int) -> Table:
+    """Each course with the cycle and without it, in turns."""
+    rows: list[dict[str, Cell]] = []
+    for course in courses:
+        found: tuple[list[_Outcome], list[_Outcome]] = [], []
+        for _ in range(1 + repetitions):
+            found[0].append(_follow(Newton(Transforms(course.grid.shape)), course))
+            with patch.object(solver, "cycle_of", _by_transform):
+                found[1].append(_follow(Newton(Transforms(course.grid.shape)), course))
+        pairs, seconds = zip(
+            *((sum(each[-1].pairs), min(one.seconds for one in each[1:])) for each in found), strict=True
+        )
+        rows.append(
+            {
+                "contact": course.name,
+                "law": "exponential" if course.law.terms.form[0] == EXPONENTIAL else "Lennard-Jones",
+                "FFT pairs": pairs[0],
+                "pairs by transforms": pairs[1],
+                "pairs": pairs[0] / pairs[1],
+                "CPU time": seconds[0] / seconds[1],
+            }
+        )
+    title = "The cycle over the preconditioner by transforms: FFT pairs and CPU time, in turns in one process"
+    return Table("adhesion-cycle", title, rows)
 
 
 def _line(n: int, reach: float, steps: int) -> _Course:
