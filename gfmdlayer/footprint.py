@@ -14,8 +14,9 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from gfmdlayer.config.inside import DEPTH_PAIRS, thicknesses
 from gfmdlayer.contact.solvers import FRICTIONAL, SOLVERS
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.history.time_points import number_of_steps
@@ -50,6 +51,8 @@ REAL = 8  # bytes
 ISOLATED_FIELDS = 9  # of the modes of an isolated contact, while they are made; measured at 1024 x 1024
 TRACTION_FIELDS = 12  # of a mode under tractions in all directions, an axis
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
+INSIDE_FIELDS = 40  # of the fields below the surface at a depth
+FELT, MODE_BYTES = 27.0, 150  # q d up to which a layer is felt; bytes of a mode that is not merged, at a wave
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 
@@ -82,14 +85,45 @@ def estimate(programme: Programme, width: int, observed: tuple[float, float] = (
         every = sum(len(branches) for _, branches in config.solid.roughly(config.time.end))
         modes += TRACTION_FIELDS * len(config.grid.points) * (1 + every)
     fields *= size * snapshots
+    inside = _inside(programme, snapshots)
     return Footprint(
         steps=steps,
-        pairs=pairs,
-        work=size * pairs,
-        memory=PROGRAM + (solver.fields + modes) * REAL * size + observed[1],
-        storage=HEADER + REAL * (width * rows + sum(config.grid.points) + fields),
+        pairs=pairs + inside.pairs,
+        work=size * (pairs + inside.pairs),
+        memory=PROGRAM + (solver.fields + modes) * REAL * size + observed[1] + inside.memory,
+        storage=HEADER + REAL * (width * rows + sum(config.grid.points) + fields) + inside.storage,
         seconds=STEP_SECONDS * steps,
     )
+
+
+class _Cost(NamedTuple):
+    pairs: float = 0.0
+    memory: float = 0.0  # bytes
+    storage: float = 0.0  # bytes
+
+
+def _inside(programme: Programme, snapshots: int) -> _Cost:
+    """Estimate what the fields below the surface add, in all of these snapshots or some of them."""
+    config, asked = programme.config, programme.config.output.inside
+    if asked is None:
+        return _Cost()
+    size, axes = math.prod(config.grid.points), len(config.grid.points)
+    places = len(asked.places(config.solid, config.grid.period))
+    layers = thicknesses(config.solid)
+    springs = [1, *(2 if i == 0 or math.isinf(d) else 4 for i, d in enumerate(layers) if len(layers) > 1)]
+    branches = [len(each) for _, each in config.solid.roughly(config.time.end)]
+    snapshots = snapshots if asked.times is None else min(snapshots, len(asked.times))
+    each = 4 * places * (7 if axes == 1 else 10) * size  # displacements, stresses and von Mises stress
+    kept = 2 * REAL * sum(springs) * size if any(branches) and len(layers) > 1 else 0
+    # Modes that are not merged, and their part in the springs, at the waves that feel the lower face of the
+    # uppermost layer; each magnitude of two components belongs to some eight waves.
+    reach = FELT / (2 * math.pi * layers[0])
+    waves = math.prod(reach * length for length in config.grid.period) * (math.pi / 2 if axes == 2 else 1)
+    waves = min(waves, size / 2) if len(layers) > 1 or math.isfinite(layers[0]) else 0.0
+    modes = sum(springs) * max(branches, default=0)
+    memory = waves * modes * (MODE_BYTES + 2 * REAL * sum(springs) / (8 if axes == 2 else 1))
+    memory += each + (INSIDE_FIELDS + 6 * sum(springs)) * REAL * size + kept
+    return _Cost(DEPTH_PAIRS * places * snapshots, memory, snapshots * (each + kept))
 
 
 def count_steps(programme: Programme) -> tuple[int, int]:

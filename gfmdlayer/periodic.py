@@ -45,11 +45,14 @@ class PeriodicContact(Model):
     @cached_property
     def case(self) -> Case:
         """The parts of the simulation."""
-        from gfmdlayer.frictional import FrictionalCase
+        given = self.config, self._wisdom, self._threads, self._ranks
+        if self.config.friction:
+            from gfmdlayer.frictional import FrictionalCase
+
+            return FrictionalCase(*given, programme=self.programme)
         from gfmdlayer.simulation import Case
 
-        made = FrictionalCase if self.config.friction else Case
-        return made(self.config, self._wisdom, self._threads, self._ranks, programme=self.programme)
+        return Case(*given, programme=self.programme)
 
     @property
     def grid(self) -> Grid:
@@ -259,13 +262,19 @@ class PeriodicContact(Model):
         return wisdom
 
     def _compile(self) -> None:
-        """Compile the kernels of the case by a small one."""
+        """Compile the kernels of the case by a small one; to measure its plans would take longer than it."""
+        from gfmdlayer.grid.fftw import forget_wisdom
+        from gfmdlayer.grid.transforms import Transforms
         from gfmdlayer.results.journal import Recording
 
-        small = PeriodicContact(smallest_equivalent_case(self.config)).case
-        small.solver.compile()
-        with suppress(ConvergenceError):  # of lengths that do not go together; the kernels are compiled
-            small.run(Recording())
+        config = smallest_equivalent_case(self.config)
+        small = type(self.case)(config, transforms=Transforms(config.grid.points, time_limit=0.0))
+        try:
+            small.solver.compile()
+            with suppress(ConvergenceError):  # of lengths that do not go together; the kernels are compiled
+                small.run(Recording())
+        finally:
+            forget_wisdom()  # the cases make better plans
 
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Run the time loop."""

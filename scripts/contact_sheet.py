@@ -25,6 +25,7 @@ import gfmdlayer
 from gfmdlayer.config import Config, load
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
+from gfmdlayer.figures.inside_plot import inside_figure
 from gfmdlayer.figures.labels import SCALES
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import animated
@@ -160,6 +161,8 @@ def _of(results: Dataset, cases: dict[str, Dataset], prefix: str) -> Iterator[Pi
         yield f"{prefix}cases", lambda: snapshots_figure(cases), PAPER
     if "shear_x" in first:
         yield f"{prefix}stick", lambda: stick_figure(first, title), PAPER
+    if "von_mises" in first:
+        yield f"{prefix}inside", lambda: inside_figure(first, "", title), PAPER
     yield f"{prefix}waterfall", lambda: waterfall_figure(first, title), PAPER
     for style in (PAPER, SCREEN) if not prefix else (SCREEN,):
         yield f"{prefix}movie", lambda style=style: _frame(first, title, style), style

@@ -5,6 +5,7 @@ python scripts/indentation_fits.py instruments [DRAWS]      the same for prescri
 python scripts/indentation_fits.py peers              moduli by polynomial corrections on the same curves
 python scripts/indentation_fits.py thickness          contact sizes at which the base changes the force
 python scripts/indentation_fits.py histories          standard errors by history
+python scripts/indentation_fits.py pages               pictures of docs/guides: afm, nanoindenter, flat punch
 python scripts/indentation_fits.py figure             docs/theory/indentation.svg
 """
 
@@ -21,13 +22,15 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, least_squares
 
-from gfmdlayer import ForceCurve, fit_indentation
+from gfmdlayer import ForceCurve, design_indentation, fit_indentation
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
+from gfmdlayer.figures.plot_style import save
 from gfmdlayer.fitting.indentation import problem as problems
 from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
 from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, free_parameters
+from gfmdlayer.fitting.indentation.report import fit_figure, summary
 from gfmdlayer.indentation.solve import History, find_space, on_steps
 from gfmdlayer.punch.revolution import paraboloid
 
@@ -419,8 +422,142 @@ def figure() -> None:
     save(picture, Path(__file__).parents[1] / "docs" / "indentation.svg")
 
 
+GUIDES = Path(__file__).parents[1] / "docs" / "guides"
+SI = {"length": "um", "stress": "kPa", "time": "s"}  # forces in nN
+GEL: dict[str, Any] = {
+    "units": SI,
+    "layer": {"thickness": 2.0, "material": {"model": "zener", "G0": 1.5, "Ginf": 6.0, "tau": 0.8}},
+    "halfspace": {"shear_modulus": math.inf},
+    "punch": {"shape": "sphere", "radius": 5.0},
+}
+
+
+def begun(data: dict[str, Any], G0: float, Ginf: float, tau: float, **layer: float) -> dict[str, Any]:
+    """Return a model of one layer from which a fit starts."""
+    material = {"model": "zener", "G0": G0, "Ginf": Ginf, "tau": tau}
+    return data | {"layer": data["layer"] | {"material": material} | layer}
+
+
+def pages() -> None:
+    """Draw the pictures of the guides."""
+    rng = np.random.default_rng(2)
+    save(fit_figure(afm(rng)), GUIDES / "afm.svg")
+    nanoindenter(rng)
+    save(fit_figure(flat_punch(rng)), GUIDES / "flat-punch.svg")
+
+
+def afm(rng: np.random.Generator) -> Any:
+    """Fit approach, pause at constant force and retraction of a soft cantilever with a tilted baseline."""
+    stiffness, end = 60.0, 4.5  # nN/um, which is 0.06 N/m
+    time = np.linspace(0.0, 6.0, 601)
+    base = np.interp(time, [0, 1.5], [-1.0, 0.7])
+    pause = (time > 1.5) & (time <= end)
+    words = np.where(pause, "force", "base")
+    at = problems.Correction(stiffness=stiffness)
+
+    def solved(rows: np.ndarray, base: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        curve = ForceCurve(
+            "a", time[rows], (base - force / stiffness)[rows], force[rows], prescribed=list(words[rows]),
+            stiffness=stiffness,
+        )  # fmt: skip
+        prediction, config = problems.Prediction(curve), Model(GEL).config
+        steps, problems.STEPS = problems.STEPS, FINE
+        prediction.adapt(config, at)
+        problems.STEPS = steps
+        return prediction.response(config, at)
+
+    approach = time <= 1.5
+    first, _ = solved(approach, base, np.maximum(base, 0.0))
+    force = np.where(pause, first[-1], np.maximum(base, 0.0))
+    until = time <= end
+    found, depth = solved(until, base, force)
+    base = np.where(pause, np.interp(time, time[until], depth + found / stiffness), base)
+    base = np.where(time > end, base[until][-1] - 1.6 * (time - end), base)
+    found, depth = solved(time >= 0, base, force)
+    noise = rng.standard_normal((2, time.size))
+    measured = found + 0.01 * found.max() * noise[0] + 0.4 + 0.3 * (base - base[0])
+    measured = np.where(pause, found + 0.4 + 0.3 * (base - base[0]), measured)
+    position = np.where(pause, base + 0.003 * noise[1], base) - measured / stiffness + 0.2
+    words = np.where(time <= 1.5, "approach", np.where(pause, "pause", "retract"))
+    curve = ForceCurve(
+        "afm", time, position, 1.06 * measured, segment=list(words), stiffness=1.06 * stiffness,
+        stiffness_error=0.1, prescribed=["force" if each == "pause" else "base" for each in words],
+    )  # fmt: skip
+    curve = replace(curve, depth=position + measured / stiffness - curve.force / curve.stiffness)
+    fit = fit_indentation(curve, begun(GEL, 1.0, 3.0, 1.0), [*ZENER, "tilt"], contact="detect")
+    print("\n".join(summary(fit)))
+    return fit
+
+
+def nanoindenter(rng: np.random.Generator) -> None:
+    """Draw a creep curve, its fit, and the parameters of a fit as if the depth were prescribed."""
+    from gfmdlayer.figures.plot_style import colours, new_figure, styled
+
+    free = [*ZENER, "layer.thickness"]
+    plan = {"time": [0, 0.5, 10], "force": [0, 5.0, 5.0], "depth_noise": 0.003}
+    (planned,) = design_indentation(plan, GEL, free).curves
+    depth = planned.curve.depth + 0.003 * rng.standard_normal(planned.curve.time.size)
+    curve = ForceCurve("creep", planned.curve.time, depth, planned.curve.force, prescribed="force")
+    start = begun(GEL, 1.0, 3.0, 1.0, thickness=3.0)
+    fits = {
+        "force prescribed": fit_indentation(curve, start, free),
+        "as if the depth were": fit_indentation(replace(curve, prescribed="depth"), start, free),
+    }
+    for name, fit in fits.items():
+        print(name, *summary(fit), sep="\n")
+    truth = (1.5, 6.0, 0.8, 2.0)
+    good = fits["force prescribed"].curves[0]
+    with styled():
+        picture = new_figure(2, 75.0)
+        left, right = picture.subplots(1, 2)
+        shades = colours(3)
+        left.plot(curve.time, curve.depth, ".", color="0.6", ms=2.2, mew=0, label="measured")
+        left.plot(curve.time, good.depth, color=shades[0], linewidth=1.0, label="fitted")
+        left.set(xlabel="time (s)", ylabel="depth (µm)")
+        left.legend()
+        for row, (name, fit) in enumerate(fits.items()):
+            for place, (key, true) in enumerate(zip(free, truth, strict=True)):
+                low, high = np.array(fit[key].interval) / true
+                at = place + 0.2 * row - 0.1
+                line = {"color": shades[row], "label": name if not place else None}
+                right.plot([at, at], [low, min(high, 100.0)], linewidth=3, **line)
+        right.axhline(1, color="black", linewidth=0.5)
+        right.set(yscale="log", ylim=(0.3, 30.0), ylabel="95 % interval / truth", xticks=range(4))
+        right.set_xticklabels(["$G_0$", r"$G_\infty$", "τ", "thickness"])
+        right.tick_params(axis="x", which="minor", bottom=False, top=False)
+        right.legend()
+        for axes, letter in ((left, "a"), (right, "b")):
+            axes.set_title(f"({letter})", loc="left")
+    save(picture, GUIDES / "nanoindenter.svg")
+
+
+def flat_punch(rng: np.random.Generator) -> Any:
+    """Fit the relaxation of rubber under a flat punch whose depth takes two steps."""
+    data = GEL | {
+        "units": {"length": "mm", "stress": "MPa", "time": "s"},
+        "layer": {
+            "thickness": 2.0,
+            "poisson": 0.5,
+            "material": {"model": "zener", "G0": 0.4, "Ginf": 1.6, "tau": 5.0},
+        },
+        "punch": {"shape": "flat_punch", "radius": 1.5},
+    }
+    data = begun(data, 0.4, 1.6, 5.0)
+    plan = {"time": [0, 1, 30, 31, 60], "depth": [0, 0.05, 0.05, 0.1, 0.1], "noise": 0.01}
+    (planned,) = design_indentation(plan, data, list(ZENER)).curves
+    force = planned.curve.force + 0.01 * planned.curve.force.max() * rng.standard_normal(
+        planned.curve.time.size
+    )
+    curve = ForceCurve("rubber", planned.curve.time, planned.curve.depth, force, prescribed="depth")
+    fit = fit_indentation(curve, begun(data, 1.0, 2.0, 1.0), list(ZENER))
+    print("\n".join(summary(fit)))
+    return fit
+
+
 if __name__ == "__main__":
-    command = {each.__name__: each for each in (coverage, instruments, peers, thickness, histories, figure)}
+    command = {
+        each.__name__: each for each in (coverage, instruments, peers, thickness, histories, pages, figure)
+    }
     if len(sys.argv) < 2 or sys.argv[1] not in command:
         sys.exit(__doc__)
     command[sys.argv[1]](*sys.argv[2:])

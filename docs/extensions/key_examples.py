@@ -20,13 +20,10 @@ body: {kind: anisotropic, C11: 165.8, C12: 63.9, C44: 79.6, normal: [1, 1, 1], a
 ---
 body:    # 21 constants; a tenth of C11 couples shear along y and z with the stretch of x
   kind: anisotropic
-  C:
-    - [10, 4, 4, 1, 0, 0]
-    - [4, 10, 4, 0, 0, 0]
-    - [4, 4, 10, 0, 0, 0]
-    - [1, 0, 0, 3, 0, 0]
-    - [0, 0, 0, 0, 3, 0]
-    - [0, 0, 0, 0, 0, 3]
+  C: [
+    [10, 4, 4, 1, 0, 0], [4, 10, 4, 0, 0, 0], [4, 4, 10, 0, 0, 0],
+    [1, 0, 0, 3, 0, 0], [0, 0, 0, 0, 3, 0], [0, 0, 0, 0, 0, 3],
+  ]
 ---
 body: {kind: anisotropic, C11: 163, C12: 34.8, C13: 51.6, C33: 181, C44: 57.3, C66: 64.1,
   material: {model: zener, G0: 1, Ginf: 2, tau: 1.0}}""",
@@ -73,7 +70,10 @@ halfspace: {shear_modulus: 10.0, poisson: 0.3}
 ---
 halfspace: {poisson: 0.3, material: {G0: 20.0, Ginf: 30.0}}""",
     "Counterbody": """\
-counterbody: {layer: {thickness: 0.05, material: {G0: 2.0, Ginf: 8.0}}, halfspace: {shear_modulus: 50.0}}""",
+counterbody: {layer: {thickness: 0.05, material: {G0: 2.0, Ginf: 8.0}}, halfspace: {shear_modulus: 50.0}}
+---
+trajectory: {velocity: 0.1}
+counterbody: {layer: {thickness: 0.05}, halfspace: {shear_modulus: 50}, velocity_ratio: 1.0}  # it rolls""",
     "Temperature": """\
 temperature: {value: 35}
 layer: {material: {shift: {law: wlf, reference: 20, C1: 17.4, C2: 51.6}}}

@@ -15,6 +15,8 @@ KINDS = {
     "over the displacement along the surface",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
     "stick": "where the surfaces stick and slip at the snapshot times, with the shear traction",
+    "inside": "sections with contours of a stress below the surface, --z; of a surface also the stresses at "
+    "the interfaces",
     "waterfall": "pressure profiles through time",
     "body": "the layers and their moduli; DIR may also be a configuration file",
     "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
@@ -23,11 +25,11 @@ KINDS = {
 KINDS_WITH: dict[str, tuple[str | None, ...]] = {
     "log": (None, "curves"),
     "log_time": (None, "curves"),
-    "times": (None, "snapshots", "stick", "waterfall", "movie"),
+    "times": (None, "snapshots", "stick", "inside", "waterfall", "movie"),
     "inset": (None, "curves"),
     "x": (None, "curves", "map"),
     "y": (None, "curves", "loop", "map"),
-    "z": ("map",),
+    "z": ("map", "inside"),
     "time": ("map", "curves", None),
     "fps": ("movie",),
 }
@@ -99,7 +101,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="columns, one panel for each (default: contact_area_interpolated and mean_pressure, or depth "
         "under a load); loop: one column; map: a swept key",
     )
-    parser.add_argument("--z", metavar="NAME", nargs="+", default=[], help="columns of the map")
+    parser.add_argument(
+        "--z", metavar="NAME", nargs="+", default=[], help="columns of the map; inside: the field"
+    )
     parser.add_argument(
         "--time",
         metavar="T",

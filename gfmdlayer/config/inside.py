@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.solid import Solid
 
 MOST_DEPTHS = 10_000
+DEPTH_PAIRS = 7.0  # work of the fields at a depth, in FFT pairs; measured at 512 x 512 points
 _WITHOUT_LAYERS = 0.25  # of the shortest period: depth in a halfspace without layers
 
 Depths = Annotated[
@@ -80,6 +81,14 @@ def thicknesses(solid: Solid) -> list[float]:
         if math.isinf(each):
             return found
     return [*found, math.inf] if solid.base.shear_modulus not in (0, math.inf) else found
+
+
+def interfaces(solid: Solid) -> list[float]:
+    """Return the depths of the interfaces between layers, and of the bond to a rigid base."""
+    layers = thicknesses(solid)
+    assert isinstance(solid, Layers)
+    bonded = layers if solid.base.shear_modulus == math.inf else layers[:-1]
+    return [depth for depth in accumulate(bonded) if math.isfinite(depth)]
 
 
 def problems_of_the_inside(config: Any) -> Iterator[Problem]:

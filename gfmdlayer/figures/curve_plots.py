@@ -37,7 +37,7 @@ from gfmdlayer.figures.selection import (
     swept,
 )
 from gfmdlayer.figures.snapshot_plots import Inset
-from gfmdlayer.observables.transport import SPARSE
+from gfmdlayer.observables import SPARSE
 from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
+from gfmdlayer.figures.inside_plot import inside_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-Kind = Literal["curves", "loop", "snapshots", "stick", "waterfall", "map", "movie", "body"]
+Kind = Literal["curves", "loop", "snapshots", "stick", "inside", "waterfall", "map", "movie", "body"]
 
 
 class Options(TypedDict, total=False):
@@ -46,7 +47,7 @@ class Options(TypedDict, total=False):
     # Of curves: columns, each with a panel; by default contact area and mean pressure, or depth under a
     # prescribed load, and any friction. Of a loop: a column, by default the force. Of a map: a swept key.
     y: Sequence[str]
-    z: Sequence[str]  # columns of a map
+    z: Sequence[str]  # columns of a map; of inside a field, by default von_mises
     time: Time | None  # of a map, or of curves against a swept key; end (the default), max or min over time
     case: int | None  # whose snapshots are drawn; by default all of a few, some, or the first
     inset: Sequence[float]  # times of snapshots at which the curves' inset shows punch and surface
@@ -111,6 +112,9 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
             "loop": lambda: loop_figure(path, dataset, look, _one(options.get("y", ()), "a loop") or "force"),
             "snapshots": lambda: snapshots_figure(cases, look, said, every=asked),
             "stick": lambda: stick_figure(first, title, look, said, every=asked),
+            "inside": lambda: inside_figure(
+                first, _one(options.get("z", ()), "a section"), title, look, said, every=asked
+            ),
             "waterfall": lambda: waterfall_figure(first, title, look, said, every=asked),
             "map": lambda: _map(dataset, options),
         }

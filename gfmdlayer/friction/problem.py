@@ -80,9 +80,10 @@ class Law:
 
     def scaled(self, part: float) -> Law:
         """Law of the same shape with a part of the bound."""
-        return Law(
-            self.coefficient * part, self.strength * part if math.isfinite(self.strength) else math.inf
-        )
+        finite = np.isfinite(self.coefficient)
+        coefficient = np.where(finite, np.where(finite, self.coefficient, 0.0) * part, np.inf)
+        strength = self.strength * part if math.isfinite(self.strength) else math.inf
+        return Law(coefficient if np.ndim(self.coefficient) else float(coefficient), strength)
 
 
 @dataclass(frozen=True)
@@ -343,7 +344,7 @@ def assess(
     off, worst = off + across, max(worst, most)
     if problem.force_is_given:
         lack = view.lack(problem.force)  # type: ignore[arg-type]
-        off, worst = off + lack**2, max(worst, lack)
+        off, worst = off + lack * lack, max(worst, lack)
     if not math.isfinite(off):
         worst = off = math.inf
     parts = view.p, gap, view.t, slip

@@ -80,7 +80,7 @@ class FrictionSolver:
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
 
     def compile(self) -> None:
-        """Compile nothing: ordinary steps call all kernels."""
+        """Compile nothing: only a failed solve calls more kernels, those of the solver without friction."""
 
     def state(self) -> SavedState:
         """Return the windows whose kernels are known, and the state of the solver without friction."""
@@ -163,19 +163,21 @@ class FrictionSolver:
         )
 
     def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
-        """Raise friction and force from zero, in steps that are halved where one fails."""
-        x, part, step, steps = None, 0.0, 0.0, 0
-        while part < 1 or x is None:
+        """Raise friction and force from the frictionless contact, by steps that are halved on failure."""
+        smooth = replace(problem, law=Law(0.0), force=None)
+        begun = self._without_friction(smooth, None, tolerance, limit)
+        x, part, step, steps = begun.tractions, 0.0, _FIRST_PART, begun.iterations
+        self._spent.pairs = begun.pairs
+        while part < 1:
             aim = min(1.0, part + step)
             force = None if problem.force is None else aim * problem.force
             some = replace(problem, law=problem.law.scaled(aim), force=force)
             enough = tolerance if aim == 1 else _COARSE_TOLERANCE
-            deepest = len(self._levels) - 1 if x is None else 0
-            at, more = self._solve(some, x, 0, deepest, enough, limit)
+            at, more = self._solve(some, x, 0, 0, enough, limit)
             steps += more
             if at.residual < enough:
-                x, part, step = at.x, aim, 2 * step or _FIRST_PART
-            elif x is None or step <= _LEAST_PART:
+                x, part, step = at.x, aim, 2 * step
+            elif step <= _LEAST_PART:
                 return failed, steps
             else:
                 step /= 2
@@ -337,11 +339,11 @@ def _solution(problem: Problem, at: State, steps: int, pairs: float, tolerance: 
     traction = at.x[1:]
     stick = (at.x[0] > 0) & (norms(traction) < problem.law.bound(at.x[0]) * (1 - 1e-9))
     converged = at.residual < tolerance
-    reason = (
-        ""
-        if converged
-        else f"residual {at.residual:.2e} after {steps} steps; the tolerance is {tolerance:.2e}"
-    )
+    reason = ""
+    if not converged:
+        reason = f"residual {at.residual:.2e} after {steps} steps; the tolerance is {tolerance:.2e}"
+        if stick.sum() == np.count_nonzero(at.x[0] > 0):
+            reason += "; where friction is so large that nothing slips, a step need not have a solution"
     return Solution(
         pressure=at.x[0],
         traction=traction,

@@ -1,8 +1,9 @@
 """FFTW's plans, made through ctypes, and the cache of them in a process.
 
-pyfftw brings FFTW but no way into it from nopython code. Its extension module exports the C functions of the
-library that it loaded, so plans are made and wisdom is shared through those (FFTW manual, "Guru" and "Wisdom"
-chapters). FFTW has one wisdom for all plans of a process: so the cache belongs to the process as well.
+pyfftw brings FFTW but no way into it from nopython code. Its extension module exports the C functions of
+FFTW, so plans are made and wisdom is shared through those (FFTW manual, "Guru" and "Wisdom" chapters). It is
+loaded as a library, since the package itself imports SciPy's transforms too. FFTW has one wisdom for all
+plans of a process: so the cache belongs to the process as well.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ import os
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
@@ -21,14 +25,23 @@ import numpy as np
 # FFTW's threads sleep between transforms. Those of GNU's OpenMP would turn for milliseconds instead, on the
 # cores of the passes in between: at 2048 x 2048 points these gained nothing by a second thread.
 _POLICY = "OMP_WAIT_POLICY"
-_given = os.environ.get(_POLICY)
-os.environ.setdefault(_POLICY, "passive")  # OpenMP reads it when it is loaded
-import pyfftw  # noqa: E402
 
-if _given is None:
-    del os.environ[_POLICY]
 
-VERSION = pyfftw.fftw_version
+def _library() -> Any:
+    """Load pyfftw's extension module as a library."""
+    found = find_spec("pyfftw")
+    folders = map(Path, (found and found.submodule_search_locations) or ())
+    files = [folder / f"pyfftw{suffix}" for folder in folders for suffix in EXTENSION_SUFFIXES]
+    file = next((each for each in files if each.exists()), None)
+    if file is None:
+        raise ImportError("pyfftw is not installed; pip install pyfftw")
+    given = os.environ.get(_POLICY)
+    os.environ.setdefault(_POLICY, "passive")  # OpenMP reads it when it is loaded
+    library = ctypes.CDLL(str(file))
+    if given is None:
+        del os.environ[_POLICY]
+    return library
+
 
 # Points of a field below which threads are not used: there a transform takes about a millisecond. On busy
 # cores they lost up to 1024 x 1024 points and were even at 2048 x 2048; on two idle ones a first solve of
@@ -36,6 +49,7 @@ VERSION = pyfftw.fftw_version
 WORTH_THREADS = 1 << 18
 
 _MEASURE, _DESTROY_INPUT = 0, 1 << 0  # fftw3.h
+_ALIGNED = 64  # bytes
 _NEXT = "\n(fftw"  # where the wisdom of the next precision begins
 
 _INT, _POINTER = ctypes.c_int, ctypes.c_void_p
@@ -56,9 +70,13 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "set_timelimit": (None, [ctypes.c_double]),
     "init_threads": (_INT, []),
     "plan_with_nthreads": (None, [_INT]),
+    "import_wisdom_from_string": (_INT, [ctypes.c_char_p]),
+    "export_wisdom_to_string": (_POINTER, []),
+    "forget_wisdom": (None, []),
 }
-C: Any = ctypes.CDLL(pyfftw.pyfftw.__file__)
+C: Any = _library()
 C.free.restype, C.free.argtypes = None, [_POINTER]
+VERSION = (ctypes.c_char * 32).in_dll(C, "fftw_version").value.decode().split("-")[1]  # "fftw-3.3.5-sse2"
 
 
 def _functions(prefix: str) -> Any:
@@ -70,6 +88,16 @@ def _functions(prefix: str) -> Any:
 
 
 DOUBLE, SINGLE = _functions("fftw"), _functions("fftwf")
+for _each in (DOUBLE, SINGLE):  # before the first plan, as threads belong to the planner and its wisdom
+    _each.init_threads()
+
+
+def _taken(text: int) -> str:
+    """Return a string that FFTW made, and free it."""
+    try:
+        return ctypes.string_at(text).decode()
+    finally:
+        C.free(text)
 
 
 class PlanPair:
@@ -100,14 +128,7 @@ class PlanPair:
     @property
     def description(self) -> str:
         """The plans as FFTW prints them: how they split the transforms, and by which codelets."""
-        return "\n".join(map(self._described, self._plans))
-
-    def _described(self, plan: int) -> str:
-        text = self._functions.sprint_plan(plan)
-        try:
-            return ctypes.string_at(text).decode()
-        finally:
-            C.free(text)
+        return "\n".join(_taken(self._functions.sprint_plan(plan)) for plan in self._plans)
 
 
 class SlabPlans(PlanPair):
@@ -139,7 +160,7 @@ class SlabPlans(PlanPair):
 def _planning(fftw: Any, time_limit: float, threads: int) -> Iterator[None]:
     """Plan in the block within seconds, for a number of threads."""
     fftw.set_timelimit(time_limit)
-    if threads > 1 and fftw.init_threads():
+    if threads > 1:
         fftw.plan_with_nthreads(threads)
     yield
     if threads > 1:
@@ -172,7 +193,8 @@ def plan_pair(
     if wisdom and wisdom != _cache.wisdom:
         forget_wisdom()  # FFTW ignores imported wisdom that it ranks below its own
         double, begin, single_too = wisdom.partition(_NEXT)
-        pyfftw.import_wisdom((double.encode(), (begin + single_too).lstrip().encode(), b""))
+        DOUBLE.import_wisdom_from_string(double.encode())
+        SINGLE.import_wisdom_from_string((begin + single_too).lstrip().encode())
     _cache.wisdom = wisdom
     key = kind, shape, time_limit, threads, single
     if key not in _cache.pairs:
@@ -183,20 +205,25 @@ def plan_pair(
 
 def export_wisdom() -> str:
     """FFTW's accumulated wisdom in double precision, followed by that in single precision."""
-    double, single, _ = pyfftw.export_wisdom()
-    return str(double.decode().rstrip() + "\n" + single.decode())
+    double, single = (_taken(each.export_wisdom_to_string()) for each in (DOUBLE, SINGLE))
+    return double.rstrip() + "\n" + single
 
 
 def forget_wisdom() -> None:
     """Discard all wisdom, imported or measured, and the plans in the cache."""
-    pyfftw.forget_wisdom()
+    DOUBLE.forget_wisdom()
+    SINGLE.forget_wisdom()
     _cache.wisdom = None
     _cache.pairs.clear()
 
 
 def aligned(size: int, single: bool = False) -> Any:
     """Uninitialised flat real numbers, aligned as any plan accepts them."""
-    return pyfftw.empty_aligned(size, np.float32 if single else np.float64, n=64)
+    kind = np.float32 if single else np.float64
+    count = np.dtype(kind).itemsize * size
+    memory = np.empty(count + _ALIGNED, np.uint8)
+    start = -memory.ctypes.data % _ALIGNED
+    return memory[start : start + count].view(kind)
 
 
 def address(function: Any) -> int:

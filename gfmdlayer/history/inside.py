@@ -12,7 +12,8 @@ since the two waves +q and -q are one there. The mean is that of layers which ca
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -35,6 +36,8 @@ _CHUNK = 4096  # waves whose stretches are summed at once
 # Fields on a line, and on a surface: displacements along x, y, z and stresses.
 LINE = ("x", "z", "xx", "yy", "zz", "xz")
 SURFACE = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
+
+STRESSES = frozenset(name for name in SURFACE if len(name) == 2)
 
 
 class Springs(NamedTuple):
@@ -136,8 +139,10 @@ class Interior:
             springs.strains[1:, at] -= np.einsum("nsm,nm->sn", memory.strains[of], stretch)
             springs.forces[1:, at] -= np.einsum("nsm,nm->sn", memory.forces[of], stretch)
 
-    def at(self, springs: Springs, place: Place) -> dict[str, FloatArray]:
-        """Return the fields at a place by name, each of the grid's shape."""
+    def at(
+        self, springs: Springs, place: Place, names: Collection[str] | None = None
+    ) -> dict[str, FloatArray]:
+        """Return the fields at a place by name, each of the grid's shape; default: all fields."""
         depth, number = place
         own = self.inside.layer == number
         T = np.ascontiguousarray(np.moveaxis(self.inside.transfer(np.asarray(depth), number), 2, 0))
@@ -153,6 +158,7 @@ class Interior:
         return {
             name: self.grid.from_waves(spectrum.reshape(shape))
             for name, spectrum in zip(self.names, spectra, strict=True)
+            if names is None or name in names
         }
 
     def recorded(self, springs: Springs) -> dict[str, NDArray[Any]]:
@@ -262,17 +268,33 @@ def von_mises(stress: Mapping[str, FloatArray]) -> FloatArray:
 
 def largest_shear(stress: Mapping[str, FloatArray], equivalent: FloatArray) -> FloatArray:
     """Return half the largest difference of principal stresses; `equivalent` is the von Mises stress."""
-    xx, yy, zz, xz = (stress[name] for name in ("xx", "yy", "zz", "xz"))
+    xx, yy, zz, xz = (np.ravel(stress[name]) for name in ("xx", "yy", "zz", "xz"))
     if "xy" not in stress:  # on a line the stress across it is principal
         half, radius = (xx + zz) / 2, np.hypot((xx - zz) / 2, xz)
         return np.maximum(radius, (np.abs(yy - half) + radius) / 2)
-    # Principal stresses: mean + 2/3 equivalent cos(angle + 2 pi k/3).
-    xy, yz, mean = stress["xy"], stress["yz"], (xx + yy + zz) / 3
-    a, b, c = xx - mean, yy - mean, zz - mean
-    third = a * b * c + 2 * xy * xz * yz - a * yz * yz - b * xz * xz - c * xy * xy
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = np.nan_to_num(np.clip(13.5 * third / (equivalent * equivalent * equivalent), -1, 1))
-    return np.asarray(equivalent * np.sin((np.arccos(cosine) + np.pi) / 3) / np.sqrt(3.0))
+    found, xy, yz = np.empty(equivalent.size), np.ravel(stress["xy"]), np.ravel(stress["yz"])
+    half_of_principal(xx, yy, zz, xy, xz, yz, np.ravel(equivalent), found)
+    return found.reshape(equivalent.shape)
+
+
+@kernel
+def half_of_principal(
+    xx: FloatArray,
+    yy: FloatArray,
+    zz: FloatArray,
+    xy: FloatArray,
+    xz: FloatArray,
+    yz: FloatArray,
+    equivalent: FloatArray,
+    found: FloatArray,
+) -> None:
+    """Set half the difference of the principal stresses mean + 2/3 equivalent cos(angle + 2 pi k/3)."""
+    for i in range(found.size):
+        mean, q = (xx[i] + yy[i] + zz[i]) / 3, equivalent[i]
+        a, b, c = xx[i] - mean, yy[i] - mean, zz[i] - mean
+        third = a * b * c + 2 * xy[i] * xz[i] * yz[i] - a * yz[i] ** 2 - b * xz[i] ** 2 - c * xy[i] ** 2
+        cosine = min(max(13.5 * third / q**3, -1.0), 1.0) if q > 0.0 else 0.0
+        found[i] = q * math.sin((math.acos(cosine) + math.pi) / 3) / math.sqrt(3.0)
 
 
 def shear_on_plane(stress: Mapping[str, FloatArray]) -> FloatArray:

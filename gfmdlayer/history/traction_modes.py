@@ -32,6 +32,7 @@ from gfmdlayer.body.relaxation import TractionSpectrum, VectorSpectrum
 from gfmdlayer.friction.response import Response
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.modes import RELEVANT, Factors, Scheme, exponential
+from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import CompositeState, State
 
 _NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
@@ -59,7 +60,7 @@ class VectorModes:
         self.step = math.nan
         self.x = np.zeros((count, components), dtype=np.complex128)
         self._stretch = np.zeros(spectrum.times.shape, dtype=np.complex128)
-        self._phases: ComplexArray | None = None
+        self._phases = np.ones(count, dtype=np.complex128)
         self.stored = self.dissipated = 0.0
 
     @property
@@ -77,43 +78,31 @@ class VectorModes:
     def terms(self, step: float) -> tuple[NDArray[Any], ComplexArray]:
         """Return kappa, (nq, n, n), and b, (nq, n), at the end of a step."""
         self._prepare(step)
-        f, (x, stretch) = self._factors, self._begun
-        return self._stiffness, self._pull(f.gain * self._drive(x) - f.decay * stretch)
+        return self._stiffness, self._pull(self._factors.gain, self.begun, self._factors.decay)
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""
-        return self._pull(self._factors.curvature_gain * self._drive(curvature))
+        return self._pull(self._factors.curvature_gain, curvature, None)
 
     def advance(self, x: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms` to the displacements x, (nq, n)."""
-        f, (x_0, before) = self._factors, self._begun
-        moved = self._drive(x - x_0)
-        after = f.decay * before + f.gain * moved
-        heat = f.loss * _square(before + f.lead * moved) + f.remainder * _square(moved)
-        if curvature is not None:
-            c = self._drive(curvature)
-            heat += f.curvature_loss * _square(c) - f.curvature_gain * ((before + after) * c.conj()).real
-            after = after + f.curvature_gain * c
-        self.x, self._stretch, self._phases = x.copy(), after, None
+        bent = np.zeros_like(x) if curvature is None else curvature
+        stored, heat = _advance(
+            self._spectrum.vectors, self._factors, x - self.begun, bent, self._phases, self._stretch
+        )
+        self.x, self._phases = x.copy(), np.ones_like(self._phases)
         elastic = np.einsum("qa,qab,qb->q", x.conj(), self._spectrum.relaxed, x).real
-        self.stored = float(self._weights @ (elastic + _square(after).sum(axis=0))) / 2
-        self.dissipated += float(self._weights @ heat.sum(axis=0))
+        self.stored = float(self._weights @ (elastic + stored)) / 2
+        self.dissipated += float(self._weights @ heat)
 
     def turn(self, phases: ComplexArray | None) -> None:
         """Multiply what is held at each wave by a phase in the next step: the material moves."""
-        self._phases = phases
+        self._phases = np.ones_like(self._phases) if phases is None else phases
 
     @property
     def begun(self) -> ComplexArray:
         """Displacements at the beginning of the next step."""
-        return self._begun[0]
-
-    @property
-    def _begun(self) -> tuple[ComplexArray, ComplexArray]:
-        """Displacements and stretches at the beginning of the next step."""
-        if self._phases is None:
-            return self.x, self._stretch
-        return self.x * self._phases[:, np.newaxis], self._stretch * self._phases
+        return self.x * self._phases[:, np.newaxis]
 
     def state(self) -> State:
         """Return displacements, stretches and energies."""
@@ -131,16 +120,15 @@ class VectorModes:
             return
         self.step, times, v = step, self._spectrum.times, self._spectrum.vectors
         self._factors = Factors(*(each.reshape(times.shape) for each in self._scheme(step / times.ravel())))
-        gained = np.einsum("jq,jqa,jqb->qab", self._factors.gain, v, v.conj())
-        self._stiffness = self._spectrum.relaxed + gained
+        self._stiffness = self._spectrum.relaxed.copy()
+        _stiffen(v, self._factors.gain, self._stiffness)
 
-    def _drive(self, x: ComplexArray) -> ComplexArray:
-        """Return v_j^H x, (modes, nq)."""
-        return np.asarray(np.einsum("jqa,qa->jq", self._spectrum.vectors.conj(), x))
-
-    def _pull(self, stretch: ComplexArray) -> ComplexArray:
-        """Return sum_j v_j y_j, (nq, n)."""
-        return np.asarray(np.einsum("jqa,jq->qa", self._spectrum.vectors, stretch))
+    def _pull(self, gain: FloatArray, x: ComplexArray, decay: FloatArray | None) -> ComplexArray:
+        """Return sum_j v_j (gain_j v_j^H x - decay_j y_j), (nq, n); the second term with a decay."""
+        found, past = np.zeros_like(self.x), decay is not None
+        factors = gain, gain if decay is None else decay
+        _pull(self._spectrum.vectors, *factors, x, self._stretch, self._phases, past, found)
+        return found
 
 
 class TractionModes:
@@ -343,5 +331,69 @@ def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:
     return VectorSpectrum(relaxed[mode], vectors[:, mode], times[:, mode])
 
 
-def _square(values: ComplexArray) -> FloatArray:
-    return np.asarray(values.real**2 + values.imag**2)
+@kernel(reorder=True)
+def _stiffen(v: NDArray[Any], gain: FloatArray, stiffness: NDArray[Any]) -> None:
+    """Add sum_j gain_j v_j v_j^H, of shape (nq, n, n)."""
+    modes, count, n = v.shape
+    for j in range(modes):
+        for q in range(count):
+            for a in range(n):
+                for b in range(n):
+                    stiffness[q, a, b] += gain[j, q] * v[j, q, a] * np.conj(v[j, q, b])
+
+
+@kernel(reorder=True)
+def _pull(
+    v: NDArray[Any],
+    gain: FloatArray,
+    decay: FloatArray,
+    x: ComplexArray,
+    stretch: ComplexArray,
+    phases: ComplexArray,
+    past: bool,
+    found: ComplexArray,
+) -> None:
+    """Add sum_j v_j (gain_j v_j^H x - decay_j y_j); the last term if `past` counts."""
+    modes, count, n = v.shape
+    for j in range(modes):
+        for q in range(count):
+            driven = 0.0j
+            for a in range(n):
+                driven += np.conj(v[j, q, a]) * x[q, a]
+            driven *= gain[j, q]
+            if past:
+                driven -= decay[j, q] * (stretch[j, q] * phases[q])
+            for a in range(n):
+                found[q, a] += v[j, q, a] * driven
+
+
+@kernel(reorder=True)
+def _advance(
+    v: NDArray[Any],
+    f: Factors,
+    moved: ComplexArray,
+    bent: ComplexArray,
+    phases: ComplexArray,
+    stretch: ComplexArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Advance the stretches in place; return their squares and the heat at each wave."""
+    modes, count, n = v.shape
+    squares, heat = np.zeros(count), np.zeros(count)
+    for j in range(modes):
+        for q in range(count):
+            d, c, before = 0.0j, 0.0j, stretch[j, q] * phases[q]
+            for a in range(n):
+                d += np.conj(v[j, q, a]) * moved[q, a]
+                c += np.conj(v[j, q, a]) * bent[q, a]
+            after, middle = f.decay[j, q] * before + f.gain[j, q] * d, before + f.lead[j, q] * d
+            both = before + after
+            heat[q] += (
+                f.loss[j, q] * (middle.real**2 + middle.imag**2)
+                + f.remainder[j, q] * (d.real**2 + d.imag**2)
+                + f.curvature_loss[j, q] * (c.real**2 + c.imag**2)
+                - f.curvature_gain[j, q] * (both.real * c.real + both.imag * c.imag)
+            )
+            after += f.curvature_gain[j, q] * c
+            stretch[j, q] = after
+            squares[q] += after.real**2 + after.imag**2
+    return squares, heat

@@ -19,9 +19,11 @@ from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
 from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.folds import Instabilities
 from gfmdlayer.observables.friction import Friction, Slip
+from gfmdlayer.observables.inside import PLACE, SHEAR, VON_MISES, Inside
 from gfmdlayer.observables.isolated import TOTALS, of_one_contact, totals
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.steady_state import SteadyState
+from gfmdlayer.observables.transport import SPARSE as _OF_TRANSPORT
 from gfmdlayer.observables.transport import Conductance, Leakage, SealEstimates, SpotRadius, Stiffness
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = [
     "INDENTATION",
     "OBSERVABLES",
+    "SPARSE",
     "TOTALS",
     "AcceptedStep",
     "Column",
@@ -61,10 +64,14 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "spot_radius": SpotRadius,
     "conductance": Conductance,
     "stiffness": Stiffness,
+    "inside": Inside,
     "series_error": SeriesError,
     "spectrum_error": SpectrumError,
     "steady_state": SteadyState,
 }
+
+# Columns that are NaN in the rows between two others.
+SPARSE = _OF_TRANSPORT | {each.name for each in (VON_MISES, *PLACE, SHEAR)}
 
 
 def observables(case: Parts) -> dict[str, Observable]:

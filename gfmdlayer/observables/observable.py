@@ -136,6 +136,15 @@ class Parts(Protocol):
         ...
 
     @property
+    def interior(self) -> Any:
+        """The fields below the surface (`history.inside.Interior`); None where they are not asked for."""
+        ...
+
+    def springs(self, step: AcceptedStep) -> Any:
+        """Return strains and forces below the surface of an accepted step."""
+        ...
+
+    @property
     def integrator(self) -> Any:
         """The time integrator, of the kind that the configuration asks for."""
         ...

@@ -57,7 +57,7 @@ RESISTANCE = Column("resistance", "resistance of the contact spots and the films
 SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE))  # NaN in the rows between two others
 
 
-class _Every(Observable):
+class Every(Observable):
     """Measured in every n-th row, at the times of the snapshots and at the end; NaN in the other rows."""
 
     def __init__(self, case: Parts, every: int) -> None:
@@ -128,7 +128,7 @@ class SealEstimates(Observable):
         return {name: found[name] for name in self._names}
 
 
-class Leakage(_Every):
+class Leakage(Every):
     """Flow tensor of a thin fluid film through the gap, by the Reynolds equation (`output.leakage`).
 
     The leak rate of a seal of length Lx and width Ly is flow_xx/(12 viscosity) Ly/Lx times the drop of
@@ -228,7 +228,7 @@ class SpotRadius(Observable):
         _put_back(self._spots, state)
 
 
-class Conductance(_Every):
+class Conductance(Every):
     """Resistance of the contact spots between two conductors (`output.conductance`).
 
     Constriction and films on both sides, and the films in series over the cell. Without contact it is
@@ -278,7 +278,7 @@ class Conductance(_Every):
         _put_back(self._spots, state)
 
 
-class Stiffness(_Every):
+class Stiffness(Every):
     """Dynamic stiffness of the contact, force over depth, at a frozen contact area (`output.stiffness`).
 
     Storage and loss at each frequency, for amplitudes that leave the contact area as it is. It is no slope of

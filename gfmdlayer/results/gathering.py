@@ -47,6 +47,7 @@ from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
 from gfmdlayer.results.netcdf import add_variable, attribute, column, new_file, opened, write_at
 from gfmdlayer.results.schema import (
+    FIELDS,
     OVER_TIME,
     SAME_TIME,
     SNAPSHOT_FIELDS,
@@ -600,21 +601,22 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
     held |= {name: (dims, values, described) for name, (dims, described, values) in sweep.numbers.items()}
     cases = [record.source for record in records if isinstance(record.source, xarray.Dataset)]
     first = cases[0] if cases else xarray.Dataset()
-    if first.sizes.get("snapshot") and all(_surface(case) == _surface(first) for case in cases):
-        for name in (each for each in SNAPSHOT_FIELDS if all(each in case for case in cases)):
+    if first.sizes.get("snapshot") and _agree(cases, "snapshot", "x", "y"):
+        below = _agree(cases, "z", "spring")
+        for name in (
+            each for each in (SNAPSHOT_FIELDS if below else FIELDS) if all(each in case for case in cases)
+        ):
             fields = np.full((*sweep.shape, *first[name].shape), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
                 if isinstance(record.source, xarray.Dataset):
                     fields[place] = record.source[name].to_numpy()
             held[name] = ((*sweep.dimensions, *first[name].dims), fields, first[name].attrs)
-        coords |= {
-            name: first[name].variable
-            for name in ("snapshot", "x", "y", "z", "layer", "spring")
-            if name in first.coords
-        }
+        axes = ("snapshot", "x", "y", *(("z", "layer", "spring") if below else ()))
+        coords |= {name: first[name].variable for name in axes if name in first.coords}
     return xarray.Dataset(held, coords, sweep.attributes).set_coords(TIME.name)
 
 
-def _surface(case: xarray.Dataset) -> list[Any]:
-    """Return the coordinates of the snapshots, for a comparison."""
-    return [case[name].to_numpy().tolist() for name in ("snapshot", "x", "y", "z") if name in case.coords]
+def _agree(cases: Sequence[xarray.Dataset], *names: str) -> bool:
+    """Whether the cases have the same coordinates of their snapshots."""
+    each = [[case[name].to_numpy().tolist() for name in names if name in case.coords] for case in cases]
+    return all(one == each[0] for one in each)

@@ -11,54 +11,73 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from gfmdlayer.files.locks import write_new
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.netcdf import naming
-from gfmdlayer.results.schema import FIELDS
+from gfmdlayer.results.schema import BELOW, FIELDS
 
-POINTS = "paraview/points"
+POINTS, INSIDE = "paraview/points", "paraview/points_inside"
 BLOCK = 2**18  # points written at a time
 
-_DOUBLE, _SINGLE = (f'Format="HDF" NumberType="Float" Precision="{size}"' for size in (8, 4))
+_FLOAT = 'Format="HDF" NumberType="Float" Precision="{}"'
 
 
 def describe(h5: h5py.File, path: Path) -> Path:
-    """Describe the snapshots of a case, `path` its final name, for ParaView; add the points to the case."""
-    _add_points(h5)
-    fields = {name: h5[name].shape for name in FIELDS if name in h5}
-    times = h5["snapshot"][()].tolist()
+    """Describe the snapshots of a case, `path` its final name, for ParaView; add the points to the case.
+
+    The fields below the surface are a second grid, of the snapshots that have them; z points down.
+    """
+    times = list(enumerate(h5["snapshot"][()].tolist()))
+    above = {name: h5[name].shape for name in FIELDS if name in h5}
+    below = {name: h5[name].shape for name, first in BELOW.items() if name in h5 and first == "z"}
+    _add_points(h5, POINTS, np.zeros(1))
+    grids = [_grid("surface", path.name, POINTS, times, above)]
+    if below:
+        some = next(iter(below))
+        _add_points(h5, INSIDE, h5["z"][()])
+        known = [(i, time) for i, time in times if not np.isnan(h5[some][(i, *[0] * (len(below[some]) - 1))])]
+        grids.append(_grid("inside", path.name, INSIDE, known, below))
     written = path.with_suffix(".xdmf")
     with naming(written), unfinished(written) as part:
-        write_new(part, _xdmf(path.name, times, fields).encode())
+        write_new(part, _HEAD.format("".join(grids)).encode())
     return written
 
 
-def _add_points(h5: h5py.File) -> None:
-    """Add the coordinates (x, y, 0) of the points, some rows of the grid at a time."""
+def _add_points(h5: h5py.File, name: str, z: NDArray[np.float64]) -> None:
+    """Add the coordinates of the points at these depths, some rows of the grid at a time."""
     x, y = h5["x"][()], h5["y"][()]
     rows = min(x.size, -(-BLOCK // y.size))  # equal rows of one chunk compress well
     packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-    points = h5.create_dataset(POINTS, (x.size, y.size, 3), "f4", chunks=(rows, y.size, 3), **packed)
-    for start in range(0, x.size, rows):
-        some = x[start : start + rows]
-        block = np.zeros((some.size, y.size, 3), "f4")
-        block[..., 0] = some[:, None]
-        block[..., 1] = y
-        points[start : start + rows] = block
+    shape, chunks = (z.size, x.size, y.size, 3), (1, rows, y.size, 3)
+    points = h5.create_dataset(name, shape, "f4", chunks=chunks, **packed)
+    for k, depth in enumerate(z):
+        for start in range(0, x.size, rows):
+            some = x[start : start + rows]
+            block = np.full((some.size, y.size, 3), depth, "f4")
+            block[..., 0] = some[:, None]
+            block[..., 1] = y
+            points[k, start : start + rows] = block
 
 
-def _xdmf(file: str, times: list[float], fields: dict[str, tuple[int, ...]]) -> str:
-    """Return the description of the fields, whose shapes are (times, x, y), in the HDF5 file."""
-    count, nx, ny = next(iter(fields.values()))
+def _grid(
+    grid: str, file: str, points: str, times: list[tuple[int, float]], fields: dict[str, tuple[int, ...]]
+) -> str:
+    """Return the description of fields, of the shape (times, [z,] x, y), in the HDF5 file."""
+    count, *inner = next(iter(fields.values()))
+    nz, nx, ny = inner if len(inner) == 3 else [1, *inner]
+    along, whole = " ".join(map(str, inner)), len(inner) + 1
+    precision = "8" if len(inner) == 2 else "4"
     grids = []
-    for i, time in enumerate(times):
+    for i, time in times:
+        part = f"{i}{' 0' * len(inner)}  {'1 ' * whole} 1 {along}"
         attributes = [
             f"""
         <Attribute Name="{name}" AttributeType="Scalar" Center="Node">
-          <DataItem ItemType="HyperSlab" Type="HyperSlab" Dimensions="1 {nx} {ny}">
-            <DataItem Dimensions="3 3" Format="XML">{i} 0 0  1 1 1  1 {nx} {ny}</DataItem>
-            <DataItem {_DOUBLE} Dimensions="{count} {nx} {ny}">{file}:/{name}</DataItem>
+          <DataItem ItemType="HyperSlab" Type="HyperSlab" Dimensions="1 {along}">
+            <DataItem Dimensions="3 {whole}" Format="XML">{part}</DataItem>
+            <DataItem {_FLOAT.format(precision)} Dimensions="{count} {along}">{file}:/{name}</DataItem>
           </DataItem>
         </Attribute>"""
             for name in fields
@@ -66,16 +85,19 @@ def _xdmf(file: str, times: list[float], fields: dict[str, tuple[int, ...]]) -> 
         grids.append(f"""
       <Grid Name="snapshot {i}" GridType="Uniform">
         <Time Value="{time!r}"/>
-        <Topology TopologyType="3DSMesh" Dimensions="1 {nx} {ny}"/>
+        <Topology TopologyType="3DSMesh" Dimensions="{nz} {nx} {ny}"/>
         <Geometry GeometryType="XYZ">
-          <DataItem {_SINGLE} Dimensions="{nx} {ny} 3">{file}:/{POINTS}</DataItem>
+          <DataItem {_FLOAT.format(4)} Dimensions="{nz} {nx} {ny} 3">{file}:/{points}</DataItem>
         </Geometry>{"".join(attributes)}
       </Grid>""")
-    return f"""<?xml version="1.0" encoding="utf-8"?>
+    return f"""
+    <Grid Name="{grid}" GridType="Collection" CollectionType="Temporal">{"".join(grids)}
+    </Grid>"""
+
+
+_HEAD = """<?xml version="1.0" encoding="utf-8"?>
 <Xdmf Version="3.0">
-  <Domain>
-    <Grid Name="surface" GridType="Collection" CollectionType="Temporal">{"".join(grids)}
-    </Grid>
+  <Domain>{}
   </Domain>
 </Xdmf>
 """

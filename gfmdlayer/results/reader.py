@@ -267,14 +267,13 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
 
         from gfmdlayer.results.fields_of_cases import FieldOfCases
 
-        axes = {
-            name: example[name].variable.load()
-            for name in ("snapshot", "z", "layer", "x", "y")
-            if name in example.variables
-        }
-        added = {}
         keys = sweep.attrs["swept"].split()
-        alike = not any(key.endswith("thickness") or key.startswith("output.inside") for key in keys)
+        # Cases of other layers have fields below the surface at other depths.
+        ends, heads = ("thickness", "shear_modulus"), ("layer", "layers", "halfspace", "body")
+        alike = not any(key.endswith(ends) or key in heads or key.startswith("output") for key in keys)
+        names = ("snapshot", "x", "y", *(("z", "layer", "spring") if alike else ()))
+        axes = {name: example[name].variable.load() for name in names if name in example.variables}
+        added = {}
         for name in SNAPSHOT_FIELDS if alike else FIELDS:
             if name in example:
                 field, times = example[name].variable, axes["snapshot"].to_numpy()

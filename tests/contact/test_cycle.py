@@ -175,6 +175,7 @@ if ranks.first:
 """
 
 
+@pytest.mark.slow
 def test_a_cycle_over_ranks_is_that_of_one_process() -> None:
     """Sums of 13 terms and over the grids in single precision: some 1e-6 of the largest answer."""
     command = [str(Path(sys.executable).parent / "mpirun"), "-n", "3", sys.executable, "-c", OVER_RANKS]

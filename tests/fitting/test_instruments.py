@@ -179,10 +179,11 @@ def test_a_pause_at_constant_force_between_motions_of_the_base() -> None:
     assert (np.diff(depth[pause]) > 0).all()
     # what the instrument would have measured, fitted
     base = np.where(pause, depth + found / 5.0, RAMP)
-    measured = np.where(pause, found, found + noise(5, 0.005 * found.max()))
+    measured = np.where(pause, found, found + noise(5, 0.005 * found.max())) + 0.3  # with an offset
     position = base - measured / 5.0 + np.where(pause, noise(6, 1e-3 * np.ptp(base)), 0.0)
-    fit = fit_indentation(replace(mixed, force=measured, depth=position), START, ZENER)
-    for key, truth in zip(ZENER, TRUTH, strict=True):
+    free = [*ZENER, "force_offset"]
+    fit = fit_indentation(replace(mixed, force=measured, depth=position), START, free)
+    for key, truth in zip(free, (*TRUTH, 0.3), strict=True):
         assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error + 3e-3 * truth)
 
 

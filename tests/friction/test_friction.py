@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gfmdlayer import Case, Config
 from gfmdlayer.friction.problem import Law, Problem, Solution, norms
 from gfmdlayer.friction.response import Operator, Response, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
@@ -237,6 +239,28 @@ def test_random_steps_obey_coulomb(axes: int, seed: int) -> None:
         np.testing.assert_allclose(
             found.traction.mean(axis=1), problem.force, atol=1e-6 * found.pressure.mean()
         )
+
+
+def test_a_stiff_film_on_a_soft_layer_is_reached_from_the_frictionless_contact() -> None:
+    """A film of half a spacing, 300 times stiffer than the layer below: Newton's method alone wanders."""
+    layers = [
+        {"thickness": 0.0035, "poisson": 0.3, "material": {"model": "elastic", "G": 50.0}},
+        {"thickness": 0.08, "poisson": 0.3, "material": {"model": "elastic", "G": 0.15}},
+    ]
+    body = Case(Config(name="film", layers=layers, halfspace={"shear_modulus": math.inf})).body
+    grid, _, solver = setting((128,))
+    spectrum = body.traction_spectrum(grid.waves)  # type: ignore[attr-defined]
+    response = Response.of_stiffness(spectrum.in_plane.relaxed, spectrum.across.relaxed)
+    h = rough(grid, np.random.default_rng(3), 0.8) * 0.01
+    problem = Problem(response, h - h.min(), Law(0.25), load=0.024, force=np.array([-0.004]))
+    found = solver.solve(problem)
+    assert found.converged
+    assert obeys_coulomb(problem, found, 1e-7)
+
+
+def test_the_bound_of_friction_without_limit_stays() -> None:
+    assert Law(math.inf, 2.0).scaled(0.5) == Law(math.inf, 1.0)
+    assert Law(0.4).scaled(0.5) == Law(0.2)
 
 
 def test_impossible_friction_is_refused(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:

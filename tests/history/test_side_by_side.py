@@ -173,6 +173,16 @@ def test_energies_of_two_bodies_that_relax_close_the_balance(ratio: float) -> No
     assert bool((abs(late) < 1e-4 * data.dissipated.diff("time")[-5:]).all()) == resting
 
 
+def test_a_counterbody_that_slides_acts_like_its_relaxed_self_in_the_end() -> None:
+    """Its material rests in the contact, of the relaxation times 0.1 and 0.5 of the two bodies."""
+    end = {"time": ROLLING["time"] | {"end": 8.0}, "output": {}}
+    elastic = {"layer": {"thickness": 0.07, "material": {"model": "elastic", "G": 2.0}}, "halfspace": RIGID}
+    crept, known = moving(0.0, **end), moving(0.0, **end, counterbody=elastic)
+    for name in ("depth", "friction"):
+        assert float(crept[name][-1]) == pytest.approx(float(known[name][-1]), rel=1e-3)
+    assert float(crept.depth[10]) < 0.999 * float(known.depth[10])
+
+
 def test_bodies_may_be_exchanged_with_their_velocities() -> None:
     """The signs of pressure and slope stay: each displacement counts out of its own body."""
     one = moving(2.0)

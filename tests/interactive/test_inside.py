@@ -177,6 +177,22 @@ def test_a_file_holds_the_fields_of_the_chosen_snapshots(tmp_path: Any) -> None:
         assert bool(np.isfinite(found.von_mises.isel(snapshot=1)).all())
 
 
+@pytest.mark.parametrize("in_files", [False, True])
+def test_a_sweep_has_fields_below_the_surface_where_all_cases_have_their_depths(
+    tmp_path: Any, in_files: bool
+) -> None:
+    keys = {"grid.points": 64, "output.inside": {"points": 3}, "time.end": 0.5, "output.snapshots": [0.5]}
+    plain = {"layer": {"material": zener(1, 5, 1)}, "halfspace": {"shear_modulus": 2.0}}
+    for key, values, below in (("layer.thickness", [0.03, 0.05], False), ("layer.poisson", [0.3, 0.5], True)):
+        out = {"out": tmp_path / key} if in_files else {}
+        data = gfmdlayer.run(RUN, **keys, **plain, **out, sweep={key: values})
+        assert data.gap.dims[0] == key.partition(".")[2]
+        assert ("stress_zz" in data) == ("z" in data.coords) == below
+        if below:
+            one = gfmdlayer.run(RUN, **keys, **plain, **{key: values[1]})
+            np.testing.assert_array_equal(data.stress_zz.isel(poisson=1), one.stress_zz)
+
+
 @pytest.mark.parametrize(
     ("body", "depths", "said"),
     [

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gfmdlayer.body.depths import Place
 from gfmdlayer.results import paraview
 from gfmdlayer.results.reader import is_complete, open_case
+from gfmdlayer.results.schema import in_order
 from gfmdlayer.results.writer import CaseWriter
 
 X, Y = np.arange(12) / 12 - 0.5, 0.5 * (np.arange(10) / 10 - 0.5)
@@ -60,6 +62,25 @@ def test_fields_lie_on_their_points_at_their_times(tmp_path: Path) -> None:
         assert tuple(found) == NAMES
         for name, field in zip(NAMES, FIELDS, strict=True):
             np.testing.assert_array_equal(found[name], field[place][i, j])
+
+
+def test_fields_below_the_surface_lie_on_points_at_their_depths_at_their_times(tmp_path: Path) -> None:
+    places = [Place(0.0, 0), Place(0.1, 0), Place(0.1, 1)]
+    below = np.random.default_rng(2).random((len(places), X.size, Y.size)).astype("f4")
+    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": Y}, places=places) as case:
+        surface = dict(zip(NAMES, FIELDS[:, 0], strict=True))
+        case.snapshot(0.5, *in_order(surface))  # without fields below the surface
+        case.snapshot(2.0, *in_order(surface | {"stress_zz": below}))
+    document = ET.parse(tmp_path / "0000.xdmf")
+    (grid,) = document.findall("Domain/Grid[@Name='inside']/Grid")
+    assert [float(time.attrib["Value"]) for time in grid.findall("Time")] == [2.0]
+    points = values(grid.findall("Geometry/DataItem")[0], tmp_path)
+    assert points.shape == (3, X.size, Y.size, 3)
+    np.testing.assert_allclose(points[:, 0, 0, 2], [0.0, 0.1, 0.1], atol=1e-7)
+    np.testing.assert_allclose(points[1, :, 3, 0], X, atol=1e-7)
+    (attribute,) = grid.findall("Attribute")
+    np.testing.assert_array_equal(values(attribute[0], tmp_path), below.ravel())
+    assert is_complete(tmp_path / "0000.h5")
 
 
 def test_points_are_written_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,6 +40,9 @@ PURE = {
     "coefficient",
     "creepage",
     "cycles",
+    "velocity_ratio",
+    "normal",
+    "along",
 }
 
 

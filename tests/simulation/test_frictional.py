@@ -106,6 +106,39 @@ def test_rolling_with_creepage_is_carters() -> None:
     assert float(back.creepage[-1]) == pytest.approx(0.005, rel=0.02)  # the same curve, by the other side
 
 
+@pytest.mark.parametrize(("thickness", "poisson"), [(0.06, 0.5), (math.inf, 0.2)])
+def test_a_strip_creeps_without_a_force(thickness: float, poisson: float) -> None:
+    """Bentall and Johnson: the creepage of free rolling, forwards on an incompressible strip, else backwards.
+
+    With little friction the traction is mu p, against the slip: half of the load lies where the surface
+    stretches by more than the creepage. The stretch is that of the frictionless contact, of 13 and 19 points.
+    """
+    base = 1.0 if math.isinf(thickness) else math.inf
+    body = gfmdlayer.bonded_layer(thickness, 1.0, poisson=poisson, base=base)
+    punch = gfmdlayer.Parabola(radius=0.25)
+    still = gfmdlayer.solve(body, punch, force=0.01, points=256, friction=0.0)
+    stretch, p = np.gradient(still.displacement_x.to_numpy(), 1 / 256), still.pressure.to_numpy()
+    order = np.argsort(stretch)
+    carried = np.cumsum(p[order]) - 0.5 * p[order]
+    median = np.interp(0.5 * p.sum(), carried, stretch[order])
+    keys: dict[str, object] = {
+        "layer.thickness": thickness,
+        **({"halfspace": {"shear_modulus": base}} if base == math.inf else {}),
+        "interface": COULOMB | {"coefficient": 1e-4},
+        "trajectory": {
+            "control": "force",
+            "force": 0.01,
+            "ramp_time": 0.01,
+            "velocity": 0.2,
+            "tangential": {"control": "force", "force": 0.0},
+        },
+        "time": {"end": 0.6, "step": 1 / 256 / 0.2},
+    }
+    found = run(halfspace(poisson), keys | {"grid.points": 256, "solver.tolerance": 1e-7})
+    assert float(found.creepage[-1]) == pytest.approx(-median, rel=1 / 13)
+    assert (median > 0) == (poisson == 0.5)
+
+
 def test_a_sliding_cylinder_leans_back() -> None:
     """Offset 2 gamma a, tan(pi gamma) = mu (1-2nu)/(2(1-nu)) (Johnson, section 7.5), to a grid spacing.
 

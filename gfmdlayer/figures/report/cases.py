@@ -25,6 +25,7 @@ LEAST_ROWS = 64
 LEAST_POINTS = {1: 256, 2: 64 * 64}  # of a line and of a surface
 MOST_POINTS = {1: 4096, 2: 512 * 512}
 MOST_OF_LISTS = 1000  # entries
+MOST_DEPTHS = 60
 IN_TABLE = ("residual", "work", "energy_residual")  # columns whose extremes are in the table of cases
 
 
@@ -54,6 +55,9 @@ class Surfaces:
     strides: tuple[int, ...]  # points of the file for each point kept, along each axis
     fields: dict[str, FloatArray]  # (snapshots, x[, y])
     among: int  # snapshots in the file
+    # Depths, and von Mises stress (snapshots, depths, x) below the surface, of a surface along x through the
+    # largest pressure; None without fields below the surface.
+    inside: tuple[FloatArray, FloatArray] | None = None
 
 
 @dataclass
@@ -146,7 +150,19 @@ class Reader:
             strides,
             {name: np.array([h5[name][i][part] for i in kept]) for name in fields},
             len(times),
+            self._inside(h5, kept, strides[0]),
         )
+
+    @staticmethod
+    def _inside(h5: h5py.File, kept: Sequence[int], stride: int) -> tuple[FloatArray, FloatArray] | None:
+        """Read the von Mises stress below the surface."""
+        if "von_mises" not in h5:
+            return None
+        rows = spread(len(h5["z"]), MOST_DEPTHS)
+        field = h5["von_mises"]
+        cut = () if field.ndim == 3 else (int(np.argmax(h5["pressure"][-1].max(axis=0))),)
+        values = [[field[(i, k, slice(None, None, stride), *cut)] for k in rows] for i in kept]
+        return h5["z"][...][rows], np.array(values)
 
 
 def _described(dataset: h5py.Dataset) -> Described:

@@ -283,10 +283,17 @@ def _fields(
     if not surfaces:
         return {}
     known = {
-        name: described[name].attributes for name in ("snapshot", "x", "y", *FIELDS) if name in described
+        name: described[name].attributes
+        for name in ("snapshot", "x", "y", *FIELDS, "z", "von_mises")
+        if name in described
     }
+    inside = [each.inside for each in surfaces if each.inside is not None]
 
     def largest(name: str) -> float:
+        if name in (below := ("z", "von_mises")):
+            return max(
+                (float(np.nanmax(each[below.index(name)], initial=0.0)) for each in inside), default=0.0
+            )
         every = (each.axes.get(name, each.fields.get(name)) for each in surfaces)
         return max((float(np.nanmax(np.abs(each))) for each in every if each is not None), default=0.0)
 
@@ -378,6 +385,11 @@ def _surface(found: Surfaces, fields: Mapping[str, Drawn]) -> dict[str, Any]:
         "axes": {name: fields[name](values) for name, values in found.axes.items()},
         "fields": {name: fields[name](values) for name, values in found.fields.items()},
         "note": ", ".join(said),
+        "inside": None
+        if found.inside is None
+        else {
+            name: fields[name](values) for name, values in zip(("z", "von_mises"), found.inside, strict=True)
+        },
     }
 
 

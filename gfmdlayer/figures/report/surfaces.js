@@ -118,6 +118,27 @@ function drawMaps(one) {
   }
 }
 
+/** The von Mises stress below the surface; along x, where the pressure of a surface is largest. */
+function drawInside(one) {
+  const { surface } = one, at = Number(byId("time").value);
+  const x = numbers(surface.axes, "x"), z = surface.inside && numbers(surface.inside, "z");
+  const all = surface.inside && numbers(surface.inside, "von_mises"), size = z && z.length * x.length;
+  const values = all && all.subarray(at * size, (at + 1) * size);
+  byId("inside").hidden = !values || Number.isNaN(values[0]);
+  if (byId("inside").hidden) return;
+  draw("inside", [{
+    type: "heatmap", x, y: z, z: Array.from(z, (_, k) => values.subarray(k * x.length, (k + 1) * x.length)),
+    zmin: 0, zmax: all.reduce((a, b) => (b > a ? b : a), 0), colorscale: colourScale("curves"),
+    hovertemplate: "%{x:.4g}, %{y:.4g}: %{z:.5g}<extra></extra>",
+    colorbar: { title: { text: DATA.fields.von_mises, side: NARROW.matches ? "top" : "right" }, thickness: 14, outlinewidth: 0, exponentformat: "power", nticks: 6 },
+  }], {
+    margin: { l: 10, r: 12, t: 30, b: 10 },
+    xaxis: axis(DATA.fields.x, { range: byId("whole").checked ? undefined : view(one).x, showgrid: false, zeroline: false }),
+    yaxis: axis(DATA.fields.z, { autorange: "reversed", showgrid: false, zeroline: false }),
+    uirevision: `${one.number},${byId("whole").checked}`,
+  });
+}
+
 function drawSurface() {
   const one = surfaceCase(), { surface } = one, at = Number(byId("time").value);
   const inPlane = Boolean(surface.axes.y);
@@ -126,6 +147,7 @@ function drawSurface() {
   if (inPlane) byId("cut-value").textContent = equals(DATA.fields.y, written(numbers(surface.axes, "y")[Number(byId("cut").value)], 4));
   drawProfile(one);
   if (inPlane) drawMaps(one);
+  drawInside(one);
 }
 
 function showSurface() {

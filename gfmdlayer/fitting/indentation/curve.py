@@ -221,7 +221,8 @@ class ForceCurve:
 
     def looks_swapped(self) -> bool:
         """Whether the force bends down over the depth while it grows, as if the two were swapped."""
-        rows = np.arange(int(np.argmax(self.force)) + 1)
+        rows = np.arange(self.segments[0].end if self.segments[0].end > FEWEST_ROWS else self.time.size)
+        rows = rows[: int(np.argmax(self.force[rows])) + 1]
         rows = rows[self.force[rows] > FIRST * float(np.max(self.force))]
         if rows.size < FEWEST_ROWS or not np.ptp(self.position_of_drive[rows]) > 0:
             return False

@@ -187,11 +187,12 @@ class Prediction:
         force, depth = self.response(config, at)
         curve, since = self.curve, self.curve.time - self.curve.time[0]
         ratio = 1.0 if curve.stiffness is None else curve.stiffness / at.stiffness
-        force = ratio * force + baseline(curve, at)
+        own = ratio * force + baseline(curve, at)
         depth = depth + at.contact_point + at.drift * since
-        if curve.by_base:
-            depth = np.where(curve.by_force, depth, curve.position_of_drive - force / (curve.stiffness or 1))
-        return force, depth
+        if curve.stiffness and curve.by_base:  # the column is the base less the measured deflection
+            base = np.where(curve.by_force, depth + force / at.stiffness, curve.position_of_drive)
+            return own, base - own / curve.stiffness
+        return own, np.where(curve.by_force, depth, curve.depth)
 
     def measured(self, config: Config, at: Correction) -> FloatArray:
         """Return the predicted values of the measured quantity, at the rows."""
@@ -561,6 +562,7 @@ class LeastSquares:
         self._roots = [_Root(np.zeros((int(each.used.sum()), 0))) for each in predictions]
         self.solutions = 0  # number of solved contact problems, each over a whole curve
         self._last: tuple[object, list[FloatArray]] = (None, [])
+        self._slopes: tuple[object, list[list[FloatArray]]] = (None, [])
         self._configs: dict[tuple[object, ...], Config] = {}  # the latest
 
     @cached_property
@@ -734,6 +736,8 @@ class LeastSquares:
 
     def derivatives(self, u: FloatArray) -> list[list[FloatArray]]:
         """Return the derivatives of the measured quantity of each curve, for each parameter."""
+        if self._slopes[0] == (u.tobytes(), self._changes):
+            return self._slopes[1]
         for _ in range(TRIES):
             found, before = self.measured(u), self._changes
             columns = [self._column(i, u, found) for i in range(u.size)]
@@ -744,6 +748,7 @@ class LeastSquares:
             for k, each in enumerate(self.predictions):
                 force = found[k] - baseline(each.curve, self.correction(u, each.curve))
                 columns[last][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
+        self._slopes = ((u.tobytes(), self._changes), columns)
         return columns
 
     def _column(self, i: int, u: FloatArray, found: list[FloatArray]) -> list[FloatArray]:

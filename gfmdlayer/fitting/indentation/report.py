@@ -263,7 +263,7 @@ def fit_figure(fit: IndentationFit) -> Figure:
             for each, colour in zip(shown, colours(len(shown) + 1), strict=False):
                 if (each.curve.by_force == by_force).any():
                     _draw(above, below, each, by_force, colour)
-            above.set_title(f"({'ac'[number]})", loc="left")
+            above.set_title(f"({'abcd'[number]})", loc="left")
             handles, labels = above.get_legend_handles_labels()
             above.legend(handles[:3], labels[:3])
             below.axhline(0, color="black", linewidth=0.5)
@@ -271,7 +271,7 @@ def fit_figure(fit: IndentationFit) -> Figure:
             time, unit = ("" if units is None else units.label(each) for each in ("time", words))
             name_axes(above, y=Quantity(name, unit))
             name_axes(below, Quantity("time", time), Quantity("residual", unit))
-            below.set_title(f"({'bd'[number]})", loc="left")
+            below.set_title(f"({'abcd'[len(quantities) + number]})", loc="left")
         finish(figure)
     return figure
 

@@ -1,0 +1,109 @@
+"""Columns of the largest stresses below the surface, and at the interfaces of the layers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from gfmdlayer.body.depths import Place
+from gfmdlayer.config.inside import DEPTH_PAIRS, interfaces
+from gfmdlayer.observables.observable import AcceptedStep, Column, Parts, Places, Value
+from gfmdlayer.observables.transport import Every
+
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
+
+_DEPTHS = "over the depths of output.inside"
+_INTERFACE = "over each interface, the bond to a rigid base included"
+
+VON_MISES = Column("largest_von_mises", "largest von Mises stress", "pressure", origin=_DEPTHS)
+PLACE = tuple(
+    Column(
+        f"largest_von_mises_{axis}",
+        f"place of the largest von Mises stress: {axis}",
+        "length",
+        origin=_DEPTHS,
+    )
+    for axis in "xyz"
+)
+SHEAR = Column("largest_shear_stress", "largest shear stress on any plane", "pressure", origin=_DEPTHS)
+
+
+class Inside(Every):
+    """Largest von Mises and shear stress, and largest peel and shear stress at each interface.
+
+    They are the largest at the points of the grid, at the depths of the configuration. Peel is tension across
+    the interface; where it is negative, the interface is everywhere in compression.
+    """
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns where they are asked for."""
+        asked = config.output.inside
+        if asked is None or asked.every is None:
+            return None
+        place = [each for each in PLACE if each.name[-1] != "y" or len(config.grid.points) == 2]
+        found = (VON_MISES, *place, SHEAR)
+        if not (depths := interfaces(config.solid)):
+            return found
+        numbers = tuple(map(float, range(len(depths))))  # the same in cases of other thicknesses
+        along = Places("interface", "number of the interface, from the surface", "1", numbers)
+        return (
+            *found,
+            Column("interface_peel", "largest tension", "pressure", along=along, origin=_INTERFACE),
+            Column("interface_shear", "largest shear stress", "pressure", along=along, origin=_INTERFACE),
+        )
+
+    @classmethod
+    def cost(cls, config: Config) -> tuple[float, float]:
+        """Return the work of a row in FFT pairs; its memory is that of a snapshot (`footprint`)."""
+        asked = config.output.inside
+        assert asked is not None
+        assert asked.every is not None
+        count = len(asked.places(config.solid, config.grid.period)) + len(interfaces(config.solid))
+        return DEPTH_PAIRS * count / asked.every, 0.0
+
+    def __init__(self, case: Parts) -> None:
+        config = case.config
+        asked = config.output.inside
+        assert asked is not None
+        assert asked.every is not None
+        super().__init__(case, asked.every)
+        self._case, self._names = case, [each.name for each in self.columns(config) or ()]
+        self._interfaces = [Place(depth, i) for i, depth in enumerate(interfaces(config.solid))]
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
+        """Return the largest stresses."""
+        import numpy as np
+
+        if not self._due(step.time):
+            nothing = np.full(len(self._interfaces), math.nan)
+            return {name: nothing if name.startswith("interface") else math.nan for name in self._names}
+        from gfmdlayer.history.inside import STRESSES, largest_shear, shear_on_plane, von_mises
+
+        interior, springs, ranks = self._case.interior, self._case.springs(step), self._grid.ranks
+        assert interior is not None
+        largest, at, shear = -1.0, (0.0,) * (len(self._grid.points) + 1), 0.0
+        for place in interior.places:
+            stress = interior.at(springs, place, STRESSES)
+            equivalent = von_mises(stress)
+            shear = max(shear, float(largest_shear(stress, equivalent).max()))
+            number = int(np.argmax(equivalent))
+            if (found := float(equivalent.flat[number])) > largest:
+                index = np.unravel_index(number, equivalent.shape)
+                along = zip(self._grid.coordinates, index, strict=True)
+                largest, at = found, (*(float(x[i]) for x, i in along), place.depth)
+        whole = ranks.maximum(largest)
+        own = at if largest == whole else (-math.inf,) * len(at)
+        own = own if whole > 0 else (math.nan,) * len(at)
+        row: dict[str, Any] = {VON_MISES.name: whole, SHEAR.name: ranks.maximum(shear)}
+        axes = "xyz" if len(at) == 3 else "xz"
+        row |= {
+            f"largest_von_mises_{axis}": ranks.maximum(each) for axis, each in zip(axes, own, strict=True)
+        }
+        if self._interfaces:
+            fields = [interior.at(springs, place, ("zz", "xz", "yz")) for place in self._interfaces]
+            row["interface_peel"] = ranks.maximum(np.array([each["zz"].max() for each in fields]))
+            row["interface_shear"] = ranks.maximum(np.array([shear_on_plane(each).max() for each in fields]))
+        return {name: row[name] for name in self._names}

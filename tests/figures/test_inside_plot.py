@@ -1,0 +1,75 @@
+"""Pictures of stresses below the surface: sections, interfaces, maps, and the page of a case."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+from gfmdlayer.figures.inside_plot import inside_figure
+from gfmdlayer.figures.plots import plot_results
+from gfmdlayer.figures.report.cases import Listed
+from gfmdlayer.figures.report.page import payload
+from gfmdlayer.results.schema import ResultsError
+
+RUN: dict[str, Any] = {
+    "layer": {"thickness": 0.03, "poisson": 0.3},
+    "halfspace": {"shear_modulus": 0.2, "poisson": 0.4},
+    "time": {"end": 0.4, "step": 0.2},
+    "trajectory": {"depth": 0.01, "ramp_time": 0.2},
+    "output": {"snapshots": [0.2, 0.4], "inside": {"points": 4, "times": [0.4]}},
+}
+
+
+def text_of(axes: Any) -> str:
+    return " ".join([axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="right")])
+
+
+def test_the_section_of_a_line_has_depth_downward_and_the_interface_at_its_depth() -> None:
+    figure = inside_figure(gfmdlayer.run(RUN, grid={"points": 128}))
+    axes = figure.axes[0]
+    low, high = axes.get_ylim()
+    assert low > high == 0.0
+    assert "z" in text_of(axes)
+    assert "0.4" in text_of(axes)  # only the snapshot with fields
+    lines = [line.get_ydata() for line in axes.lines]
+    assert any(np.allclose(y, 0.03) for y in lines)
+    labels = [each.get_ylabel() for each in [*figure.axes, *axes.child_axes]]
+    assert any("Mises" in each for each in labels)
+
+
+def test_a_surface_has_maps_of_peel_and_shear_at_each_interface() -> None:
+    data = gfmdlayer.run(RUN, grid={"points": [32, 32]})
+    figure = inside_figure(data, "stress_xz")
+    images = [axes for axes in figure.axes if axes.images]
+    assert len(images) == 2
+    fields = gfmdlayer.inside(data, [0.03]).isel(z=0, snapshot=1)
+    for axes, name in zip(images, ("stress_zz", "shear_on_plane"), strict=True):
+        known = fields[name].transpose("y", "x").to_numpy()
+        np.testing.assert_allclose(axes.images[0].get_array(), known, atol=1e-6 * np.abs(known).max())
+
+
+def test_what_cannot_be_drawn_is_refused(tmp_path: Path) -> None:
+    data = gfmdlayer.run(RUN, grid={"points": 64})
+    with pytest.raises(ResultsError, match=r"no field von_mise; did you mean 'von_mises'\?; must be one of"):
+        inside_figure(data, "von_mise")
+    gfmdlayer.run(RUN, grid={"points": 64}, out=tmp_path / "run", **{"output.inside": None})
+    with pytest.raises(ResultsError, match=r"no fields below the surface; set output\.inside"):
+        plot_results(tmp_path / "run", kind="inside")
+
+
+def test_the_page_of_a_case_has_the_section(tmp_path: Path) -> None:
+    data = gfmdlayer.run(RUN, grid={"points": [32, 32]}, out=tmp_path / "run").load()
+    found = payload([Listed(0, tmp_path / "run" / "cases" / "0000.h5", {})])
+    surface = found["cases"][0]["surface"]
+    assert "Mises" in found["fields"]["von_mises"]
+    from base64 import b64decode
+
+    values = np.frombuffer(b64decode(surface["inside"]["von_mises"]), "<f4").reshape(2, data.z.size, 32)
+    assert np.isnan(values[0]).all()
+    middle = int(data.pressure.isel(snapshot=-1).max("x").argmax("y"))
+    known = data.von_mises.isel(snapshot=1, y=middle).to_numpy()
+    np.testing.assert_allclose(values[1] / values[1].max(), known / known.max(), rtol=1e-5, atol=1e-6)
