@@ -12,6 +12,7 @@ from gfmdlayer import Case, Config
 from gfmdlayer.friction.problem import Law, Problem, Solution, norms
 from gfmdlayer.friction.response import Operator, Response, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
+from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from tests.friction.cases import random_problem, rough
@@ -261,6 +262,19 @@ def test_a_stiff_film_on_a_soft_layer_is_reached_from_the_frictionless_contact()
 def test_the_bound_of_friction_without_limit_stays() -> None:
     assert Law(math.inf, 2.0).scaled(0.5) == Law(math.inf, 1.0)
     assert Law(0.4).scaled(0.5) == Law(0.2)
+
+
+def test_coarser_grids_and_windows_do_not_change_the_bits() -> None:
+    """Their plans are not measured: measured ones differ where nothing is known of the shape."""
+    grid, response, _ = setting((768,), poisson=0.3)
+    known = Transforms(grid.points).wisdom
+    problem, found = Problem(response, parabola(grid, 0.25), Law(0.4), load=0.01), []
+    for _ in range(3):
+        forget_wisdom()
+        solver = FrictionSolver(grid, Transforms(grid.points, known))
+        found.append(solver.solve(problem).tractions.tobytes())
+        del solver
+    assert len(set(found)) == 1
 
 
 def test_impossible_friction_is_refused(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
