@@ -477,7 +477,7 @@ class SlabTransforms(Transforms):
     ) -> Transforms:
         """Transforms of another grid over the same ranks, or in another precision."""
         grid = replace(self._grid, points=shape)
-        made = self._wisdom, self._time_limit, self.threads, single
+        made = self._wisdom, self._time_limit if measured else 0.0, self.threads, single
         return SlabTransforms(grid, *made, shared=self._shared)
 
     def transform(self, field: Any, spectrum: Any) -> None:
