@@ -468,13 +468,7 @@ class SlabTransforms(Transforms):
         self._pair = self._slab = plan_pair(SlabPlans, shape, *made)
         self.plans = Plans(0, 0, *map(address, self._functions))
 
-    def of_shape(
-        self,
-        shape: tuple[int, ...],
-        *,
-        single: bool = False,
-        measured: bool = True,  # noqa: ARG002
-    ) -> Transforms:
+    def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
         """Transforms of another grid over the same ranks, or in another precision."""
         grid = replace(self._grid, points=shape)
         made = self._wisdom, self._time_limit if measured else 0.0, self.threads, single

@@ -107,13 +107,11 @@ class Transforms:
         return self.of_shape(tuple(points // divisor for points in self.shape))
 
     def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
-        """Transforms of another shape or precision, from the same wisdom.
+        """Transforms of another shape or precision, from the same wisdom; what it lacks is measured or not.
 
-        Plans that are not in the wisdom differ between processes, if they are measured; else they are FFTW's
-        estimate.
+        A run repeats its bits only if its wisdom has all plans that are measured (`wisdom.planned`).
         """
-        limit = self._time_limit if measured else 0.0
-        return Transforms(shape, self._wisdom, limit, self.threads, single)
+        return Transforms(shape, self._wisdom, self._time_limit if measured else 0.0, self.threads, single)
 
     @property
     def wisdom(self) -> str:
