@@ -441,9 +441,9 @@ def begun(data: dict[str, Any], G0: float, Ginf: float, tau: float, **layer: flo
 def pages() -> None:
     """Draw the pictures of the guides."""
     rng = np.random.default_rng(2)
-    save(fit_figure(afm(rng)), GUIDES / "afm.svg")
+    save(fit_figure(afm(rng)), GUIDES / "afm.png")
     nanoindenter(rng)
-    save(fit_figure(flat_punch(rng)), GUIDES / "flat-punch.svg")
+    save(fit_figure(flat_punch(rng)), GUIDES / "flat-punch.png")
 
 
 def afm(rng: np.random.Generator) -> Any:
@@ -528,7 +528,7 @@ def nanoindenter(rng: np.random.Generator) -> None:
         right.legend()
         for axes, letter in ((left, "a"), (right, "b")):
             axes.set_title(f"({letter})", loc="left")
-    save(picture, GUIDES / "nanoindenter.svg")
+    save(picture, GUIDES / "nanoindenter.png")
 
 
 def flat_punch(rng: np.random.Generator) -> Any:

@@ -4,8 +4,9 @@ A coated ball on a coated plate
 
 A ball with a soft coating is pressed on a plate with another one, and held. Both coatings relax, the one of
 the ball twenty times as fast. The energies of each body show where the work of the contact is; the snapshots
-show the deformation of each. Below, a cylinder with the same coatings rolls on the plate: each coating
-dissipates most at the velocity that passes the contact in about its own relaxation time.
+show the deformation of each. On the right, a cylinder
+with the same coatings rolls on the plate. Each coating dissipates most at a velocity of its own; the one of
+the faster coating is some thirty times as high.
 """
 
 import matplotlib.pyplot as plt

@@ -295,14 +295,6 @@ class State:
     merit: float  # rms over the contact of what the residual is the largest value of
 
 
-@dataclass(frozen=True)
-class Found:
-    """Depth and path of one state that may be tried."""
-
-    depth: float | None = None
-    path: FloatArray | None = None
-
-
 def assess(
     problem: Problem,
     x: FloatArray,

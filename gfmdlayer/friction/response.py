@@ -124,7 +124,7 @@ class Work:
         if (part, single) not in self._made:
             plan, shape = self._transforms, tuple(n // part for n in self.shape)
             if single or part > 1:
-                plan = plan.of_shape(shape, single=single)
+                plan = plan.of_shape(shape, single=single, measured=False)
             share = self._share / part ** len(shape)
             self._made[part, single] = Fields(plan, self.spent, share * (0.5 if single else 1.0))
         return self._made[part, single]

@@ -257,7 +257,7 @@ class _Level:
             return None
         grid = replace(self.grid, points=points)
         share = self._share * grid.size / self.grid.size
-        return _Level(grid, self.transforms.of_shape(points), self._spent, share)
+        return _Level(grid, self.transforms.of_shape(points, measured=False), self._spent, share)
 
 
 def _levels_of(start: FloatArray, grid: Grid) -> int:

@@ -468,10 +468,10 @@ class SlabTransforms(Transforms):
         self._pair = self._slab = plan_pair(SlabPlans, shape, *made)
         self.plans = Plans(0, 0, *map(address, self._functions))
 
-    def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
+    def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
         """Transforms of another grid over the same ranks, or in another precision."""
         grid = replace(self._grid, points=shape)
-        made = self._wisdom, self._time_limit, self.threads, single
+        made = self._wisdom, self._time_limit if measured else 0.0, self.threads, single
         return SlabTransforms(grid, *made, shared=self._shared)
 
     def transform(self, field: Any, spectrum: Any) -> None:

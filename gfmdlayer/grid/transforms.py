@@ -106,9 +106,12 @@ class Transforms:
         """Transforms of a window with 1/divisor of the points of each axis, from the same wisdom."""
         return self.of_shape(tuple(points // divisor for points in self.shape))
 
-    def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
-        """Transforms of another shape or precision, from the same wisdom."""
-        return Transforms(shape, self._wisdom, self._time_limit, self.threads, single)
+    def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
+        """Transforms of another shape or precision, from the same wisdom; what it lacks is measured or not.
+
+        A run repeats its bits only if its wisdom has all plans that are measured (`wisdom.planned`).
+        """
+        return Transforms(shape, self._wisdom, self._time_limit if measured else 0.0, self.threads, single)
 
     @property
     def wisdom(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from gfmdlayer import Case, Config
 from gfmdlayer.friction.problem import Law, Problem, Solution, norms
 from gfmdlayer.friction.response import Operator, Response, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
+from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.wisdom import planned
 from tests.friction.cases import random_problem, rough
 
 
@@ -93,6 +96,20 @@ def test_a_window_responds_as_the_whole_surface(points: tuple[int, ...]) -> None
     np.testing.assert_allclose(among(x[:, near]), whole, rtol=0, atol=2e-6 * np.abs(whole).max())
     part = 8 if len(points) == 1 else 2
     assert spent.pairs - before == pytest.approx(0.5 * (1 + len(points)) / part ** len(points))
+
+
+def test_plans_beside_those_that_are_kept_are_always_the_same(tmp_path: Path) -> None:
+    """So the bits of a run repeat: a plan that is measured in the run may round differently each time."""
+    points, found = (48, 48), set()
+    wisdom, grid = planned(points, tmp_path), Grid(points, (1.0, 1.0))
+    response = Response.of_halfspace(grid, 1.0, 0.3)
+    problem = Problem(response, parabola(grid, 0.25), Law(0.4), load=0.01, force=np.array([1e-3, 0.0]))
+    for _ in range(3):
+        forget_wisdom()
+        transforms = Transforms(points, wisdom)
+        assert FrictionSolver(grid, transforms).solve(problem).converged
+        found.add(transforms.wisdom)
+    assert len(found) == 1
 
 
 @pytest.mark.parametrize("n", [512, 4096])
