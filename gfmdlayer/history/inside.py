@@ -64,7 +64,6 @@ class Interior:
         self.relaxes_alike = alike([layer.material for layer in stack.present])
         waves = grid.waves
         size = np.ravel(waves.magnitude)
-        different, where = np.unique(size, return_inverse=True)
         self._at_mean = np.flatnonzero(size == 0)
         different, where = np.unique(size, return_inverse=True)
         self._where: IntArray = where.ravel()

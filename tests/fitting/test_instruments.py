@@ -231,6 +231,14 @@ def test_columns_of_a_file_name_segments_prescribed_quantity_and_base(tmp_path: 
     assert len(str(curve.origin["sha256"])) == 64
 
 
+def test_a_prescribed_depth_is_the_depth_with_a_known_stiffness_too() -> None:
+    found = [
+        Prediction(ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0), prescribed="depth", stiffness=stiffness))
+        for stiffness in (None, 0.5)
+    ]
+    assert np.array_equal(*(each.corrected(Correction()) for each in found))
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
