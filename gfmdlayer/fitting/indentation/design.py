@@ -114,7 +114,7 @@ def _planned(plan: Plan, model: Model, number: int) -> ForceCurve:
         )
     time = np.linspace(corners[0], corners[-1], int(plan.get("rows", ROWS)))
     own = np.interp(time, corners, values)
-    stiffness = plan.get("stiffness")
+    stiffness: Any = plan.get("stiffness")
     if kind == BASE and stiffness is None:
         raise ConfigError([f"plan {name}: the base is prescribed; give the stiffness of the cantilever"])
     # Until the response is known, half of the motion of the base bends the cantilever.
