@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -229,6 +230,23 @@ def test_columns_of_a_file_name_segments_prescribed_quantity_and_base(tmp_path: 
     assert curve.position_of_drive == pytest.approx(RAMP)
     assert curve.stiffness_error == 0.1
     assert len(str(curve.origin["sha256"])) == 64
+
+
+def test_a_stiffness_in_a_file_has_the_units_of_its_columns(tmp_path: Path) -> None:
+    path = tmp_path / "curve.h5"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("a")
+        group.attrs["stiffness"] = 2.0  # uN/nm
+        for name, values, unit in (
+            ("time", TIME, "s"),
+            ("base", 1e3 + RAMP, "nm"),
+            ("force", np.maximum(RAMP, 0.0), "uN"),
+        ):
+            group[name] = values
+            group[name].attrs["units"] = unit
+    curve = read_curve(entries([path])[0])  # in SI
+    assert curve.stiffness == pytest.approx(2e3, rel=1e-12)
+    assert curve.position_of_drive == pytest.approx(1e-9 * (1e3 + RAMP), rel=1e-12)
 
 
 def test_a_prescribed_depth_is_the_depth_with_a_known_stiffness_too() -> None:
