@@ -278,6 +278,13 @@ def test_impossible_segments_and_springs_are_named(change: dict[str, Any], messa
         ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0.0) ** 1.5, **change)
 
 
+def test_the_rows_of_the_chosen_segments_must_be_enough() -> None:
+    names = ["approach"] * 196 + ["hold"] * 5
+    curve = ForceCurve("a", TIME, 0.02 * TIME, TIME**1.5, prescribed="depth", segment=names)
+    with pytest.raises(FitError, match="5 rows are too few for 3 free parameters"):
+        fit_indentation(curve, START, ZENER, segments=["hold"])
+
+
 def test_a_free_stiffness_needs_a_prescribed_base() -> None:
     curve = ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0.0) ** 1.5, prescribed="depth")
     with pytest.raises(ConfigError, match="stiffness: got a curve without a prescribed base"):
