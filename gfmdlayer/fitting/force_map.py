@@ -191,7 +191,7 @@ def collect(
             continue
         for row, key in enumerate(keys):
             if key in found.keys:  # a curve has no stiffness to fit where its depth is prescribed
-                tables[row, :, *place] = found.columns[:, found.keys.index(key)]
+                np.moveaxis(tables[row], 0, -1)[place] = found.columns[:, found.keys.index(key)]
         np.moveaxis(scalars, 0, -1)[place] = found.scalars
     with new_file(folder.sweep) as file:
         h5 = file.begin()

@@ -141,6 +141,8 @@ def test_nanite_models_of_thick_layers_are_hertzian_and_of_thin_ones_stiffer(sha
     twice = {**about, "baseline": 0.0} | ({} if shape == "cone" else {"R": 2 * size})
     one = force(delta, 3e3, 1e-6, **{**about, "baseline": 0.0})
     assert force(2 * delta, 3e3, 2e-6, **twice) == pytest.approx(4 * one, rel=1e-4)
+    gap = force(np.append(delta, np.nan), 3e3, 1e-6, **about)
+    assert np.array_equal(gap, np.append(thin, np.nan), equal_nan=True)
 
 
 def test_nanite_fits_its_hertz_modulus_with_a_thick_layer() -> None:
