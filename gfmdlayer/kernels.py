@@ -42,22 +42,27 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 @overload
 def kernel(function: Function) -> Function: ...
 @overload
-def kernel(*, reorder: bool = False, inner: bool = False) -> Callable[[Function], Function]: ...
-def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False) -> Any:
+def kernel(
+    *, reorder: bool = False, inner: bool = False, borrows: bool = False
+) -> Callable[[Function], Function]: ...
+def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False, borrows: bool = False) -> Any:
     """Compile a function by Numba at its first call, without the interpreter's lock, cached on the disk.
 
-    `reorder` allows to reorder sums (`FASTMATH`), as vector units need it. An `inner` kernel is called only
-    by other kernels: it has no entry for Python, which takes longer to compile than a short kernel where many
-    arrays come in groups.
+    `reorder` allows to reorder sums (`FASTMATH`), as vector units need it, and gives a division by zero its
+    limit, as the check of each would keep loops from them. An `inner` kernel is called only by other kernels:
+    it has no entry for Python, which takes longer to compile than a short kernel where many arrays come in
+    groups. A kernel that `borrows` makes no array and returns none. It does not count who holds the parts
+    that it takes of arrays: for short rows that took as long as their numbers.
     """
     if function is None:
-        return lambda decorated: _compiled(decorated, reorder, inner)
-    return _compiled(function, reorder, inner)
+        return lambda decorated: _compiled(decorated, reorder, inner, borrows)
+    return _compiled(function, reorder, inner, borrows)
 
 
-def _compiled(function: Any, reorder: bool, inner: bool) -> Any:
+def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
     fastmath = FASTMATH if reorder else False
     options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "no_cpython_wrapper": inner}
+    options |= {"error_model": "numpy" if reorder else "python", "_nrt": not borrows}
     options["no_cfunc_wrapper"] = True  # no library calls a kernel by its address
     dispatcher = nb.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off

@@ -70,15 +70,15 @@ def model(shape: str) -> SimpleNamespace:
         given = dict(zip(about, values, strict=False)) | named
         at = {key: float(given.get(key, default)) for key, (_, _, default) in about.items()}
         depth = at.pop("contact_point") - np.asarray(delta, dtype=float)
-        baseline, deepest = at.pop("baseline"), float(depth.max(initial=0.0))
-        found = np.full(depth.shape, baseline)
-        if deepest > 0:
+        baseline, pressed = at.pop("baseline"), depth > 0
+        found = baseline + 0.0 * depth  # NaN stays
+        if pressed.any():
             E, punch = at["E"], profile(at[size])
             base = at["E_base"] / E if at["E_base"] < RIGID * E else math.inf
             body = at["t"], base, at["nu"], at["nu_base"]
-            pressed = depth > 0
             # The largest depth is rounded up, so that a moving contact point needs few solutions.
-            root = _root(_rounded(deepest), body, (punch.rim, punch.sphere, *map(_numbers, punch[2:])), power)
+            deepest = _rounded(float(depth[pressed].max()))
+            root = _root(deepest, body, (punch.rim, punch.sphere, *map(_numbers, punch[2:])), power)
             found[pressed] += E * root(depth[pressed]) ** power
         return found
 

@@ -34,6 +34,7 @@ NAMES = (
     "overhead",
     "ranks",
     "slabs",
+    "roofline",
     "peer",
     "rough",
     "ablation",
@@ -41,7 +42,7 @@ NAMES = (
     "adhesion",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("ranks", "slabs", "peer", "rough", "ablation", "adhesion")  # --quick omits them
+OPTIONAL = ("ranks", "slabs", "roofline", "peer", "rough", "ablation", "adhesion")  # --quick omits them
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

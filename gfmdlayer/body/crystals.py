@@ -563,17 +563,18 @@ def _array(file: Path, kind: str, _changed: int) -> tuple[FloatArray, tuple[floa
         if kind == ".bin":
             found, period = _of_fix_gfc(file)
         elif kind == ".npy":
-            found = np.asarray(np.load(file, allow_pickle=False), dtype=np.float64)
+            found = np.asarray(np.load(file, allow_pickle=False))
         else:
             import h5py
 
             with h5py.File(file) as h5:
                 dataset = h5["stiffness"]
-                found = np.asarray(dataset[()], dtype=np.float64)
+                found = np.asarray(dataset[()])
                 if "period" in dataset.attrs:
                     period = tuple(
                         np.broadcast_to(dataset.attrs["period"], found.ndim).astype(float).tolist()
                     )
+        found = found.astype(np.float64, casting="same_kind", copy=False)  # complex numbers are refused
     except (OSError, ValueError, EOFError, KeyError, TypeError) as error:
         reason = str(error).strip('"')
         raise ValueError(f"{file}: cannot be read as an array ({reason}); see gfmdlayer.Tabulated") from None

@@ -44,13 +44,13 @@ def temperature_problems(
     config: Section, temperature: Temperature | None, *, moves: bool, layered: bool
 ) -> Iterator[Problem]:
     """Yield why a temperature and the shifts of materials do not go together."""
-    found = shifts(config)
     if temperature is None:
         for at, law in sections_in(config):
             if isinstance(law, Law) and law.shift is not None:
                 message = "only with a temperature; remove it or set temperature"
                 yield Problem((*at, "shift"), message, ("temperature",))
         return
+    found = shifts(config)
     others = tuple(dotted(at) for at in found)
     if not any(found.values()):
         message = "no material that relaxes has a shift; remove it or give a shift"

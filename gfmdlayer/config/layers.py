@@ -199,12 +199,12 @@ class Layers(Compound):
     """layers on a halfspace: the keys layer, layers and halfspace beside body"""
 
     _layers: tuple[Layer, ...] = ()
-    _base: Halfspace = PrivateAttr(default_factory=Halfspace)
+    _base: Halfspace = PrivateAttr()  # both are set by `of`
 
     @classmethod
     def of(cls, layers: tuple[Layer, ...], base: Halfspace) -> Layers:
         """Return the body of these layers, from the surface down."""
-        made = cls()
+        made = cls.model_construct()  # nothing to validate
         made._layers, made._base = layers, base
         return made
 

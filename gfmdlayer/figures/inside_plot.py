@@ -118,7 +118,10 @@ def _with_fields(case: Dataset) -> Dataset:
         allowed = "set output.inside and run the configuration again"
         raise ResultsError(f"the snapshots have no fields below the surface; {allowed}")
     first = case["stress_zz"].isel({name: 0 for name in case["stress_zz"].dims if name != "snapshot"})
-    return case.isel(snapshot=np.flatnonzero(first.notnull().to_numpy()))
+    known = np.flatnonzero(first.notnull().to_numpy())
+    if not known.size:
+        raise ResultsError("no snapshot has fields below the surface; the run ended before them")
+    return case.isel(snapshot=known)
 
 
 def _field(case: Dataset, name: str) -> DataArray:

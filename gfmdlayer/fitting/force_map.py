@@ -191,9 +191,7 @@ def collect(
             continue
         for row, key in enumerate(keys):
             if key in found.keys:  # a curve has no stiffness to fit where its depth is prescribed
-                tables[row].reshape(len(_MEANINGS), *shape)[:, *place] = found.columns[
-                    :, found.keys.index(key)
-                ]
+                np.moveaxis(tables[row], 0, -1)[place] = found.columns[:, found.keys.index(key)]
         np.moveaxis(scalars, 0, -1)[place] = found.scalars
     with new_file(folder.sweep) as file:
         h5 = file.begin()
@@ -256,6 +254,8 @@ class ForceMap:
         self._model, self.keys = Model(model), list(free)
         if options.contact == "detect":
             self.keys += [key for key in ("contact_point", "force_offset") if key not in self.keys]
+        if options.stiffness_error is not None and "stiffness" not in self.keys:
+            self.keys.append("stiffness")
         self.folder = Folder(directory)
         self.task = FitTask(self.folder, dict(model), free, options, units)
         found = entries(paths)

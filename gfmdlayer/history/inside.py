@@ -31,6 +31,7 @@ from gfmdlayer.history.modes import Modes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.kernels import kernel
 
+_LEAST = 1e-100  # stress of which the cube is a number
 _CHUNK = 4096  # waves whose stretches are summed at once
 
 # Fields on a line, and on a surface: displacements along x, y, z and stresses.
@@ -64,7 +65,6 @@ class Interior:
         self.relaxes_alike = alike([layer.material for layer in stack.present])
         waves = grid.waves
         size = np.ravel(waves.magnitude)
-        different, where = np.unique(size, return_inverse=True)
         self._at_mean = np.flatnonzero(size == 0)
         different, where = np.unique(size, return_inverse=True)
         self._where: IntArray = where.ravel()
@@ -293,7 +293,7 @@ def half_of_principal(
         mean, q = (xx[i] + yy[i] + zz[i]) / 3, equivalent[i]
         a, b, c = xx[i] - mean, yy[i] - mean, zz[i] - mean
         third = a * b * c + 2 * xy[i] * xz[i] * yz[i] - a * yz[i] ** 2 - b * xz[i] ** 2 - c * xy[i] ** 2
-        cosine = min(max(13.5 * third / q**3, -1.0), 1.0) if q > 0.0 else 0.0
+        cosine = min(max(13.5 * third / q**3, -1.0), 1.0) if q > _LEAST else 0.0
         found[i] = q * math.sin((math.acos(cosine) + math.pi) / 3) / math.sqrt(3.0)
 
 

@@ -94,14 +94,11 @@ class Inside(Every):
                 index = np.unravel_index(number, equivalent.shape)
                 along = zip(self._grid.coordinates, index, strict=True)
                 largest, at = found, (*(float(x[i]) for x, i in along), place.depth)
-        whole = ranks.maximum(largest)
-        own = at if largest == whole else (-math.inf,) * len(at)
-        own = own if whole > 0 else (math.nan,) * len(at)
-        row: dict[str, Any] = {VON_MISES.name: whole, SHEAR.name: ranks.maximum(shear)}
-        axes = "xyz" if len(at) == 3 else "xz"
-        row |= {
-            f"largest_von_mises_{axis}": ranks.maximum(each) for axis, each in zip(axes, own, strict=True)
-        }
+        # Of equal values the place at the least depth counts, and there the first one: all of one rank.
+        largest, at = max(ranks.all_of((largest, at)), key=lambda each: (each[0], -each[1][-1]))
+        row: dict[str, Any] = {VON_MISES.name: largest, SHEAR.name: ranks.maximum(shear)}
+        for axis, x in zip("xyz" if len(at) == 3 else "xz", at, strict=True):
+            row[f"largest_von_mises_{axis}"] = x if largest > 0 else math.nan
         if self._interfaces:
             fields = [interior.at(springs, place, ("zz", "xz", "yz")) for place in self._interfaces]
             row["interface_peel"] = ranks.maximum(np.array([each["zz"].max() for each in fields]))

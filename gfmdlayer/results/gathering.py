@@ -602,7 +602,7 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
     cases = [record.source for record in records if isinstance(record.source, xarray.Dataset)]
     first = cases[0] if cases else xarray.Dataset()
     if first.sizes.get("snapshot") and _agree(cases, "snapshot", "x", "y"):
-        below = _agree(cases, "z", "spring")
+        below = _agree(cases, "z", "layer", "spring")
         for name in (
             each for each in (SNAPSHOT_FIELDS if below else FIELDS) if all(each in case for case in cases)
         ):

@@ -178,16 +178,19 @@ def described(section: type[Section], key: str) -> tuple[str, str]:
 
 def sections_in(section: Section, at: Location = ()) -> Iterator[tuple[Location, Section]]:
     """Yield a section and all sections below it, with their locations, in the order of the model."""
-    yield at, section
-    for key, value in vars(section).items():
-        if value.__class__ in _PLAIN:  # most values; this function is called often
-            continue
-        if isinstance(value, Section):
-            yield from sections_in(value, (*at, key))
-        elif isinstance(value, tuple):
-            for i, part in enumerate(value):
-                if isinstance(part, Section):
-                    yield from sections_in(part, (*at, key, i))
+    waiting = [(at, section)]
+    while waiting:
+        at, section = waiting.pop()
+        yield at, section
+        below = []
+        for key, value in vars(section).items():
+            if value.__class__ in _PLAIN:  # most values; this function is called often
+                continue
+            if isinstance(value, Section):
+                below.append(((*at, key), value))
+            elif isinstance(value, tuple):
+                below += [((*at, key, i), part) for i, part in enumerate(value) if isinstance(part, Section)]
+        waiting += below[::-1]
 
 
 def replaced(section: Part, change: Callable[[Any], Any]) -> Part:

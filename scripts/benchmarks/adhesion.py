@@ -90,6 +90,34 @@ def measure(effort: Effort) -> Iterator[Table]:
     yield Table("adhesion", title, rows, note)
     small = [course for course in courses if course.grid.size <= 1 << 12]
     yield _ablations([*small, _rough(128, effort.steps // 3)] if large else small)
+    rough = [_rough(side, effort.steps // 3) for side in ((64, 128, *sides) if large else sides)]
+    yield _cycles([*rough, *(course._replace(law=steep) for course in rough[:2])], effort.repetitions)
+
+
+def _cycles(courses: list[_Course], repetitions: int) -> Table:
+    """Each course with the cycle and without it, in turns."""
+    rows: list[dict[str, Cell]] = []
+    for course in courses:
+        found: tuple[list[_Outcome], list[_Outcome]] = [], []
+        for _ in range(1 + repetitions):
+            found[0].append(_follow(Newton(Transforms(course.grid.shape)), course))
+            with patch.object(solver, "cycle_of", _by_transform):
+                found[1].append(_follow(Newton(Transforms(course.grid.shape)), course))
+        pairs, seconds = zip(
+            *((sum(each[-1].pairs), min(one.seconds for one in each[1:])) for each in found), strict=True
+        )
+        rows.append(
+            {
+                "contact": course.name,
+                "law": "exponential" if course.law.terms.form[0] == EXPONENTIAL else "Lennard-Jones",
+                "FFT pairs": pairs[0],
+                "pairs by transforms": pairs[1],
+                "pairs": pairs[0] / pairs[1],
+                "CPU time": seconds[0] / seconds[1],
+            }
+        )
+    title = "The cycle over the preconditioner by transforms: FFT pairs and CPU time, in turns in one process"
+    return Table("adhesion-cycle", title, rows)
 
 
 def _line(n: int, reach: float, steps: int) -> _Course:
@@ -198,17 +226,17 @@ class _LastDisplacement(Newton):
 
 
 @nb.njit(nogil=True)
-def _no_preconditioner(single, system, curvature, step, damping, lack):  # type: ignore[no-untyped-def]
+def _no_preconditioner(single, system, curvature, step, damping, lack, unit):  # type: ignore[no-untyped-def]
     """Take the place of the beginning of a step."""
-    pairs = begin(single, system, curvature, step, damping, lack)
+    pairs = begin(single, system, curvature, step, damping, lack, unit)
     step.softening[:], step.share[:] = 1.0 / step.d.size, 1.0
     return pairs
 
 
 @nb.njit(nogil=True)
-def _one_stiffness(single, system, curvature, step, damping, lack):  # type: ignore[no-untyped-def]
+def _one_stiffness(single, system, curvature, step, damping, lack, unit):  # type: ignore[no-untyped-def]
     """Take the place of the beginning of a step."""
-    pairs = begin(single, system, curvature, step, damping, lack)
+    pairs = begin(single, system, curvature, step, damping, lack, unit)
     step.share[:] = 1.0
     return pairs
 
@@ -237,10 +265,6 @@ class _Ablation(NamedTuple):
     others: tuple[tuple[str, object], ...] = ()
 
 
-def _in_step(**replaced: object) -> dict[str, Any]:
-    return {"_find_step": with_globals(solver._find_step, replaced)}
-
-
 _ABLATIONS = (
     _Ablation("nothing: FFT pairs"),
     _Ablation("start from the last gap: displacement", _LastDisplacement),
@@ -248,10 +272,10 @@ _ABLATIONS = (
     _Ablation("states on the way in single precision", loop=lambda: {"_in_single": _in_double}),
     _Ablation(
         "preconditioner",
-        loop=lambda: _in_step(begin=_no_preconditioner),
+        loop=lambda: {"begin": _no_preconditioner},
         others=(("cycle_of", _by_transform),),
     ),
-    _Ablation("its scale where the interface is stiff", loop=lambda: _in_step(begin=_one_stiffness)),
+    _Ablation("its scale where the interface is stiff", loop=lambda: {"begin": _one_stiffness}),
     _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),
     _Ablation("bound on the error of a tangent", loop=lambda: {"_CHANGE": 1e300}),
     _Ablation("search for the lowest mode", others=(("find_margin", _no_search),)),

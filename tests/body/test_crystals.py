@@ -307,6 +307,7 @@ def test_arrays_that_are_no_stiffness_are_refused(tmp_path: Path) -> None:
     for values, message in (
         (np.arange(64.0).reshape(8, 8) + 1, "differs between q and -q"),
         (-np.ones((8, 8)), "must hold finite numbers along one axis or two, > 0"),
+        (np.ones((8, 8)) + 1j, "cannot be read as an array"),
     ):
         np.save(table, values)
         with pytest.raises(gfmdlayer.ConfigError, match=message):

@@ -28,7 +28,10 @@ Floats = NDArray[np.float64]
 @nb.njit
 def _answers(given: Any, free: Any, stiffness: Any, forces: Any) -> Any:
     """Compile into one what the loop of the solver calls."""
-    cycle.set_cycle(given, free, stiffness, 1.0)
+    D = given.D[: free.size]
+    for i in range(free.size):
+        D[i] = stiffness[i] / given.unit if free[i] > 0 else cycle.PRESSED
+    cycle.set_cycle(given, np.empty_like(D))
     found = np.empty_like(forces)
     for k in range(len(forces)):
         cycle.run_cycle(given, forces[k], found[k])

@@ -14,7 +14,7 @@ import pytest
 import gfmdlayer.nanite
 from gfmdlayer import ConfigError, ForceCurve, design_indentation, fit_indentation
 from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
-from gfmdlayer.fitting.indentation.report import write_report
+from gfmdlayer.fitting.indentation.report import add_fit, comparison, write_report
 
 MODEL: dict[str, Any] = {
     "layer": {"thickness": 1.0, "material": {"model": "zener", "G0": 1.0, "Ginf": 4.0, "tau": 1.0}},
@@ -68,13 +68,37 @@ def test_a_shallow_curve_names_the_second_curve_that_gives_the_thickness() -> No
         ({"time": [0, 1], "depth": [0, 1]}, "plan 0: noise is missing"),
         ({"time": [0, 1], "base": [0, 1], "noise": 1.0}, "give the stiffness of the cantilever"),
         ({"time": [0, 1], "noise": 1.0}, "must have time and one of"),
-        ({"time": [1, 0], "depth": [0, 1], "noise": 1.0}, "two or more corners"),
+        ({"time": [1, 0], "depth": [0, 1], "noise": 1.0}, "two or more finite corners"),
+        ({"time": [0, math.nan], "depth": [0, 1], "noise": 1.0}, "two or more finite corners"),
         ({"time": [0, 1], "dept": [0, 1], "noise": 1.0}, "did you mean 'depth'"),
     ],
 )
 def test_impossible_plans_are_named(plan: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         design_indentation(plan, MODEL, ZENER)
+
+
+def test_a_planned_curve_follows_its_model_and_a_base_may_be_as_stiff_as_the_unit() -> None:
+    # A spring k under the base x and Hertz's force: k (x - d) = 16/3 G (R d^3)^(1/2), here for nu = 1/2.
+    free, hertz = ["layer.material.G0"], 16 / 3 * 5**0.5
+    model = MODEL | {"layer": {"thickness": math.inf, "material": {"model": "zener", "G0": 1.0, "Ginf": 1.0}}}
+    model = {key: model[key] for key in ("layer", "punch")} | {"punch": {"shape": "parabola", "radius": 5.0}}
+    for stiffness in (0.5, 1.0):
+        plan = {"time": [0, 1], "base": [0, 0.1], "noise": 1e-3, "stiffness": stiffness}
+        fit = design_indentation(plan, model, free)
+        d = fit.curves[0].curve.depth[-1]
+        assert stiffness * (0.1 - d) == pytest.approx(hertz * d**1.5, rel=1e-3)
+        assert not any("residuals" in each for each in fit.warnings)  # there is no noise in a plan
+
+
+def test_the_noise_of_a_fit_is_of_one_quantity_and_each_curve_has_its_group(tmp_path: Path) -> None:
+    plans = [CREEP | {"name": "noise"}, {"time": [0, 1], "depth": [0, 0.01], "noise": 0.5, "name": "a/b"}]
+    fit = design_indentation(plans, MODEL, ZENER[:1])
+    assert comparison({"model": fit})[1].split()[2] == "0.5"
+    with h5py.File(tmp_path / "fit.h5", "w") as file:
+        add_fit(file, fit)
+        assert file["noise"][()] == 0.5
+        assert {file[name].attrs["name"] for name in ("noise_", "a_b")} == {"noise", "a/b"}
 
 
 def test_exports_have_every_input_and_can_be_fitted_again(tmp_path: Path) -> None:
@@ -117,6 +141,8 @@ def test_nanite_models_of_thick_layers_are_hertzian_and_of_thin_ones_stiffer(sha
     twice = {**about, "baseline": 0.0} | ({} if shape == "cone" else {"R": 2 * size})
     one = force(delta, 3e3, 1e-6, **{**about, "baseline": 0.0})
     assert force(2 * delta, 3e3, 2e-6, **twice) == pytest.approx(4 * one, rel=1e-4)
+    gap = force(np.append(delta, np.nan), 3e3, 1e-6, **about)
+    assert np.array_equal(gap, np.append(thin, np.nan), equal_nan=True)
 
 
 def test_nanite_fits_its_hertz_modulus_with_a_thick_layer() -> None:

@@ -162,6 +162,20 @@ def test_curves_without_places_are_in_a_row() -> None:
         assert found["G0"].dims == ("curve",)
 
 
+def test_a_map_has_the_stiffness_that_is_fitted_since_it_is_uncertain() -> None:
+    options = FitOptions(prescribed="base", stiffness=1e3, stiffness_error=0.1)
+    with assemble() as pool:
+        assert pool is not None
+        ForceMap([Path("map.h5")], Path("out"), MODEL, ["layer.material.G0"], options).run(pool)
+    with open_results("out") as found:
+        known = found["stiffness"].to_numpy().ravel()
+        errors = found["stiffness_error"].to_numpy().ravel()
+    is_good = np.arange(MODULI.size) != BAD
+    assert (np.isfinite(known) == is_good).all()
+    assert (np.abs(np.log(known[is_good] / 1e3)) < 0.1).all()  # the force tells little of it
+    assert (errors[is_good] < 0.11 * known[is_good]).all()
+
+
 def test_a_folder_of_something_else_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
     Path("out").mkdir()
     Path("out/notes.txt").write_text("mine")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -231,6 +232,31 @@ def test_columns_of_a_file_name_segments_prescribed_quantity_and_base(tmp_path: 
     assert len(str(curve.origin["sha256"])) == 64
 
 
+def test_a_stiffness_in_a_file_has_the_units_of_its_columns(tmp_path: Path) -> None:
+    path = tmp_path / "curve.h5"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("a")
+        group.attrs["stiffness"] = 2.0  # uN/nm
+        for name, values, unit in (
+            ("time", TIME, "s"),
+            ("base", 1e3 + RAMP, "nm"),
+            ("force", np.maximum(RAMP, 0.0), "uN"),
+        ):
+            group[name] = values
+            group[name].attrs["units"] = unit
+    curve = read_curve(entries([path])[0])  # in SI
+    assert curve.stiffness == pytest.approx(2e3, rel=1e-12)
+    assert curve.position_of_drive == pytest.approx(1e-9 * (1e3 + RAMP), rel=1e-12)
+
+
+def test_a_prescribed_depth_is_the_depth_with_a_known_stiffness_too() -> None:
+    found = [
+        Prediction(ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0), prescribed="depth", stiffness=stiffness))
+        for stiffness in (None, 0.5)
+    ]
+    assert np.array_equal(*(each.corrected(Correction()) for each in found))
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -250,6 +276,13 @@ def test_columns_of_a_file_name_segments_prescribed_quantity_and_base(tmp_path: 
 def test_impossible_segments_and_springs_are_named(change: dict[str, Any], message: str) -> None:
     with pytest.raises(FitError, match=message):
         ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0.0) ** 1.5, **change)
+
+
+def test_the_rows_of_the_chosen_segments_must_be_enough() -> None:
+    names = ["approach"] * 196 + ["hold"] * 5
+    curve = ForceCurve("a", TIME, 0.02 * TIME, TIME**1.5, prescribed="depth", segment=names)
+    with pytest.raises(FitError, match="5 rows are too few for 3 free parameters"):
+        fit_indentation(curve, START, ZENER, segments=["hold"])
 
 
 def test_a_free_stiffness_needs_a_prescribed_base() -> None:

@@ -72,6 +72,14 @@ def test_what_cannot_be_used_is_refused_with_its_place(keys: dict[str, Any], sai
         gfmdlayer.run(RUN | LINE, **keys)
 
 
+def test_a_sweep_has_fields_only_where_its_cases_have_the_same_layers_at_their_depths() -> None:
+    keys = {"output.inside": {"depths": [0.0, 0.03]}, "time.end": 0.2, "output.snapshots": [0.2]}
+    for thicknesses, known in (([0.04, 0.05], True), ([0.02, 0.05], False)):
+        found = gfmdlayer.run(RUN | LINE, sweep={"layer.thickness": thicknesses}, **keys)
+        assert ("von_mises" in found) == known
+        assert "pressure" in found
+
+
 def test_modes_are_not_merged_where_fields_are_asked_for() -> None:
     law = {"model": "prony", "G0": 1.0, "branches": [{"G": 1.0, "tau": 10.0**k} for k in range(-3, 3)]}
     stack = {"layers": [{"thickness": 0.05, "material": law}], "halfspace": {"material": law | {"G0": 3.0}}}

@@ -4,13 +4,16 @@ D = w'' + damping is a stiffness of each point by itself. Each grid has about ha
 the one above it, the 13 taps of kappa truncated to its modes (`stencil`), and its own D. A point of a grid
 yields with the compliance c by the modes that the next grid lacks, in series with D:
 
-    share = 1/(1 + c D)                 of a motion of the next grid that the point follows; 0 where pressed
-    D below = mean of D share           1/c where pressed, by the weights of linear interpolation
+    share = 1/(1 + c D)                 of a motion of the next grid that the point follows
+    D below = mean of D share           by the weights of linear interpolation
 
-so that contact, stiff repulsion and attraction reach all grids by one formula. With r the force and
-B = smoothing/max(s_0 + D, s_0/2), s_0 the tap in the middle, 0 where pressed, a cycle is
+so that contact, stiff repulsion and attraction reach all grids by one formula. A pressed point has a D so
+large (`PRESSED`) that it does not move. With r the force and B = smoothing/max(s_0 + D, s_0/2), s_0 the tap
+in the middle, a cycle is
 
     x = B r;  x += share P x_below, x_below from P^T share (r - (S + D) x);  x += B (r - (S + D) x).
+
+A grid is read once on the way down and once on the way up: x, B and share live for five rows.
 
 The last grid is solved directly, with the magnitudes of its eigenvalues. M is symmetric, and positive where
 B (S + D) < 2, even if K + D is not: conjugate gradients still meet negative curvature.
@@ -29,6 +32,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.contact.stencil import REACH, sample, stencil, symbol
+from gfmdlayer.grid.fftw import aligned
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.slabs import SlabGrid
 from gfmdlayer.grid.transforms import execute, truncated
@@ -40,13 +44,15 @@ _SMOOTHING, _POSITIVE = 0.75, 1.4  # B s_0, and bound on B times the largest sym
 _SOFT = -0.5  # c D at least
 _MISFIT = 0.5  # of a stencil, relative, from which on there is no cycle
 _LOWEST = 0.25  # eigenvalue of the last grid at least, over kappa_1
-_NONE, _ONE = np.float32(0.0), np.float32(1.0)
+PRESSED = np.float32(1e15)  # D of a pressed point, over the unit
+_NONE, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_ROOM = 16  # numbers before a row in the work space, two of which are its neighbours: loops begin aligned
 
 
 class Cycle(NamedTuple):
     """All grids in one array each, the finest first; no grid where there is no cycle."""
 
-    grids: IntArray  # rows and columns held, first point, first row, and all rows of each
+    grids: IntArray  # rows and columns held, first point, where their places begin, first row, all rows
     unit: float  # of all stiffness here
     weights: Any  # of the stencils
     point: FloatArray  # c of each grid
@@ -55,16 +61,23 @@ class Cycle(NamedTuple):
     matrix: FloatArray  # K of the last grid
     inverse: Any  # of K + D there
     D: Any
-    share: Any
-    B: Any
     r: Any  # forces, of all but the finest
-    x: Any
     result: Any  # of all but the finest
-    one: Any  # M 1 on the free points
-    beside: Any  # rows of the finest grid beside those held, (4, columns)
+    one: Any  # M 1
+    place: IntArray  # of rows and columns: the one of the next grid before each, then their number there
+    part: Any  # of the way to the next one
+    rows: Any  # work space
+    beside: Any  # forces of the rows of the finest grid beside those held, (4, columns)
+    stiff_beside: Any
     reached: Any  # rows of the next grid that these reach
     exchange: int  # address of the function that writes `beside`; 0 on one process
     join: int  # of the one that brings the rows reached together
+
+
+@kernel
+def unit_of(kappa_1: float) -> float:
+    """Return a power of two near kappa_1, to which no digit is lost: the unit of stiffness."""
+    return float(2.0 ** np.floor(np.log2(max(kappa_1, 1e-300))))
 
 
 def no_cycle() -> Cycle:
@@ -77,8 +90,7 @@ def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float) -> Cycle:
 
     It has no grid for lines, small surfaces, and where the stencils do not describe the stiffness.
     """
-    shape, stiffness = whole.points, whole.every_mode(stiffness)
-    unit = 2.0 ** np.floor(np.log2(max(kappa_1, 1e-300)))
+    shape, stiffness, unit = whole.points, whole.every_mode(stiffness), unit_of(kappa_1)
     shapes = _shapes(shape, stiffness)
     if len(shapes) < 2:
         return no_cycle()
@@ -139,42 +151,58 @@ def _cycle(
 ) -> Cycle:
     held = [whole.shape, *shapes[1:]] if shapes else []
     points = np.array([np.prod(shape) for shape in held], dtype=np.int64)
-    grids = np.array(held, dtype=np.int64).reshape(-1, 2)
-    rows, first = [shape[0] for shape in shapes], np.zeros(len(shapes), np.int64)
-    first[:1] = whole.first_row
-    grids = np.column_stack((grids, np.cumsum(points) - points, first, np.array(rows, dtype=np.int64)))
-    size, last = int(points.sum()), int(points[-1]) if shapes else 0
-    finest = int(points[0]) if shapes else 0
-    D, share, B, x = (np.zeros(size, np.float32) for _ in range(4))
-    r, result = (np.zeros(size - finest, np.float32) for _ in range(2))
-    point, smoothing = np.array(constants).reshape(-1, 2).T.copy()
-    beside, reached, exchange, join = np.empty((0, 0), np.float32), np.empty((0, 0), np.float32), 0, 0
+    size, last, finest, width = (
+        (int(points.sum()), int(points[-1]), int(points[0]), shapes[0][1]) if shapes else (0, 0, 0, 0)
+    )
+    # Rows, then columns, of each grid and of the next one.
+    axes = [axis for pair in pairwise(shapes) for axis in zip(*pair, strict=True)]
+    begin = np.cumsum([0] + [n + 1 for n, _ in axes])[: len(axes)]
+    grids = np.zeros((len(shapes), 7), dtype=np.int64)
+    grids[:, :2], grids[:1, 5] = np.array(held).reshape(-1, 2), whole.first_row
+    grids[:, 2], grids[:-1, 3:5] = np.cumsum(points) - points, begin.reshape(-1, 2)
+    grids[:, 6] = [shape[0] for shape in shapes]
+    grids[:-1, 3] += grids[:-1, 5]
+    place = np.array([k * m // n for n, m in axes for k in range(n + 1)], dtype=np.int64)
+    part = np.array([k * m % n / n for n, m in axes for k in range(n + 1)], dtype=np.float32)
+    beside, stiff_beside, reached = (np.empty((0, 0), np.float32) for _ in range(3))
+    exchange, join = 0, 0
     if shapes and isinstance(whole, SlabGrid):
-        beside, below = np.empty((2 * REACH, shapes[0][1]), np.float32), shapes[1]
-        begin, end = (row * below[0] // shapes[0][0] for row in (whole.rows.start, whole.rows.stop - 1))
-        reached = np.empty((end + 2 - begin, below[1]), np.float32)
+        beside, stiff_beside = (np.empty((2 * REACH, width), np.float32) for _ in range(2))
+        first, end = (int(place[row]) for row in (whole.rows.start, whole.rows.stop - 1))
+        reached = np.empty((end + 2 - first, shapes[1][1]), np.float32)
         exchange = whole.exchange_of_rows(REACH, np.float32)
-        join = whole.sum_of_rows(below, begin, len(reached), np.float32)
+        join = whole.sum_of_rows(shapes[1], first, len(reached), np.float32)
+    length = -(-(width + 2 * _ROOM) // _ROOM) * _ROOM
+    point, smoothing = np.array(constants).reshape(-1, 2).T.copy()
     return Cycle(
         grids, unit, np.array(weights, np.float32).reshape(-1, 6), point, smoothing, lowest,
-        np.zeros((last, last)), np.zeros((last, last), np.float32),
-        D, share, B, r, x, result, np.zeros(finest, np.float32), beside, reached, exchange, join,
+        np.zeros((last, last)), np.zeros((last, last), np.float32), _space(size), _space(size - finest),
+        _space(size - finest), _space(finest), place, part, _space(9 * length).reshape(9, length),
+        beside, stiff_beside, reached, exchange, join,
     )  # fmt: skip
 
 
+def _space(size: int) -> Any:
+    space = aligned(size, single=True)
+    space[:] = 0.0
+    return space
+
+
 @kernel(reorder=True, inner=True)
-def set_cycle(cycle: Cycle, free: Any, stiffness: Any, unit: float) -> None:
-    """Take the free points, 1 where one moves, and their D, in a unit; find M 1."""
-    per, last = np.float32(unit / cycle.unit), cycle.grids.shape[0] - 1
-    _scale(per, stiffness, cycle.D)
+def set_cycle(cycle: Cycle, work: Any) -> None:
+    """Take the D of the finest grid, `PRESSED` where points are pressed, to all grids; find M 1."""
+    last = cycle.grids.shape[0] - 1
+    if cycle.exchange != 0:
+        execute(cycle.exchange, 0, cycle.D, cycle.stiff_beside)  # type: ignore[call-arg]
     for level in range(last):
-        first, end = cycle.grids[level, 2], cycle.grids[level, 2] + _points(cycle, level)
-        middle, point = cycle.weights[level, 0], np.float32(cycle.point[level])
-        D, share, B, mean = cycle.D[first:end], cycle.share[first:end], cycle.B[first:end], cycle.x[first:end]
-        _yield(np.float32(cycle.smoothing[level]), middle, point, D, share, B, mean)
-        if level == 0:
-            _press(point, free, share, B, mean)
-        _restrict(cycle, level, mean, cycle.D[end : end + _points(cycle, level + 1)])
+        first = cycle.grids[level, 2]
+        fine = _field(cycle, level, cycle.D, first)
+        below = _field(cycle, level + 1, cycle.D, first + fine.size)
+        if _is_shared(cycle, level):
+            _set_below(cycle, level, fine, cycle.reached)
+            execute(cycle.join, 0, cycle.reached, below)  # type: ignore[call-arg]
+        else:
+            _set_below(cycle, level, fine, below)
     first, size = cycle.grids[last, 2], cycle.matrix.shape[0]
     whole = cycle.matrix.copy()
     for i in range(size):
@@ -183,252 +211,228 @@ def set_cycle(cycle: Cycle, free: Any, stiffness: Any, unit: float) -> None:
     for k in range(size):
         values[k] = 1.0 / max(abs(values[k]), cycle.lowest)
     cycle.inverse[:] = ((vectors * values) @ vectors.T).astype(np.float32)
-    run_cycle(cycle, free, cycle.one)
-    for i in range(free.size):
-        cycle.one[i] *= free[i]
+    work[:] = _ONE
+    run_cycle(cycle, work, cycle.one)
 
 
-@kernel(reorder=True, inner=True)
-def _scale(factor: Any, source: Any, target: Any) -> None:
-    for i in range(source.size):
-        target[i] = factor * source[i]
-
-
-@kernel(reorder=True, inner=True)
-def _yield(smoothing: Any, middle: Any, c: Any, D: Any, share: Any, B: Any, mean: Any) -> None:
-    """Write share, B, and D share of free points."""
-    softest, least = np.float32(_SOFT) / c, np.float32(0.5) * middle
-    for i in range(D.size):
-        yields, stiff = D[i], middle + D[i]
-        yields = yields if yields > softest else softest
-        part = _ONE / (_ONE + c * yields)
-        share[i], mean[i] = part, D[i] * part
-        B[i] = smoothing / (stiff if stiff > least else least)
-
-
-@kernel(reorder=True, inner=True)
-def _press(c: Any, free: Any, share: Any, B: Any, mean: Any) -> None:
-    """Write the same of pressed points."""
-    for i in range(free.size):
-        share[i], B[i] = free[i] * share[i], free[i] * B[i]
-        mean[i] = free[i] * mean[i] + (_ONE - free[i]) / c
+@kernel(reorder=True, inner=True, borrows=True)
+def _set_below(cycle: Cycle, level: int, stiffness: Any, below: Any) -> None:
+    """Write the D of the next grid."""
+    c, row = np.float32(cycle.point[level]), cycle.rows[5]
+    softest = np.float32(_SOFT) / c
+    for i in range(stiffness.shape[0]):
+        D = stiffness[i]
+        for j in range(D.size):
+            yields = D[j] if D[j] > softest else softest
+            row[j] = D[j] / (_ONE + c * yields)
+        _add_row(cycle, level, i, row, below)
 
 
 @kernel(inner=True)
-def _points(cycle: Cycle, level: int) -> Any:
-    return cycle.grids[level, 0] * cycle.grids[level, 1]
+def _is_shared(cycle: Cycle, level: int) -> bool:
+    """Whether ranks hold parts of a grid."""
+    return level == 0 and cycle.exchange != 0
+
+
+@kernel(inner=True)
+def _field(cycle: Cycle, level: int, values: Any, first: int) -> Any:
+    """The rows of a grid whose points begin there in the values of all grids."""
+    rows, columns = cycle.grids[level, 0], cycle.grids[level, 1]
+    return values[first : first + rows * columns].reshape(rows, columns)
 
 
 @kernel(reorder=True, inner=True)
-def run_cycle(cycle: Cycle, force: Any, target: Any) -> None:
-    """Write M r of a force r that is zero where points are pressed."""
+def run_cycle(cycle: Cycle, force: Any, target: Any) -> tuple[float, float]:
+    """Write M r of a force r, zero where points are pressed; return the sums of M r and r M r."""
     last, finest = cycle.grids.shape[0] - 1, cycle.grids[0, 0] * cycle.grids[0, 1]
     for level in range(last):
-        first, end = cycle.grids[level, 2], cycle.grids[level, 2] + _points(cycle, level)
-        r = force if level == 0 else cycle.r[first - finest : end - finest]
-        x, B = cycle.x[first:end], cycle.B[first:end]
-        for i in range(x.size):
-            x[i] = B[i] * r[i]
-        _coarsen(cycle, level, r, x, cycle.r[end - finest : end - finest + _points(cycle, level + 1)])
+        first = cycle.grids[level, 2] - finest
+        r = _field(cycle, level, force, 0) if level == 0 else _field(cycle, level, cycle.r, first)
+        below = _field(cycle, level + 1, cycle.r, first + r.size)
+        if _is_shared(cycle, level):
+            execute(cycle.exchange, 0, force, cycle.beside)  # type: ignore[call-arg]
+            _descend(cycle, level, r, cycle.reached)
+            execute(cycle.join, 0, cycle.reached, below)
+        else:
+            _descend(cycle, level, r, below)
     first, size = cycle.grids[last, 2] - finest, cycle.matrix.shape[0]
-    r, x = cycle.r[first : first + size], cycle.result[first : first + size]
+    forces, x = cycle.r[first : first + size], cycle.result[first : first + size]
     for i in range(size):
-        total, line = _NONE, cycle.inverse[i]
+        moved, line = _NONE, cycle.inverse[i]
         for j in range(size):
-            total += line[j] * r[j]
-        x[i] = total
+            moved += line[j] * forces[j]
+        x[i] = moved
+    total, across = 0.0, 0.0
     for level in range(last - 1, -1, -1):
-        first, end = cycle.grids[level, 2], cycle.grids[level, 2] + _points(cycle, level)
-        r = force if level == 0 else cycle.r[first - finest : end - finest]
-        result = target if level == 0 else cycle.result[first - finest : end - finest]
-        x = cycle.x[first:end]
-        _prolong(cycle, level, cycle.result[end - finest : end - finest + _points(cycle, level + 1)], x)
-        _smooth(cycle, level, r, x, result)
+        first = cycle.grids[level, 2] - finest
+        r = _field(cycle, level, force, 0) if level == 0 else _field(cycle, level, cycle.r, first)
+        found = _field(cycle, level, target, 0) if level == 0 else _field(cycle, level, cycle.result, first)
+        below = _field(cycle, level + 1, cycle.result, first + r.size)
+        total, across = _ascend(cycle, level, r, below, found)
+    return total, across
 
 
-# Rows are short, and a call for each would cost as much as its points: what acts on a row is inlined.
-
-
-@kernel(inner=True)
-def _beside(cycle: Cycle, level: int, x: Any) -> Any:
-    """The two rows before those of a field, which is periodic, and the two after."""
-    if level > 0 or cycle.exchange == 0:
-        return x[x.shape[0] - 2 :], x[:2]
-    execute(cycle.exchange, 0, x, cycle.beside)  # type: ignore[call-arg]
-    return cycle.beside[:2], cycle.beside[2:]
+# Rows are short, and a call for each would cost as much as its points: what acts on a row is inlined. Arrays
+# that begin where they are read need no checks of indices, and the loops are vectorised.
 
 
 @nb.njit(inline="always")
-def _residual(
-    weights: Any, i: int, r: Any, x: Any, D: Any, ends: Any, row: Any, beside: Any, along: Any
-) -> None:
-    """Write row i of r - (S + D) x; `beside` and `along` are space for a row and 4 points."""
-    rows, columns = x.shape
-    here, rs, Ds, (before, after) = x[i], r[i], D[i], ends
-    up, top = x[i - 1] if i > 0 else before[1], x[i - 2] if i > 1 else before[i]
-    down = x[i + 1] if i + 1 < rows else after[0]
-    bottom = x[i + 2] if i + 2 < rows else after[i + 2 - rows]
-    w0, w1, w2, w3, w4, w5 = weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]
-    for j in range(columns):
-        pair = up[j] + down[j]
-        row[j] = rs[j] - (w0 + Ds[j]) * here[j] - w3 * pair - w5 * (top[j] + bottom[j])
-        beside[j + 2] = w1 * here[j] + w4 * pair
-        along[j + 2] = w2 * here[j]
+def _close(row: Any, columns: int) -> None:
+    """Write the neighbours of a periodic row beside it."""
     for k in range(2):
-        beside[k], beside[columns + 2 + k] = beside[columns + k], beside[2 + k]
-        along[k], along[columns + 2 + k] = along[columns + k], along[2 + k]
-    # Arrays that begin where they are read need no checks of indices, and the loop is vectorised.
-    left, right, farther = beside[1:], beside[3:], along[4:]
-    for j in range(columns):
-        row[j] -= left[j] + right[j] + along[j] + farther[j]
-
-
-@kernel(reorder=True, inner=True)
-def _smooth(cycle: Cycle, level: int, force: Any, field: Any, target: Any) -> None:
-    """Write x + B (r - (S + D) x)."""
-    rows, columns, first = cycle.grids[level, 0], cycle.grids[level, 1], cycle.grids[level, 2]
-    end, weights = first + rows * columns, cycle.weights[level]
-    r, x = force.reshape(rows, columns), field.reshape(rows, columns)
-    D, B = cycle.D[first:end].reshape(rows, columns), cycle.B[first:end].reshape(rows, columns)
-    found, row, ends = target.reshape(rows, columns), np.empty(columns, np.float32), _beside(cycle, level, x)
-    beside, along = np.empty(columns + 4, np.float32), np.empty(columns + 4, np.float32)
-    for i in range(rows):
-        _residual(weights, i, r, x, D, ends, row, beside, along)
-        xs, Bs, result = x[i], B[i], found[i]
-        for j in range(columns):
-            result[j] = xs[j] + Bs[j] * row[j]
-
-
-# Points of a grid lie between two of the next one: linear interpolation down, its transpose up.
-
-
-@kernel(inner=True)
-def _places(fine: int, coarse: int, first: int, number: int) -> tuple[Any, Any]:
-    """Point of the coarse axis to the left of each of the fine one, and the part of the way to the next."""
-    left, part = np.empty(number, np.int64), np.empty(number, np.float32)
-    for i in range(number):
-        j = first + i
-        left[i] = j * coarse // fine
-        part[i] = np.float32((j * coarse - left[i] * fine) / fine)
-    return left, part
-
-
-@kernel(inner=True)
-def _shares(fine: int, coarse: int) -> tuple[Any, Any]:
-    """The transpose: the first of up to four fine points, counted from the last but one, and their shares."""
-    begin, shares = np.empty(coarse, np.int64), np.zeros((4, coarse), np.float32)
-    for k in range(coarse):
-        start = (k - 1) * fine // coarse + 1
-        start = min(start, fine - 2)  # as where both axes have the same points
-        begin[k] = start + 2
-        for step in range(4):
-            away = abs((start + step) * coarse - k * fine)
-            shares[step, k] = np.float32(max(fine - away, 0) * coarse / (fine * fine))
-    return begin, shares
-
-
-@kernel(reorder=True, inner=True)
-def _coarsen(cycle: Cycle, level: int, force: Any, field: Any, target: Any) -> None:
-    """Write the force of the next grid, P^T share (r - (S + D) x)."""
-    rows, columns, first = cycle.grids[level, 0], cycle.grids[level, 1], cycle.grids[level, 2]
-    end, weights = first + rows * columns, cycle.weights[level]
-    r, x = force.reshape(rows, columns), field.reshape(rows, columns)
-    D, share = cycle.D[first:end].reshape(rows, columns), cycle.share[first:end].reshape(rows, columns)
-    found, left, part, per = _rows_below(cycle, level, target)
-    (begin, shares), ends = _shares(columns, cycle.grids[level + 1, 1]), _beside(cycle, level, x)
-    row = np.empty(columns, np.float32)
-    beside, along = np.empty(columns + 4, np.float32), np.empty(columns + 4, np.float32)
-    here, after = np.zeros(columns + 4, np.float32), np.zeros(columns + 4, np.float32)
-    found[0] = _NONE
-    for i in range(rows):
-        _residual(weights, i, r, x, D, ends, row, beside, along)
-        factor = share[i]
-        for j in range(columns):
-            row[j] *= factor[j]
-        _add_row(i, left, part, per, row, here, after, begin, shares, found)
-    _join(cycle, level, target)
-
-
-@kernel(reorder=True, inner=True)
-def _restrict(cycle: Cycle, level: int, field: Any, target: Any) -> None:
-    """Write P^T of a field."""
-    rows, columns = cycle.grids[level, 0], cycle.grids[level, 1]
-    values, (found, left, part, per) = field.reshape(rows, columns), _rows_below(cycle, level, target)
-    begin, shares = _shares(columns, cycle.grids[level + 1, 1])
-    here, after = np.zeros(columns + 4, np.float32), np.zeros(columns + 4, np.float32)
-    found[0] = _NONE
-    for i in range(rows):
-        _add_row(i, left, part, per, values[i], here, after, begin, shares, found)
-    _join(cycle, level, target)
-
-
-@kernel(inner=True)
-def _rows_below(cycle: Cycle, level: int, target: Any) -> Any:
-    """Rows of the next grid that those of this one reach; `_places` of these among them; points per point."""
-    rows, below_rows = cycle.grids[level, 4], cycle.grids[level + 1, 0]
-    left, part = _places(rows, below_rows, cycle.grids[level, 3], cycle.grids[level, 0])
-    per = np.float32(below_rows / rows)
-    if level > 0 or cycle.join == 0:
-        return target.reshape(below_rows, cycle.grids[level + 1, 1]), left, part, per
-    return cycle.reached, left - left[0], part, per
-
-
-@kernel(inner=True)
-def _join(cycle: Cycle, level: int, target: Any) -> None:
-    """Bring the rows that all ranks reach together."""
-    if level == 0 and cycle.join != 0:
-        execute(cycle.join, 0, cycle.reached, target)  # type: ignore[call-arg]
+        row[_ROOM - 2 + k], row[_ROOM + columns + k] = row[_ROOM + columns - 2 + k], row[_ROOM + k]
 
 
 @nb.njit(inline="always")
-def _add_row(
-    i: int, left: Any, part: Any, per: Any, row: Any, here: Any, after: Any, begin: Any, shares: Any,
-    found: Any,
-) -> None:  # fmt: skip
-    """Add row i to those of the next grid on either side, `here` and `after`; write the first when full.
+def _beside(cycle: Cycle, level: int) -> tuple[Any, Any]:
+    """Forces and D of the rows beside those held; none of a whole grid, which is periodic."""
+    number = cycle.beside.shape[0] if level == 0 else 0
+    return cycle.beside[:number], cycle.stiff_beside[:number]
 
-    Both have two more points on either side. The first row of the next grid is the last to be full.
+
+@nb.njit(inline="always")
+def _row(values: Any, i: int, ends: Any) -> Any:
+    """A row, or one of two before or after."""
+    rows = values.shape[0]
+    if 0 <= i < rows:
+        return values[i]
+    if ends.shape[0] > 0:
+        return ends[i + 2 if i < 0 else 2 + i - rows]
+    return values[i + rows if i < 0 else i - rows]
+
+
+@nb.njit(inline="always")
+def _apply_beside(weights: Any, i: int, ring: Any, r: Any, D: Any, row: Any, beside: Any) -> None:
+    """Write r - (S + D) x of row i but for the taps to the left and right, and what these act on."""
+    w0, w1, w3, w4, w5 = weights[0], weights[1], weights[3], weights[4], weights[5]
+    here, up, down = ring[i % 5][_ROOM:], ring[(i + 4) % 5][_ROOM:], ring[(i + 1) % 5][_ROOM:]
+    top, bottom, inner = ring[(i + 3) % 5][_ROOM:], ring[(i + 2) % 5][_ROOM:], beside[_ROOM:]
+    for j in range(r.size):
+        pair = up[j] + down[j]
+        row[j] = r[j] - (w0 + D[j]) * here[j] - w3 * pair - w5 * (top[j] + bottom[j])
+        inner[j] = w1 * here[j] + w4 * pair
+    _close(beside, r.size)
+
+
+@kernel(reorder=True, inner=True, borrows=True)
+def _descend(cycle: Cycle, level: int, force: Any, below: Any) -> None:
+    """Write the force of the next grid, P^T share (r - (S + D) x)."""
+    rows, columns = force.shape
+    weights, c = cycle.weights[level], np.float32(cycle.point[level])
+    smoothing = np.float32(cycle.smoothing[level])
+    stiffness = _field(cycle, level, cycle.D, cycle.grids[level, 2])
+    w0, w2, least, softest = weights[0], weights[2], _HALF * weights[0], np.float32(_SOFT) / c
+    ring, row, beside = cycle.rows, cycle.rows[5], cycle.rows[6]
+    left, right = beside[_ROOM - 1 :], beside[_ROOM + 1 :]
+    ends, ends_D = _beside(cycle, level)
+    for k in range(-2, rows + 2):
+        x, r, D = ring[(k + 5) % 5], _row(force, k, ends), _row(stiffness, k, ends_D)
+        inner = x[_ROOM:]
+        for j in range(columns):
+            stiff = w0 + D[j]
+            inner[j] = smoothing * r[j] / (stiff if stiff > least else least)
+        _close(x, columns)
+        i = k - 2
+        if i < 0:
+            continue
+        r, D = force[i], stiffness[i]
+        _apply_beside(weights, i, ring, r, D, row, beside)
+        before, after = ring[i % 5][_ROOM - 2 :], ring[i % 5][_ROOM + 2 :]
+        for j in range(columns):
+            yields = D[j] if D[j] > softest else softest
+            row[j] = (row[j] - left[j] - right[j] - w2 * (before[j] + after[j])) / (_ONE + c * yields)
+        _add_row(cycle, level, i, row, below)
+
+
+@kernel(reorder=True, inner=True, borrows=True)
+def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tuple[float, float]:
+    """Write x + B (r - (S + D) x) for x = B r + share P x of the next grid, and return its sums."""
+    total, across = 0.0, 0.0
+    (rows, columns), (rows_below, columns_below) = force.shape, below.shape
+    weights, c = cycle.weights[level], np.float32(cycle.point[level])
+    smoothing = np.float32(cycle.smoothing[level])
+    stiffness = _field(cycle, level, cycle.D, cycle.grids[level, 2])
+    w0, w2, least, softest = weights[0], weights[2], _HALF * weights[0], np.float32(_SOFT) / c
+    ring, row, beside, line, motion = cycle.rows, cycle.rows[5], cycle.rows[6], cycle.rows[7], cycle.rows[8]
+    left, right = beside[_ROOM - 1 :], beside[_ROOM + 1 :]
+    ends, ends_D = _beside(cycle, level)
+    first, begin, first_row, all_rows = cycle.grids[level, 3:]
+    first -= first_row
+    for k in range(-2, rows + 2):
+        i = first_row + k
+        i = first + (i + all_rows if i < 0 else i - all_rows if i >= all_rows else i)
+        m, part = cycle.place[i], cycle.part[i]
+        one, other = below[m], below[m + 1 if m + 1 < rows_below else 0]
+        for j in range(columns_below):
+            line[j] = one[j] + part * (other[j] - one[j])
+        line[columns_below] = line[0]
+        if columns == 2 * columns_below:
+            after = line[1:]
+            for j in range(columns_below):
+                motion[2 * j], motion[2 * j + 1] = line[j], _HALF * (line[j] + after[j])
+        else:
+            for j in range(columns):
+                m = cycle.place[begin + j]
+                motion[j] = line[m] + cycle.part[begin + j] * (line[m + 1] - line[m])
+        x, r, D = ring[(k + 5) % 5], _row(force, k, ends), _row(stiffness, k, ends_D)
+        inner = x[_ROOM:]
+        for j in range(columns):
+            stiff, yields = w0 + D[j], D[j] if D[j] > softest else softest
+            stiff, yields = stiff if stiff > least else least, _ONE + c * yields
+            inner[j] = (smoothing * yields * r[j] + stiff * motion[j]) / (stiff * yields)
+        _close(x, columns)
+        i = k - 2
+        if i < 0:
+            continue
+        r, D, found = force[i], stiffness[i], target[i]
+        _apply_beside(weights, i, ring, r, D, row, beside)
+        before, here, after = ring[i % 5][_ROOM - 2 :], ring[i % 5][_ROOM:], ring[i % 5][_ROOM + 2 :]
+        for j in range(columns):
+            stiff = w0 + D[j]
+            rest = row[j] - left[j] - right[j] - w2 * (before[j] + after[j])
+            value = here[j] + smoothing * rest / (stiff if stiff > least else least)
+            found[j] = value if D[j] < PRESSED else _NONE
+        moved: Any = _NONE  # in single precision over few points only
+        along: Any = _NONE
+        for j in range(columns):
+            moved += found[j]
+            along += r[j] * found[j]
+        total += moved
+        across += along
+    return total, across
+
+
+# Points of a grid lie between two of the next one: linear interpolation up, its transpose down.
+
+
+@nb.njit(inline="always")
+def _add_row(cycle: Cycle, level: int, i: int, row: Any, below: Any) -> None:
+    """Add row i, times P^T, to the next grid.
+
+    Two rows of the work space gather for the two rows of it on either side, and are added when full.
     """
-    columns, (rows, (below_rows, below)) = row.size, (left.size, found.shape)
-    here_inner, after_inner, m = here[2:], after[2:], left[i]
+    rows, columns, _, first, begin, _, all_rows = cycle.grids[level]
+    columns_below, shared = below.shape[1], level == 0 and cycle.exchange != 0
+    rows_below, before = cycle.grids[level + 1, 0], cycle.place[first] if shared else 0
+    per = np.float32(rows_below * columns_below / (all_rows * columns))
+    m, end, part = cycle.place[first + i], cycle.place[first + i + 1], cycle.part[first + i]
+    if i == 0:
+        below[:], cycle.rows[7:] = _NONE, _NONE
+    here, after = cycle.rows[7 + m % 2][_ROOM:], cycle.rows[8 - m % 2][_ROOM:]
     for j in range(columns):
-        here_inner[j] += (_ONE - part[i]) * row[j]
-    if part[i] != _NONE:
-        for j in range(columns):
-            after_inner[j] += part[i] * row[j]
-    full = i == rows - 1 or left[i + 1] != m
-    for _ in range(2 if i == rows - 1 else 1 if full else 0):
-        for k in range(2):
-            here[k], here[columns + 2 + k] = here[columns + k], here[2 + k]
-        whole, begun = found[m], m > 0
-        for k in range(below):
-            j = begin[k]
-            total = shares[0, k] * here[j] + shares[1, k] * here[j + 1]
-            total += shares[2, k] * here[j + 2] + shares[3, k] * here[j + 3]
-            whole[k] = per * total if begun else whole[k] + per * total
-        for j in range(columns + 4):
-            here[j], after[j] = after[j], _NONE
-        m = (m + 1) % below_rows
-
-
-@kernel(reorder=True, inner=True)
-def _prolong(cycle: Cycle, level: int, coarse: Any, field: Any) -> None:
-    """Add share P x of the next grid."""
-    rows, columns, first = cycle.grids[level, 0], cycle.grids[level, 1], cycle.grids[level, 2]
-    share = cycle.share[first : first + rows * columns].reshape(rows, columns)
-    below_rows, below = cycle.grids[level + 1, 0], cycle.grids[level + 1, 1]
-    x, values = field.reshape(rows, columns), coarse.reshape(below_rows, below)
-    left, part = _places(columns, below, 0, columns)
-    up, parts = _places(cycle.grids[level, 4], below_rows, cycle.grids[level, 3], rows)
-    line, whole = np.empty(below + 1, np.float32), np.empty(columns, np.float32)
-    for i in range(rows):
-        here, after, y = values[up[i]], values[(up[i] + 1) % below_rows], parts[i]
-        for k in range(below):
-            line[k] = here[k] + y * (after[k] - here[k])
-        line[below] = line[0]
-        for j in range(columns):
-            m = left[j]
-            whole[j] = line[m] + part[j] * (line[m + 1] - line[m])
-        xs, shares = x[i], share[i]
-        for j in range(columns):
-            xs[j] += shares[j] * whole[j]
+        here[j] += (_ONE - part) * row[j]
+        after[j] += part * row[j]
+    for k in range(m, m + 2 if i == rows - 1 else end):
+        found, full = below[0 if k == rows_below and not shared else k - before], cycle.rows[7 + k % 2]
+        if columns == 2 * columns_below:
+            full[_ROOM - 1] = full[_ROOM - 1 + columns]
+            values = full[_ROOM - 1 :]
+            for j in range(columns_below):
+                found[j] += per * (values[2 * j + 1] + _HALF * (values[2 * j] + values[2 * j + 2]))
+        else:
+            for j in range(columns):
+                left, value = cycle.place[begin + j], per * full[_ROOM + j]
+                share = cycle.part[begin + j] * value
+                found[left] += value - share
+                found[left + 1 if left + 1 < columns_below else 0] += share
+        full[_ROOM : _ROOM + columns] = _NONE

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.newton.cycle import Cycle, run_cycle, set_cycle
+from gfmdlayer.contact.newton.cycle import PRESSED, Cycle, run_cycle, set_cycle, unit_of
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.sums import Completion, greatest, summed
 from gfmdlayer.grid.transforms import Plans, backward, forward
@@ -57,21 +57,22 @@ class AdhesiveState(NamedTuple):
 class Step(NamedTuple):
     """The linear system of a step, on the free points, and its solution.
 
-    All but the first four are in single precision. Without a cycle the preconditioner takes a transform.
+    All but the first two are in single precision: forces in a unit of stress of the step, stiffnesses in
+    that of `unit_of`, d in their ratio. Without a cycle the preconditioner takes a transform. With one the
+    stiffness of the points is the D of its finest grid.
     """
 
-    free: FloatArray  # 1 where the point moves, 0 where it is pressed
     pressure: FloatArray  # p_c, which is out of balance on the free points
-    d: FloatArray
     spectrum: ComplexArray  # work
+    free: Any  # 1 where the point moves, 0 where it is pressed
+    d: Any
     force: Any  # stress out of balance after the step, to first order
     direction: Any
     applied: Any  # K times the direction
     z: Any  # preconditioned force
     share: Any  # root of the share of the body in the stiffness of a point; the interface has the rest
     point: Any  # compliance of the body at a point
-    moves: Any  # `free` again
-    stiffness: Any  # curvature and damping
+    stiffness: Any  # curvature and damping, PRESSED of points that do not move
     kappa: Any
     softening: Any  # preconditioner, one value a mode
     work: Any  # spectrum
@@ -107,43 +108,52 @@ def set_interaction(system: AdhesiveSystem, at: AdhesiveState, cap: Any) -> floa
 
     The energy is that of the gap, and of the flow where points yield.
     """
-    h, u, traction, curvature, total, terms = system.h, at.u, at.traction, at.curvature, 0.0, system.terms
-    traction[:], curvature[:] = 0.0, 0.0
-    # The points are the inner loop, for the vector units.
-    for k in range(terms.form.size):
-        form, stress, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
-        for i in range(u.size):
-            gap = h[i] - u[i]
-            if cap is not None:
-                gap = max(gap, 0.0)
-            energy, pull, change = term(gap, form, stress, length, width)
-            total += energy
-            traction[i] += pull
-            curvature[i] += change
-    if cap is not None:
-        for i in range(u.size):
-            if u[i] > h[i]:
-                total += (cap - traction[i]) * (u[i] - h[i])
-                curvature[i] = 0.0
+    total, terms = 0.0, system.terms
+    for first in range(0, at.u.size, LANES):
+        end = first + LANES
+        h, u, traction, curvature = (
+            system.h[first:end], at.u[first:end], at.traction[first:end], at.curvature[first:end],
+        )  # fmt: skip
+        traction[:], curvature[:] = 0.0, 0.0
+        # The points are the inner loop, for the vector units.
+        for k in range(terms.form.size):
+            form, stress, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
+            for i in range(u.size):
+                gap = h[i] - u[i]
+                if cap is not None:
+                    gap = max(gap, 0.0)
+                energy, pull, change = term(gap, form, stress, length, width)
+                total += energy
+                traction[i] += pull
+                curvature[i] += change
+        if cap is not None:
+            for i in range(u.size):
+                if u[i] > h[i]:
+                    total += (cap - traction[i]) * (u[i] - h[i])
+                    curvature[i] = 0.0
     return float(summed(system.over, (total,))[0])
 
 
 @kernel(reorder=True, inner=True)
 def balance(
     system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step, cap: Any
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """Find the free points, and the pressure of the wall, less the cap on points that yield.
 
     It is out of balance on the free points. `held` is a traction that holds the surface, of which a part is
-    left. Returns the residual, lambda, and the largest pressure out of balance.
+    left. Returns the residual, lambda, the largest pressure out of balance, and of u the mean and the largest
+    magnitude.
     """
-    total, count, strongest, weakest, deepest = _open_pressure(system, at, held, part, step, cap)
+    total, count, strongest, weakest, deepest, mean_u, largest_u = _open_pressure(
+        system, at, held, part, step, cap
+    )
     multiplier = system.load
     if system.mean_is_fixed:
         # In full contact any lambda that keeps the pressure positive will do.
         multiplier = -total / count if count > 0.0 else -weakest
     pressure_scale, depth = scales(strongest + multiplier, deepest, system.floor)
     per_pressure, per_gap, worst, total, count = 1.0 / pressure_scale, 1.0 / depth, np.zeros(LANES), 0.0, 0.0
+    most, least = np.full(LANES, -np.inf), np.full(LANES, np.inf)
     for first in range(0, at.u.size, LANES):
         end = first + LANES
         h, u, ps, free = system.h[first:end], at.u[first:end], step.pressure[first:end], step.free[first:end]
@@ -158,31 +168,31 @@ def balance(
                 at.curvature[first + i] = 0.0  # as the point moves on to where it is
             worst[i] = off if off > worst[i] else worst[i]
             free[i] = moves
+            up, down = (value, value) if moves > 0.0 else (-np.inf, np.inf)
+            most[i] = up if up > most[i] else most[i]
+            least[i] = down if down < least[i] else least[i]
             total += moves * value
             count += moves
     total, count = summed(system.over, (total, count))
     mean = total / count if system.mean_is_fixed and count > 0.0 else 0.0
-    largest = np.zeros(LANES)
-    for first in range(0, at.u.size, LANES):
-        ps, free = step.pressure[first : first + LANES], step.free[first : first + LANES]
-        for i in range(ps.size):
-            size = abs(ps[i] - mean) * free[i]
-            largest[i] = size if size > largest[i] else largest[i]
-    off, out_of_balance = greatest(system.over, (worst.max(), largest.max()))
-    return off if np.isfinite(total) else np.nan, multiplier, out_of_balance
+    off, high, low = greatest(system.over, (worst.max(), most.max(), -least.min()))
+    largest = max(high - mean, mean + low, 0.0)
+    return off if np.isfinite(total) else np.nan, multiplier, largest, mean_u, largest_u
 
 
 @kernel(reorder=True, inner=True)
 def _open_pressure(
     system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step, cap: Any
-) -> tuple[float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float]:
     """Write the pressure but for the multiplier.
 
-    Returns its sum over the points out of contact, their number, its extrema, and the depth of the surface.
-    Points beyond h, whose pressure counts from the cap, belong to the sum and the number too.
+    Returns its sum over the points out of contact, their number, its extrema, the depth of the surface, and
+    of u the mean and the largest magnitude. Points beyond h, whose pressure counts from the cap, belong to
+    the sum and the number too.
     """
     total, count, mean = 0.0, 0.0, 0.0
-    most, least, lowest = np.full(LANES, -np.inf), np.full(LANES, np.inf), np.full(LANES, np.inf)
+    most, least = np.full(LANES, -np.inf), np.full(LANES, np.inf)
+    highest, lowest = most.copy(), least.copy()
     for first in range(0, at.u.size, LANES):
         end = first + LANES
         h, u, ps, hold = system.h[first:end], at.u[first:end], step.pressure[first:end], held[first:end]
@@ -193,6 +203,7 @@ def _open_pressure(
             most[i] = value if value > most[i] else most[i]
             least[i] = value if value < least[i] else least[i]
             lowest[i] = u[i] if u[i] < lowest[i] else lowest[i]
+            highest[i] = u[i] if u[i] > highest[i] else highest[i]
             mean += u[i]
             is_open = 1.0 if u[i] < h[i] else 0.0
             total += is_open * value
@@ -200,180 +211,174 @@ def _open_pressure(
             if cap is not None and u[i] > h[i]:
                 total += value - cap
                 count += 1.0
-    total, count, mean = summed(system.over, (total, count, mean))
-    strongest, weakest, deepest = greatest(system.over, (most.max(), -least.min(), -lowest.min()))
-    return total, count, strongest, -weakest, max(mean / system.size, 0.0) + deepest
+    total, count, mean = summed(system.over, (total, count, mean / system.size))
+    strongest, weakest, top, bottom = greatest(
+        system.over, (most.max(), -least.min(), highest.max(), -lowest.min())
+    )
+    return total, count, strongest, -weakest, max(mean, 0.0) + bottom, mean, max(top, bottom)
 
 
 @kernel(reorder=True, inner=True)
 def begin(
-    single: Plans, system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float, lack: float
+    single: Plans,
+    system: AdhesiveSystem,
+    curvature: FloatArray,
+    step: Step,
+    damping: float,
+    lack: float,
+    unit: float,
 ) -> int:
-    """Begin with no step, or with one that lifts all free points by the lack; return the FFT pairs."""
-    n, d, force, free, pressure = step.d.size, step.d, step.force, step.free, step.pressure
-    moves, stiffness, response, direction = step.moves, step.stiffness, step.response, step.direction
-    for i in range(n):
-        d[i], force[i], response[i] = 0.0, free[i] * pressure[i], 0.0
-        moves[i], stiffness[i] = free[i], curvature[i] + damping
-    step.kappa[:] = system.kappa
+    """Begin with no step, or with one that lifts all free points by the lack; return the FFT pairs.
+
+    `unit` is that of stress.
+    """
+    d, force, free, pressure = step.d, step.force, step.free, step.pressure
+    stiffness, response = step.stiffness, step.response
+    stiff = unit_of(system.kappa_1)
+    # In SI units squares would underflow in single precision.
+    per_unit, per_stiff = 1.0 / unit, 1.0 / stiff
+    for i in range(d.size):
+        d[i], response[i], force[i] = 0.0, 0.0, free[i] * pressure[i] * per_unit
+        stiffness[i] = (curvature[i] + damping) * per_stiff if free[i] > 0.0 else PRESSED
     if step.cycle.grids.size > 0:
-        set_cycle(step.cycle, moves, stiffness, 1.0)
+        set_cycle(step.cycle, step.direction)
     else:
         _set_softening(system, curvature, step, damping)
     if lack == 0.0:
         return 0
-    for i in range(n):
-        direction[i] = free[i]
-    pairs = 1 + precondition(single, step, direction, step.z)
+    pairs, lifts = 1, step.cycle.one
+    if step.cycle.grids.size == 0:
+        pairs, lifts = 1 + precondition(single, step, free, step.z)[0], step.z
     total = 0.0
-    for i in range(n):
-        d[i] = step.free[i] * step.z[i]
-        total += d[i]
+    for i in range(d.size):
+        total += lifts[i]
     (total,) = summed(system.over, (total,))
-    for i in range(n):
-        d[i] *= lack / total
-        step.direction[i] = d[i]
-    apply(single, step.kappa, step.direction, step.work, step.applied)
-    for i in range(n):
-        step.response[i] = step.applied[i]
-        off = step.applied[i] + (curvature[i] + damping) * d[i]
-        force[i] = step.free[i] * (step.pressure[i] - off)
+    far = lack * stiff / (unit * total)
+    for i in range(d.size):
+        d[i] = far * lifts[i]
+    apply(single, step.kappa, d, step.work, response)
+    for i in range(d.size):
+        force[i] -= free[i] * (response[i] + stiffness[i] * d[i])
     return pairs
 
 
 @kernel(reorder=True, inner=True)
 def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float) -> None:
     """Set the preconditioner that takes a transform."""
-    n, total = system.size, 0.0
+    n, total, stiff = system.size, 0.0, unit_of(system.kappa_1)
     (stiffest,) = greatest(system.over, (curvature.max(),))
     for k in range(step.softening.size):
         # The factor n^2 turns the stiffness per point into that for a backward transform.
-        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
+        softening = stiff / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
         step.softening[k] = softening
         total += softening
     total, count = summed(system.over, (total, float(step.softening.size)))
     step.point[0] = n * total / (_STIFF * count)
     step.share[:] = 1.0
     if stiffest > 0.0:
+        compliance = step.point[0] / stiff
         for i in range(step.d.size):
-            step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
+            step.share[i] = 1.0 / np.sqrt(1.0 + compliance * max(curvature[i], 0.0))
 
 
 @kernel(reorder=True, inner=True)
-def precondition(single: Plans, step: Step, r: Any, z: Any) -> int:
-    """Write z = M r, M close to the inverse of K + w'' + damping; return the FFT pairs.
+def precondition(single: Plans, step: Step, r: Any, z: Any) -> tuple[int, float, float]:
+    """Write z = M r, M close to the inverse of K + w'' + damping, zero where points are pressed.
 
-    It is the cycle if there is one. Else M = S C S + (1 - S^2)/(k + w'') with C the inverse of
-    K + damping + kappa_1/2, the stiffness k of the body at a point by itself, and S^2 = k/(k + w''), 1 where
-    w'' < 0: points that the interface holds more stiffly than only the body answer.
+    Returns the FFT pairs, and the sums of z and r z. M is the cycle if there is one. Else
+    M = S C S + (1 - S^2)/(k + w'') with C the inverse of K + damping + kappa_1/2, the stiffness k of the
+    body at a point by itself, and S^2 = k/(k + w''), 1 where w'' < 0: points that the interface holds more
+    stiffly than only the body answer.
     """
     if step.cycle.grids.size > 0:
-        run_cycle(step.cycle, r, z)
-        return 0
-    share = step.share
+        whole, along = run_cycle(step.cycle, r, z)
+        return 0, whole, along
+    share, free = step.share, step.free
     for i in range(z.size):
         z[i] = share[i] * r[i]
     apply(single, step.softening, z, step.work, z)
     for i in range(z.size):
         square = share[i] * share[i]
-        z[i] = share[i] * z[i] + step.point[0] * square * (np.float32(1.0) - square) * r[i]
-    return 1
+        z[i] = free[i] * (share[i] * z[i] + step.point[0] * square * (np.float32(1.0) - square) * r[i])
+    total, across = 0.0, 0.0
+    for i in range(z.size):
+        total += z[i]
+        across += z[i] * r[i]
+    return 1, total, across
 
 
 @kernel(inner=True)
 def lifted(step: Step) -> Any:
     """Return the answer of M, as far as it knows the free points, to a pressure that is even on them."""
-    return step.cycle.one if step.cycle.grids.size > 0 else step.moves
+    return step.cycle.one if step.cycle.grids.size > 0 else step.free
 
 
 @kernel(reorder=True, inner=True)
 def minimise(
-    single: Plans, system: AdhesiveSystem, kappa_1: float, step: Step, floor: float, inexact: float
+    single: Plans, system: AdhesiveSystem, step: Step, floor: float, inexact: float
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
     They go on from the given d and force, with the mean of the change of d zero where the mean is fixed.
     `floor` and `inexact` are the largest force that may be left on a point, and as a part of the first one.
     Returns the FFT pairs, and the curvature along the last direction, per area, where it is negative, else 0.
+    All are in the units of the step.
     """
-    d, force, direction, applied, z, moves, stiffness = (
-        step.d, step.force, step.direction, step.applied, step.z, step.moves, step.stiffness,
-    )  # fmt: skip
-    n, over = d.size, system.over
-    (count,) = summed(over, (step.free.sum(),))
+    direction, applied, z = step.direction, step.applied, step.z
+    n, over, stiff = direction.size, system.over, unit_of(system.kappa_1)
+    kappa_1, one, centred = system.kappa_1 / stiff, lifted(step), system.mean_is_fixed
+    count, whole, pairs, last = 0.0, 0.0, 0, 1.0
+    for i in range(n):
+        count += step.free[i]
+        whole += one[i]
+    count, whole = summed(over, (count, whole))
     if count == 0.0:
         return 0, 0.0
-    aim, last, centred = (
-        max(floor, inexact * _centre(system, force, step.free, count)),
-        1.0,
-        system.mean_is_fixed,
-    )
+    aim = max(floor, inexact * _centre(system, step, count))
     direction[:] = 0.0
-    one, whole, pairs = lifted(step), 0.0, 0
-    for i in range(n):
-        whole += one[i]
-    (whole,) = summed(over, (whole,))
     for iteration in range(_MOST):
-        pairs += 1 + precondition(single, step, force, z)
-        # Forces are zero where points are pressed, and in the mean where that is fixed.
-        total, across, lift = summed(over, _sums(z, moves, force, one))
+        spent, total, across = precondition(single, step, step.force, z)
+        pairs += 1 + spent
+        total, across = summed(over, (total, across))
         mean = np.float32(total / whole if centred else 0.0)
-        across -= float(mean) * lift
-        beta = np.float32(across / last)
-        beta, last = beta if iteration > 0 else np.float32(0.0), across
+        if centred and step.cycle.grids.size > 0:
+            # The sum of force M 1 is that of M force. By transforms it is the sum of the forces, zero.
+            across -= total * total / whole
+        beta = np.float32(across / last if iteration > 0 else 0.0)
+        last = across
         for i in range(n):
-            direction[i] = moves[i] * (z[i] - mean * one[i]) + beta * direction[i]
+            direction[i] = z[i] - mean * one[i] + beta * direction[i]
         apply(single, step.kappa, direction, step.work, applied)
-        elastic, along, square, total = summed(over, _curvatures(direction, applied, stiffness, moves))
+        elastic, along, square, total = summed(over, _curvatures(step))
         if square == 0.0:
             return pairs, 0.0
         if not along > _NO_CURVATURE * (elastic + kappa_1 * square):
             return pairs, min(along / square, -1e-300)
-        way, mean = across / along, np.float32(total / count if centred else 0.0)
-        (left,) = greatest(over, (_advance(way, mean, step),))
+        (left,) = greatest(over, (_advance(across / along, total / count if centred else 0.0, step),))
         if left <= aim:
             return pairs, 0.0
     return pairs, 0.0
 
 
 @kernel(reorder=True, inner=True)
-def _sums(z: Any, moves: Any, force: Any, one: Any) -> tuple[float, float, float]:
-    """Sums of z over the free points, of force z and force one; in single precision over few points only."""
-    total, across, lift = 0.0, 0.0, 0.0
-    for first in range(0, z.size, LANES):
-        end = first + LANES
-        zs, frees, fs, ones = z[first:end], moves[first:end], force[first:end], one[first:end]
-        some: Any = np.float32(0.0)
-        others: Any = np.float32(0.0)
-        mean: Any = np.float32(0.0)
-        for i in range(zs.size):
-            some += zs[i] * frees[i]
-            others += fs[i] * zs[i]
-            mean += fs[i] * ones[i]
-        total += some
-        across += others
-        lift += mean
-    return total, across, lift
+def _curvatures(step: Step) -> tuple[float, float, float, float]:
+    """Sums of s K s, s H s and s^2 for a direction s, and of H s over the free points.
 
-
-@kernel(reorder=True, inner=True)
-def _curvatures(
-    direction: Any, applied: Any, stiffness: Any, moves: Any
-) -> tuple[float, float, float, float]:
-    """Sums of s K s, s H s and s^2 for a direction s, and of H s over the free points."""
+    In single precision over few points only.
+    """
     elastic, along, square, total = 0.0, 0.0, 0.0, 0.0
-    for first in range(0, direction.size, LANES):
+    for first in range(0, step.d.size, LANES):
         end = first + LANES
         none: Any = np.float32(0.0)
-        ss, Ks, hs, frees = direction[first:end], applied[first:end], stiffness[first:end], moves[first:end]
+        ss, Ks, Ds = step.direction[first:end], step.applied[first:end], step.stiffness[first:end]
         sKs, sHs, s2, Hs = none, none, none, none
         for i in range(ss.size):
             s = ss[i]
-            response = Ks[i] + hs[i] * s
+            response = Ks[i] + Ds[i] * s
             sKs += s * Ks[i]
             sHs += s * response
             s2 += s * s
-            Hs += frees[i] * response
+            Hs += response if Ds[i] < PRESSED else none
         elastic += sKs
         along += sHs
         square += s2
@@ -382,22 +387,18 @@ def _curvatures(
 
 
 @kernel(reorder=True, inner=True)
-def _advance(way: float, mean: Any, step: Step) -> float:
+def _advance(way: float, mean: float, step: Step) -> float:
     """Go along the direction; return the largest force that is left."""
-    largest, part = np.zeros(LANES, np.float32), np.float32(way)
+    largest, part, even, none = np.zeros(LANES, np.float32), np.float32(way), np.float32(mean), np.float32(0)
     for first in range(0, step.d.size, LANES):
         end = first + LANES
-        ds, fs, frees, ss = (
-            step.d[first:end],
-            step.force[first:end],
-            step.moves[first:end],
-            step.direction[first:end],
-        )
-        Ks, hs, Kds = step.applied[first:end], step.stiffness[first:end], step.response[first:end]
+        ds, fs, ss = step.d[first:end], step.force[first:end], step.direction[first:end]
+        Ks, Ds, Kds = step.applied[first:end], step.stiffness[first:end], step.response[first:end]
         for i in range(ds.size):
             ds[i] += part * ss[i]
             Kds[i] += part * Ks[i]
-            left = fs[i] - part * frees[i] * (Ks[i] + hs[i] * ss[i] - mean)
+            off = Ks[i] + Ds[i] * ss[i] - even
+            left = fs[i] - part * (off if Ds[i] < PRESSED else none)
             fs[i] = left
             largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
     return float(largest.max())
@@ -407,50 +408,67 @@ _MOST = 400  # iterations
 
 
 @kernel(reorder=True, inner=True)
-def _centre(system: AdhesiveSystem, force: Any, free: FloatArray, count: float) -> float:
+def _centre(system: AdhesiveSystem, step: Step, count: float) -> float:
     """Take the mean, which belongs to the multiplier, from the forces; return the largest."""
-    total, largest = summed(system.over, (float(force.sum()),))[0], 0.0
-    mean = total / count if system.mean_is_fixed else 0.0
-    for i in range(force.size):
-        force[i] -= mean * free[i]
-        largest = max(largest, abs(force[i]))
-    return float(greatest(system.over, (largest,))[0])
+    total, largest = 0.0, np.zeros(LANES, np.float32)
+    for i in range(step.d.size):
+        total += step.force[i]
+    (total,) = summed(system.over, (total,))
+    mean: Any = np.float32(total / count if system.mean_is_fixed else 0.0)
+    for first in range(0, step.d.size, LANES):
+        force, free = step.force[first : first + LANES], step.free[first : first + LANES]
+        for i in range(force.size):
+            left = force[i] - mean * free[i]
+            force[i] = left
+            largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
+    return float(greatest(system.over, (float(largest.max()),))[0])
 
 
 @kernel(reorder=True, inner=True)
 def move(
-    system: AdhesiveSystem, at: AdhesiveState, step: Step, mean: float, to: AdhesiveState, cap: Any
+    system: AdhesiveSystem,
+    at: AdhesiveState,
+    step: Step,
+    far: float,
+    mean: float,
+    to: AdhesiveState,
+    cap: Any,
 ) -> None:
-    """Write the displacement after a step, kept below the punch, and of points that yield above it.
+    """Write the displacement after a step, `far` d, kept below the punch, and of points that yield above it.
 
     Where the mean is fixed it is restored by a shift of the points that do not touch.
     """
-    h, u, v = system.h, at.u, to.u
-    for i in range(v.size):
-        moved = u[i] + step.d[i]
-        kept = h[i] if moved > h[i] else moved
-        if cap is not None and is_yielding(u[i] - h[i], step.pressure[i], step.free[i]):
-            kept = h[i] if moved < h[i] else moved
-        v[i] = kept
-    if system.mean_is_fixed:
-        for _ in range(60):
-            total, free, largest = 0.0, 0.0, 0.0
+    shift, n = 0.0, system.size
+    for turn in range(60):
+        total, free = 0.0, 0.0
+        most, least = np.full(LANES, -np.inf), np.full(LANES, np.inf)
+        for first in range(0, to.u.size, LANES):
+            end = first + LANES
+            h, u, v, d = system.h[first:end], at.u[first:end], to.u[first:end], step.d[first:end]
+            if turn == 0:
+                for i in range(v.size):
+                    moved = u[i] + far * d[i]
+                    v[i] = min(moved, h[i])
+                    if cap is not None:
+                        pressure, moves = step.pressure[first + i], step.free[first + i]
+                        v[i] = max(moved, h[i]) if is_yielding(u[i] - h[i], pressure, moves) else v[i]
+            else:
+                for i in range(v.size):
+                    moved = v[i] + shift
+                    above = cap is not None and v[i] > h[i]
+                    v[i] = max(moved, h[i]) if above else min(moved, h[i]) if v[i] < h[i] else h[i]
             for i in range(v.size):
                 total += v[i]
-                free += 1.0 if v[i] < h[i] else 0.0
-                if cap is not None:
-                    free += 1.0 if v[i] > h[i] else 0.0
-                largest = max(largest, abs(v[i]))
-            total, free = summed(system.over, (total, free))
-            (largest,) = greatest(system.over, (largest,))
-            lack = mean * system.size - total
-            if abs(lack) <= _ROUNDING * largest * system.size or free == 0.0:
-                break
-            for i in range(v.size):
-                shifted = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
-                if cap is not None and v[i] > h[i]:
-                    shifted = max(v[i] + lack / free, h[i])
-                v[i] = shifted
+                is_free = v[i] < h[i] if cap is None else v[i] != h[i]
+                free += 1.0 if is_free else 0.0
+                most[i] = v[i] if v[i] > most[i] else most[i]
+                least[i] = v[i] if v[i] < least[i] else least[i]
+        total, free = summed(system.over, (total, free))
+        top, bottom = greatest(system.over, (most.max(), -least.min()))
+        lack, largest = mean * n - total, max(top, bottom)
+        if not system.mean_is_fixed or abs(lack) <= _ROUNDING * largest * n or free == 0.0:
+            break
+        shift = lack / free
 
 
 @kernel(inner=True)
@@ -461,25 +479,30 @@ def is_yielding(overlap: float, pressure: float, free: float) -> bool:
 
 @kernel(reorder=True, inner=True)
 def set_stress_after(
-    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: Step, stiff: float, to: AdhesiveState
+    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: Step, unit: float, to: AdhesiveState
 ) -> int:
     """Write the stress after a step from K d, in single precision; return the FFT pairs.
 
-    What the wall has cut off, or the mean has shifted, takes a pair. `step.kappa` is over `stiff`.
+    What the wall has cut off, or the mean has shifted, takes a pair. `unit` is that of stress.
     """
-    d, cut, largest, farthest = step.d, step.direction, 0.0, 0.0
-    for i in range(d.size):
-        off = to.u[i] - at.u[i] - d[i]
-        cut[i] = stiff * off
-        largest, farthest = max(largest, abs(off)), max(farthest, abs(d[i]))
-    largest, farthest = greatest(system.over, (largest, farthest))
-    for i in range(d.size):
-        to.stress[i] = at.stress[i] - step.response[i]
-    if largest <= _OF_SINGLE * farthest:
+    largest, farthest = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
+    per = unit_of(system.kappa_1) / unit
+    for first in range(0, at.u.size, LANES):
+        end = first + LANES
+        u, v, d, cut = at.u[first:end], to.u[first:end], step.d[first:end], step.direction[first:end]
+        before, after, response = at.stress[first:end], to.stress[first:end], step.response[first:end]
+        for i in range(d.size):
+            cut[i] = per * (v[i] - u[i]) - d[i]
+            after[i] = before[i] - unit * response[i]
+        for i in range(d.size):
+            largest[i] = abs(cut[i]) if abs(cut[i]) > largest[i] else largest[i]
+            farthest[i] = abs(d[i]) if abs(d[i]) > farthest[i] else farthest[i]
+    off, far = greatest(system.over, (float(largest.max()), float(farthest.max())))
+    if off <= _OF_SINGLE * far:
         return 0
-    apply(single, step.kappa, cut, step.work, step.applied)
-    for i in range(d.size):
-        to.stress[i] -= step.applied[i]
+    apply(single, step.kappa, step.direction, step.work, step.applied)
+    for i in range(at.u.size):
+        to.stress[i] -= unit * step.applied[i]
     return 1
 
 

@@ -48,7 +48,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.newton.cycle import cycle_of, no_cycle
+from gfmdlayer.contact.newton.cycle import cycle_of, no_cycle, unit_of
 from gfmdlayer.contact.newton.passes import (
     AdhesiveState,
     AdhesiveSystem,
@@ -161,12 +161,13 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         set_stress(plans, system, at, fields.spectrum, step.spectrum)
         energy = set_interaction(system, at, cap)
         pairs, exact = pairs + 1.0, True
-    stiff, in_single = _unit(system), _in_single(step)
+    in_single = _in_single(step)
     while True:
         target = done if descends else 1.0
-        residual, multiplier, largest = balance(system, at, held, 1.0 - target, step, cap)
+        residual, multiplier, largest, of_u, depth = balance(system, at, held, 1.0 - target, step, cap)
         mean = (1.0 - target) * mean0
-        lack = _lack(system, at.u, mean, mean0) if mean0 != 0.0 else 0.0
+        lack = (mean - of_u) * system.size
+        lack = lack if abs(mean - of_u) > _LIFTED * abs(mean0) + _OF_SUMS * depth and mean0 != 0.0 else 0.0
         # A flat surface is in balance at any mean: the residual does not tell whether it has moved.
         if (done == 1.0 and residual <= tolerance and lack == 0.0) or iterations == limit or pulled_off:
             break
@@ -178,7 +179,10 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             continue
         iterations += 1
         inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
-        spent, least = _find_step(single, system, at, step, damping, lack, _WELL_WITHIN * aim, inexact)
+        unit = max(largest, 1e-30)
+        spent = begin(single, system, at.curvature, step, damping, lack, unit)
+        more, least = minimise(single, system, step, _WELL_WITHIN * aim / unit, inexact)
+        spent, least = spent + more, least * unit_of(system.kappa_1)
         pairs += IN_SINGLE * spent
         if least < 0.0:
             done = done if descends else min(1.0, done + _SHORTEST)
@@ -186,14 +190,14 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             # Where there is no curvature at all, as of a punch that is pulled off, a step by the range.
             damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
             continue
-        move(system, at, step, mean, to, cap)
+        move(system, at, step, unit / unit_of(system.kappa_1), mean, to, cap)
         # In double precision once the step aims at the tolerance.
         now = not in_single or (done == 1.0 and inexact * largest <= _WELL_WITHIN * aim)
         if now:
             set_stress(plans, system, to, fields.spectrum, step.spectrum)
             pairs += 1.0
         else:
-            pairs += IN_SINGLE * set_stress_after(single, system, at, step, stiff, to)
+            pairs += IN_SINGLE * set_stress_after(single, system, at, step, unit, to)
         after = set_interaction(system, to, cap)
         evaluated = False
         first, last, elastic, error = compare(
@@ -269,60 +273,10 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     )
 
 
-@kernel(reorder=True, inner=True)
-def _lack(system: AdhesiveSystem, u: FloatArray, mean: float, mean0: float) -> float:
-    """Return the missing part of the change of the mean in the step, as a sum over the points."""
-    total, largest = 0.0, 0.0
-    for i in range(u.size):
-        total += u[i]
-        largest = max(largest, abs(u[i]))
-    (total,) = summed(system.over, (total,))
-    (largest,) = greatest(system.over, (largest,))
-    lack = mean * system.size - total
-    return lack if abs(lack) > (_LIFTED * abs(mean0) + _OF_SUMS * largest) * system.size else 0.0
-
-
-@kernel(reorder=True, inner=True)
-def _find_step(
-    single: Plans,
-    system: AdhesiveSystem,
-    at: AdhesiveState,
-    step: Step,
-    damping: float,
-    lack: float,
-    floor: float,
-    inexact: float,
-) -> tuple[int, float]:
-    """Solve for a step; return the FFT pairs and the least curvature, as `minimise`."""
-    pairs = begin(single, system, at.curvature, step, damping, lack)
-    # Stresses and stiffnesses of order one: in SI units squares would underflow in single precision.
-    (strongest,) = greatest(system.over, (float(np.abs(step.force).max()),))
-    unit, d, force, response = max(strongest, 1e-30), step.d, step.force, step.response
-    stiff, stiffness = _unit(system), step.stiffness
-    for i in range(d.size):
-        d[i], force[i], response[i] = d[i] * (stiff / unit), force[i] / unit, response[i] / unit
-        stiffness[i] /= stiff
-    for k in range(step.kappa.size):
-        step.kappa[k] /= stiff
-        step.softening[k] *= stiff
-    step.point[0] *= stiff
-    spent, least = minimise(single, system, system.kappa_1 / stiff, step, floor / unit, inexact)
-    for i in range(d.size):
-        d[i] *= unit / stiff
-        response[i] *= unit
-    return pairs + spent, least * stiff
-
-
 @kernel(inner=True)
 def _in_single(step: Step) -> bool:
     """Whether states on the way are in single precision."""
     return bool(step.cycle.grids.size > 0)
-
-
-@kernel(inner=True)
-def _unit(system: AdhesiveSystem) -> float:
-    """Return a power of two near kappa_1, to which no digit is lost."""
-    return float(2.0 ** np.floor(np.log2(max(system.kappa_1, 1e-300))))
 
 
 @kernel(inner=True)
@@ -392,18 +346,19 @@ def find_margin(
     Returns the margin, an upper bound which more turns lower; the curvature x.(K + w'')x and the attraction
     -x.w''x over the sum of x^2; and the FFT pairs.
     """
-    free, curvature, half, n = step.free, at.curvature, 0.5 * system.kappa_1, at.u.size
+    free, D, n, stiff = step.free, step.stiffness, at.u.size, unit_of(system.kappa_1)
+    half = 0.5 * system.kappa_1 / stiff
     Kx, slope, w, Kw = step.direction, step.force, step.z, step.applied
     x, before, d, Kd = lowest
-    begin(single, system, curvature, step, 0.0, 0.0)  # the preconditioner
+    begin(single, system, at.curvature, step, 0.0, 0.0, 1.0)  # the preconditioner
     d[:], Kd[:] = 0.0, 0.0
-    _admit(system, free, x, step.moves)
+    _admit(system, free, x, free)
     apply(single, step.kappa, x, step.work, Kx)
     pairs, margin, last, across = 1, np.inf, np.inf, 1.0
     for turn in range(_MOST + 1):
         xHx, xBx = 0.0, 0.0
         for i in range(n):
-            xHx += x[i] * (Kx[i] + curvature[i] * x[i])
+            xHx += x[i] * (Kx[i] + D[i] * x[i])
             xBx += x[i] * (Kx[i] + half * x[i])
         xHx, xBx = summed(system.over, (xHx, xBx))
         if not xBx > 0.0:
@@ -413,9 +368,9 @@ def find_margin(
             break
         for i in range(n):
             before[i] = slope[i]
-            slope[i] = free[i] * ((1.0 - margin) * Kx[i] + (curvature[i] - margin * half) * x[i])
-        _admit(system, free, slope, step.moves)
-        pairs += 1 + precondition(single, step, slope, w)
+            slope[i] = free[i] * ((1.0 - margin) * Kx[i] + (D[i] - margin * half) * x[i])
+        _admit(system, free, slope, free)
+        pairs += 1 + precondition(single, step, slope, w)[0]
         _admit(system, free, w, lifted(step))
         apply(single, step.kappa, w, step.work, Kw)
         previous, across, change = across, 0.0, 0.0
@@ -427,8 +382,8 @@ def find_margin(
         xHd, dHd, xBd, dBd = 0.0, 0.0, 0.0, 0.0
         for i in range(n):
             d[i], Kd[i] = beta * d[i] - w[i], beta * Kd[i] - Kw[i]
-            xHd += d[i] * (Kx[i] + curvature[i] * x[i])
-            dHd += d[i] * (Kd[i] + curvature[i] * d[i])
+            xHd += d[i] * (Kx[i] + D[i] * x[i])
+            dHd += d[i] * (Kd[i] + D[i] * d[i])
             xBd += d[i] * (Kx[i] + half * x[i])
             dBd += d[i] * (Kd[i] + half * d[i])
         xHd, dHd, xBd, dBd = summed(system.over, (xHd, dHd, xBd, dBd))
@@ -443,9 +398,9 @@ def find_margin(
     square, attraction = 0.0, 0.0
     for i in range(n):
         square += x[i] * x[i]
-        attraction -= curvature[i] * x[i] * x[i]
+        attraction -= D[i] * x[i] * x[i]
     square, attraction = summed(system.over, (square, attraction))
-    return margin, xHx / square, attraction / square, pairs
+    return margin, stiff * xHx / square, stiff * attraction / square, pairs
 
 
 @kernel(inner=True)
@@ -461,7 +416,7 @@ def _lowest(xHx: float, xHd: float, dHd: float, xBx: float, xBd: float, dBd: flo
 
 
 @kernel(reorder=True, inner=True)
-def _admit(system: AdhesiveSystem, free: FloatArray, x: Any, one: Any) -> None:
+def _admit(system: AdhesiveSystem, free: Any, x: Any, one: Any) -> None:
     """Remove motions that the constraints do not allow; a mean by a part of `one`."""
     total, whole = 0.0, 0.0
     for i in range(x.size):
@@ -494,8 +449,8 @@ def leave(
             if sign == 0.0 and (side == 0.0 or side == -1.0):
                 break  # neither is lower, or the last is
             for i in range(n):
-                step.d[i] = (sign if sign != 0.0 else side) * far * x[i]
-            move(system, at, step, mean, to, cap)
+                step.d[i] = x[i]
+            move(system, at, step, (sign if sign != 0.0 else side) * far, mean, to, cap)
             set_stress(plans, system, to, step.spectrum, step.spectrum)
             pairs += 1
             after, change = set_interaction(system, to, cap), 0.0
@@ -536,15 +491,14 @@ class Newton:
     def _fields(self) -> NewtonFields:
         field, spectrum, small = self._transforms.empty_field, self._transforms.empty_spectrum, self._single
         at, to = (AdhesiveState(field(), field(), field(), field()) for _ in range(2))
-        force, direction, applied, z, share, moves, stiffness, response = (
-            small.empty_field() for _ in range(8)
+        free, d, force, direction, applied, z, share, stiffness, response = (
+            small.empty_field() for _ in range(9)
         )
         work = small.empty_spectrum()
         kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
         step = Step(
-            field(), field(), field(), spectrum(),
-            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work, response,
-            no_cycle(),
+            field(), spectrum(), free, d, force, direction, applied, z, share, point, stiffness,
+            kappa, softening, work, response, no_cycle(),
         )  # fmt: skip
         return NewtonFields(at, to, field(), step, spectrum())
 
@@ -600,13 +554,14 @@ class Newton:
 
     def _prepared(self, problem: Problem) -> NewtonFields:
         """The work arrays, with the cycle for the stiffness of the step."""
-        fields, stiffness = self._fields, problem.stiffness
-        if self._grid.size < _WORTH_CYCLE:
-            return fields
+        step, stiffness, n = self._fields.step, problem.stiffness, self._grid.size
         if not problem.ranks.minimum(int(np.array_equal(self._stiffness, stiffness))):
-            cycle = cycle_of(self._grid, stiffness, problem.residual_floor.stiffness)
             self._stiffness = stiffness.copy()
-            self._fields = fields._replace(step=fields.step._replace(cycle=cycle))
+            kappa_1 = problem.residual_floor.stiffness
+            step.kappa[:] = stiffness / (n * unit_of(kappa_1))
+            cycle = cycle_of(self._grid, stiffness, kappa_1) if n >= _WORTH_CYCLE else no_cycle()
+            D = cycle.D[: step.d.size] if cycle.grids.size else self._single.empty_field()
+            self._fields = self._fields._replace(step=step._replace(cycle=cycle, stiffness=D))
         return self._fields
 
     def _check(

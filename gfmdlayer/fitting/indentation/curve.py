@@ -107,7 +107,7 @@ class ForceCurve:
 
     def __post_init__(self) -> None:
         for key in ("time", "depth", "force"):
-            object.__setattr__(self, key, _column(self.name, key, getattr(self, key)))
+            object.__setattr__(self, key, column(self.name, key, getattr(self, key)))
         if reasons := list(self._faults()) or list(self._faults_of_segments()):
             raise CurveError("\n".join(f"curve {self.name}: {reason}" for reason in reasons))
 
@@ -257,14 +257,15 @@ class ForceCurve:
         )
 
 
-def _column(name: str, key: str, values: ArrayLike) -> FloatArray:
+def column(name: str, key: str, values: ArrayLike) -> FloatArray:
+    """Return values as a column of numbers."""
     try:
-        column = np.array(values, dtype=float)
+        found = np.array(values, dtype=float)
     except (TypeError, ValueError):
         raise CurveError(f"curve {name}: {key} cannot be read as numbers") from None
-    if column.ndim != 1:
-        raise CurveError(f"curve {name}: {key} has {column.ndim} dimensions; give a single column")
-    return column
+    if found.ndim != 1:
+        raise CurveError(f"curve {name}: {key} has {found.ndim} dimensions; give a single column")
+    return found
 
 
 def _rows(wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> str:

@@ -7,7 +7,8 @@ of the headings. A column `base`, the position of the cantilever's base, may rep
 HDF5 (.h5, .hdf5): variables time, depth (or base) and force at the root, (rows,) for one curve or
 (curves, rows) for many, which may share a time of (rows,) and have x and y of (curves,); or one group for
 each curve with these variables and the attributes x, y and stiffness. `segment` and `prescribed` are
-variables of words. Units are the attribute `units`. Rows of NaN after the end of a short curve are left out.
+variables of words. Units are the attribute `units`; the stiffness has those of force over depth. Rows of NaN
+after the end of a short curve are left out.
 
 afmformats (the extra `afm`) reads other files, in SI units, with their segments: the base is prescribed, and
 the force in the pause of a creep curve.
@@ -99,7 +100,8 @@ def read_curve(
     columns, found, words, stiffness = _text_columns(entry.path) if suffix in TEXT else _hdf5_columns(entry)
     sizes = _sizes(entry.path, found, units, into, columns)
     columns = {key: values * sizes[key] for key, values in columns.items()}
-    own = options.stiffness if stiffness is None else stiffness
+    length = sizes["depth" if "depth" in columns else "base"]
+    own = options.stiffness if stiffness is None else stiffness * sizes["force"] / length
     if "depth" not in columns:
         if own is None:
             raise TableError(

@@ -16,7 +16,14 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import BASE, FORCE, PRESCRIBED, ForceCurve
+from gfmdlayer.fitting.indentation.curve import (
+    BASE,
+    DEPTH,
+    FORCE,
+    PRESCRIBED,
+    ForceCurve,
+    column,
+)
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
 from gfmdlayer.fitting.indentation.problem import SECTIONS, Correction, Free, LeastSquares, Model, Prediction
 from gfmdlayer.fitting.indentation.starts import curve_parameters, make_problem, read_model
@@ -57,6 +64,8 @@ def design_indentation(
     ------
     ConfigError
         A plan, the model or a key is not possible.
+    CurveError
+        A planned curve cannot be fitted.
 
     Examples
     --------
@@ -97,19 +106,21 @@ def _planned(plan: Plan, model: Model, number: int) -> ForceCurve:
     needed = "depth_noise" if kind == FORCE else "noise"
     if needed not in plan:
         raise ConfigError([f"plan {name}: {needed} is missing; give the noise of the measured quantity"])
-    corners, values = (np.asarray(plan[key], dtype=float) for key in ("time", kind))
-    if corners.ndim != 1 or corners.size < 2 or corners.shape != values.shape or np.diff(corners).min() <= 0:
+    corners, values = (column(name, key, plan[key]) for key in ("time", kind))
+    is_finite = np.isfinite(corners).all() and np.isfinite(values).all()
+    if corners.size < 2 or corners.shape != values.shape or not (is_finite and np.diff(corners).min() > 0):
         raise ConfigError(
-            [f"plan {name}: time and {kind} must have two or more corners each, times ascending"]
+            [f"plan {name}: time and {kind} must have two or more finite corners each, times ascending"]
         )
     time = np.linspace(corners[0], corners[-1], int(plan.get("rows", ROWS)))
     own = np.interp(time, corners, values)
-    stiffness = plan.get("stiffness")
+    stiffness: Any = plan.get("stiffness")
     if kind == BASE and stiffness is None:
         raise ConfigError([f"plan {name}: the base is prescribed; give the stiffness of the cantilever"])
-    force = own if kind == FORCE else np.maximum(own, 0.0)
+    # Until the response is known, half of the motion of the base bends the cantilever.
+    force = own if kind == FORCE else np.maximum(own, 0.0) * (stiffness / 2 if kind == BASE else 1.0)
     facts = {key: plan[key] for key in ("noise", "depth_noise", "stiffness_error", "punch") if key in plan}
-    depth = time if kind == FORCE else own - force / stiffness if stiffness else own
+    depth = {FORCE: time, DEPTH: own}.get(kind, own - force / (stiffness or math.inf))
     curve = ForceCurve(name, time, depth, force, prescribed=kind, stiffness=stiffness, **facts)
     config = (model if curve.punch is None else model.under(curve.punch)).config
     prediction, at = Prediction(curve), Correction(stiffness=stiffness or math.inf)
@@ -117,7 +128,7 @@ def _planned(plan: Plan, model: Model, number: int) -> ForceCurve:
     found, deep = prediction.response(config, at)
     if kind == FORCE:
         return replace(curve, depth=deep)
-    return replace(curve, force=found, depth=own - found / stiffness if stiffness else own)
+    return replace(curve, force=found, depth=own - found / stiffness if kind == BASE else own)
 
 
 def _expected(curves: Sequence[ForceCurve], model: Model, free: Free) -> IndentationFit:

@@ -27,6 +27,7 @@ from gfmdlayer.fitting.indentation.curve import FORCE, PRESCRIBED, CurveError, F
 from gfmdlayer.fitting.indentation.problem import LeastSquares, Parameter
 
 BAND = 0.95  # confidence of all intervals
+WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their order
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 STIFF = 1e3  # of the further residual, over its standard error
@@ -258,8 +259,9 @@ def _doubts(
             value = f"correlation {correlation[i, j]:.4f}"
             yield f"{pair}: the data determine only a combination of them ({value})"
     for fit in fitted:
-        residual = fit.residual[fit.used]
-        if np.sum(residual**2) > 0:
+        noise = np.where(fit.curve.by_force, fit.depth_noise, fit.noise)[fit.used]
+        residual = fit.residual[fit.used] / np.maximum(noise, 1e-300)
+        if np.mean(residual**2) > WITHIN**2:
             along = float(residual[1:] @ residual[:-1] / (residual @ residual))
             if along > 0.5:
                 yield (

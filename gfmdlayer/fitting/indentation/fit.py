@@ -147,13 +147,12 @@ def fit_curves(
     parameters = curve_parameters(curves, model, free, options)
     reached = depths(curves, parameters)
     refuse_impossible(reached, model)
-    rows = sum(curve.time.size for curve in curves)
-    if rows < 2 * len(parameters):
+    problem = make_problem(curves, model, parameters, options)
+    if problem.rows < 2 * len(parameters):
         raise FitError(
-            f"{rows} rows are too few for {len(parameters)} free parameters; the fit needs at least "
+            f"{problem.rows} rows are too few for {len(parameters)} free parameters; the fit needs at least "
             f"{2 * len(parameters)}"
         )
-    problem = make_problem(curves, model, parameters, options)
     u, scale = first_guess(problem)
     refuse_mixed_units(model, scale)
     notes = list(warnings_before(curves, reached, model, scale))

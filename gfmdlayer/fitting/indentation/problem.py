@@ -119,7 +119,7 @@ class Prediction:
         for kind, each in groupby(curve.segments, key=lambda segment: segment.prescribed):
             parts = list(each)
             rows = slice(parts[0].first, parts[-1].end)
-            values = curve.force if kind == FORCE else curve.position_of_drive
+            values = {FORCE: curve.force, DEPTH: curve.depth}.get(kind, curve.position_of_drive)
             self.drives.append(Drive.of(curve.time[rows], values[rows], float(np.ptp(values))))
             self._kinds.append(kind)
             for part in parts:

@@ -84,7 +84,10 @@ def add_fit(h5: h5py.File, fit: IndentationFit) -> None:
     units = fit.config.units
     labels = {"time": "time", "depth": "length", "force": "force"}
     for each in fit.curves:
-        group = h5.create_group(each.curve.name.replace("/", "_"))
+        name = each.curve.name.replace("/", "_")
+        while name in h5:  # an estimate, or another curve
+            name += "_"
+        group = h5.create_group(name)
         for key, values in _rows(each).items():
             is_text = key in {"segment", "prescribed"}
             data = np.array(values, dtype=object) if is_text else values
@@ -109,9 +112,15 @@ def add_estimates(h5: h5py.File, fit: IndentationFit) -> None:
     for column, values in zip(COLUMNS, rows, strict=True):
         add_variable(h5, column, ("parameter",), {}, data=values)
     h5.create_dataset("correlation", data=fit.correlation)
-    noise = fit.curves[0].noise if math.isfinite(fit.curves[0].noise) else fit.curves[0].depth_noise
-    for scalar, value in zip(SCALARS, (noise, fit.aic, fit.bic), strict=True):
+    for scalar, value in zip(SCALARS, (_noise(fit), fit.aic, fit.bic), strict=True):
         h5.create_dataset(scalar, data=float(value))
+
+
+def _noise(fit: IndentationFit) -> float:
+    """Return the root mean square of the curves' noise of force; of depth where no force is measured."""
+    every = np.array([(each.noise, each.depth_noise) for each in fit.curves]).T
+    known = next(each[np.isfinite(each)] for each in every if np.isfinite(each).any())
+    return float(np.sqrt(np.mean(known**2)))
 
 
 def _rows(each: CurveFit) -> dict[str, Any]:
@@ -217,9 +226,8 @@ def comparison(fits: dict[str, IndentationFit]) -> list[str]:
     width = max(len(name) for name in fits)
     lines = [f"{'model':{width}}  parameters  {'noise':>10}  {'AIC - best':>11}  {'BIC - best':>11}"]
     for name, fit in sorted(fits.items(), key=lambda item: item[1].bic):
-        noise = math.sqrt(float(np.nanmean([(each.noise, each.depth_noise) for each in fit.curves]) ** 2))
         lines.append(
-            f"{name:{width}}  {len(fit.parameters):10d}  {noise:10.4g}  {fit.aic - best_aic:11.2f}  "
+            f"{name:{width}}  {len(fit.parameters):10d}  {_noise(fit):10.4g}  {fit.aic - best_aic:11.2f}  "
             f"{fit.bic - best_bic:11.2f}"
         )
     return lines
