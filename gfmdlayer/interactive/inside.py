@@ -139,7 +139,7 @@ def _stack(body: object, data: xarray.Dataset, *, known: bool) -> LayerStack:
     """
     if body is None:
         if "config" not in data.attrs:
-            raise ConfigError(["body: missing; data has no configuration that names it"])
+            raise ConfigError(["body: missing; data has no configuration that names it; give body"])
         config = load(Path("case"), content=str(data.attrs["config"]))
         if not isinstance(config.solid, Layers):
             raise ConfigError(
