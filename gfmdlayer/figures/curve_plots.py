@@ -33,6 +33,7 @@ from gfmdlayer.figures.selection import (
     case_dimensions,
     column_name,
     default_columns,
+    each_interface,
     notes,
     swept,
 )
@@ -101,6 +102,7 @@ def curves_figure(
         If there is no such column, or an option needs another `x`.
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
+    dataset, y = each_interface(dataset, y)
     names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
     x = along or column_name(dataset, x)
     for given, needed, name in ((log_time or inset, "time", "log_time or inset"), (time, along, "time")):
@@ -146,7 +148,7 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
             sweep[name].isel(curve.place, missing_dims="ignore").to_numpy() for name in ("time", x, y)
         )
         shown = np.isfinite(clock) & ((across > 0) if "x" in log else True)
-        if y in SPARSE:
+        if {y, y.rpartition("_")[0]} & SPARSE:  # interface_peel_0 as interface_peel
             shown &= np.isfinite(values)
         across = across[shown] / along.scale
         axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
@@ -239,7 +241,8 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
             with opened as case:
                 areas = _draw(axes, case, y, curve.colour, curve.dashes, alone=len(drawn.curves) == 1)
             if titles:
-                legend.append((", ".join([titles[i], *areas[1:]]), curve.colour, curve.dashes))
+                shown = areas if y in _TANGENTIAL else areas[1:]  # a sweep keeps the work that it compares
+                legend.append((", ".join([titles[i], *shown]), curve.colour, curve.dashes))
             elif len(drawn.curves) == 1:
                 axes.set_title("\n".join(areas), loc="left")
         if not axes.lines:

@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
-from gfmdlayer.figures.plot_style import CONTACT, PAPER, Style, new_figure, styled
+from gfmdlayer.figures.plot_style import CONTACT, PAPER, Style, legend_above, new_figure, styled
 from gfmdlayer.figures.snapshot_plots import (
     Extremes,
+    contact_entry,
     draw_bar,
     draw_map,
     part_of,
@@ -75,8 +76,8 @@ def inside_figure(
     known = [each for each in dict.fromkeys([*BELOW, *INVARIANTS]) if each in case or each in INVARIANTS]
     known = [each for each in known if BELOW.get(each, "z") == "z"]
     if name not in known:
-        allowed = f"{nearest(name, known)}; must be one of {', '.join(known)}"
-        raise ResultsError(f"below the surface there is no field {name}{allowed}")
+        allowed = f"must be one of {', '.join(known)}{nearest(name, known)}"
+        raise ResultsError(f"below the surface there is no field {name}; {allowed}")
     is_line = "y" not in case["pressure"].dims
     with styled(style):
         part, left_out = part_of(case, case.sizes["snapshot"] if every else MOST_SECTIONS)
@@ -105,7 +106,9 @@ def inside_figure(
         last = part.isel(snapshot=-1)
         for row, face in enumerate(shown, start=len(drawn)):
             _draw_interface(figure, grid, row, last, face, seen)
-        finish(figure, [*explained(case, []), *notes, *left_out])
+        if "gap" in case:
+            legend_above(figure, [contact_entry()])
+        finish(figure, [*explained(case.assign({name: drawn}), [name]), *notes, *left_out])
     return figure
 
 

@@ -42,7 +42,7 @@ PAPER_SYMBOLS = {
     "pull_off_force": r"F_\mathrm{pull}",
     "pull_off_stress": r"\bar{p}_\mathrm{pull}",
     "work_of_separation": r"W_\mathrm{sep}",
-    "tangential_work": r"\int\bar{t}\,\mathrm{d}D",
+    "tangential_work": r"\int\,\bar{t}\,\mathrm{d}D",
     "loop_area": r"\oint\,\bar{p}\,\mathrm{d}\delta",
     "traction": r"\tau",
     **{f"flow_{each}": f"K_{{{each}}}" for each in ("xx", "xy", "yy")},

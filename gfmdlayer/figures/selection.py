@@ -83,7 +83,7 @@ def find_key(sweep: Dataset, name: str) -> DataArray:
     if name not in keys:
         known = ", ".join(str(each.name) for each in swept(sweep))
         must = f"must be one of {known}" if known else "there is no sweep"
-        raise ResultsError(f"{name} is not swept{nearest(name, keys)}; {must}")
+        raise ResultsError(f"{name} is not swept; {must}{nearest(name, keys)}")
     return keys[name]
 
 
@@ -244,13 +244,27 @@ def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
     found = _own_name(dataset, name)
     if found not in ("time", *columns):
         known = ", ".join(["time", *columns])
-        raise ResultsError(f"there is no column {name}{nearest(name, columns)}; must be one of {known}")
+        raise ResultsError(f"there is no column {name}; must be one of {known}{nearest(name, columns)}")
     return found
 
 
 def _own_name(dataset: Dataset, name: str) -> str:
     """Return the name of a column, which differs in a sweep over a key of this name."""
     return f"{name}{OVER_TIME}" if f"{name}{OVER_TIME}" in dataset.data_vars else name
+
+
+def each_interface(dataset: Dataset, names: Sequence[str]) -> tuple[Dataset, list[str]]:
+    """Give each interface columns of its own, interface_peel_0 for interface_peel, in results and names."""
+    parts = {
+        str(name): [
+            column.isel(interface=i, drop=True).rename(f"{name}_{i}") for i in range(column.interface.size)
+        ]
+        for name, column in dataset.data_vars.items()
+        if "interface" in column.dims
+    }
+    single = {str(each.name): each for columns in parts.values() for each in columns}
+    wanted = [[str(each.name) for each in parts[name]] if name in parts else [name] for name in names]
+    return dataset.drop_vars(parts).assign(single), [each for group in wanted for each in group]
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:

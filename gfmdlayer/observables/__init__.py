@@ -71,7 +71,9 @@ OBSERVABLES: dict[str, type[Observable]] = {
 }
 
 # Columns that are NaN in the rows between two others.
-SPARSE = _OF_TRANSPORT | {each.name for each in (VON_MISES, *PLACE, SHEAR)}
+SPARSE = (
+    _OF_TRANSPORT | {each.name for each in (VON_MISES, *PLACE, SHEAR)} | {"interface_peel", "interface_shear"}
+)
 
 
 def observables(case: Parts) -> dict[str, Observable]:

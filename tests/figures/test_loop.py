@@ -154,3 +154,24 @@ def test_the_area_under_tension_begins_where_the_punch_turns(results: Path) -> N
     case = open_case(results / "cases" / "0000.h5").load()
     (area, *_) = loop_figure(results, case.assign(force=0.0 * case.force - 1.0)).axes[0].collections
     assert area.get_paths()[0].get_extents().x1 == float(case.depth.max())
+
+
+def test_the_loops_of_a_sweep_along_the_surface_have_their_work_in_the_legend(tmp_path: Path) -> None:
+    shaken = {"tangential": {"kind": "oscillation", "displacement": 0.002, "start": 0.2, "period": 0.8}}
+    run = {
+        "grid": {"points": 64},
+        "interface": {"law": "coulomb", "coefficient": 0.4},
+        "trajectory": {"control": "load", "load": 0.02, "ramp_time": 0.2, **shaken},
+        "time": {"end": 1.0, "step": 0.1},
+        "sweep": {"trajectory.tangential.displacement": [0.001, 0.002]},
+    }
+    gfmdlayer.run(run, out=tmp_path / "shaken")
+    sweep = open_results(tmp_path / "shaken")
+    figure = loop_figure(tmp_path / "shaken", sweep, y="friction")
+    entries = [entry.get_text() for entry in figure.legends[0].get_texts()]
+    for i, entry in enumerate(entries):
+        case = open_case(tmp_path / "shaken" / "cases" / f"{i:04}.h5").load()
+        work = float(np.trapezoid(case.tangential_force, case.tangential_displacement))
+        digits = f"{float(f'{work:.2e}'.partition('e')[0]):g}"  # three, times a power of ten
+        assert digits in entry.rpartition("=")[2]
+    assert len(entries) == 2

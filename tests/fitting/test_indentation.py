@@ -433,5 +433,8 @@ def test_the_command_fits_a_file_and_refuses_what_it_cannot(
     assert "fit.yaml: exists" in capsys.readouterr().err
     assert cli.main([*arguments, "--force", "--free", "layer.material.G0=a"]) == 2
     assert "KEY=LOW:HIGH" in capsys.readouterr().err
+    Path("wrong.yaml").write_text("layer: {thickness: .inf}\npunch: {shape: parabola, radius: -5}\n")
+    assert cli.main([*arguments, "--force", "--model", "wrong.yaml"]) == 2
+    assert "wrong.yaml:2:34: punch.radius: got -5" in capsys.readouterr().err
     assert cli.main([*arguments, "--force", "--jobs", "2"]) == 2
     assert "--restart and --jobs: only with --each" in capsys.readouterr().err

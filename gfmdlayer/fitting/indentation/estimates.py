@@ -124,7 +124,7 @@ class IndentationFit:
 
     parameters: tuple[Estimate, ...]
     correlation: FloatArray  # shape (parameters, parameters), on the scales on which they are fitted
-    curves: tuple[CurveFit, ...]
+    curves: tuple[CurveFit, ...] = field(repr=False)  # each with all its rows
     aic: float  # information criterion of Akaike; smaller is better, for the same curves
     bic: float  # information criterion of Schwarz
     warnings: tuple[str, ...]  # parameters that the data do not determine, and odd data

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from numbers import Real
@@ -28,7 +29,7 @@ from gfmdlayer.fitting.indentation.problem import (
     onset,
 )
 from gfmdlayer.indentation.indent import as_revolution
-from gfmdlayer.validation.problems import shown, unknown_key
+from gfmdlayer.validation.problems import location_of_key, shown, unknown_key
 
 TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
 STRETCH = 10.0  # default bounds of a cantilever's stiffness: over and times this factor
@@ -47,6 +48,10 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
             found = [f"{place}: {message}" for place, message in document.problems]
             raise ConfigError(found or [f"{model}: must have the keys layer, halfspace and punch"])
         data = document.data
+        try:
+            Model({key: value for key, value in data.items() if key != "free"})
+        except ConfigError as error:
+            raise ConfigError(f"{_place(document, each)}: {each}" for each in error.problems) from None
     own = data.pop("free", None)
     keys = own if free is None else free
     if wrong := list(_wrong_keys(keys)):
@@ -54,6 +59,12 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
         foreign = [f"{key}: {unknown_key(key, allowed, ())}" for key in data if key not in allowed]
         raise ConfigError(foreign + wrong)
     return data, keys
+
+
+def _place(document: text.Document, problem: str) -> text.Place:
+    """Return the place in the file of the key that begins a message, such as layers[0].thickness."""
+    key = re.sub(r"\[(\d+)\]", r".\1", problem.partition(":")[0])
+    return document.place(location_of_key(key))
 
 
 def _wrong_keys(keys: Any) -> Iterator[str]:
