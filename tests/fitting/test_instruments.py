@@ -278,6 +278,22 @@ def test_impossible_segments_and_springs_are_named(change: dict[str, Any], messa
         ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0.0) ** 1.5, **change)
 
 
+def test_one_word_counts_for_all_rows_and_a_retraction_may_stand_alone() -> None:
+    down = np.linspace(0.2, 0.05, TIME.size)
+    force = 16 / 3 * 5.0**0.5 * down**1.5  # Hertz's, G = 1, nu = 1/2
+    columns = {"time": TIME, "depth": down, "force": force}
+    words = {"prescribed": "force", "segment": "retract"}
+    model = {key: START[key] for key in ("punch",)} | {
+        "layer": {"thickness": math.inf, "material": {"model": "zener", "G0": 2.0, "Ginf": 2.0}}
+    }
+    for given, kind in ((columns | words, "force"), (ForceCurve("a", *columns.values()), "depth")):
+        fit = fit_indentation(given, model, ["layer.material.G0"])
+        segments = fit.curves[0].curve.segments
+        assert segments[-1].name == "retract"
+        assert {each.prescribed for each in segments} == {kind}
+        assert fit["G0"].value == pytest.approx(1.0, rel=1e-3)  # of the straight pieces
+
+
 def test_the_rows_of_the_chosen_segments_must_be_enough() -> None:
     names = ["approach"] * 196 + ["hold"] * 5
     curve = ForceCurve("a", TIME, 0.02 * TIME, TIME**1.5, prescribed="depth", segment=names)

@@ -66,7 +66,7 @@ class ForceCurve:
         The quantity that the instrument prescribes: `depth`, `force`, or the `base` of the cantilever, depth
         + force/stiffness. The fit minimises the error of the force where depth or base is prescribed, and of
         the depth where the force is. By default it is guessed from the straightness of the columns.
-    segment : sequence of str, shape (rows,), optional
+    segment : str or sequence of str, shape (rows,), optional
         Names of the segments, such as approach, hold, retract; guessed by default.
     stiffness, stiffness_error : float, optional
         Stiffness of the cantilever, force per length, and its relative standard error: with an error it is
@@ -98,7 +98,7 @@ class ForceCurve:
     noise: float | None = None
     position: tuple[float, ...] = field(default=())
     prescribed: str | Sequence[str] | None = None
-    segment: Sequence[str] | None = None
+    segment: str | Sequence[str] | None = None
     depth_noise: float | None = None
     stiffness: float | None = None
     stiffness_error: float | None = None
@@ -156,7 +156,7 @@ class ForceCurve:
         if {BASE, DEPTH} <= kinds:
             yield "prescribes the depth and the base; give one of them, or the force, in each segment"
         names = [each.name for each in self.segments if each.name in {"approach", "retract"}]
-        if names and names[0] == "retract":
+        if "approach" in names and names[0] == "retract":
             yield "its segments are out of order: retract comes before approach"
         for each in self.segments:
             moved = self.position_of_drive[each.end - 1] - self.position_of_drive[each.first]
@@ -175,14 +175,8 @@ class ForceCurve:
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
         """The segments, as given or guessed, one for each stretch of one name and one prescribed quantity."""
-        guess = None
-        if self.prescribed is None or self.segment is None:
-            guess = _guess(self)
-        names = [""] * self.time.size if self.segment is None else list(map(str, self.segment))
-        kinds = [str(self.prescribed or "")] * self.time.size
-        if not (self.prescribed is None or isinstance(self.prescribed, str)):
-            kinds = list(map(str, self.prescribed))
-        for each in guess or ():
+        names, kinds = (_by_row(each, self.time.size) for each in (self.segment, self.prescribed))
+        for each in _guess(self) if self.prescribed is None or self.segment is None else ():
             for row in range(each.first, each.end):
                 names[row] = names[row] or each.name
                 kinds[row] = kinds[row] or each.prescribed
@@ -255,6 +249,11 @@ class ForceCurve:
             depth_noise=times(self.depth_noise, length),
             stiffness=times(self.stiffness, force / length),
         )
+
+
+def _by_row(words: str | Sequence[str] | None, rows: int) -> list[str]:
+    """Return a word for each row, empty where it is not given."""
+    return [words or ""] * rows if words is None or isinstance(words, str) else list(map(str, words))
 
 
 def column(name: str, key: str, values: ArrayLike) -> FloatArray:

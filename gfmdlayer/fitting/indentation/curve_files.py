@@ -116,7 +116,7 @@ def read_curve(
 
 
 def curve_facts(
-    words: Mapping[str, Sequence[str]], stiffness: float | None, options: FitOptions
+    words: Mapping[str, str | Sequence[str]], stiffness: float | None, options: FitOptions
 ) -> dict[str, Any]:
     """Return the facts of a curve that are in its file, or else in the options."""
     return {

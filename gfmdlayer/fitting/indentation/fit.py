@@ -130,7 +130,7 @@ def _curves(
             yield afm_curve(each, f"{Path(each.path).stem}-{each.enum}", into, options)
         elif all(key in each for key in ("time", "depth", "force")):
             time, depth, force = (np.asarray(each[key]) for key in ("time", "depth", "force"))
-            words = {key: list(map(str, np.asarray(each[key]))) for key in WORDS if key in each}
+            words = {key: np.asarray(each[key]).astype(str).tolist() for key in WORDS if key in each}
             facts = curve_facts(words, options.stiffness, options)
             yield ForceCurve(str(number), time, depth, force, **facts)
         else:
