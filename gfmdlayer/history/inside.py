@@ -271,7 +271,7 @@ def largest_shear(stress: Mapping[str, FloatArray], equivalent: FloatArray) -> F
     xx, yy, zz, xz = (np.ravel(stress[name]) for name in ("xx", "yy", "zz", "xz"))
     if "xy" not in stress:  # on a line the stress across it is principal
         half, radius = (xx + zz) / 2, np.hypot((xx - zz) / 2, xz)
-        return np.maximum(radius, (np.abs(yy - half) + radius) / 2)
+        return np.maximum(radius, (np.abs(yy - half) + radius) / 2).reshape(equivalent.shape)
     found, xy, yz = np.empty(equivalent.size), np.ravel(stress["xy"]), np.ravel(stress["yz"])
     half_of_principal(xx, yy, zz, xy, xz, yz, np.ravel(equivalent), found)
     return found.reshape(equivalent.shape)

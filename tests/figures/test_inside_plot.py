@@ -41,6 +41,10 @@ def test_the_section_of_a_line_has_depth_downward_and_the_interface_at_its_depth
     labels = [each.get_ylabel() for each in [*figure.axes, *axes.child_axes]]
     assert any("Mises" in each for each in labels)
     assert [each.get_text() for each in figure.legends[0].get_texts()] == ["contact"]
+    assert (
+        "shear stress"
+        in inside_figure(gfmdlayer.run(RUN, grid={"points": 64}), "largest_shear").get_supxlabel()
+    )
     assert "von Mises stress" in figure.get_supxlabel()  # the caption explains the symbol
 
 
