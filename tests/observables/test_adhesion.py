@@ -88,7 +88,7 @@ def test_the_work_counts_only_the_pull_in_retraction() -> None:
         solution = SimpleNamespace(mean_pressure=pressure)
         return depth, solution.mean_pressure, 2 * pressure
 
-    found = Adhesion(SimpleNamespace())  # type: ignore[arg-type]
+    found = Adhesion(SimpleNamespace(grid=SimpleNamespace(sums=None)))  # type: ignore[arg-type]
     for values in (step(0, -3), step(1, -3), step(2, -1), step(1, 1), step(0, -1), step(-1, -1), step(-2, 0)):
         found._pull(*values)
     # From 2 to 1 and from 1 to 0 half a step each pulls, 1/4; then a whole one, 1, and a triangle, 1/2.
