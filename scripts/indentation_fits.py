@@ -501,7 +501,7 @@ def nanoindenter(rng: np.random.Generator) -> None:
     start = begun(GEL, 1.0, 3.0, 1.0, thickness=3.0)
     fits = {
         "force prescribed": fit_indentation(curve, start, free),
-        "as if the depth were": fit_indentation(replace(curve, prescribed="depth"), start, free),
+        "depth prescribed (wrong)": fit_indentation(replace(curve, prescribed="depth"), start, free),
     }
     for name, fit in fits.items():
         print(name, *summary(fit), sep="\n")
