@@ -61,6 +61,7 @@ if TYPE_CHECKING:
 _SAME = 1e-6  # relative difference of two lengths that are meant to be equal
 _ENOUGH = 1e-14  # relative change of a mean, or Fourier coefficient, that is left out
 _MOST = 4096  # points in omega, or directions
+_SOFTEST = 3e-3  # a strain this much softer than the stiffest constant: K then takes some 20 s
 _CHUNK = 1 << 14  # waves at a time
 
 
@@ -192,6 +193,8 @@ class Anisotropic(OneModulus):
             elif not _positive(self.C):
                 message = "is the energy of a body that is not stable; must be positive definite"
                 yield Problem(("C",), message)
+            else:
+                yield from self._nearly_unstable("C")
             return
         if None in [*found.values()][:3]:
             missing = next(name for name in names if found[name] is None)
@@ -207,6 +210,16 @@ class Anisotropic(OneModulus):
             most = math.sqrt(C33 * (C11 + C12) / 2)
             message = f"got {C13!r}; must be between -{most:.6g} and {most:.6g}, else the body is not stable"
             yield Problem((key,), message, names)
+        else:
+            yield from self._nearly_unstable("C11")
+
+    def _nearly_unstable(self, key: str) -> Iterator[Problem]:
+        """Refuse a body so near to instability that Barnett and Lothe's integral needs too many points."""
+        least = _SOFTEST * max(abs(each) for row in self.constants for each in row)
+        rows = enumerate(self.constants)
+        if not _positive([[each - least * (i == j) for j, each in enumerate(row)] for i, row in rows]):
+            limit = f"{least:.3g}, {_SOFTEST:g} of the largest constant"
+            yield Problem((key,), f"a strain has a stiffness below {limit}: the body is nearly unstable")
 
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
         """Return q/[L^-1]_zz."""
