@@ -81,6 +81,25 @@ def test_the_grids_error_is_of_second_order_and_the_edge_within_a_cell(
     assert 0.49 < max(errors) < 0.55
 
 
+@halfspaces
+@pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
+def test_a_parabola_on_a_halfspace(
+    body: dict[str, object], integrator: str, run: Run, parabola_on_halfspace: ClosedForm
+) -> None:
+    n = 2**14
+    settings = {"grid.points": n, "time.end": 1.0, "time.step": 1.0, "time.integrator": integrator}
+    found = run(settings | body | {"solver.tolerance": 1e-8}).rows[-1]
+    (area,), (pressure,) = parabola_on_halfspace(0.01)
+    # Closed form in thirty digits: atilde = 0.09008464725, ptilde = 0.01279016487.
+    assert area == pytest.approx(0.09008464725, rel=1e-9)
+    assert pressure == pytest.approx(0.01279016487, rel=1e-9)
+    # A solver that leaves 1e-8 p_max on the open surface is off by no more in the mean; p_max = 14 pbar.
+    assert parabola_grid_error(n, area / 2) < 1.5e-7
+    assert found["mean_pressure"] == pytest.approx(pressure, rel=1.5e-7 + 1.4e-7)
+    # Two edges.
+    assert abs(found["contact_area"] - area) < 2 / n
+
+
 def test_a_parabola_all_the_way_down(run: Run, parabola_on_halfspace: ClosedForm) -> None:
     n = 4096
     settings = {"grid.points": n, "time.end": 1.0, "layer.thickness": 0.0, "solver.tolerance": 1e-8}
