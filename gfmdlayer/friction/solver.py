@@ -114,7 +114,12 @@ class FrictionSolver:
         return at, steps
 
     def compile(self) -> None:
-        """Compile nothing: only a failed solve calls more kernels, those of the solver without friction."""
+        """Compile the kernels of the solver without friction, where the interface attracts.
+
+        Else only a failed solve calls them.
+        """
+        if SOLVERS[self._choice.method].adhesive:
+            self._frictionless.compile()
 
     def state(self) -> SavedState:
         """Return the windows whose kernels are known, and the state of the solver without friction."""

@@ -107,7 +107,8 @@ def solve(
         line on a halfspace, the distance at which the surface counts as at rest. method, tolerance,
         max_iterations : of the solver, as in a configuration.
         friction : coefficient of friction, or a mapping with `coefficient` mu, `strength` tau_0 (pressure)
-        or both: the shear traction of a point is at most the smaller of mu p and tau_0.
+        or both: the shear traction of a point is at most the smaller of mu p and tau_0, with the pressure p
+        of the wall, which presses against the attraction too.
         tangential_force, tangential_displacement : with friction, one of them: of the punch along x, or along
         x and y, over the cell (per length for a line) and from its place before the first contact. By default
         the punch keeps its place. previous : with friction, the result from which this step starts.
@@ -206,7 +207,7 @@ def solve(
     _check_grid(body, grid)
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
     if frictional:
-        _check_friction(frictional, plain=not alone and law is HARD_WALL and config.hardness is None)
+        _check_friction(frictional, plain=not alone and config.hardness is None)
     if mean_pressure is not None and alone:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
     reach, response = None, body
@@ -223,9 +224,8 @@ def solve(
     if control == "depth" and (message := too_deep(target, float(heights.mean()), response.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     if frictional:
-        return with_friction(
-            body, grid, heights, (control, target), glassy=instantaneous, solver=options, **frictional
-        )
+        given = {"glassy": instantaneous, "solver": options, "interface": law}
+        return with_friction(body, grid, heights, (control, target), **given, **frictional)
     loading = CONTROLS[control](heights, Constant(target), law)
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
@@ -308,7 +308,7 @@ def _check_friction(given: Mapping[str, object], *, plain: bool) -> None:
     if "friction" not in given:
         raise ConfigError([f"{name}: only with friction; remove it" for name in given])
     if not plain:
-        raise ConfigError(["friction: not with isolated=True, attraction or hardness; remove one"])
+        raise ConfigError(["friction: not with isolated=True or a hardness; remove one"])
 
 
 def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) -> FloatArray:
