@@ -129,6 +129,10 @@ class Work:
             self._made[part, single] = Fields(plan, self.spent, share * (0.5 if single else 1.0))
         return self._made[part, single]
 
+    def spend(self, pairs: float) -> None:
+        """Count FFT pairs."""
+        self.spent.pairs += pairs * self._share
+
     def window(self, points: NDArray[Any]) -> tuple[int, NDArray[Any]]:
         """Return the part of the smallest window twice as wide as some points, and where they are in it."""
         places = np.unravel_index(points, self.shape)
@@ -258,6 +262,18 @@ class Operator:
             return np.array([field[places] for field in work.respond(factors, [True] * len(x))])
 
         return response
+
+    def kernel(self, number: int) -> FloatArray:
+        """Return the response to a load on the first point, of a component of `_parts`; not counted."""
+        work, before = self._work.fields(single=False), self._work.spent.pairs
+        work.waves[0][:] = self._double[number]
+        work.transform_back(0)
+        self._work.spent.pairs = before
+        return np.array(work.points[0])
+
+    def spend(self, pairs: float) -> None:
+        """Count FFT pairs of the grid of this operator."""
+        self._work.spend(pairs)
 
     @property
     def windows(self) -> list[int]:
