@@ -6,7 +6,7 @@ across n where it slips, is solved by flexible GMRES in single precision, precon
 without the coupling of p and t. Its vectors have only the free unknowns. Full steps are taken; where they do
 not come closer, steps from the best state are damped (proximal, C + theta).
 
-Where the contact of a line is short intervals, the preconditioner is the inverse of the compliance within each
+Where the contact of a line is short intervals, the preconditioner is the inverse of the compliance in each
 of them, and among their loads. It needs no transforms.
 """
 

@@ -65,7 +65,7 @@ class FrictionSolver:
         self._spent, self._transforms = Spent(), transforms
         self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=attracts)
         self._mark = ""  # digest of the last response before the run was resumed
-        self._levels = [_Level(grid, transforms, self._spent, 1.0)]
+        self._levels = [_Level(grid, transforms, self._spent, 1.0, measured=attracts)]
         while (coarser := self._levels[-1].coarser()) is not None:
             self._levels.append(coarser)
 
@@ -380,10 +380,12 @@ class _Mixing:
 class _Level:
     """One of the nested grids; keeps the operators of the last response."""
 
-    def __init__(self, grid: Grid, transforms: Transforms, spent: Spent, share: float) -> None:
+    def __init__(
+        self, grid: Grid, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False
+    ) -> None:
         self.grid, self.transforms = grid, transforms
         self._spent, self._share = spent, share
-        self._work = Work(transforms, spent, share)
+        self._work = Work(transforms, spent, share, measured=measured)
         self._finer: Response | None = None
         self.response: Response | None = None
         self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
