@@ -19,17 +19,25 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.fitting.indentation.curve import WORDS, ForceCurve, Sizes, in_si
 from gfmdlayer.fitting.indentation.curve_files import Units, afm_curve, curve_facts, entries, read_curve
 from gfmdlayer.fitting.indentation.design import second_curve
+from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, minimised
 from gfmdlayer.fitting.indentation.problem import (
     Free,
     LeastSquares,
     Model,
     depths,
+    refuse_adhesion,
     refuse_impossible,
     refuse_mixed_units,
     warnings_before,
 )
-from gfmdlayer.fitting.indentation.starts import curve_parameters, first_guess, make_problem, read_model
+from gfmdlayer.fitting.indentation.starts import (
+    curve_parameters,
+    first_guess,
+    make_problem,
+    read_model,
+    with_adhesion,
+)
 from gfmdlayer.fitting.measurement import FitError
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
@@ -51,6 +59,7 @@ def fit_indentation(
     prescribed: str | None = None,
     stiffness: float | None = None,
     stiffness_error: float | None = None,
+    adhesion: str | None = None,
 ) -> IndentationFit:
     """Fit moduli, times, thicknesses and more to measured force curves.
 
@@ -68,7 +77,7 @@ def fit_indentation(
         mapping gives bounds as [low, high], or None.
     units : sequence of str, optional
         Units of time, depth and force for columns without units, such as ("s", "nm", "nN").
-    loss, profile, contact, segments, prescribed, stiffness, stiffness_error
+    loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion
         See `FitOptions`.
 
     Returns
@@ -101,7 +110,9 @@ def fit_indentation(
     >>> print(f"{fit['G0'].value:.2f}")
     7.00
     """
-    options = FitOptions(loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error)
+    options = FitOptions(
+        loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion
+    )
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
     data, keys = read_model(model, free)
@@ -141,6 +152,10 @@ def fit_curves(
     curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool = True
 ) -> IndentationFit:
     """Fit a checked model to curves, see `fit_indentation`; `advise` which second curve would tell more."""
+    if options.adhesion == CHOOSE:
+        return _best_adhesion(curves, model, free, options, advise)
+    if options.adhesion is not None:
+        model, free = with_adhesion(model, free, options.adhesion)
     names = [curve.name for curve in curves]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise FitError(f"curve {', '.join(twice)}: this name is given twice; give each curve its own name")
@@ -153,15 +168,28 @@ def fit_curves(
             f"{problem.rows} rows are too few for {len(parameters)} free parameters; the fit needs at least "
             f"{2 * len(parameters)}"
         )
+    refuse_adhesion(problem)
     u, scale = first_guess(problem)
     refuse_mixed_units(model, scale)
     notes = list(warnings_before(curves, reached, model, scale))
     start = problem.values(u)
     u = _solve(problem, u, options.loss)
     fit = conclude(problem, u, options, notes, start)
-    if not advise:
+    if not advise or model.adhesion is not None:
         return fit
     return replace(fit, warnings=(*fit.warnings, *second_curve(problem, u, fit, free)))
+
+
+def _best_adhesion(
+    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool
+) -> IndentationFit:
+    """Fit without adhesion, with JKR and with DMT, and return the fit of the least BIC."""
+    fits = {
+        kind: fit_curves(curves, model, free, replace(options, adhesion=kind), advise and kind == NO_ADHESION)
+        for kind in (NO_ADHESION, *KINDS)
+    }
+    best = min(fits.values(), key=lambda fit: fit.bic)
+    return replace(best, alternatives={kind: fit.bic for kind, fit in fits.items()})
 
 
 def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
