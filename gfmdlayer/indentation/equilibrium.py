@@ -9,7 +9,7 @@ is chi(a) under it at unit depth (chi and D of `march`). With DMT's constant att
 depth(a) = depth_0 and force(a) = force_0 - A. Beyond the rim of an indenter the depth grows at a constant a.
 
 One integral equation with two right-hand sides gives all four functions. Chebyshev polynomials of a
-interpolate what the layers change of the halfspace's values, so a halfspace is exact.
+interpolate their ratios to those of a halfspace, which is exact.
 """
 
 from __future__ import annotations
@@ -25,15 +25,19 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.indentation.compliance import Compliance, gauss_rule
+from gfmdlayer.body.body import Body
+from gfmdlayer.indentation.compliance import find_features, gauss_rule, panels
 from gfmdlayer.punch.revolution import Revolution, abel_transforms
 
-_ORDER = 16  # of Gauss's rule and of the polynomials, plus a third of the phase and all of it
+_ORDER = 12  # of Gauss's rule and of the polynomials, plus a part of the phase: their error is below 1e-6
+_PER_PHASE = 0.6
 _RADII = 401  # at which stability is searched, denser towards 0
 _ITERATIONS = 12
 _START = 1e-7  # in t, for the slope at a kink
+_MATTERS = 1e-4  # part of the largest compliance, up to which polynomials must resolve it
 _MOST_KNOTS = 8  # of a profile whose kinks are resolved
 _PRECISE = 1e-13
+_CLOSE = 1e-8  # of the reach, of the radius where contact is lost: its value is stationary
 
 
 class Adhesion(NamedTuple):
@@ -85,19 +89,18 @@ class _Panel(NamedTuple):
 
     begin: float
     width: float
-    # (order, 4): depth, force, logarithms of stiffness and of e, less those of the halfspace
+    # (order, 4): depth and force (see `Equilibria.relative`), logarithms of stiffness and of e, less the
+    # halfspace's
     coefficients: FloatArray
+    derivatives: FloatArray  # (order - 1, 4), to t
 
     def at(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the four functions at radii, and their derivatives; each of shape (4, na)."""
         part = np.clip((a - self.begin) / self.width, 0.0, 1.0)
         t = np.maximum(np.sqrt(part), _START) if self.begin else part
         slope = 1 / (2 * t * self.width) if self.begin else np.full(a.size, 1 / self.width)
-        order = self.coefficients.shape[0]
-        basis = chebyshev.chebvander(2 * t - 1, order - 1)
-        if order == 1:
-            return (basis @ self.coefficients).T, np.zeros((4, a.size))
-        derivative = basis[:, :-1] @ chebyshev.chebder(self.coefficients, scl=2)
+        basis = chebyshev.chebvander(2 * t - 1, self.coefficients.shape[0] - 1)
+        derivative = basis[:, : self.derivatives.shape[0]] @ self.derivatives
         return (basis @ self.coefficients).T, slope * derivative.T
 
 
@@ -109,6 +112,7 @@ class Equilibria:
     profile: Revolution
     reach: float
     panels: tuple[_Panel, ...]
+    relative: bool  # depth and force: logarithms of their ratios, or differences where a halfspace's are zero
 
     def at(self, a: FloatArray) -> _Values:
         """Return the functions at radii within the reach."""
@@ -117,19 +121,19 @@ class Equilibria:
             beyond = a > panel.begin
             found[:, beyond], slopes[:, beyond] = panel.at(a[beyond])
         H, slope, integral = abel_transforms(self.profile, a)
+        own = a * H - integral  # D/4 of the halfspace's force, whose derivative is a times the slope of H
+        if self.relative:
+            ratio = np.exp(found[0])
+            depth, depth_slope = H * ratio, ratio * (slope + H * slopes[0])
+            force = own * np.exp(found[1])
+        else:
+            depth, depth_slope, force = H + found[0], slope + slopes[0], own + found[1]
         radius = np.maximum(a, 1e-300)
         k = 4 * a / self.local * np.exp(found[2])
         lift = np.sqrt(math.pi * a * self.local) * np.exp(-found[3])
-        return _Values(
-            a,
-            H + found[0],
-            4 / self.local * (a * H - integral + found[1]),
-            k,
-            lift,
-            slope + slopes[0],
-            k * (1 / radius + slopes[2]),
-            lift * (0.5 / radius - slopes[3]),
-        )
+        stiffness_slope, lift_slope = k * (1 / radius + slopes[2]), lift * (0.5 / radius - slopes[3])
+        force *= 4 / self.local
+        return _Values(a, depth, force, k, lift, depth_slope, stiffness_slope, lift_slope)
 
     @cached_property
     def _grid(self) -> _Values:
@@ -154,7 +158,7 @@ class Equilibria:
                 return float(self.at(np.array([a])).under(control, adhesion)[1][0])
 
             if slope(ends[0]) < 0 < slope(ends[1]):
-                lost = float(brentq(slope, *ends, xtol=_PRECISE * self.reach))
+                lost = float(brentq(slope, *ends, xtol=_CLOSE * self.reach))
         end = float(self.at(np.array([lost])).under(control, adhesion)[0][0])
         stable = np.minimum.accumulate(values[::-1])[::-1]  # the largest radius at a value is taken
         return Branch(self, control, adhesion, lost, end, np.maximum(stable, end))
@@ -209,63 +213,85 @@ def touches(prescribed: FloatArray, end: FloatArray) -> BoolArray:
     return found
 
 
-def equilibria(body: Compliance, profile: Revolution, reach: float) -> Equilibria:
-    """Return the contacts of an elastic body whose nodes in q resolve contacts of the radius `reach`."""
-    reach = min(reach, profile.rim)
-    if not body.q.size or not np.any(body.instant):
-        return halfspace(body.local, profile, reach)
-    phase = _phase(body) * reach
+class Nodes(NamedTuple):
+    """Nodes in q for contacts up to a radius, on bodies of the same lengths."""
+
+    reach: float
+    surface: float  # wavenumber beyond all others: the body responds like its surface's material
+    q: FloatArray  # (nq,); none for a halfspace
+    weights: FloatArray  # (nq,)
+    last: float  # C is left out beyond it
+
+    def compliance(self, body: Body) -> tuple[float, FloatArray]:
+        """Return D of an elastic body, and C/D at the nodes."""
+        every = np.append(self.q, self.surface)
+        q_K = every / body.stiffness(every, 0.0)
+        return float(q_K[-1]), q_K[:-1] / q_K[-1] - 1
+
+
+def find_nodes(body: Body, reach: float) -> Nodes:
+    """Return the nodes for contacts up to a radius; ValueError if the body does not support a load."""
+    features = find_features(body, reach)
+    return Nodes(reach, features.surface, *panels(features, reach), features.last)
+
+
+def equilibria(local: float, C: FloatArray, nodes: Nodes, profile: Revolution) -> Equilibria:
+    """Return the contacts of an elastic body of D = `local`, and of C/D at the nodes."""
+    reach = min(nodes.reach, profile.rim)
+    if not C.any():
+        return halfspace(local, profile, reach)
+    phase = nodes.q[np.abs(C) > _MATTERS * np.abs(C).max()].max() * reach
+    weighted = 2 / math.pi * nodes.weights * C
     x, w = gauss_rule(_ORDER + math.ceil(phase / 3))
     x, w = (x + 1) / 2, w / 2
     kinks = profile.knots[(profile.knots > 0) & (profile.knots < reach)]
     ends = [0.0, *(kinks.tolist() if kinks.size <= _MOST_KNOTS else []), reach]
-    panels = []
+    panels, relative = [], bool(abel_transforms(profile, np.array([1e-9 * reach]))[0][0] > 0)
     for begin, end in pairwise(ends):
-        order = _ORDER + math.ceil(phase * (end - begin) / reach)
+        order = _ORDER + math.ceil(_PER_PHASE * phase * (end - begin) / reach)
         angles = np.pi * (np.arange(order) + 0.5) / order
         t = (1 - np.cos(angles)) / 2
         places = begin + (end - begin) * (t**2 if begin else t)
-        rows = np.array([_solved(body, profile, place, x, w) for place in places.tolist()])
+        rows = np.array([_solved(nodes.q, weighted, profile, place, x, w) for place in places.tolist()])
+        if relative:
+            H, _, integral = abel_transforms(profile, places)
+            rows[:, 0], rows[:, 1] = np.log1p(rows[:, 0] / H), np.log1p(rows[:, 1] / (places * H - integral))
         basis = chebyshev.chebvander(2 * t - 1, order - 1)
         norms = np.where(np.arange(order) == 0, 1.0, 2.0) / order
-        panels.append(_Panel(begin, end - begin, norms[:, np.newaxis] * (basis.T @ rows)))
-    return Equilibria(body.local, profile, reach, tuple(panels))
+        coefficients = norms[:, np.newaxis] * (basis.T @ rows)
+        panels.append(_Panel(begin, end - begin, coefficients, chebyshev.chebder(coefficients, scl=2)))
+    return Equilibria(local, profile, reach, tuple(panels), relative)
 
 
 def halfspace(local: float, profile: Revolution, reach: float) -> Equilibria:
     """Return the contacts of a halfspace, (1 - nu)/G = `local`."""
     reach = min(reach, profile.rim)
-    return Equilibria(local, profile, reach, (_Panel(0.0, reach, np.zeros((1, 4))),))
-
-
-def _phase(body: Compliance) -> float:
-    """The wavenumber up to which the compliance matters, weighted by its part."""
-    part = np.abs(body.instant) / np.abs(body.instant).max()
-    return float(body.q[part > 1e-4].max())
+    return Equilibria(
+        local, profile, reach, (_Panel(0.0, reach, np.zeros((1, 4)), np.zeros((0, 4))),), relative=False
+    )
 
 
 def _solved(
-    body: Compliance, profile: Revolution, a: float, x: FloatArray, w: FloatArray
+    q: FloatArray, C: FloatArray, profile: Revolution, a: float, x: FloatArray, w: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Return depth, force, ln k and ln e at a radius, less those of the halfspace; the force times D/4.
+    """Return depth, force/4, ln k and ln e at a radius, for D = 1, less those of the halfspace.
 
-    Of chi = (depth - H)/D + rest the rest is smooth, also where the profile is not.
+    Of chi = depth - H + rest the rest is smooth, also where the profile is not.
     """
-    D, C = body.local, 2 / math.pi * body.weights * body.instant
     root = np.sqrt(a * w)
-    weighted = root[:, np.newaxis] * np.cos(np.outer(a * x, body.q))
+    weighted = root[:, np.newaxis] * np.cos(np.outer(a * x, q))
     y, v = _pieces(profile, a, x, w)
     H = abel_transforms(profile, np.append(y, a))[0]
-    edge = np.cos(a * body.q) * C
-    loads = np.stack((weighted.T @ root, (v * H[:-1]) @ np.cos(np.outer(y, body.q)))) / D  # X of 1/D and H/D
-    matrix = D * np.eye(x.size) + (weighted * C) @ weighted.T
+    edge = np.cos(a * q) * C
+    loads = np.stack((weighted.T @ root, (v * H[:-1]) @ np.cos(np.outer(y, q))))  # X of 1 and of H
+    matrix = np.eye(x.size) + (weighted * C) @ weighted.T
     rest = np.linalg.solve(matrix, -(weighted * C) @ loads.T).T
-    ends = -(loads + rest @ weighted) @ edge / D
-    e, h = 1 / D + ends[0], H[-1] / D + ends[1]
-    unit, pressed = a / D + rest[0] @ root, float(v @ H[:-1]) / D + rest[1] @ root
+    ends = -(loads + rest @ weighted) @ edge
+    e, h = 1 + ends[0], H[-1] + ends[1]
+    unit, pressed = a + rest[0] @ root, float(v @ H[:-1]) + rest[1] @ root
     depth = h / e
-    force = D * (depth * unit - pressed) - (a * H[-1] - float(v @ H[:-1]))
-    return depth - H[-1], force, math.log(D / a * unit), math.log(D * e)
+    force = depth * unit - pressed - (a * H[-1] - float(v @ H[:-1]))
+    return depth - H[-1], force, math.log(unit / a), math.log(e)
 
 
 def _pieces(profile: Revolution, a: float, x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,8 +6,9 @@ the first touch and ends below a least value of what is prescribed; at both the 
 squares would jump with it whenever a jump passes a row. So a fit takes the rows in contact from the
 measurement: in each approach and each retraction, the rows whose residuals are smaller in contact. In these
 rows the response is that of contact, beyond the end of the stable contacts that of the last one; the residual
-is continuous in the parameters. The places of the jumps are data of their own: the prescribed value half way
-between the rows on both sides, with the error
+is continuous in the parameters. Rows next to the end of contact, where its place is uncertain and the force
+may fall vertically, do not count. The places of the jumps are data of their own: the prescribed value half
+way between the rows on both sides, with the error
 
     spread^2 = spacing^2 (1/12 + 26 (noise/jump)^4) + error^2 of the prescribed value
 
@@ -18,6 +19,8 @@ Ann. Stat. 15 (1987) 1321).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -25,12 +28,13 @@ from pydantic import ValidationError
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.indentation.equilibrium import Adhesion, Branch, touches
+from gfmdlayer.indentation.equilibrium import BY_FORCE, Adhesion, Branch, Control, Equilibria, touches
 from gfmdlayer.validation.fields import Positive
 from gfmdlayer.validation.sections import Kind, OneOf, Section
 
 CHANGE = 26.0  # variance of a change point, over the fourth power of noise/jump and the square of the spacing
 LEAST_JUMP = 0.5  # of the noise: a smaller jump is not seen
+NEAR = 3.0  # spreads of a jump before which rows in contact do not count
 
 
 class JKR(Kind):
@@ -83,30 +87,46 @@ class Jump(NamedTuple):
     certain: float  # that of a jump that is certainly between the two rows
 
 
-class Contacts(NamedTuple):
+@dataclass(frozen=True)
+class Contacts:
     """The stable contacts of a body: of a prescribed position, and of a prescribed force."""
 
-    position: Branch
-    force: Branch
+    equilibria: Equilibria
+    control: Control  # of the position
+    adhesion: Adhesion
+
+    @cached_property
+    def position(self) -> Branch:
+        """The contacts under a prescribed depth or base."""
+        return self.equilibria.branch(self.control, self.adhesion)
+
+    @cached_property
+    def force(self) -> Branch:
+        """The contacts under a prescribed force."""
+        return self.equilibria.branch(BY_FORCE, self.adhesion)
 
     def of(self, value: FloatArray, by_force: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Return depth and force in contact at prescribed values, each of the shape of `value`."""
         depth, force = np.zeros(value.size), np.zeros(value.size)
-        for branch, rows in ((self.position, ~by_force), (self.force, by_force)):
+        for name, rows in (("position", ~by_force), ("force", by_force)):
             if rows.any():
-                depth[rows], force[rows], _ = branch(value[rows])
+                depth[rows], force[rows], _ = getattr(self, name)(value[rows])
         return depth, force
 
     def touching(self, value: FloatArray, by_force: BoolArray) -> BoolArray:
         """Whether there is contact at successive values."""
-        return touches(value, np.where(by_force, self.force.end, self.position.end))
+        end = self.force.end if by_force.any() else 0.0
+        return touches(value, np.where(by_force, end, 0.0 if by_force.all() else self.position.end))
 
 
-def measured_contact(value: FloatArray, by_force: BoolArray, worse: FloatArray) -> BoolArray:
+def measured_contact(
+    value: FloatArray, by_force: BoolArray, worse: FloatArray, unseen: Sequence[float | None] = (None, None)
+) -> BoolArray:
     """Return the rows in contact, from the squares of their residuals in contact less those without.
 
     Each stretch at positive values has contact at its largest value. Between two of these, before the first,
-    and after the last, one stretch of rows may be without contact; none where the force is prescribed.
+    and after the last, one stretch of rows may be without contact; none where the force is prescribed. Where
+    the noise hides a jump there is contact from a value on, `unseen` in approach and in retraction.
     """
     found = np.ones(value.size, dtype=bool)
     above = np.flatnonzero((value > 0) | by_force)
@@ -123,30 +143,33 @@ def measured_contact(value: FloatArray, by_force: BoolArray, worse: FloatArray) 
         start = 0 if valley == valleys[0] else valley
         gain = np.concatenate(([0.0], np.cumsum(worse[start:peak])))
         found[start : start + int(np.argmax(gain))] = False
+        if unseen[0] is not None:
+            found[start:peak] = (value[start:peak] >= unseen[0]) | by_force[start:peak]
     for peak, valley in zip(peaks, valleys[1:], strict=True):  # retractions
         end = value.size if valley == valleys[-1] else valley
         gain = np.concatenate(([0.0], np.cumsum(worse[peak + 1 : end][::-1])))
         found[end - int(np.argmax(gain)) : end] = False
+        if unseen[1] is not None:
+            found[peak + 1 : end] = (value[peak + 1 : end] >= unseen[1]) | by_force[peak + 1 : end]
     return found
 
 
 def jumps_between(
-    touching: BoolArray, by_force: BoolArray, used: BoolArray, value: FloatArray, errors: Sequence[float]
+    touching: BoolArray, by_force: BoolArray, used: BoolArray, value: FloatArray, sizes: Sequence[float]
 ) -> list[Jump]:
     """Return the jumps between rows of a prescribed position.
 
-    `errors` are the noise of the force and its jumps where contact begins and ends.
+    `sizes` are those of the jumps where contact begins and ends, over the noise of the force.
     """
-    noise, at_begin, at_end = errors
     found = []
     for row in np.flatnonzero(touching[1:] != touching[:-1]) + 1:
         pair = slice(row - 1, row + 1)
-        jump = at_begin if touching[row] else at_end
-        if by_force[pair].any() or not used[pair].all() or jump < LEAST_JUMP * noise:
+        jump = sizes[0] if touching[row] else sizes[1]
+        if by_force[pair].any() or not used[pair].all() or jump < LEAST_JUMP:
             continue
         spacing = abs(float(value[row] - value[row - 1]))
         certain = spacing / 12**0.5
-        spread = spacing * (1 / 12 + CHANGE * (noise / jump) ** 4) ** 0.5
+        spread = spacing * (1 / 12 + CHANGE / jump**4) ** 0.5
         if certain > 0:
             found.append(Jump(int(row), bool(touching[row]), spread, certain))
     return found

@@ -243,7 +243,7 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
         columns = np.stack([np.broadcast_to(column[i], each.used.shape) for column in derivatives], axis=1)
         band = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", columns, spread, columns), 0.0))
         force, depth = each.in_columns(problem.config(u, each.curve.name), problem.correction(u, each.curve))
-        found = CurveFit(each.curve, force, depth, band, each.used, math.nan, math.nan)
+        found = CurveFit(each.curve, force, depth, band, each.used & ~each.uncertain, math.nan, math.nan)
         noise = []
         for k, given in enumerate((each.curve.noise, each.curve.depth_noise)):
             rows = found.used & (each.curve.by_force == bool(k))
@@ -258,14 +258,16 @@ def _criteria(problem: LeastSquares, fitted: Sequence[CurveFit], parameters: int
     for i, each in enumerate(fitted):
         twice += problem.log_determinant(i) + problem.predictions[i].doubt
         for k, given in enumerate(problem.noise_is_given(i)):
-            rows = each.used & (each.curve.by_force == bool(k))
-            squares, size = float(np.sum(each.residual[rows] ** 2)), int(rows.sum())
+            own = each.curve.by_force == bool(k)
+            # Rows that count with one adhesion and not with another have the mean square of the others.
+            rows, size = each.used & own, int((problem.predictions[i].used & own).sum())
+            square = max(float(np.mean(each.residual[rows] ** 2)), 1e-300) if rows.any() else math.nan
             if not given:
-                twice += size * (math.log(2 * math.pi * max(squares, 1e-300) / size) + 1)
+                twice += size * (math.log(2 * math.pi * square) + 1)
                 count += 1
             elif size:
                 noise = float(problem.noise[i, k])
-                twice += size * math.log(2 * math.pi * noise**2) + squares / noise**2
+                twice += size * (math.log(2 * math.pi * noise**2) + square / noise**2)
     return twice + 2 * count, twice + count * math.log(problem.rows)
 
 

@@ -43,6 +43,7 @@ from gfmdlayer.fitting.measurement import FitError
 Given = ForceCurve | str | Path | Mapping[str, Any]
 ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
 ROUNDS = 4
+SAME_NOISE = 0.05  # change of the logarithm of the noise
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
@@ -203,16 +204,23 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
         _estimate_noise(problem, u, loss)
         problem.weigh(u)
         u = minimise(start=u, loss=loss, precision=FINE)
-        if np.abs(u - before).max() < STAYS:
+        if np.abs(u - before).max() < STAYS and (problem.is_homogeneous or _noise_stays(problem, u, loss)):
             break
     return u
+
+
+def _noise_stays(problem: LeastSquares, u: FloatArray, loss: str) -> bool:
+    """Whether the noise at u is that by which the residuals were divided."""
+    before = problem.noise.copy()
+    _estimate_noise(problem, u, loss)
+    return bool(np.abs(np.log(problem.noise / before)).max() < SAME_NOISE)
 
 
 def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
     """Set the noise of forces and depths from the residuals at u, where it is not given."""
     for i, (found, each) in enumerate(zip(problem.measured(u), problem.predictions, strict=True)):
         for k in np.flatnonzero(~problem.noise_is_given(i)):
-            rows = each.used & (each.curve.by_force == bool(k))
+            rows = each.used & ~each.uncertain & (each.curve.by_force == bool(k))
             problem.noise[i, k] = _spread((found - each.curve.measured)[rows], loss)
 
 

@@ -49,6 +49,8 @@ from gfmdlayer.fitting.indentation.curve import (
     straight_derivatives,
 )
 from gfmdlayer.fitting.indentation.elastic import (
+    LEAST_JUMP,
+    NEAR,
     Contacts,
     Jump,
     adhesion_of,
@@ -57,14 +59,17 @@ from gfmdlayer.fitting.indentation.elastic import (
     read_adhesion,
 )
 from gfmdlayer.fitting.measurement import FitError
-from gfmdlayer.indentation.compliance import Compliance, Features, compliance, find_features, panels
+from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.indentation.equilibrium import (
     BY_DEPTH,
     BY_FORCE,
     Adhesion,
+    Control,
     Equilibria,
+    Nodes,
     by_base,
     equilibria,
+    find_nodes,
     halfspace,
 )
 from gfmdlayer.indentation.indent import as_revolution
@@ -178,11 +183,14 @@ class Prediction:
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
         self._made: list[tuple[Config, Space, Compliance]] = []
-        self._bodies: list[tuple[Config, Body, bool]] = []
-        self._nodes: tuple[float, Features, FloatArray, FloatArray] | None = None  # of an elastic body
-        self._tables: list[tuple[FloatArray, FloatArray, Equilibria]] = []
+        self._bodies: list[tuple[Config, Body]] = []
+        self._relaxes: bool | None = None
+        self._nodes: Nodes | None = None  # of an elastic body
+        self._tables: list[tuple[Nodes, FloatArray, Equilibria]] = []
+        self._known: list[tuple[Config, Correction, Contacts]] = []
         self._touching: BoolArray | None = None  # rows in contact, as measured
         self._jumps: list[Jump] = []
+        self.uncertain = np.zeros(curve.time.size, dtype=bool)  # rows in contact next to the end of it
         self.changes = 0  # of times and nodes; responses before and after a change must not be compared
 
     def _joined(self) -> tuple[FloatArray, FloatArray]:
@@ -205,7 +213,7 @@ class Prediction:
 
     def adapt(self, config: Config, at: Correction) -> None:
         """Choose the times by the bends of the response of a model, and the nodes by its lengths."""
-        self._space, self._nodes, self.changes = None, None, self.changes + 1
+        self._space, self._nodes, self._known, self.changes = None, None, [], self.changes + 1
         if self.is_elastic(config):
             return
         pieces = self._pieces(at)
@@ -232,17 +240,18 @@ class Prediction:
 
     def is_elastic(self, config: Config) -> bool:
         """Whether the body of a model does not relax."""
-        return self._body(config)[1]
+        if self._relaxes is None:
+            self._relaxes = bool(self._body(config).spectrum(np.array([1.0])).weights.size)
+        return not self._relaxes
 
-    def _body(self, config: Config) -> tuple[Body, bool]:
-        """Return the body of a model, and whether it is elastic; the last two are kept."""
-        for known, body, elastic in self._bodies:
+    def _body(self, config: Config) -> Body:
+        """Return the body of a model; the last two are kept."""
+        for known, body in self._bodies:
             if known is config:
-                return body, elastic
+                return body
         body = IsolatedContact(config).body
-        elastic = not body.spectrum(np.array([1.0])).weights.size
-        self._bodies = [(config, body, elastic), *self._bodies[:1]]
-        return body, elastic
+        self._bodies = [(config, body), *self._bodies[:1]]
+        return body
 
     def _elastic(self, config: Config, at: Correction, pieces: _Pieces) -> tuple[FloatArray, FloatArray]:
         """Return force and depth of an elastic body at the rows."""
@@ -258,51 +267,52 @@ class Prediction:
 
     def contacts(self, config: Config, at: Correction) -> Contacts:
         """Return the stable contacts of an elastic body, up to the largest prescribed values."""
-        pieces, profile = self._pieces(at), as_revolution(config.punch)
-        controls = by_base(at.stiffness) if self.curve.by_base else BY_DEPTH, BY_FORCE
-        largest = []
-        for by_force in (False, True):
+        for known, same, found in self._known:
+            if known is config and same == at:
+                return found
+        found = self._contacts(config, at)
+        self._known = [(config, at, found), *self._known[:1]]
+        return found
+
+    def _contacts(self, config: Config, at: Correction) -> Contacts:
+        pieces, profile, body = self._pieces(at), as_revolution(config.punch), self._body(config)
+        position = by_base(at.stiffness) if self.curve.by_base else BY_DEPTH
+        most = []
+        for by_force, control in ((False, position), (True, BY_FORCE)):
             own = pieces.by_force == by_force
-            largest.append(float(np.concatenate((pieces.first[own], pieces.last[own])).max(initial=0.0)))
-        body, _ = self._body(config)
-        reach = self._nodes[0] if self._nodes else self._first_reach(body, profile, at.adhesion, largest)
+            if own.any():
+                most.append((control, float(np.concatenate((pieces.first[own], pieces.last[own])).max())))
+        reach = self._nodes.reach if self._nodes else self._first_reach(body, profile, at.adhesion, most)
         while True:
-            if self._nodes is None or self._nodes[0] != reach:
-                features = find_features(body, reach)
-                if features.last * reach > MOST_PHASE:
+            if self._nodes is None or self._nodes.reach != reach:
+                self._nodes = find_nodes(body, reach)
+                if self._nodes.last * reach > MOST_PHASE:
                     raise FitError(f"curve {self.curve.name}: the contact is too wide for the thinnest layer")
-                self._nodes = (reach, features, *panels(features, reach))
-            found = self._equilibria(compliance(body, *self._nodes[1:]), profile)
-            if all(
-                found.largest(control, at.adhesion) >= most
-                for control, most in zip(controls, largest, strict=True)
-            ):
-                return Contacts(*(found.branch(control, at.adhesion) for control in controls))
+            found = self._equilibria(body, profile)
+            if all(found.largest(control, at.adhesion) >= value for control, value in most):
+                return Contacts(found, position, at.adhesion)
             reach *= WIDER_ELASTIC
 
-    def _equilibria(self, made: Compliance, profile: Revolution) -> Equilibria:
+    def _equilibria(self, body: Body, profile: Revolution) -> Equilibria:
         """Return the contacts of an elastic body; the last ones are kept for all bodies that are similar."""
         assert self._nodes is not None
-        shape = made.instant / made.local
+        local, C = self._nodes.compliance(body)
         for nodes, known, found in self._tables:
-            if nodes is made.q and np.allclose(shape, known, rtol=1e-12, atol=1e-14):
-                return replace(found, local=made.local)
-        found = equilibria(made, profile, self._nodes[0])
-        self._tables = [(made.q, shape, found), *self._tables[:KEPT_TABLES]]
+            if nodes is self._nodes and np.allclose(C, known, rtol=1e-12, atol=1e-14):
+                return replace(found, local=local)
+        found = equilibria(local, C, self._nodes, profile)
+        self._tables = [(self._nodes, C, found), *self._tables[:KEPT_TABLES]]
         return found
 
     def _first_reach(
-        self, body: Body, profile: Revolution, adhesion: Adhesion, largest: Sequence[float]
+        self, body: Body, profile: Revolution, adhesion: Adhesion, most: Sequence[tuple[Control, float]]
     ) -> float:
         """Return the contact radius on a halfspace of the surface's material, within a factor of two."""
         reach = float(np.ptp(self.curve.depth))
         while True:
             far = FAR / reach
             half = halfspace(far / float(body.stiffness(np.array([far]), 0.0)[0]), profile, reach)
-            if half.reach < reach or all(
-                half.largest(control, adhesion) >= most
-                for control, most in zip((BY_DEPTH, BY_FORCE), largest, strict=True)
-            ):
+            if half.reach < reach or all(half.largest(each, adhesion) >= value for each, value in most):
                 return half.reach
             reach *= 2
 
@@ -320,10 +330,11 @@ class Prediction:
 
     def work_for(self, pull: float, config: Config, at: Correction) -> float:
         """Return JKR's work of adhesion with which a contact is lost at a tensile force."""
-        made = self.contacts(config, at._replace(adhesion=Adhesion())).force.of
+        made = self.contacts(config, at._replace(adhesion=Adhesion())).equilibria
 
         def excess(logarithm: float) -> float:
-            return math.log(-made.branch(BY_FORCE, Adhesion(math.exp(logarithm))).end / pull)
+            end = made.branch(BY_FORCE, Adhesion(math.exp(logarithm))).end
+            return math.log(max(-end / pull, 1e-300))
 
         # The pull grows with the work by a power between 1/2 (flat punch) and 1 (paraboloid), or around it.
         low = high = 0.0
@@ -336,6 +347,7 @@ class Prediction:
     def label(self, config: Config, at: Correction) -> None:
         """Take the rows in contact, and the jumps, from the measurement, where there is adhesion."""
         self._touching, self._jumps, self.changes = None, [], self.changes + 1
+        self.uncertain[:] = False
         if at.adhesion == Adhesion():
             return
         value, by_force = self._pieces(at).at(self.curve.time)
@@ -344,15 +356,20 @@ class Prediction:
         for touching in (True, False):
             self._touching = np.full(value.size, touching)
             squares.append((self.measured(config, at) - self.curve.measured) ** 2)
-        self._touching = measured_contact(value, by_force, squares[0] - squares[1])
         own = 1.0 if self.curve.stiffness is None else self.curve.stiffness / at.stiffness
         ends = np.array([0.0, contacts.position.end])
-        forces = np.abs(own * contacts.position(ends)[1])
-        errors = noise_of(self.curve.force), *forces.tolist()
-        found = jumps_between(self._touching, by_force, self.used, value, errors)
+        noise = max(noise_of(self.curve.force), 1e-12 * float(np.ptp(self.curve.force)))
+        sizes = (np.abs(own * contacts.position(ends)[1]) / noise).tolist()
+        hidden = [at if size < LEAST_JUMP else None for at, size in zip(ends.tolist(), sizes, strict=True)]
+        self._touching = measured_contact(value, by_force, squares[0] - squares[1], hidden)
+        found = jumps_between(self._touching, by_force, self.used, value, sizes)
         self._jumps = [
             each._replace(spread=math.hypot(each.spread, self._error_of_drive(each.row))) for each in found
         ]
+        for each in self._jumps:
+            if not each.begins:
+                last = value[each.row - 1 : each.row + 1].mean() + NEAR * each.spread
+                self.uncertain[: each.row] |= self._touching[: each.row] & (value[: each.row] < last)
 
     def _error_of_drive(self, row: int) -> float:
         """Return the standard error of the prescribed value before a row."""
@@ -490,13 +507,13 @@ class Prediction:
         for known, nodes, made in self._made:
             if known is config and nodes is space:
                 return made
-        made = space.compliance(self._body(config)[0])
+        made = space.compliance(self._body(config))
         self._made = [(config, space, made), *self._made[:1]]
         return made
 
     def _find_space(self, config: Config, at: Correction, pieces: _Pieces) -> Space:
         """Return the nodes for the largest contact of each prescribed quantity."""
-        body, profile = self._body(config)[0], as_revolution(config.punch)
+        body, profile = self._body(config), as_revolution(config.punch)
         found = []
         for by_force in (False, True):
             own = pieces.by_force == by_force
@@ -886,7 +903,9 @@ class LeastSquares:
 
     def noise_of_rows(self, i: int) -> FloatArray:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
-        return np.asarray(np.where(self.predictions[i].curve.by_force, self.noise[i, 1], self.noise[i, 0]))
+        each = self.predictions[i]
+        noise = np.where(each.curve.by_force, self.noise[i, 1], self.noise[i, 0])
+        return np.where(each.uncertain, np.inf, noise)
 
     def noise_is_given(self, i: int) -> BoolArray:
         """Whether the noise of force and depth of a curve is given, or needs no estimate; shape (2,)."""
@@ -940,6 +959,11 @@ class LeastSquares:
             for each in self.predictions
         ]
         return np.concatenate(found)
+
+    @property
+    def is_homogeneous(self) -> bool:
+        """Whether all residuals are those of rows, whose common noise is estimated at last."""
+        return not self._further
 
     @property
     def _further(self) -> int:

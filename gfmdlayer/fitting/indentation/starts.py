@@ -30,11 +30,12 @@ from gfmdlayer.fitting.indentation.problem import (
     free_parameters,
     onset,
 )
+from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.validation.problems import location_of_key, shown, unknown_key
 
 TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
-RANGE, TRIALS = 1e3, 37  # factors on the moduli that are tried with adhesion
+RANGE, TRIALS = 6.0, 9  # factors on the moduli that are tried with adhesion
 FEWEST_BEFORE, SEEN = 5, 5.0  # rows before contact; noises by which the force falls where contact begins
 STRETCH = 10.0  # default bounds of a cantilever's stiffness: over and times this factor
 
@@ -199,15 +200,15 @@ def _sticking_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
     """
     moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
     sticky = [i for i, each in enumerate(problem.parameters) if each.key.startswith(STICKING)]
-    trials = []
-    for factor in np.geomspace(1 / RANGE, RANGE, TRIALS) if moduli else [1.0]:
+    trials, middle = [], _scaled(problem, problem.start)[2]
+    for factor in middle * np.geomspace(1 / RANGE, RANGE, TRIALS) if moduli else [1.0]:
         u = problem.start.copy()
         u[moduli] = np.clip(u + math.log(factor), *problem.bounds)[moduli]
         if sticky:
             u[sticky] = np.clip(math.log(_sticking(problem, u)), *np.array(problem.bounds)[:, sticky])
         trials.append((float(np.sum(problem.residuals(u) ** 2)), factor, u))
     _, factor, u = min(trials, key=lambda trial: trial[0])
-    return u, float(factor)
+    return u, float(factor if moduli else middle)
 
 
 def _sticking(problem: LeastSquares, u: FloatArray) -> float:
@@ -235,7 +236,7 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
     predicted, measured = [], []
     for each in problem.predictions:
         config, at = problem.config(u, each.curve.name), problem.correction(u, each.curve)
-        force, depth = each.response(config, at)
+        force, depth = each.response(config, at._replace(adhesion=Adhesion()))
         problem.solutions += 1
         since = each.curve.time - each.curve.time[0]
         own = each.curve.depth - at.contact_point - at.drift * since
