@@ -22,6 +22,7 @@ from gfmdlayer.fitting.indentation.design import second_curve
 from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, minimised
 from gfmdlayer.fitting.indentation.problem import (
+    STICKING,
     Free,
     LeastSquares,
     Model,
@@ -44,6 +45,7 @@ Given = ForceCurve | str | Path | Mapping[str, Any]
 ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
 ROUNDS = 4
 SAME_NOISE = 0.05  # change of the logarithm of the noise
+WORSE, FAINT = 10.0, 0.01  # growth of BIC by adhesion that asks for another start, with so much of it
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
@@ -150,9 +152,17 @@ def _curves(
 
 
 def fit_curves(
-    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool = True
+    curves: Sequence[ForceCurve],
+    model: Model,
+    free: Free,
+    options: FitOptions,
+    advise: bool = True,
+    begin: Mapping[str, float] | None = None,
 ) -> IndentationFit:
-    """Fit a checked model to curves, see `fit_indentation`; `advise` which second curve would tell more."""
+    """Fit a checked model to curves, see `fit_indentation`; `advise` which second curve would tell more.
+
+    The search starts at the parameters `begin` by name, or at the first guess.
+    """
     if options.adhesion == CHOOSE:
         return _best_adhesion(curves, model, free, options, advise)
     if options.adhesion is not None:
@@ -173,6 +183,8 @@ def fit_curves(
     u, scale = first_guess(problem)
     refuse_mixed_units(model, scale)
     notes = list(warnings_before(curves, reached, model, scale))
+    if begin is not None:
+        u = np.clip(problem.coordinates({**problem.values(u), **begin}), *problem.bounds)
     start = problem.values(u)
     u = _solve(problem, u, options.loss)
     fit = conclude(problem, u, options, notes, start)
@@ -185,10 +197,16 @@ def _best_adhesion(
     curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool
 ) -> IndentationFit:
     """Fit without adhesion, with JKR and with DMT, and return the fit of the least BIC."""
-    fits = {
-        kind: fit_curves(curves, model, free, replace(options, adhesion=kind), advise and kind == NO_ADHESION)
-        for kind in (NO_ADHESION, *KINDS)
-    }
+    bare = fit_curves(curves, model, free, replace(options, adhesion=NO_ADHESION), advise)
+    fits = {NO_ADHESION: bare}
+    for kind, name in KINDS.items():
+        own = replace(options, adhesion=kind)
+        found = fit_curves(curves, model, free, own)
+        if found.bic > bare.bic + WORSE:  # without adhesion is a limit of it: the search went astray
+            begin = {each.name: each.value for each in bare.parameters}
+            begin[f"{STICKING}{name}"] = FAINT * found[name].value
+            found = min(found, fit_curves(curves, model, free, own, begin=begin), key=lambda fit: fit.bic)
+        fits[kind] = found
     best = min(fits.values(), key=lambda fit: fit.bic)
     return replace(best, alternatives={kind: fit.bic for kind, fit in fits.items()})
 
