@@ -88,6 +88,14 @@ BODIES |= {
 BODIES["in a window"] = FRICTION | {"grid.points": 256, "trajectory.load": 1e-3}
 BODIES["without friction"] = FRICTION | {"interface": {"law": "coulomb", "coefficient": 0.0}}
 RUNS += [(body, steps, "auto") for body in ("frictional", "rolling") for steps in ("adaptive", "exponential")]
+BODIES["frictional adhesive"] = FRICTION | {
+    "interface": [
+        {"law": "coulomb", "coefficient": 0.3},
+        {"law": "exponential", "work": 1e-3, "range": 0.02},
+    ],
+    "layer.poisson": 0.4,
+}
+RUNS += [("frictional adhesive", steps, "auto") for steps in ("adaptive", "exponential")]
 RUNS += [("in a window", "adaptive", "auto"), ("in a window", "exponential", "auto")]
 RUNS += [("without friction", "exponential", "auto")]
 RUNS += [("yielding", "adaptive", "nested_gradient"), ("yielding", "exponential", "nested_gradient")]

@@ -248,6 +248,58 @@ def test_a_coefficient_may_depend_on_the_slip_speed(tmp_path: Path) -> None:
         run(halfspace(0.3, interface=law), {"trajectory.tangential": drive})
 
 
+ATTRACTION = {"law": "exponential", "work": 5e-4, "range": 5e-3}
+
+
+def test_without_friction_an_adhesive_contact_stays_that_without_friction() -> None:
+    """Pressed, pulled off by a load, and back: fields differ by the residual, as the gap of a soft body does.
+
+    The residual 1e-8 of the stress moves the surface by some 1e-6 of its displacement.
+    """
+    load = {
+        "control": "load",
+        "kind": "approach_retract",
+        "load": 0.01,
+        "final": -0.02,
+        "cycles": 2,
+        "approach_speed": 0.02,
+        "retract_speed": 0.02,
+    }
+    drive = {"tangential": {"displacement": 1e-3, "start": 1.0}}
+    config = relaxing(time={"end": 4.0, "step": 0.1}, solver={"tolerance": 1e-8})
+    smooth, bare = (
+        run(config, {"interface": law, "trajectory": load | more})
+        for law, more in (([ATTRACTION, COULOMB | {"coefficient": 0.0}], drive), (ATTRACTION, {}))
+    )
+    assert float(bare.pull_off_force) > 0
+    for name in ("mean_pressure", "depth", "work", "interface_energy", "lost"):
+        np.testing.assert_allclose(smooth[name], bare[name], rtol=0, atol=1e-5 * float(abs(bare[name]).max()))
+    assert float(abs(smooth.tangential_force).max()) == 0
+
+
+def test_the_energy_balance_closes_beside_attraction() -> None:
+    """Work is stored, relaxed, slipped, and in the interface, to the second order of the steps."""
+    drive = {"kind": "oscillation", "displacement": 3e-3, "start": 1.0, "period": 2.0}
+    off = []
+    for step in (0.1, 0.05):
+        config = relaxing(interface=[ATTRACTION, COULOMB], time={"end": 3.0, "step": step})
+        found = run(config, {"trajectory": {"control": "load", "load": 0.01, "tangential": drive}})
+        assert float(found.slip_heat[-1]) > 0.1 * float(found.work.max())
+        off.append(float(abs(found.energy_residual).max() / found.work.max()))
+    assert off[1] < 0.012  # 5 dt^2
+    assert off[1] < 0.5 * off[0]
+
+
+def test_a_pull_takes_the_punch_off_though_it_sticks(tmp_path: Path) -> None:
+    (tmp_path / "load.txt").write_text("0 0\n1 0.002\n2 -0.05\n3 -0.05\n")
+    load = {"control": "load", "kind": "table", "file": str(tmp_path / "load.txt")}
+    config = relaxing(interface=[ATTRACTION, COULOMB], trajectory=load, time={"end": 3.0, "step": 0.05})
+    with pytest.warns(UserWarning, match="PULLED OFF at t = "):
+        found = run(config)
+    assert 1.0 < found.attrs["pull_off_time"] < 2.0
+    assert float(found.mean_stress[-1]) < 0 < float(found.stick_area[-1])
+
+
 def test_the_events_have_times() -> None:
     drive = {"kind": "oscillation", "displacement": 4e-3, "start": 1.0, "period": 2.0}
     found = run(halfspace(0.5), {"trajectory.tangential": drive, "time": {"end": 2.0, "step": 0.05}})
