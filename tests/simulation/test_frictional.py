@@ -186,6 +186,21 @@ def test_adaptive_steps_find_the_same() -> None:
         assert float(other.depth) == pytest.approx(float(one.depth), rel=3e-4)
 
 
+def test_adaptive_steps_find_where_a_swing_sticks_again() -> None:
+    """The layer relaxes faster than the punch moves shortly before it turns: Q falls below mu P by 0.0015.
+
+    Even steps at this tolerance, 1e-3, pass over it. The fixed steps are within 2e-5.
+    """
+    drive = {"kind": "oscillation", "displacement": 3e-3, "start": 0.2, "period": 1.0, "cycles": 1}
+    load = {"control": "load", "load": LOAD, "ramp_time": 0.2, "tangential": drive}
+    config = relaxing(grid={"points": 128}, trajectory=load)
+    steps = {"step": 0.002}, {"step": "adaptive", "tolerance": 1e-3}
+    fixed, free = (run(config, {"time": {"end": 0.46, **each}}) for each in steps)
+    there, found = (float(each.friction.sel(time=0.45, method="nearest")) / MU for each in (fixed, free))
+    assert there < 0.999
+    assert found == pytest.approx(there, abs=2e-4)
+
+
 def test_directions_are_alike_and_mirror_images_too() -> None:
     """Along y as along x; towards -x as towards x, to the residual of the solver, 1e-6 of the pressure."""
     surface = relaxing(grid={"points": [48, 48]}, punch={"shape": "parabola", "radius": 0.5})
