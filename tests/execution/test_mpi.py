@@ -32,9 +32,8 @@ SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf]}\n"
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def configuration() -> None:
     assert MPIRUN.exists(), "the tests need the MPI of the extra `mpich`: pip install -e '.[mpich,test]'"
-    monkeypatch.chdir(tmp_path)
     Path("tiny.yaml").write_text(TINY + SWEEP)
 
 

@@ -43,8 +43,7 @@ ENDS = ("running", "h5.host-12-0badcafe.part", "checkpoint.host-12-0badcafe.part
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def configuration() -> None:
     Path("tiny.yaml").write_text(TINY + SWEEP)
 
 
