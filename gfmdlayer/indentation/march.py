@@ -20,7 +20,7 @@ Sizes: nt times, nb retardation times of D, nq nodes in q, nm modes of C.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,7 +42,17 @@ _INSTANT = 1e-9  # part of a step at whose ends a change of contact is not insid
 _CLOSING = 12  # points that close in on the edge at a breakpoint, where it may turn
 _SUBSTEPS = 12  # of one step: contact found and lost
 _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
-_ONE_POINT = 1e-4  # distance of a point to the next, over the spacing, below which they are one
+_ONE_POINT = 1e-9  # distance of a point to the next, over the spacing, below which they are one
+
+
+class Branches(NamedTuple):
+    """The compliance D as the modulus G = 1/D = glassy - sum_r moduli_r/(1 + s times_r)."""
+
+    glassy: float
+    moduli: FloatArray  # (nb,)
+    times: FloatArray  # (nb,)
+    of_retarded: FloatArray  # (nb, nb), relaxing variables from retarded ones
+    to_retarded: FloatArray  # (nb, nb), and back
 
 
 class Nodes(NamedTuple):
@@ -80,6 +90,7 @@ class Points(NamedTuple):
     order: IntArray  # (np,), the numbers of the points by their x
     filled: IntArray  # (1,), number of points so far
     bent: BoolArray  # (np,), whether the past bends at a point: interpolation does not cross it
+    edge: IntArray  # (1,), number of the point at the edge of the contact; -1 without one
     near: IntArray  # (4,), the places that an interpolation takes
 
 
@@ -88,36 +99,38 @@ class State(NamedTuple):
 
     points: Points
     chi: FloatArray  # (np,), at the points, continued beyond a
-    eta: FloatArray  # (nb, np), internal variables of D
+    sunk: FloatArray  # (np,), D*chi
+    memory: FloatArray  # (nb, np), in the contact relaxing variables, outside of it retarded ones
     X: FloatArray  # (nq,), cosine transform of chi
     zeta: FloatArray  # (nm, nq), internal variables of C
     marks: FloatArray  # radii where the slope of chi may jump
 
 
-class Loss(NamedTuple):
-    """Factors of y^2, y c and c^2 in int (chi - eta)^2/T dt, for chi that changes linearly by c over a step.
+class Weights(NamedTuple):
+    """Of variables that follow a quantity y, which is linear over a time h.
 
-    y is chi - eta at the beginning of the step.
+    A variable becomes fade old + before y(0) + after y(h). It loses int (y - variable)^2/T dt, with
+    the factors dd, dc and cc of d^2, d c and c^2 for d = y(0) - old and c = y(h) - y(0).
     """
 
-    yy: FloatArray
-    yc: FloatArray
+    fade: FloatArray
+    before: FloatArray
+    after: FloatArray
+    dd: FloatArray
+    dc: FloatArray
     cc: FloatArray
 
 
 class Step(NamedTuple):
-    """Weights of a step of one length: a variable becomes fade old + before chi(0) + after chi(h)."""
+    """A step of one length."""
 
-    fade: FloatArray  # (nb,)
-    before: FloatArray
-    after: FloatArray
-    loss: Loss
-    fade_q: FloatArray  # (nm, nq)
-    before_q: FloatArray
-    after_q: FloatArray
-    loss_q: Loss
-    effective: FloatArray  # (nq,), C of the step
+    near: Weights  # (nb,), of relaxing variables and the displacement
+    part: Weights  # (nb,), of a part of the step
+    free: FloatArray  # (nb,), part of retarded variables that a free surface keeps
+    far: Weights  # (nm, nq), of C and X
+    effective: FloatArray  # (nq,), q/K of the step
     table: FloatArray  # (2 n + 3,), kernel of the step: (1/pi) int effective cos(q z) dq
+    local_table: FloatArray  # (2 n + 3,), kernel of what D has in q/K: (1/pi) int share cos(q z) dq
 
 
 class Work(NamedTuple):
@@ -125,20 +138,23 @@ class Work(NamedTuple):
 
     x: FloatArray  # nodes
     root: FloatArray  # roots of their weights
+    local: FloatArray  # D at the nodes
     matrix: FloatArray
     unit: FloatArray  # right-hand side, then solution, of a unit depth; at last the weights times chi
     rest: FloatArray  # right-hand side, then solution, of all else
     edges: FloatArray  # ends of the parts
-    past: FloatArray  # (np,), part of D*chi at the end of the step that the past leaves, without chi(0)
+    past: FloatArray  # (np,), part of D*chi at the end of the step that the past leaves
     far_past: FloatArray  # (n + 2,), and the part of the integral of C
     transform: FloatArray  # (nq,)
     far: FloatArray  # (n + 2,)
+    variables: FloatArray  # (nb,)
 
 
 class Run(NamedTuple):
     """The parts of a run."""
 
     body: Compliance
+    branches: Branches
     profile: Revolution
     nodes: Nodes
     drive: Drive
@@ -146,13 +162,8 @@ class Run(NamedTuple):
     step: Step
     work: Work
     stop: float  # largest radius: the rim of the indenter, or the reach of the nodes
-
-
-class Weights(NamedTuple):
-    """Weights of chi(h) and chi(0) in D*chi at the end of a step."""
-
-    after: float
-    before: float
+    covered: FloatArray  # (1,), the largest contact radius so far
+    share: FloatArray  # (nq,), part of D that C is without
 
 
 class Trial(NamedTuple):
@@ -207,7 +218,7 @@ def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
 
 @kernel(inner=True)
 def _loss_weights(z: float, fade: float, after: float) -> tuple[float, float, float]:
-    """Return the factors of `Loss` for z = h/T, with fade and after of `_linear_weights`."""
+    """Return the factors of loss in `Weights` for z = h/T, with fade and after of `_linear_weights`."""
     if z < _GENTLE:
         # Simpson's rule, from chi - eta = fade y + mean c at the middle and the end.
         end, half = 1 - after, math.sqrt(fade)
@@ -217,15 +228,6 @@ def _loss_weights(z: float, fade: float, after: float) -> tuple[float, float, fl
     once = 1 - fade
     twice = once * (1 - once / 2)
     return twice, 2 * (once - twice) / z, (z - 2 * once + twice) / (z * z)
-
-
-@kernel(inner=True)
-def _loss(h: float, T: float, old: float, before: float, after: float) -> float:
-    """Int (chi - eta)^2/T dt over a step in which chi is linear and eta begins as `old`."""
-    fade, _, late = _linear_weights(h, T)
-    yy, yc, cc = _loss_weights(h / T, fade, late)
-    y, c = before - old, after - before
-    return yy * y * y + yc * y * c + cc * c * c
 
 
 class EdgeMotion(NamedTuple):
@@ -301,52 +303,51 @@ def _further(points: Points, place: int, way: int, apart: float) -> int:
 
 
 @kernel(inner=True)
-def _at(x: float, f: FloatArray, edge: float, points: Points) -> float:
-    """Value at x of an even function that bends at the edge, by up to four points on the side of x.
+def _at(x: float, f: FloatArray, points: Points) -> float:
+    """Value at x of an even function, by up to four points between which it does not bend.
 
-    They are not closer to each other than half of the cell around x. Where the edge is no point, the value
-    is extrapolated to it from its side.
+    They are not closer to each other than half of the cell around x.
     """
     low = _place(points, x)
-    high, other = low + 1, _ONE_POINT * points.x[1]
+    high, n, near = low + 1, 2, points.near
+    near[0], near[1] = low, high
     apart = (_position(points, high) - _position(points, low)) / 2
-    if x < edge < _position(points, high) - other and not points.bent[points.order[low]]:
-        high = low
-    elif _position(points, low) + other < edge <= x and not points.bent[points.order[high]]:
-        low = high
-    inside, outside = high == low and x < edge, high == low and x >= edge
-    near, n = points.near, 0
-    for place in range(low, high + 1):
-        near[n] = place
-        n += 1
     for _ in range(3):
-        new = high if inside or n == 4 else _further(points, high, 1, apart)
+        new = high if n == 4 else _further(points, high, 1, apart)
         if new != high:
             high = near[n] = new
             n += 1
-        new = low if outside or n == 4 else _further(points, low, -1, apart)
+        new = low if n == 4 else _further(points, low, -1, apart)
         if new != low:
             low = near[n] = new
             n += 1
-    value = 0.0
+    edge, value = points.edge[0], 0.0
     for i in range(n):
         y, weight = _position(points, near[i]), 1.0
         for j in range(n):
             if j != i:
                 z = _position(points, near[j])
                 weight *= (x - z) / (y - z)
-        value += weight * f[points.order[abs(near[i])]]
+        number = points.order[abs(near[i])]
+        if number == edge and x < y:
+            number = -1  # its values of the inside
+        value += weight * f[number]
     return value
 
 
 @kernel(inner=True)
-def _add_point(x: float, profile: Revolution, points: Points) -> int:
-    """Make x a point of a surface at rest, unless there is one; return its number."""
+def _add_point(x: float, run: Run) -> int:
+    """Make x a point, with the past between its neighbours, unless there is one; return its number."""
+    points, state, work = run.state.points, run.state, run.work
     low, new = _place(points, x), points.filled[0]
     for place in (low, low + 1):
         if abs(_position(points, place) - x) <= _ONE_POINT * points.x[1]:
             return int(points.order[place])
-    points.x[new], points.obstacle[new] = x, abel_transform(profile, x)
+    state.chi[new], state.sunk[new] = _at(x, state.chi, points), _at(x, state.sunk, points)
+    work.past[new] = _at(x, work.past, points)
+    for k in range(run.body.local_times.size):
+        state.memory[k, new] = _at(x, state.memory[k], points)
+    points.x[new], points.obstacle[new] = x, abel_transform(run.profile, x)
     for i in range(new, low + 1, -1):
         points.order[i] = points.order[i - 1]
     points.order[low + 1] = new
@@ -380,53 +381,65 @@ def _multiply(matrix: FloatArray, vector: FloatArray, out: FloatArray) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def _cholesky(M: FloatArray, n: int) -> bool:
-    """Put the Cholesky factor of M into its lower triangle; return False if M is not positive definite."""
+def _solve_linear(M: FloatArray, b: FloatArray, c: FloatArray, n: int) -> bool:
+    """Solve M x = b and M x = c in place by Gauss's elimination; return False if a pivot is not positive."""
     for j in range(n):
-        s = M[j, j]
-        for k in range(j):
-            s -= M[j, k] * M[j, k]
-        if s <= 0:
+        if M[j, j] <= 0:
             return False
-        s = math.sqrt(s)
-        M[j, j] = s
         for i in range(j + 1, n):
-            v = M[i, j]
-            for k in range(j):
-                v -= M[i, k] * M[j, k]
-            M[i, j] = v / s
+            factor = M[i, j] / M[j, j]
+            for k in range(j + 1, n):
+                M[i, k] -= factor * M[j, k]
+            b[i] -= factor * b[j]
+            c[i] -= factor * c[j]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= M[i, k] * b[k]
+            c[i] -= M[i, k] * c[k]
+        b[i] /= M[i, i]
+        c[i] /= M[i, i]
     return True
 
 
-@kernel(reorder=True, inner=True)
-def _back_substitute(L: FloatArray, b: FloatArray, n: int) -> None:
-    """Solve L L^T x = b in place."""
-    for i in range(n):
-        v = b[i]
-        for k in range(i):
-            v -= L[i, k] * b[k]
-        b[i] = v / L[i, i]
-    for i in range(n - 1, -1, -1):
-        v = b[i] / L[i, i]
-        b[i] = v
-        for k in range(i):
-            b[k] -= L[i, k] * v
+@kernel(inner=True)
+def _set_weights(h: float, branches: Branches, weights: Weights) -> float:
+    """Set the weights of a surface in contact for a time h; return D = displacement/chi, from rest."""
+    modulus = branches.glassy
+    for r in range(branches.times.size):
+        T = branches.times[r]
+        fade, before, after = _linear_weights(h, T)
+        weights.fade[r], weights.before[r], weights.after[r] = fade, before, after
+        weights.dd[r], weights.dc[r], weights.cc[r] = _loss_weights(h / T, fade, after)
+        modulus -= branches.moduli[r] * after
+    return 1 / modulus
 
 
 @kernel(inner=True)
-def _set_step(h: float, run: Run) -> Weights:
-    """Set the weights of a step of length h; return the weights in D."""
-    body, step, work = run.body, run.step, run.work
-    after, before = body.local, 0.0
+def _covered(x: float, h: float, part: float, run: Run) -> tuple[float, float]:
+    """D of a point that the contact covers in the last part of a step, and the part of the past in D*chi."""
+    body, branches, state, weights, past = run.body, run.branches, run.state, run.step.part, 0.0
+    D = _set_weights(part * h, branches, weights)
+    if run.covered[0] <= x:
+        return D, 0.0
     for k in range(body.local_times.size):
-        T = body.local_times[k]
-        step.fade[k], step.before[k], step.after[k] = _linear_weights(h, T)
-        loss = _loss_weights(h / T, step.fade[k], step.after[k])
-        step.loss.yy[k], step.loss.yc[k], step.loss.cc[k] = loss
-        after += body.local_modes[k] * step.after[k]
-        before += body.local_modes[k] * step.before[k]
+        rest = math.exp(-(1 - part) * h / body.local_times[k])
+        retarded = rest * _at(x, state.memory[k], state.points)
+        for r in range(branches.times.size):
+            kept = weights.fade[r] * branches.of_retarded[r, k] + weights.before[r] * body.local_modes[k]
+            past += branches.moduli[r] * kept * retarded
+    return D, past * D
+
+
+@kernel(inner=True)
+def _set_step(h: float, run: Run) -> float:
+    """Set the weights of a step of length h; return the compliance D of the step."""
+    body, step, work = run.body, run.step, run.work
+    D = _set_weights(h, run.branches, step.near)
+    for k in range(body.local_times.size):
+        step.free[k] = math.exp(-h / body.local_times[k])
     for j in range(body.q.size):  # array expressions would take seconds to compile
-        step.effective[j] = body.instant[j]
+        step.effective[j] = body.instant[j] + run.share[j] * body.local
+    coupled = body.times.shape[0] - body.local_times.size
     for m in range(body.times.shape[0]):
         last, linear, loss = -1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for j in range(body.q.size):
@@ -434,78 +447,21 @@ def _set_step(h: float, run: Run) -> Weights:
                 last = body.times[m, j]
                 linear = _linear_weights(h, last)
                 loss = _loss_weights(h / last, linear[0], linear[2])
-            step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = linear
-            step.loss_q.yy[m, j], step.loss_q.yc[m, j], step.loss_q.cc[m, j] = loss
-            step.effective[j] += body.modes[m, j] * linear[2]
+            step.far.fade[m, j], step.far.before[m, j], step.far.after[m, j] = linear
+            step.far.dd[m, j], step.far.dc[m, j], step.far.cc[m, j] = loss
+            if m < coupled:
+                step.effective[j] += body.modes[m, j] * linear[2]
     for j in range(body.q.size):
         work.transform[j] = body.weights[j] * step.effective[j] / math.pi
     if body.q.size:
         _multiply(run.nodes.cosines, work.transform, step.table)
-    return Weights(after, before)
+    return D
 
 
 @kernel(inner=True)
-def _find_past(run: Run) -> None:
-    """Find the part of the past at the end of the step: of D without chi(0), and of C."""
-    body, state, step, work = run.body, run.state, run.step, run.work
-    for i in range(state.points.filled[0]):
-        s = 0.0
-        for k in range(body.local_times.size):
-            s += body.local_modes[k] * step.fade[k] * state.eta[k, i]
-        work.past[i] = s
-    for j in range(body.q.size):
-        s = 0.0
-        for m in range(body.times.shape[0]):
-            s += body.modes[m, j] * (step.fade_q[m, j] * state.zeta[m, j] + step.before_q[m, j] * state.X[j])
-        work.transform[j] = s * body.weights[j] * (2 / math.pi)
-    if body.q.size:
-        _multiply(run.nodes.cosines, work.transform, work.far_past)
-
-
-@kernel(inner=True)
-def _apex(h: float, body: Compliance, state: State, released: bool) -> float:
-    """Displacement of the surface at x = 0 after a time h without contact, or in which chi falls to 0."""
-    s = 0.0
-    for k in range(body.local_times.size):
-        fade, before, _ = _linear_weights(h, body.local_times[k])
-        s += body.local_modes[k] * (fade * state.eta[k, 0] + (before * state.chi[0] if released else 0.0))
-    far = 0.0
-    for j in range(body.q.size):
-        for m in range(body.times.shape[0]):
-            fade, before, _ = _linear_weights(h, body.times[m, j])
-            value = fade * state.zeta[m, j] + (before * state.X[j] if released else 0.0)
-            far += body.modes[m, j] * value * body.weights[j]
-    return s + far * (2 / math.pi)
-
-
-@kernel(inner=True)
-def _event(
-    h: float, start: float, end: float, by_force: bool, body: Compliance, state: State, released: bool
-) -> float:
-    """Return the part of a step after which contact begins, or with `released` ends.
-
-    The depth grows linearly from `start` to `end`. Contact begins where it reaches the displacement of the
-    free surface, and ends where it falls below the displacement of a surface from which chi has vanished.
-    """
-    low, high = 0.0, 1.0
-    sign = -1.0 if released else 1.0
-    if by_force:
-        return min(max(start / (start - end), 0.0), 1.0) if start != end else 0.0
-    gap_low = sign * (start - _apex(0.0, body, state, False)) if not released else -1.0
-    gap_high = sign * (end - _apex(h, body, state, released))
-    for _ in range(_MOST_ITERATIONS):
-        part = 0.5 * (low + high)
-        if gap_low < 0 < gap_high and high - low < 0.2:
-            part = low + (high - low) * gap_low / (gap_low - gap_high)
-            part = min(max(part, low + 0.02 * (high - low)), high - 0.02 * (high - low))
-        gap = sign * (start + part * (end - start) - _apex(part * h, body, state, released))
-        if gap < 0:
-            low, gap_low = part, gap
-        else:
-            high, gap_high = part, gap
-        if high - low < 1e-12:
-            break
-    return high
+def _inside(x: float, a: float, run: Run) -> bool:
+    """Whether a contact of radius a covers x; at and beyond a rim chi is continued."""
+    return a > 0 and (x < a or a >= run.stop)
 
 
 @kernel(inner=True)
@@ -534,14 +490,108 @@ def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
 
 
 @kernel(inner=True)
-def _past_at(x: float, edge: float, run: Run) -> float:
-    """Part of the past at x, without chi(0)."""
-    near = _at(x, run.work.past, edge, run.state.points) if run.body.local_times.size else 0.0
-    return near + _cubic(run.work.far_past, x / run.nodes.spacing)
+def _transform_of(f: FloatArray, a: float, run: Run) -> None:
+    """Cosine transform of an even function at the points, which may jump at the edge a of the contact."""
+    nodes, work, covered = run.nodes, run.work, run.covered[0]
+    n = _place_nodes(a, nodes, run.state, work) if a > 0 and run.body.local_times.size else 0
+    if covered > a and run.body.local_times.size:
+        for i in range(nodes.part.size):
+            work.x[n] = a + (covered - a) * nodes.part[i]
+            work.root[n] = math.sqrt((covered - a) * nodes.part_weights[i])
+            n += 1
+    for i in range(n):
+        work.unit[i] = work.root[i] ** 2 * _at(work.x[i], f, run.state.points)
+    _transform(n, nodes, work)
 
 
 @kernel(inner=True)
-def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Trial:
+def _kept_in_contact(i: int, weights: Weights, run: Run) -> float:
+    """Part of chi, with the sign changed, that the past of a point leaves at the end of a time in contact."""
+    branches, state, s = run.branches, run.state, 0.0
+    for r in range(branches.times.size):
+        s += branches.moduli[r] * (weights.fade[r] * state.memory[r, i] + weights.before[r] * state.sunk[i])
+    return s
+
+
+@kernel(inner=True)
+def _find_past(a_old: float, D: float, run: Run) -> None:
+    """Find the part of the past at the end of the step: of D where the contact stays or stays away; of C."""
+    body, state, step, work = run.body, run.state, run.step, run.work
+    for i in range(state.points.filled[0]):
+        s = 0.0
+        if _inside(state.points.x[i], a_old, run):
+            s = D * _kept_in_contact(i, step.near, run)
+        else:
+            for k in range(body.local_times.size):
+                s += body.local_modes[k] * step.free[k] * state.memory[k, i]
+        work.past[i] = s
+    work.past[-1] = D * _kept_in_contact(-1, step.near, run)
+    _transform_of(work.past, a_old, run)
+    for j in range(body.q.size):
+        s = -run.share[j] * work.transform[j]
+        for m in range(body.times.shape[0] - body.local_times.size):
+            kept = step.far.fade[m, j] * state.zeta[m, j] + step.far.before[m, j] * state.X[j]
+            s += body.modes[m, j] * kept
+        work.transform[j] = s * body.weights[j] * (2 / math.pi)
+    if body.q.size:
+        _multiply(run.nodes.cosines, work.transform, work.far_past)
+
+
+@kernel(inner=True)
+def _apex_locally(h: float, run: Run, released: bool) -> float:
+    """Part of D in `_apex`."""
+    if released:
+        D = _set_weights(h, run.branches, run.step.part)
+        return D * _kept_in_contact(0, run.step.part, run)
+    body, s = run.body, 0.0
+    for k in range(body.local_times.size):
+        s += body.local_modes[k] * math.exp(-h / body.local_times[k]) * run.state.memory[k, 0]
+    return s
+
+
+@kernel(inner=True)
+def _apex(h: float, run: Run, released: bool) -> float:
+    """Displacement of the surface at x = 0 after a time h without contact, or in which chi falls to 0."""
+    body, state, s = run.body, run.state, _apex_locally(h, run, released)
+    far = 0.0
+    for j in range(body.q.size):
+        for m in range(body.times.shape[0]):
+            fade, before, _ = _linear_weights(h, body.times[m, j])
+            value = fade * state.zeta[m, j] + (before * state.X[j] if released else 0.0)
+            far += body.modes[m, j] * value * body.weights[j]
+    return s + far * (2 / math.pi)
+
+
+@kernel(inner=True)
+def _event(h: float, start: float, end: float, by_force: bool, run: Run, released: bool) -> float:
+    """Return the part of a step after which contact begins, or with `released` ends.
+
+    The depth grows linearly from `start` to `end`. Contact begins where it reaches the displacement of the
+    free surface, and ends where it falls below the displacement of a surface from which chi has vanished.
+    """
+    low, high = 0.0, 1.0
+    sign = -1.0 if released else 1.0
+    if by_force:
+        return min(max(start / (start - end), 0.0), 1.0) if start != end else 0.0
+    gap_low = sign * (start - _apex(0.0, run, False)) if not released else -1.0
+    gap_high = sign * (end - _apex(h, run, released))
+    for _ in range(_MOST_ITERATIONS):
+        part = 0.5 * (low + high)
+        if gap_low < 0 < gap_high and high - low < 0.2:
+            part = low + (high - low) * gap_low / (gap_low - gap_high)
+            part = min(max(part, low + 0.02 * (high - low)), high - 0.02 * (high - low))
+        gap = sign * (start + part * (end - start) - _apex(part * h, run, released))
+        if gap < 0:
+            low, gap_low = part, gap
+        else:
+            high, gap_high = part, gap
+        if high - low < 1e-12:
+            break
+    return high
+
+
+@kernel(inner=True)
+def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
     """Solve the step for a trial radius."""
     body, profile, nodes, state, step, work = run.body, run.profile, run.nodes, run.state, run.step, run.work
     n = _place_nodes(a, nodes, state, work)
@@ -550,41 +600,38 @@ def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Tria
     for i in range(n):
         x = work.x[i]
         H = abel_transform(profile, x)
-        diagonal, past = weights.after, _past_at(x, a_old, run)
+        work.local[i], past = D, _cubic(work.far_past, x / nodes.spacing)
         if x < a_old:
-            past += weights.before * _at(x, state.chi, a_old, state.points)
-        elif a > a_old and body.local_times.size:
-            part = _swept(sweep, x, H)
-            diagonal = body.local
-            for k in range(body.local_times.size):
-                diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
+            past += _at(x, work.past, state.points) if body.local_times.size else 0.0
+        elif body.local_times.size:
+            work.local[i], before = _covered(x, h, _swept(sweep, x, H), run)
+            past += before
         work.unit[i] = root[i]
         work.rest[i] = -(H + past) * root[i]
-        if coupled:
-            for j in range(i + 1):
-                y = work.x[j]
-                near, far = _cubic(step.table, (x - y) / nodes.spacing), (x + y) / nodes.spacing
-                work.matrix[i, j] = root[i] * root[j] * (near + _cubic(step.table, far))
-            work.matrix[i, i] += diagonal
-        else:
-            work.unit[i] /= diagonal
-            work.rest[i] /= diagonal
+        if not coupled:
+            work.unit[i] /= work.local[i]
+            work.rest[i] /= work.local[i]
     if coupled:
-        if not _cholesky(work.matrix, n):
+        for i in range(n):
+            for j in range(n):
+                near, far = abs(work.x[i] - work.x[j]), work.x[i] + work.x[j]
+                near, far = near / nodes.spacing, far / nodes.spacing
+                every = _cubic(step.table, near) + _cubic(step.table, far)
+                every -= work.local[j] * (_cubic(step.local_table, near) + _cubic(step.local_table, far))
+                work.matrix[i, j] = root[i] * root[j] * every
+            work.matrix[i, i] += work.local[i]
+        if not _solve_linear(work.matrix, work.unit, work.rest, n):
             return Trial(0.0, 0.0, 0.0, 0.0, -1)
-        _back_substitute(work.matrix, work.unit, n)
-        _back_substitute(work.matrix, work.rest, n)
-    past = _past_at(a, a_old, run)
-    if a < a_old:
-        past += weights.before * _at(a, state.chi, a_old, state.points)
+    past = _cubic(work.far_past, a / nodes.spacing)
+    past += _at(a, work.past, state.points) if body.local_times.size else 0.0
     edge, rest, unit, other = 1.0, -abel_transform(profile, a) - past, 0.0, 0.0
     for i in range(n):
         if coupled:
-            y = work.x[i]
-            near = _cubic(step.table, (a - y) / nodes.spacing)
-            k0 = root[i] * (near + _cubic(step.table, (a + y) / nodes.spacing))
-            edge -= k0 * work.unit[i]
-            rest -= k0 * work.rest[i]
+            near, far = (a - work.x[i]) / nodes.spacing, (a + work.x[i]) / nodes.spacing
+            k0 = _cubic(step.table, near) + _cubic(step.table, far)
+            k0 -= work.local[i] * (_cubic(step.local_table, near) + _cubic(step.local_table, far))
+            edge -= root[i] * k0 * work.unit[i]
+            rest -= root[i] * k0 * work.rest[i]
         unit += 4 * root[i] * work.unit[i]
         other += 4 * root[i] * work.rest[i]
     return Trial(edge, rest, unit, other, n)
@@ -592,14 +639,7 @@ def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Tria
 
 @kernel(inner=True)
 def _find_radius(
-    h: float,
-    target: float,
-    by_force: bool,
-    guess: float,
-    a_old: float,
-    weights: Weights,
-    slope: float,
-    run: Run,
+    h: float, target: float, by_force: bool, guess: float, a_old: float, D: float, slope: float, run: Run
 ) -> Radius:
     """Find the contact at the end of a step whose prescribed depth or force is `target`.
 
@@ -611,7 +651,7 @@ def _find_radius(
     last_a, last_r, last_error = -1.0, 0.0, 1.0
     falling = False  # with adhesion: towards the stable radius from above, along a concave residual
     for trial in range(1, _MOST_ITERATIONS):
-        edge, rest, unit, other, n = _solve(a, a_old, h, weights, run)
+        edge, rest, unit, other, n = _solve(a, a_old, h, D, run)
         if n < 0:
             return Radius(0.0, 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED)
         depth = (target - other) / unit if by_force else target
@@ -654,100 +694,135 @@ def _find_radius(
 
 
 @kernel(inner=True)
-def _close(h: float, found: Radius, a_old: float, weights: Weights, run: Run) -> float:
+def _change_form(i: int, to: FloatArray, run: Run) -> None:
+    """Change the internal variables of a point from relaxing to retarded ones, or back."""
+    memory, scratch = run.state.memory, run.work.variables
+    for k in range(scratch.size):
+        scratch[k] = 0.0
+        for r in range(scratch.size):
+            scratch[k] += to[k, r] * memory[r, i]
+    for k in range(scratch.size):
+        memory[k, i] = scratch[k]
+
+
+@kernel(inner=True)
+def _press(i: int, end: float, weights: Weights, run: Run) -> float:
+    """Move a point in contact to a displacement; return the energy that is lost."""
+    branches, state, lost = run.branches, run.state, 0.0
+    begin, chi = state.sunk[i], branches.glassy * end
+    for r in range(branches.times.size):
+        m, G = state.memory[r, i], branches.moduli[r]
+        d, c = begin - m, end - begin
+        lost += G * (weights.dd[r] * d * d + weights.dc[r] * d * c + weights.cc[r] * c * c)
+        m = weights.fade[r] * m + weights.before[r] * begin + weights.after[r] * end
+        state.memory[r, i] = m
+        chi -= G * m
+    state.sunk[i], state.chi[i] = end, chi
+    return lost
+
+
+@kernel(inner=True)
+def _rest(i: int, h: float, run: Run) -> float:
+    """Leave a point free for a time; return the energy that is lost."""
+    body, state, lost, sunk = run.body, run.state, 0.0, 0.0
+    for k in range(body.local_times.size):
+        J, old = body.local_modes[k], state.memory[k, i]
+        fade = math.exp(-h / body.local_times[k])
+        state.memory[k, i] = fade * old
+        lost += J * old * old / 2 * (1 - fade * fade)
+        sunk += J * fade * old
+    state.sunk[i] = sunk
+    return lost
+
+
+@kernel(inner=True)
+def _move(i: int, end: float, h: float, part: float, was_inside: bool, inside: bool, run: Run) -> float:
+    """Advance a point whose displacement ends at `end` in contact; return the energy that is lost.
+
+    The edge passes it, if it does, so that it is in contact in a part of the step.
+    """
+    branches, weights = run.branches, run.step.part
+    if inside and was_inside:
+        return _press(i, end, run.step.near, run)
+    lost = 0.0
+    if was_inside:  # to the displacement at which chi = 0
+        D = _set_weights(part * h, branches, weights)
+        lost += _press(i, D * _kept_in_contact(i, weights, run), weights, run)
+        _change_form(i, branches.to_retarded, run)
+    lost += _rest(i, (1 - part) * h, run)
+    if inside:
+        _change_form(i, branches.of_retarded, run)
+        _set_weights(part * h, branches, weights)
+        lost += _press(i, end, weights, run)
+    return lost
+
+
+@kernel(inner=True)
+def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
     """Advance the state over a step that is solved; return the energy dissipated in it."""
-    body, nodes, state, step, work, stop = run.body, run.nodes, run.state, run.step, run.work, run.stop
-    a, depth, nb, nm = found.a, found.depth, body.local_times.size, body.times.shape[0]
-    touches = a > 0
-    n = found.nodes if touches else 0
+    body, nodes, state, step, work = run.body, run.nodes, run.state, run.step, run.work
+    a, depth, nm, far = found.a, found.depth, body.times.shape[0], run.step.far
+    n = found.nodes if a > 0 else 0
     for i in range(n):
         work.unit[i] = work.root[i] * (depth * work.unit[i] + work.rest[i])
     lost = 0.0
     _transform(n, nodes, work)
+    spectrum = work.transform.copy()
+    for i in range(n):
+        work.unit[i] *= work.local[i]
+    _transform(n, nodes, work)
+    for i in range(n):
+        work.unit[i] /= work.local[i]
     for j in range(body.q.size):
-        s, part = work.transform[j], 0.0
+        s, part = spectrum[j], 0.0
         for m in range(nm):
-            y, c = state.X[j] - state.zeta[m, j], s - state.X[j]
-            yy, yc, cc = step.loss_q.yy[m, j], step.loss_q.yc[m, j], step.loss_q.cc[m, j]
-            part += body.modes[m, j] * (yy * y * y + yc * y * c + cc * c * c)
+            d, c = state.X[j] - state.zeta[m, j], s - state.X[j]
+            quadratic = far.dd[m, j] * d * d + far.dc[m, j] * d * c + far.cc[m, j] * c * c
+            part += body.modes[m, j] * quadratic
             state.zeta[m, j] = (
-                step.fade_q[m, j] * state.zeta[m, j]
-                + step.before_q[m, j] * state.X[j]
-                + step.after_q[m, j] * s
+                far.fade[m, j] * state.zeta[m, j] + far.before[m, j] * state.X[j] + far.after[m, j] * s
             )
         lost += part * body.weights[j] * (2 / math.pi)
         state.X[j] = s
-        work.transform[j] = s * step.effective[j] * body.weights[j] * (2 / math.pi)
+        both = step.effective[j] * s - run.share[j] * work.transform[j]
+        work.transform[j] = both * body.weights[j] * (2 / math.pi)
     if body.q.size:
         _multiply(nodes.cosines, work.transform, work.far)
     sweep = _sweep(run.profile, min(a, a_old), max(a, a_old))
     fixed = work.far.size
     for i in range(state.points.filled[0]):
         x, H = state.points.x[i], state.points.obstacle[i]
-        inside = touches and (x < a or a >= stop)  # at and beyond a rim chi is continued
-        was_inside = a_old > 0 and (x < a_old or a_old >= stop)
-        before = state.chi[i] if was_inside else 0.0
-        far = work.far_past[i] + work.far[i] if i < fixed else _cubic(work.far_past, x / nodes.spacing)
-        if i >= fixed:
-            far += _cubic(work.far, x / nodes.spacing)
-        value = depth - H - work.past[i] - far
-        diagonal, part = weights.after, 1.0
-        growing = inside and not was_inside
-        if touches and a > a_old and not was_inside:
-            part = _swept(sweep, x, H)
-            diagonal = body.local
-            for k in range(nb):
-                diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
+        inside, was_inside = _inside(x, a, run), _inside(x, a_old, run)
+        end = depth - H
+        if i < fixed:
+            end -= work.far_past[i] + work.far[i]
         else:
-            value -= weights.before * before
-        leaving = was_inside and not inside
-        if leaving:
-            part = _swept(sweep, x, H)
-        value /= diagonal
-        after = value if inside else 0.0
-        weight = nodes.spacing * (0.5 if i in (0, fixed - 3) else 1.0)
-        if i > fixed - 3:
-            weight = 0.0
-        for k in range(nb):
-            T, J, old = body.local_times[k], body.local_modes[k], state.eta[k, i]
-            if growing:
-                rest = math.exp(-(1 - part) * h / T)
-                lost += (
-                    weight
-                    * J
-                    * (old * old / 2 * (1 - rest * rest) + _loss(part * h, T, old * rest, 0.0, after))
-                )
-                e, _, late = _linear_weights(part * h, T)
-                state.eta[k, i] = e * rest * old + late * after
-            elif leaving:
-                e, early, _ = _linear_weights(part * h, T)
-                middle, rest = e * old + early * before, math.exp(-(1 - part) * h / T)
-                lost += (
-                    weight
-                    * J
-                    * (_loss(part * h, T, old, before, 0.0) + middle * middle / 2 * (1 - rest * rest))
-                )
-                state.eta[k, i] = rest * middle
-            else:
-                y, c = before - old, after - before
-                quadratic = step.loss.yy[k] * y * y + step.loss.yc[k] * y * c + step.loss.cc[k] * c * c
-                lost += weight * J * quadratic
-                state.eta[k, i] = step.fade[k] * old + step.before[k] * before + step.after[k] * after
-        state.chi[i] = value
+            end -= _cubic(work.far_past, x / nodes.spacing) + _cubic(work.far, x / nodes.spacing)
+        continued = (end - work.past[i]) / (D if was_inside else body.local)
+        part = _swept(sweep, x, H) if inside or was_inside else 0.0
+        change = _move(i, end, h, part, was_inside, inside, run)
+        if not inside:
+            state.chi[i] = continued
+        if i < fixed - 2:
+            lost += nodes.spacing * (0.5 if i in (0, fixed - 3) else 1.0) * change
     return 4 * lost
 
 
 @kernel(inner=True)
 def _stored(found: Radius, run: Run) -> float:
     """Elastic energy of the body."""
-    body, nodes, state, work = run.body, run.nodes, run.state, run.work
-    s = 0.0
+    body, branches, nodes, state, work = run.body, run.branches, run.nodes, run.state, run.work
+    s, nb = 0.0, body.local_times.size
     for i in range(found.nodes if found.a > 0 else 0):
         s += body.local * (work.unit[i] / work.root[i]) ** 2
-    for k in range(body.local_times.size):
-        for i in range(work.far.size - 2):
-            weight = 0.5 if i in (0, work.far.size - 3) else 1.0
-            s += weight * nodes.spacing * body.local_modes[k] * state.eta[k, i] ** 2
+    for i in range(work.far.size - 2):
+        weight = nodes.spacing * (0.5 if i in (0, work.far.size - 3) else 1.0)
+        inside = _inside(state.points.x[i], found.a, run)
+        for k in range(nb):
+            retarded = 0.0 if inside else state.memory[k, i]
+            for r in range(nb if inside else 0):
+                retarded += branches.to_retarded[k, r] * state.memory[r, i]
+            s += weight * body.local_modes[k] * retarded**2
     for j in range(body.q.size):
         part = body.instant[j] * state.X[j] ** 2
         for m in range(body.times.shape[0]):
@@ -782,40 +857,51 @@ def _rise(a: float, run: Run) -> float:
 
 
 @kernel(inner=True)
-def _begin(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> Run:
+def _empty_weights(shape: Any) -> Weights:
+    """Return weights without values."""
+    zeros = np.zeros(shape)
+    return Weights(zeros, zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
+
+
+@kernel(inner=True)
+def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nodes, drive: Drive) -> Run:
     """Return a run of a body at rest."""
     size, nq = nodes.cosines.shape[0] // 2 + 1, body.q.size
     nb, nm = body.local_times.size, body.times.shape[0]
     places = size
     if nb:
-        places += drive.time.size + _CLOSING
+        places += drive.time.size + _CLOSING + 1  # the last: the inside of the edge
         for each in drive.breakpoints:
-            places += _CLOSING * each
+            places += 2 * _CLOSING * each
     points = Points(
         np.zeros(places), np.zeros(places), np.arange(places), np.array([size]), np.zeros(places, np.bool_),
-        np.zeros(4, np.int64),
+        np.array([-1]), np.zeros(4, np.int64),
     )  # fmt: skip
     for i in range(size):
         points.x[i] = i * nodes.spacing
         points.obstacle[i] = abel_transform(profile, points.x[i])
     points.bent[0] = True  # under a cone
     state = State(
-        points, np.zeros(places), np.zeros((nb, places)),
+        points, np.zeros(places), np.zeros(places), np.zeros((nb, places)),
         np.zeros(nq), np.zeros((nm, nq)), np.full(_MARKS, np.inf),
     )  # fmt: skip
-    loss = Loss(np.zeros(nb), np.zeros(nb), np.zeros(nb))
-    loss_q = Loss(np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)))
     step = Step(
-        np.zeros(nb), np.zeros(nb), np.zeros(nb), loss,
-        np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)), loss_q,
-        np.zeros(nq), np.zeros(2 * size - 1),
+        _empty_weights((nb,)), _empty_weights((nb,)), np.zeros(nb), _empty_weights((nm, nq)),
+        np.zeros(nq), np.zeros(2 * size - 1), np.zeros(2 * size - 1),
     )  # fmt: skip
-    most = max(nodes.gauss.size, (_MARKS + 1) * nodes.part.size)
+    most = max(nodes.gauss.size, (_MARKS + 1) * nodes.part.size) + nodes.part.size
     work = Work(
-        np.zeros(most), np.zeros(most), np.zeros((most, most)), np.zeros(most), np.zeros(most),
+        np.zeros(most), np.zeros(most), np.zeros(most),
+        np.zeros((most, most)), np.zeros(most), np.zeros(most),
         np.zeros(_MARKS + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(size),
+        np.zeros(nb),
     )  # fmt: skip
-    return Run(body, profile, nodes, drive, state, step, work, min(profile.rim, nodes.reach))
+    stop, share = min(profile.rim, nodes.reach), np.ones(nq)
+    for j in range(nq if nb else 0):
+        share[j] = -body.modes[nm - nb, j] / body.local_modes[0]
+    if nq:
+        _multiply(nodes.cosines, share * body.weights / math.pi, step.local_table)
+    return Run(body, branches, profile, nodes, drive, state, step, work, stop, np.zeros(1), share)
 
 
 @kernel(inner=True)
@@ -823,23 +909,23 @@ def _keep_fields(a: float, run: Run, chi: FloatArray, local: FloatArray, spectru
     """Write the fields of a snapshot: chi, D*chi and C*X."""
     body, state = run.body, run.state
     for i in range(chi.size):
-        x = i * run.nodes.spacing
-        inside = a > 0 and (x < a or a >= run.stop)
         chi[i] = state.chi[i]
-        local[i] = body.local * (state.chi[i] if inside else 0.0)
-        for k in range(body.local_times.size):
-            local[i] += body.local_modes[k] * state.eta[k, i]
+        local[i] = state.sunk[i] if body.local_times.size or _inside(state.points.x[i], a, run) else 0.0
+    _transform_of(state.sunk, a, run)
     for j in range(spectrum.size):
-        s = body.instant[j] * state.X[j]
-        for m in range(body.times.shape[0]):
+        s = (body.instant[j] + run.share[j] * body.local) * state.X[j]
+        for m in range(body.times.shape[0] - body.local_times.size):
             s += body.modes[m, j] * state.zeta[m, j]
-        spectrum[j] = s
+        elastic = body.local * state.X[j] if not body.local_times.size else 0.0
+        spectrum[j] = s - run.share[j] * (run.work.transform[j] + elastic)
 
 
 @kernel
-def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> Marched:  # noqa: C901
+def march(  # noqa: C901
+    body: Compliance, branches: Branches, profile: Revolution, nodes: Nodes, drive: Drive
+) -> Marched:
     """Follow an indentation of a body at rest over given times, on nodes in x for its largest contact."""
-    nt, run = drive.time.size, _begin(body, profile, nodes, drive)
+    nt, run = drive.time.size, _begin(body, branches, profile, nodes, drive)
     state, work, stop = run.state, run.work, run.stop
     size, kept = work.far.size, 0
     for each in drive.snapshots:
@@ -850,9 +936,9 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
     )  # fmt: skip
     a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
     bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
-    weights, stopped = Weights(0.0, 0.0), nt
-    # The point of the edge, -1 without one; whether the past stays bent there; the largest radius so far.
-    edge, bent, stays, largest = -1, state.points.bent, False, 0.0
+    D, stopped = 0.0, nt
+    # The point of the edge, -1 without one; whether the past stays bent there.
+    edge, bent, stays = -1, state.points.bent, False
     found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE)
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
@@ -867,16 +953,16 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
             now = begin + done * (drive.value[at] - begin)
             target = now + piece * (drive.value[at] - now)
             if h != h_old:
-                weights, h_old = _set_step(h, run), h
-            _find_past(run)
-            free = work.past[0] + work.far_past[0] + (weights.before * state.chi[0] if a_old > 0 else 0.0)
+                D, h_old = _set_step(h, run), h
+            _find_past(a_old, D, run)
+            free = work.past[0] + work.far_past[0]
             touches = target > 0 if by_force else target > free
             starts = touches and a_old == 0 and not met and at > 0
             ends = not touches and a_old > 0 and drive.adhesion == 0
             if piece < 1:
                 touches = False
             elif starts or ends:
-                part = _event(h, now, target, by_force, body, state, ends)
+                part = _event(h, now, target, by_force, run, ends)
                 if _INSTANT < part < 1 - _INSTANT:
                     piece, met = part, starts
                     continue
@@ -888,7 +974,7 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
                 if a_old > 0:
                     guess = a_old + h * (rate + bend * (h + since)) if drive.adhesion == 0 else a_old
                     guess = min(stop, max(0.2 * a_old, guess))
-                found = _find_radius(h, target, by_force, guess, a_old, weights, slope, run)
+                found = _find_radius(h, target, by_force, guess, a_old, D, slope, run)
                 taken += found.solutions
                 slope, status = found.slope, found.status
                 if status != COMPLETE:
@@ -899,15 +985,28 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
             turned = rate * change < 0 and at > 1 and a_old > 0
             if turned:
                 _remember(state.marks, a_old)
-            new, fresh = -1, largest < found.a < stop
-            if fresh and body.local_times.size:
+            new = -1
+            if 0 < found.a < stop and body.local_times.size:
                 for k in range(1, _CLOSING + 1 if begins else 0):
-                    _add_point(found.a - (found.a - largest) * 0.5**k, profile, state.points)
-                new = _add_point(found.a, profile, state.points)
-            largest = max(largest, found.a)
-            lost += _close(h, found, a_old, weights, run)
+                    _add_point(found.a - (found.a - a_old) * 0.5**k, run)
+                for k in range(1, _CLOSING + 1 if at and drive.breakpoints[at - 1] else 0):
+                    _add_point(a_old + (found.a - a_old) * 0.5**k, run)
+                new = _add_point(found.a, run)
+                a = state.points.x[new]  # the same within rounding: the edge is a point
+                found = Radius(
+                    a, found.force, found.depth, found.slope, found.nodes, found.solutions, found.status
+                )
+            run.covered[0] = max(run.covered[0], found.a)
+            lost += _close(h, found, a_old, D, run)
             if edge >= 0:
-                bent[edge] = stays or turned or not fresh
+                bent[edge] = stays or turned or new < 0
+            state.points.edge[0] = new
+            for k in range(body.local_times.size if found.a == 0 and a_old > 0 else 0):
+                _transform_of(state.memory[k], 0.0, run)
+                state.zeta[k - body.local_times.size] = work.transform
+            if new >= 0:
+                state.memory[:, -1], state.sunk[-1] = state.memory[:, new], state.sunk[new]
+                _change_form(-1, run.branches.of_retarded, run)
             if new >= 0:
                 stays = bent[new] or begins
                 bent[new] = True

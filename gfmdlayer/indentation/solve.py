@@ -18,6 +18,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.body import Body
+from gfmdlayer.body.creep import relaxation
 from gfmdlayer.indentation.compliance import (
     Compliance,
     Features,
@@ -27,7 +28,7 @@ from gfmdlayer.indentation.compliance import (
     gauss_rule,
     panels,
 )
-from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Drive, Marched, Nodes, march
+from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Branches, Drive, Marched, Nodes, march
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
@@ -41,7 +42,7 @@ class History(NamedTuple):
 
 
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
-_EDGE = 1e-10
+_EDGE = 1e-13
 
 # Change of the rate, relative to the largest, from which a time of the history is a breakpoint.
 _JUMP = 1e-3
@@ -151,13 +152,26 @@ def march_on(
     pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
     by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
     drive = Drive(time, value, by_force, breakpoints, kept, adhesion, _EDGE)
-    found = march(body, profile, space.nodes, drive)
+    found = march(body, _branches(body), profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
     when = f"t = {time[found.stopped]:.6g}"
     if found.status == LEFT_GRID:
         raise LeftGridError(f"{when}: the contact grows beyond the radius {space.nodes.reach:.6g}")
     raise ArithmeticError(f"{when}: no contact radius found")
+
+
+def _branches(body: Compliance) -> Branches:
+    """Return the modulus of the surface's material.
+
+    With the modes of D and of G = 1/D, D/(1 + s t) = sum_k [J_k T_k/(T_k - t)]/(1 + s T_k) for a time t of G,
+    where D(-1/t) = 0; and the way back likewise.
+    """
+    J, T = body.local_modes, body.local_times
+    moduli, times = relaxation(body.local, J, T)
+    apart = T[:, np.newaxis] - times
+    of_retarded = np.ascontiguousarray((J * T) / apart.T)  # one layout, one compilation
+    return Branches(1 / body.local, moduli, times, of_retarded, moduli * times / apart)
 
 
 def breakpoints_of(history: History) -> FloatArray:
@@ -287,8 +301,13 @@ def corners(t: FloatArray, values: FloatArray, within: float) -> list[int]:
 
 
 # Order of the extrapolated results in the step: 4 for a smooth motion of the edge, less where it turns or
-# starts; measured, 2.4 to 3.
-_ORDER = 2.0
+# starts; measured, 2.4 to 3. Between, where the gain of the extrapolation is interpolated, the first steps
+# have the order 4/3: the radius grows like the third root of a force.
+_ORDER, _ORDER_BETWEEN = 2.0, 4 / 3
+
+# New steps: part of the tolerance to reach; power of the step in the growth of the error; least and largest
+# number of them in place of one.
+_SAFE, _GROWTH_ORDER, _LEAST_PARTS, _MOST_PARTS = 0.8, 4.0, 0.75, 3.0
 
 # Spread of `even_steps` for the first mesh, over the root of the tolerance; measured, mostly enough.
 _FIRST_SPREAD = 45.0
@@ -347,35 +366,73 @@ def on_halved_steps(
 ) -> Indentation:
     """Follow a history on given times and their middles, without the error of second order in the step.
 
-    The arguments are those of `on_steps`. The result has 2 nt - 1 times, and the estimated error of the
-    shorter steps.
+    The arguments are those of `on_steps`. The result has 2 nt - 1 times, and no estimate of its error.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
+    coarse = on_steps(made, space, profile, history, time)
+    return _extrapolated(coarse, on_steps(made, space, profile, history, halved(time), 0.0, snapshots))
+
+
+def on_quartered_steps(
+    body: Body | Compliance,
+    space: Space,
+    profile: Revolution,
+    history: History,
+    time: FloatArray,
+    snapshots: FloatArray | None = None,
+) -> tuple[Indentation, FloatArray]:
+    """Follow a history on the quarters of given steps, like `on_halved_steps`, with an estimate of its error.
+
+    The result has 4 nt - 3 times. The estimates of force, depth and radius, relative to the largest of each,
+    have the shape (3, 2 nt - 1): they are for the times of half steps.
+    """
+    made = body if isinstance(body, Compliance) else space.compliance(body)
+    whole, half = (on_steps(made, space, profile, history, each) for each in (time, halved(time)))
+    quarter = on_steps(made, space, profile, history, halved(half.time), 0.0, snapshots)
+    rough, fine = _extrapolated(whole, half), _extrapolated(half, quarter)
+    # Where contact is lost the radius falls like a root of time: then the error of its square counts.
+    small = _SMALL * fine.radius.max() + 1e-300
+    share = np.minimum(1.0, np.minimum(rough.radius, fine.radius[::2]) / small)
+    errors = np.zeros((3, rough.time.size))
+    for row, name in zip(errors, ("force", "depth", "radius"), strict=True):
+        values = getattr(fine, name)
+        row[:] = (values[::2] - getattr(rough, name)) / max(float(np.abs(values).max()), 1e-300)
+    errors[2] *= share
+    errors[:, ::2] /= 2**_ORDER - 1
+    errors[:, 1::2] /= 2**_ORDER_BETWEEN - 1
+    solutions = whole.solutions + half.solutions + quarter.solutions
+    return fine._replace(error=float(np.abs(errors).max()), solutions=solutions), errors
+
+
+def halved(time: FloatArray) -> FloatArray:
+    """Times and their middles."""
     both = np.empty(2 * time.size - 1)
     both[::2], both[1::2] = time, (time[1:] + time[:-1]) / 2
-    fine = on_steps(made, space, profile, history, both, 0.0, snapshots)
-    coarse = on_steps(made, space, profile, history, time)
-    gains = {
-        name: np.interp(both, time, (getattr(fine, name)[::2] - getattr(coarse, name)) / 3)
-        for name in ("force", "depth", "radius", "stored", "dissipated")
+    return both
+
+
+def _extrapolated(coarse: Indentation, fine: Indentation) -> Indentation:
+    """Return a run on halved steps without its error of second order, by the run on the steps.
+
+    The square of the radius is extrapolated: where contact is lost the radius falls like a root of time. The
+    run on the steps may lose it earlier; its last gain in the square then holds until the other run loses it.
+    """
+
+    def gain(of_fine: FloatArray, of_coarse: FloatArray, rows: BoolArray) -> FloatArray:
+        if not rows.any():
+            return np.zeros(fine.time.size)
+        return np.interp(fine.time, coarse.time[rows], ((of_fine[::2] - of_coarse) / 3)[rows])
+
+    touching = (fine.radius > 0) & (np.interp(fine.time, coarse.time, coarse.radius) > 0)
+    both = (fine.radius[::2] > 0) & (coarse.radius > 0)
+    better = {
+        name: getattr(fine, name) + gain(getattr(fine, name), getattr(coarse, name), np.ones_like(both))
+        for name in ("force", "depth", "stored", "dissipated")
     }
-    touching = (fine.radius > 0) & (np.interp(both, time, coarse.radius) > 0)
-    # Where contact is lost the radius falls like a root of time: its error is weighted by the force.
-    share = np.where(touching, np.abs(fine.force) / max(np.abs(fine.force).max(), 1e-300), 0.0)
-    error = max(
-        _relative(gains["force"], fine.force),
-        _relative(gains["depth"], fine.depth),
-        _relative(gains["radius"] * share, fine.radius),
-    )
-    better = {name: getattr(fine, name) + gain for name, gain in gains.items()}
-    for name in ("force", "radius"):
-        better[name] = np.where(touching, np.maximum(better[name], 0.0), getattr(fine, name))
-    return fine._replace(**better, error=error, solutions=fine.solutions + coarse.solutions)
-
-
-def _relative(error: FloatArray, values: FloatArray) -> float:
-    largest = float(np.abs(values).max())
-    return float(np.abs(error).max()) / largest if largest > 0 else 0.0
+    better["force"] = np.where(touching, np.maximum(better["force"], 0.0), fine.force)
+    square = fine.radius**2 + gain(fine.radius**2, coarse.radius**2, both)
+    better["radius"] = np.where(fine.radius > 0, np.sqrt(np.maximum(square, 0.0)), 0.0)
+    return fine._replace(**better, solutions=fine.solutions + coarse.solutions)
 
 
 def follow(
@@ -444,38 +501,40 @@ def _to_tolerance(
     if math.isinf(shortest):
         time = even_steps(first, knots, 0.1)
         return on_steps(body, space, profile, history, time, adhesion, kept)._replace(error=0.0)
-    spread, found = _FIRST_SPREAD * tolerance ** (1 / _ORDER), first
+    time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
+    solutions = 0
     for _ in range(_MOST_MESHES):
-        time = even_steps(found, knots, spread)
-        rough = on_halved_steps(body, space, profile, history, time)
-        found = on_halved_steps(body, space, profile, history, rough.time, kept)
-        error = _remaining_error(rough, found)
-        found = found._replace(error=error, solutions=rough.solutions + found.solutions)
-        if error <= tolerance or found.time.size > _MOST_STEPS:
+        found, errors = on_quartered_steps(body, space, profile, history, time, kept)
+        solutions += found.solutions
+        if found.error <= tolerance or found.time.size > _MOST_STEPS:
             break
-        spread *= min(max(0.65, 0.95 * (tolerance / error) ** (1 / 3)), 0.95)
-    return found
+        time = _balanced(time, errors, knots, tolerance)
+    return found._replace(solutions=solutions)
 
 
-def _remaining_error(rough: Indentation, fine: Indentation) -> float:
-    """Estimate the error of a run from one on double steps, both extrapolated by `on_halved_steps`.
+def _balanced(time: FloatArray, errors: FloatArray, knots: FloatArray, tolerance: float) -> FloatArray:
+    """Steps in which the error grows equally, and in all by less than the tolerance.
 
-    Their difference at common times shows the error that the extrapolation leaves. Between these times the
-    extrapolation interpolates its gain: a quarter of the change of the gain is uncertain.
+    The growth of the error in a step is taken as a power of its length. Steps of large growth share the part
+    of the whole growth that the tolerance leaves.
     """
-    # Where contact is lost the radius falls like a root of time: then the error of its square counts.
-    share = np.minimum(
-        1.0, np.minimum(rough.radius, fine.radius[::2]) / (_SMALL * fine.radius.max() + 1e-300)
-    )
-    largest = 0.0
-    for name in ("force", "depth", "radius"):
-        found = getattr(fine, name)
-        weight = share if name == "radius" else np.ones(share.size)
-        off = (getattr(rough, name) - found[::2]) / (2**_ORDER - 1)
-        gain = (found - getattr(fine.fields, name))[::2]
-        between = np.diff(gain) / 4 * np.minimum(weight[1:], weight[:-1])
-        largest = max(largest, _relative(off * weight, found), _relative(between, found))
-    return largest
+    growth = np.abs(np.diff(errors)).max(axis=0)
+    growth = growth[::2] + growth[1::2] + 1e-300
+    growth = (3 * growth + growth.mean()) / 4  # an error may show later: where contact is lost, of all before
+    whole, wanted = growth.sum(), _SAFE * tolerance / np.abs(errors).max()
+    level, levels = growth.max(), np.sort(growth)
+    below = np.cumsum(levels) + levels * np.arange(levels.size - 1, -1, -1)
+    level = float(np.interp(wanted * whole, below, levels, left=wanted * whole / levels.size))
+    parts = np.clip((growth / level) ** (1 / _GROWTH_ORDER), _LEAST_PARTS, _MOST_PARTS)
+    found = []
+    for begin, end in pairwise(knots.tolist()):
+        inside = (time[:-1] >= begin) & (time[:-1] < end)
+        edges = np.append(time[:-1][inside], end)
+        count = np.concatenate(([0.0], np.cumsum(parts[inside])))
+        steps = max(1, math.ceil(count[-1] - 1e-9))
+        found.append(np.interp(np.linspace(0, count[-1], steps + 1)[:-1], count, edges))
+        found[-1][0] = begin
+    return np.append(np.concatenate(found), knots[-1])
 
 
 def work_done(force: FloatArray, depth: FloatArray, start: float) -> FloatArray:
