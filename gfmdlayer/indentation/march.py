@@ -94,13 +94,19 @@ class Points(NamedTuple):
     near: IntArray  # (4,), the places that an interpolation takes
 
 
+class Surface(NamedTuple):
+    """Stress and past at the points."""
+
+    chi: FloatArray  # (np,), continued beyond a
+    sunk: FloatArray  # (np,), D*chi
+    memory: FloatArray  # (nb, np), in the contact relaxing variables, outside of it retarded ones
+
+
 class State(NamedTuple):
     """State of a run between two steps."""
 
     points: Points
-    chi: FloatArray  # (np,), at the points, continued beyond a
-    sunk: FloatArray  # (np,), D*chi
-    memory: FloatArray  # (nb, np), in the contact relaxing variables, outside of it retarded ones
+    surface: Surface
     X: FloatArray  # (nq,), cosine transform of chi
     zeta: FloatArray  # (nm, nq), internal variables of C
     marks: FloatArray  # radii where the slope of chi may jump
@@ -128,9 +134,9 @@ class Step(NamedTuple):
     part: Weights  # (nb,), of a part of the step
     free: FloatArray  # (nb,), part of retarded variables that a free surface keeps
     far: Weights  # (nm, nq), of C and X
-    effective: FloatArray  # (nq,), q/K of the step
+    effective: FloatArray  # (nq,), C of the step
     table: FloatArray  # (2 n + 3,), kernel of the step: (1/pi) int effective cos(q z) dq
-    local_table: FloatArray  # (2 n + 3,), kernel of what D has in q/K: (1/pi) int share cos(q z) dq
+    unit_table: FloatArray  # (2 n + 3,), the same of a unit: (1/pi) int cos(q z) dq
 
 
 class Work(NamedTuple):
@@ -146,8 +152,10 @@ class Work(NamedTuple):
     past: FloatArray  # (np,), part of D*chi at the end of the step that the past leaves
     far_past: FloatArray  # (n + 2,), and the part of the integral of C
     transform: FloatArray  # (nq,)
+    spectrum: FloatArray  # (nq,)
     far: FloatArray  # (n + 2,)
     variables: FloatArray  # (nb,)
+    free: FloatArray  # (nb,)
 
 
 class Run(NamedTuple):
@@ -163,7 +171,6 @@ class Run(NamedTuple):
     work: Work
     stop: float  # largest radius: the rim of the indenter, or the reach of the nodes
     covered: FloatArray  # (1,), the largest contact radius so far
-    share: FloatArray  # (nq,), part of D that C is without
 
 
 class Trial(NamedTuple):
@@ -205,7 +212,7 @@ class Marched(NamedTuple):
     stopped: int  # the step at which it ended
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
     """Weights of the old value, chi(0) and chi(h), for chi linear over the step."""
     z = h / T
@@ -216,7 +223,7 @@ def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
     return 1 - m, f - 1 + m, 1 - f
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _loss_weights(z: float, fade: float, after: float) -> tuple[float, float, float]:
     """Return the factors of loss in `Weights` for z = h/T, with fade and after of `_linear_weights`."""
     if z < _GENTLE:
@@ -238,7 +245,7 @@ class EdgeMotion(NamedTuple):
     large: float
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _sweep(profile: Revolution, small: float, large: float) -> EdgeMotion:
     """Return how the edge moves between two radii; a flat end comes into contact at once."""
     slope = _FRONT if small > 0 else 0.0
@@ -246,7 +253,7 @@ def _sweep(profile: Revolution, small: float, large: float) -> EdgeMotion:
     return EdgeMotion(slope, H_small, abel_transform(profile, large) + slope * large)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _swept(sweep: EdgeMotion, x: float, H: float) -> float:
     """Part of the step for which a growing contact has covered x, or a shrinking one will."""
     if sweep.large == sweep.small:
@@ -255,14 +262,14 @@ def _swept(sweep: EdgeMotion, x: float, H: float) -> float:
     return float(min(max(part, 0.0), 1.0))
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _lagrange(y: float) -> tuple[float, float, float, float]:
     """Weights of the values at -1, 0, 1 and 2 for the value at y."""
     left, right = (y + 1) * y / 2, (y - 1) * (y - 2) / 2
     return -y * right / 3, (y + 1) * right, -left * (y - 2), left * (y - 1) / 3
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _cubic(f: FloatArray, s: float) -> float:
     """Value at s grid spacings, by four points, of an even function."""
     i = int(s)
@@ -271,7 +278,7 @@ def _cubic(f: FloatArray, s: float) -> float:
     return value
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _place(points: Points, x: float) -> int:
     """Return the place in order of the last point at or below x, of those that have a next one."""
     low, high = 0, points.filled[0] - 1
@@ -284,14 +291,14 @@ def _place(points: Points, x: float) -> int:
     return low
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _position(points: Points, place: int) -> float:
     """Return x at a place in the order; places below 0 are the mirror images of points."""
     x = points.x[points.order[abs(place)]]
     return float(x if place >= 0 else -x)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _further(points: Points, place: int, way: int, apart: float) -> int:
     """Return the next place that is so far apart; the same place where the past bends before it."""
     at = place
@@ -302,7 +309,7 @@ def _further(points: Points, place: int, way: int, apart: float) -> int:
     return place
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _at(x: float, f: FloatArray, points: Points) -> float:
     """Value at x of an even function, by up to four points between which it does not bend.
 
@@ -335,7 +342,7 @@ def _at(x: float, f: FloatArray, points: Points) -> float:
     return value
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _add_point(x: float, run: Run) -> int:
     """Make x a point, with the past between its neighbours, unless there is one; return its number."""
     points, state, work = run.state.points, run.state, run.work
@@ -343,10 +350,10 @@ def _add_point(x: float, run: Run) -> int:
     for place in (low, low + 1):
         if abs(_position(points, place) - x) <= _ONE_POINT * points.x[1]:
             return int(points.order[place])
-    state.chi[new], state.sunk[new] = _at(x, state.chi, points), _at(x, state.sunk, points)
+    state.surface.chi[new], state.surface.sunk[new] = _at(x, state.surface.chi, points), _at(x, state.surface.sunk, points)
     work.past[new] = _at(x, work.past, points)
     for k in range(run.body.local_times.size):
-        state.memory[k, new] = _at(x, state.memory[k], points)
+        state.surface.memory[k, new] = _at(x, state.surface.memory[k], points)
     points.x[new], points.obstacle[new] = x, abel_transform(run.profile, x)
     for i in range(new, low + 1, -1):
         points.order[i] = points.order[i - 1]
@@ -355,7 +362,7 @@ def _add_point(x: float, run: Run) -> int:
     return int(new)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _transform(n: int, nodes: Nodes, work: Work) -> None:
     """Cosine transform of chi at n nodes, with cosines by four points of the fixed grid."""
     out = work.transform
@@ -370,7 +377,7 @@ def _transform(n: int, nodes: Nodes, work: Work) -> None:
             out[j] += value * (a * w[j] + b * x[j] + c * y[j] + d * z[j])
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _multiply(matrix: FloatArray, vector: FloatArray, out: FloatArray) -> None:
     """Out = matrix vector, for as many rows as out has."""
     for i in range(out.size):
@@ -380,7 +387,7 @@ def _multiply(matrix: FloatArray, vector: FloatArray, out: FloatArray) -> None:
         out[i] = s
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _solve_linear(M: FloatArray, b: FloatArray, c: FloatArray, n: int) -> bool:
     """Solve M x = b and M x = c in place by Gauss's elimination; return False if a pivot is not positive."""
     for j in range(n):
@@ -401,7 +408,7 @@ def _solve_linear(M: FloatArray, b: FloatArray, c: FloatArray, n: int) -> bool:
     return True
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _set_weights(h: float, branches: Branches, weights: Weights) -> float:
     """Set the weights of a surface in contact for a time h; return D = displacement/chi, from rest."""
     modulus = branches.glassy
@@ -414,7 +421,7 @@ def _set_weights(h: float, branches: Branches, weights: Weights) -> float:
     return 1 / modulus
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _covered(x: float, h: float, part: float, run: Run) -> tuple[float, float]:
     """D of a point that the contact covers in the last part of a step, and the part of the past in D*chi."""
     body, branches, state, weights, past = run.body, run.branches, run.state, run.step.part, 0.0
@@ -423,14 +430,14 @@ def _covered(x: float, h: float, part: float, run: Run) -> tuple[float, float]:
         return D, 0.0
     for k in range(body.local_times.size):
         rest = math.exp(-(1 - part) * h / body.local_times[k])
-        retarded = rest * _at(x, state.memory[k], state.points)
+        retarded = rest * _at(x, state.surface.memory[k], state.points)
         for r in range(branches.times.size):
             kept = weights.fade[r] * branches.of_retarded[r, k] + weights.before[r] * body.local_modes[k]
             past += branches.moduli[r] * kept * retarded
     return D, past * D
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _set_step(h: float, run: Run) -> float:
     """Set the weights of a step of length h; return the compliance D of the step."""
     body, step, work = run.body, run.step, run.work
@@ -438,7 +445,7 @@ def _set_step(h: float, run: Run) -> float:
     for k in range(body.local_times.size):
         step.free[k] = math.exp(-h / body.local_times[k])
     for j in range(body.q.size):  # array expressions would take seconds to compile
-        step.effective[j] = body.instant[j] + run.share[j] * body.local
+        step.effective[j] = body.instant[j] + body.local - D
     coupled = body.times.shape[0] - body.local_times.size
     for m in range(body.times.shape[0]):
         last, linear, loss = -1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -458,20 +465,24 @@ def _set_step(h: float, run: Run) -> float:
     return D
 
 
-@kernel(inner=True)
-def _inside(x: float, a: float, run: Run) -> bool:
+@kernel(inner=True, borrows=True)
+def _inside(x: float, a: float, stop: float) -> bool:
     """Whether a contact of radius a covers x; at and beyond a rim chi is continued."""
-    return a > 0 and (x < a or a >= run.stop)
+    return a > 0 and (x < a or a >= stop)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
     """Put Gauss nodes into [0, a], in parts that end where the contact has turned; return their number."""
     parts = 1
     work.edges[0] = 0.0
-    for m in np.sort(state.marks):
-        if work.edges[parts - 1] + _APART * a < m < (1 - _APART) * a:
-            work.edges[parts] = m
+    for _ in range(_MARKS):
+        end = (1 - _APART) * a
+        for m in state.marks:
+            if work.edges[parts - 1] + _APART * a < m < end:
+                end = m
+        if end < (1 - _APART) * a:
+            work.edges[parts] = end
             parts += 1
     work.edges[parts] = a
     if parts == 1:
@@ -489,7 +500,7 @@ def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
     return n
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _transform_of(f: FloatArray, a: float, run: Run) -> None:
     """Cosine transform of an even function at the points, which may jump at the edge a of the contact."""
     nodes, work, covered = run.nodes, run.work, run.covered[0]
@@ -504,31 +515,31 @@ def _transform_of(f: FloatArray, a: float, run: Run) -> None:
     _transform(n, nodes, work)
 
 
-@kernel(inner=True)
-def _kept_in_contact(i: int, weights: Weights, run: Run) -> float:
+@kernel(inner=True, borrows=True)
+def _kept_in_contact(i: int, weights: Weights, moduli: FloatArray, surface: Surface) -> float:
     """Part of chi, with the sign changed, that the past of a point leaves at the end of a time in contact."""
-    branches, state, s = run.branches, run.state, 0.0
-    for r in range(branches.times.size):
-        s += branches.moduli[r] * (weights.fade[r] * state.memory[r, i] + weights.before[r] * state.sunk[i])
+    s = 0.0
+    for r in range(moduli.size):
+        s += moduli[r] * (weights.fade[r] * surface.memory[r, i] + weights.before[r] * surface.sunk[i])
     return s
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _find_past(a_old: float, D: float, run: Run) -> None:
     """Find the part of the past at the end of the step: of D where the contact stays or stays away; of C."""
-    body, state, step, work = run.body, run.state, run.step, run.work
+    body, state, step, work, moduli = run.body, run.state, run.step, run.work, run.branches.moduli
     for i in range(state.points.filled[0]):
         s = 0.0
-        if _inside(state.points.x[i], a_old, run):
-            s = D * _kept_in_contact(i, step.near, run)
+        if _inside(state.points.x[i], a_old, run.stop):
+            s = D * _kept_in_contact(i, step.near, moduli, state.surface)
         else:
             for k in range(body.local_times.size):
-                s += body.local_modes[k] * step.free[k] * state.memory[k, i]
+                s += body.local_modes[k] * step.free[k] * state.surface.memory[k, i]
         work.past[i] = s
-    work.past[-1] = D * _kept_in_contact(-1, step.near, run)
+    work.past[-1] = D * _kept_in_contact(-1, step.near, moduli, state.surface)
     _transform_of(work.past, a_old, run)
     for j in range(body.q.size):
-        s = -run.share[j] * work.transform[j]
+        s = -work.transform[j]
         for m in range(body.times.shape[0] - body.local_times.size):
             kept = step.far.fade[m, j] * state.zeta[m, j] + step.far.before[m, j] * state.X[j]
             s += body.modes[m, j] * kept
@@ -537,19 +548,19 @@ def _find_past(a_old: float, D: float, run: Run) -> None:
         _multiply(run.nodes.cosines, work.transform, work.far_past)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _apex_locally(h: float, run: Run, released: bool) -> float:
     """Part of D in `_apex`."""
     if released:
         D = _set_weights(h, run.branches, run.step.part)
-        return D * _kept_in_contact(0, run.step.part, run)
+        return D * _kept_in_contact(0, run.step.part, run.branches.moduli, run.state.surface)
     body, s = run.body, 0.0
     for k in range(body.local_times.size):
-        s += body.local_modes[k] * math.exp(-h / body.local_times[k]) * run.state.memory[k, 0]
+        s += body.local_modes[k] * math.exp(-h / body.local_times[k]) * run.state.surface.memory[k, 0]
     return s
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _apex(h: float, run: Run, released: bool) -> float:
     """Displacement of the surface at x = 0 after a time h without contact, or in which chi falls to 0."""
     body, state, s = run.body, run.state, _apex_locally(h, run, released)
@@ -562,7 +573,7 @@ def _apex(h: float, run: Run, released: bool) -> float:
     return s + far * (2 / math.pi)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _event(h: float, start: float, end: float, by_force: bool, run: Run, released: bool) -> float:
     """Return the part of a step after which contact begins, or with `released` ends.
 
@@ -590,7 +601,13 @@ def _event(h: float, start: float, end: float, by_force: bool, run: Run, release
     return high
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
+def _kernel(table: FloatArray, x: float, y: float, spacing: float) -> float:
+    """Kernel of a table between x and y, and between x and -y."""
+    return _cubic(table, abs(x - y) / spacing) + _cubic(table, (x + y) / spacing)
+
+
+@kernel(inner=True, borrows=True)
 def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
     """Solve the step for a trial radius."""
     body, profile, nodes, state, step, work = run.body, run.profile, run.nodes, run.state, run.step, run.work
@@ -613,13 +630,16 @@ def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
             work.rest[i] /= work.local[i]
     if coupled:
         for i in range(n):
+            x = work.x[i]
             for j in range(n):
-                near, far = abs(work.x[i] - work.x[j]), work.x[i] + work.x[j]
-                near, far = near / nodes.spacing, far / nodes.spacing
-                every = _cubic(step.table, near) + _cubic(step.table, far)
-                every -= work.local[j] * (_cubic(step.local_table, near) + _cubic(step.local_table, far))
-                work.matrix[i, j] = root[i] * root[j] * every
-            work.matrix[i, i] += work.local[i]
+                y = work.x[j]
+                value = work.matrix[j, i] if j < i else root[i] * root[j] * _kernel(step.table, x, y, nodes.spacing)
+                work.matrix[i, j] = value
+        for j in range(n):
+            work.matrix[j, j] += work.local[j]
+            for i in range(n if work.local[j] != D else 0):
+                both = root[i] * root[j] * _kernel(step.unit_table, work.x[i], work.x[j], nodes.spacing)
+                work.matrix[i, j] += (D - work.local[j]) * both
         if not _solve_linear(work.matrix, work.unit, work.rest, n):
             return Trial(0.0, 0.0, 0.0, 0.0, -1)
     past = _cubic(work.far_past, a / nodes.spacing)
@@ -627,9 +647,9 @@ def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
     edge, rest, unit, other = 1.0, -abel_transform(profile, a) - past, 0.0, 0.0
     for i in range(n):
         if coupled:
-            near, far = (a - work.x[i]) / nodes.spacing, (a + work.x[i]) / nodes.spacing
-            k0 = _cubic(step.table, near) + _cubic(step.table, far)
-            k0 -= work.local[i] * (_cubic(step.local_table, near) + _cubic(step.local_table, far))
+            k0 = _kernel(step.table, a, work.x[i], nodes.spacing)
+            if work.local[i] != D:
+                k0 += (D - work.local[i]) * _kernel(step.unit_table, a, work.x[i], nodes.spacing)
             edge -= root[i] * k0 * work.unit[i]
             rest -= root[i] * k0 * work.rest[i]
         unit += 4 * root[i] * work.unit[i]
@@ -637,7 +657,7 @@ def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
     return Trial(edge, rest, unit, other, n)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _find_radius(
     h: float, target: float, by_force: bool, guess: float, a_old: float, D: float, slope: float, run: Run
 ) -> Radius:
@@ -693,10 +713,9 @@ def _find_radius(
     return Radius(0.0, 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED)
 
 
-@kernel(inner=True)
-def _change_form(i: int, to: FloatArray, run: Run) -> None:
+@kernel(inner=True, borrows=True)
+def _change_form(i: int, to: FloatArray, memory: FloatArray, scratch: FloatArray) -> None:
     """Change the internal variables of a point from relaxing to retarded ones, or back."""
-    memory, scratch = run.state.memory, run.work.variables
     for k in range(scratch.size):
         scratch[k] = 0.0
         for r in range(scratch.size):
@@ -705,76 +724,75 @@ def _change_form(i: int, to: FloatArray, run: Run) -> None:
         memory[k, i] = scratch[k]
 
 
-@kernel(inner=True)
-def _press(i: int, end: float, weights: Weights, run: Run) -> float:
+@kernel(inner=True, borrows=True)
+def _press(i: int, end: float, weights: Weights, branches: Branches, surface: Surface) -> float:
     """Move a point in contact to a displacement; return the energy that is lost."""
-    branches, state, lost = run.branches, run.state, 0.0
-    begin, chi = state.sunk[i], branches.glassy * end
+    begin, chi, lost = surface.sunk[i], branches.glassy * end, 0.0
     for r in range(branches.times.size):
-        m, G = state.memory[r, i], branches.moduli[r]
+        m, G = surface.memory[r, i], branches.moduli[r]
         d, c = begin - m, end - begin
         lost += G * (weights.dd[r] * d * d + weights.dc[r] * d * c + weights.cc[r] * c * c)
         m = weights.fade[r] * m + weights.before[r] * begin + weights.after[r] * end
-        state.memory[r, i] = m
+        surface.memory[r, i] = m
         chi -= G * m
-    state.sunk[i], state.chi[i] = end, chi
+    surface.sunk[i], surface.chi[i] = end, chi
     return lost
 
 
-@kernel(inner=True)
-def _rest(i: int, h: float, run: Run) -> float:
-    """Leave a point free for a time; return the energy that is lost."""
-    body, state, lost, sunk = run.body, run.state, 0.0, 0.0
-    for k in range(body.local_times.size):
-        J, old = body.local_modes[k], state.memory[k, i]
-        fade = math.exp(-h / body.local_times[k])
-        state.memory[k, i] = fade * old
-        lost += J * old * old / 2 * (1 - fade * fade)
-        sunk += J * fade * old
-    state.sunk[i] = sunk
+@kernel(inner=True, borrows=True)
+def _rest(i: int, free: FloatArray, modes: FloatArray, surface: Surface) -> float:
+    """Leave a point free, so that its variables fade; return the energy that is lost."""
+    lost, sunk = 0.0, 0.0
+    for k in range(free.size):
+        old = surface.memory[k, i]
+        surface.memory[k, i] = free[k] * old
+        lost += modes[k] * old * old / 2 * (1 - free[k] * free[k])
+        sunk += modes[k] * free[k] * old
+    surface.sunk[i] = sunk
     return lost
 
 
-@kernel(inner=True)
-def _move(i: int, end: float, h: float, part: float, was_inside: bool, inside: bool, run: Run) -> float:
-    """Advance a point whose displacement ends at `end` in contact; return the energy that is lost.
+@kernel(inner=True, borrows=True)
+def _pass(i: int, end: float, h: float, part: float, was_inside: bool, run: Run) -> float:
+    """Advance a point that the edge passes: it is in contact for a part of the step, as at its end or its start.
 
-    The edge passes it, if it does, so that it is in contact in a part of the step.
+    Return the energy that is lost.
     """
-    branches, weights = run.branches, run.step.part
-    if inside and was_inside:
-        return _press(i, end, run.step.near, run)
-    lost = 0.0
+    branches, weights, surface, scratch = run.branches, run.step.part, run.state.surface, run.work.variables
+    times, modes, free, lost = run.body.local_times, run.body.local_modes, run.work.free, 0.0
+    D = _set_weights(part * h, branches, weights)
+    for k in range(times.size):
+        free[k] = math.exp(-(1 - part) * h / times[k])
     if was_inside:  # to the displacement at which chi = 0
-        D = _set_weights(part * h, branches, weights)
-        lost += _press(i, D * _kept_in_contact(i, weights, run), weights, run)
-        _change_form(i, branches.to_retarded, run)
-    lost += _rest(i, (1 - part) * h, run)
-    if inside:
-        _change_form(i, branches.of_retarded, run)
-        _set_weights(part * h, branches, weights)
-        lost += _press(i, end, weights, run)
-    return lost
+        kept = _kept_in_contact(i, weights, branches.moduli, surface)
+        lost += _press(i, D * kept, weights, branches, surface)
+        _change_form(i, branches.to_retarded, surface.memory, scratch)
+        return lost + _rest(i, free, modes, surface)
+    lost += _rest(i, free, modes, surface)
+    _change_form(i, branches.of_retarded, surface.memory, scratch)
+    return lost + _press(i, end, weights, branches, surface)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
     """Advance the state over a step that is solved; return the energy dissipated in it."""
     body, nodes, state, step, work = run.body, run.nodes, run.state, run.step, run.work
+    surface = state.surface
     a, depth, nm, far = found.a, found.depth, body.times.shape[0], run.step.far
     n = found.nodes if a > 0 else 0
     for i in range(n):
         work.unit[i] = work.root[i] * (depth * work.unit[i] + work.rest[i])
     lost = 0.0
     _transform(n, nodes, work)
-    spectrum = work.transform.copy()
+    for j in range(body.q.size):
+        work.spectrum[j] = work.transform[j]
     for i in range(n):
-        work.unit[i] *= work.local[i]
+        work.rest[i], work.unit[i] = work.unit[i], (work.local[i] - D) * work.unit[i]
     _transform(n, nodes, work)
     for i in range(n):
-        work.unit[i] /= work.local[i]
+        work.unit[i] = work.rest[i]
     for j in range(body.q.size):
-        s, part = spectrum[j], 0.0
+        s, part = work.spectrum[j], 0.0
         for m in range(nm):
             d, c = state.X[j] - state.zeta[m, j], s - state.X[j]
             quadratic = far.dd[m, j] * d * d + far.dc[m, j] * d * c + far.cc[m, j] * c * c
@@ -784,31 +802,34 @@ def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
             )
         lost += part * body.weights[j] * (2 / math.pi)
         state.X[j] = s
-        both = step.effective[j] * s - run.share[j] * work.transform[j]
-        work.transform[j] = both * body.weights[j] * (2 / math.pi)
+        work.transform[j] = (step.effective[j] * s - work.transform[j]) * body.weights[j] * (2 / math.pi)
     if body.q.size:
         _multiply(nodes.cosines, work.transform, work.far)
     sweep = _sweep(run.profile, min(a, a_old), max(a, a_old))
     fixed = work.far.size
     for i in range(state.points.filled[0]):
         x, H = state.points.x[i], state.points.obstacle[i]
-        inside, was_inside = _inside(x, a, run), _inside(x, a_old, run)
+        inside, was_inside = _inside(x, a, run.stop), _inside(x, a_old, run.stop)
         end = depth - H
         if i < fixed:
             end -= work.far_past[i] + work.far[i]
         else:
             end -= _cubic(work.far_past, x / nodes.spacing) + _cubic(work.far, x / nodes.spacing)
         continued = (end - work.past[i]) / (D if was_inside else body.local)
-        part = _swept(sweep, x, H) if inside or was_inside else 0.0
-        change = _move(i, end, h, part, was_inside, inside, run)
+        if inside != was_inside:
+            change = _pass(i, end, h, _swept(sweep, x, H), was_inside, run)
+        elif inside:
+            change = _press(i, end, step.near, run.branches, surface)
+        else:
+            change = _rest(i, step.free, body.local_modes, surface)
         if not inside:
-            state.chi[i] = continued
+            surface.chi[i] = continued
         if i < fixed - 2:
             lost += nodes.spacing * (0.5 if i in (0, fixed - 3) else 1.0) * change
     return 4 * lost
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _stored(found: Radius, run: Run) -> float:
     """Elastic energy of the body."""
     body, branches, nodes, state, work = run.body, run.branches, run.nodes, run.state, run.work
@@ -817,11 +838,11 @@ def _stored(found: Radius, run: Run) -> float:
         s += body.local * (work.unit[i] / work.root[i]) ** 2
     for i in range(work.far.size - 2):
         weight = nodes.spacing * (0.5 if i in (0, work.far.size - 3) else 1.0)
-        inside = _inside(state.points.x[i], found.a, run)
+        inside = _inside(state.points.x[i], found.a, run.stop)
         for k in range(nb):
-            retarded = 0.0 if inside else state.memory[k, i]
+            retarded = 0.0 if inside else state.surface.memory[k, i]
             for r in range(nb if inside else 0):
-                retarded += branches.to_retarded[k, r] * state.memory[r, i]
+                retarded += branches.to_retarded[k, r] * state.surface.memory[r, i]
             s += weight * body.local_modes[k] * retarded**2
     for j in range(body.q.size):
         part = body.instant[j] * state.X[j] ** 2
@@ -831,7 +852,7 @@ def _stored(found: Radius, run: Run) -> float:
     return 2 * s
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _remember(marks: FloatArray, a: float) -> None:
     """Put the radius a in place of a close one, or else of the oldest; the last is the latest."""
     oldest = 0
@@ -843,10 +864,10 @@ def _remember(marks: FloatArray, a: float) -> None:
     marks[-1] = a
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _rise(a: float, run: Run) -> float:
     """Largest increase of chi inside the contact, and largest chi outside: with neither p, gap >= 0."""
-    largest, chi, spacing = 0.0, run.state.chi, run.nodes.spacing
+    largest, chi, spacing = 0.0, run.state.surface.chi, run.nodes.spacing
     for i in range(run.work.far.size - 2):
         x = i * spacing
         if x + spacing <= a:
@@ -882,7 +903,7 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
         points.obstacle[i] = abel_transform(profile, points.x[i])
     points.bent[0] = True  # under a cone
     state = State(
-        points, np.zeros(places), np.zeros(places), np.zeros((nb, places)),
+        points, Surface(np.zeros(places), np.zeros(places), np.zeros((nb, places))),
         np.zeros(nq), np.zeros((nm, nq)), np.full(_MARKS, np.inf),
     )  # fmt: skip
     step = Step(
@@ -893,31 +914,29 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
     work = Work(
         np.zeros(most), np.zeros(most), np.zeros(most),
         np.zeros((most, most)), np.zeros(most), np.zeros(most),
-        np.zeros(_MARKS + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(size),
-        np.zeros(nb),
+        np.zeros(_MARKS + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(nq), np.zeros(size),
+        np.zeros(nb), np.zeros(nb),
     )  # fmt: skip
-    stop, share = min(profile.rim, nodes.reach), np.ones(nq)
-    for j in range(nq if nb else 0):
-        share[j] = -body.modes[nm - nb, j] / body.local_modes[0]
     if nq:
-        _multiply(nodes.cosines, share * body.weights / math.pi, step.local_table)
-    return Run(body, branches, profile, nodes, drive, state, step, work, stop, np.zeros(1), share)
+        _multiply(nodes.cosines, body.weights / math.pi, step.unit_table)
+    stop = min(profile.rim, nodes.reach)
+    return Run(body, branches, profile, nodes, drive, state, step, work, stop, np.zeros(1))
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _keep_fields(a: float, run: Run, chi: FloatArray, local: FloatArray, spectrum: FloatArray) -> None:
     """Write the fields of a snapshot: chi, D*chi and C*X."""
     body, state = run.body, run.state
     for i in range(chi.size):
-        chi[i] = state.chi[i]
-        local[i] = state.sunk[i] if body.local_times.size or _inside(state.points.x[i], a, run) else 0.0
-    _transform_of(state.sunk, a, run)
+        chi[i] = state.surface.chi[i]
+        local[i] = state.surface.sunk[i] if body.local_times.size or _inside(state.points.x[i], a, run.stop) else 0.0
+    _transform_of(state.surface.sunk, a, run)
     for j in range(spectrum.size):
-        s = (body.instant[j] + run.share[j] * body.local) * state.X[j]
+        s = (body.instant[j] + body.local) * state.X[j]
         for m in range(body.times.shape[0] - body.local_times.size):
             s += body.modes[m, j] * state.zeta[m, j]
         elastic = body.local * state.X[j] if not body.local_times.size else 0.0
-        spectrum[j] = s - run.share[j] * (run.work.transform[j] + elastic)
+        spectrum[j] = s - run.work.transform[j] - elastic
 
 
 @kernel
@@ -1002,11 +1021,11 @@ def march(  # noqa: C901
                 bent[edge] = stays or turned or new < 0
             state.points.edge[0] = new
             for k in range(body.local_times.size if found.a == 0 and a_old > 0 else 0):
-                _transform_of(state.memory[k], 0.0, run)
+                _transform_of(state.surface.memory[k], 0.0, run)
                 state.zeta[k - body.local_times.size] = work.transform
             if new >= 0:
-                state.memory[:, -1], state.sunk[-1] = state.memory[:, new], state.sunk[new]
-                _change_form(-1, run.branches.of_retarded, run)
+                state.surface.memory[:, -1], state.surface.sunk[-1] = state.surface.memory[:, new], state.surface.sunk[new]
+                _change_form(-1, run.branches.of_retarded, state.surface.memory, work.variables)
             if new >= 0:
                 stays = bent[new] or begins
                 bent[new] = True
