@@ -370,7 +370,8 @@ def on_halved_steps(
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
     coarse = on_steps(made, space, profile, history, time)
-    return _extrapolated(coarse, on_steps(made, space, profile, history, halved(time), 0.0, snapshots))
+    fine = on_steps(made, space, profile, history, halved(time), 0.0, snapshots)
+    return _extrapolated(coarse, fine, history)
 
 
 def on_quartered_steps(
@@ -389,7 +390,7 @@ def on_quartered_steps(
     made = body if isinstance(body, Compliance) else space.compliance(body)
     whole, half = (on_steps(made, space, profile, history, each) for each in (time, halved(time)))
     quarter = on_steps(made, space, profile, history, halved(half.time), 0.0, snapshots)
-    rough, fine = _extrapolated(whole, half), _extrapolated(half, quarter)
+    rough, fine = _extrapolated(whole, half, history), _extrapolated(half, quarter, history)
     # Where contact is lost the radius falls like a root of time: then the error of its square counts.
     small = _SMALL * fine.radius.max() + 1e-300
     share = np.minimum(1.0, np.minimum(rough.radius, fine.radius[::2]) / small)
@@ -411,20 +412,29 @@ def halved(time: FloatArray) -> FloatArray:
     return both
 
 
-def _extrapolated(coarse: Indentation, fine: Indentation) -> Indentation:
+def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> Indentation:
     """Return a run on halved steps without its error of second order, by the run on the steps.
 
     The square of the radius is extrapolated: where contact is lost the radius falls like a root of time. The
     run on the steps may lose it earlier; its last gain in the square then holds until the other run loses it.
     """
-
-    def gain(of_fine: FloatArray, of_coarse: FloatArray, rows: BoolArray) -> FloatArray:
-        if not rows.any():
-            return np.zeros(fine.time.size)
-        return np.interp(fine.time, coarse.time[rows], ((of_fine[::2] - of_coarse) / 3)[rows])
-
     touching = (fine.radius > 0) & (np.interp(fine.time, coarse.time, coarse.radius) > 0)
     both = (fine.radius[::2] > 0) & (coarse.radius > 0)
+    both[:-1] |= both[1:]  # where contact begins, both radii are zero
+    stays = (fine.radius[1::2] > 0) == both[:-1]
+    smooth = both[:-2] & both[1:-1] & both[2:] & ~np.isin(coarse.time[1:-1], breakpoints_of(history))
+
+    def gain(of_fine: FloatArray, of_coarse: FloatArray, rows: BoolArray) -> FloatArray:
+        """Return the gain at all times, between those of the coarse run by parabolas."""
+        if not rows.any():
+            return np.zeros(fine.time.size)
+        known = np.interp(coarse.time, coarse.time[rows], ((of_fine[::2] - of_coarse) / 3)[rows])
+        bend = _bends(coarse.time, known, smooth)
+        found = halved(known)
+        found[1::2] -= bend * np.diff(coarse.time) ** 2 / 4
+        found[1::2] = np.where(both[1:] == both[:-1], found[1::2], np.where(stays, known[:-1], known[1:]))
+        return found
+
     better = {
         name: getattr(fine, name) + gain(getattr(fine, name), getattr(coarse, name), np.ones_like(both))
         for name in ("force", "depth", "stored", "dissipated")
@@ -433,6 +443,17 @@ def _extrapolated(coarse: Indentation, fine: Indentation) -> Indentation:
     square = fine.radius**2 + gain(fine.radius**2, coarse.radius**2, both)
     better["radius"] = np.where(fine.radius > 0, np.sqrt(np.maximum(square, 0.0)), 0.0)
     return fine._replace(**better, solutions=fine.solutions + coarse.solutions)
+
+
+def _bends(x: FloatArray, y: FloatArray, smooth: BoolArray) -> FloatArray:
+    """Second divided differences in the intervals, as the mean of those at the ends that are smooth."""
+    slope = np.divide(np.diff(y), np.diff(x), out=np.zeros(y.size - 1), where=np.diff(x) != 0)
+    bend = np.diff(slope) / np.where(smooth, x[2:] - x[:-2], 1.0) * smooth
+    total, number = np.zeros(slope.size), np.zeros(slope.size)
+    for part in (slice(None, -1), slice(1, None)):
+        total[part] += bend
+        number[part] += smooth
+    return total / np.maximum(number, 1)
 
 
 def follow(
@@ -546,16 +567,6 @@ def work_done(force: FloatArray, depth: FloatArray, start: float) -> FloatArray:
     if force.size < 2:
         return np.full(force.size, start)
     width = np.diff(depth)
-    slope = np.divide(np.diff(force), width, out=np.zeros_like(width), where=width != 0)
-    areas = width * (force[1:] + force[:-1]) / 2
-    if width.size > 1:
-        smooth = width[1:] * width[:-1] > 0
-        span = np.where(smooth, depth[2:] - depth[:-2], 1.0)
-        bend = np.where(smooth, np.diff(slope) / span, 0.0)  # divided difference at the inner points
-        number = np.zeros(width.size)
-        total = np.zeros(width.size)
-        for part in (slice(None, -1), slice(1, None)):
-            total[part] += bend
-            number[part] += smooth
-        areas -= np.divide(total, number, out=np.zeros_like(total), where=number > 0) * width**3 / 6
+    bend = _bends(depth, force, width[1:] * width[:-1] > 0)
+    areas = width * (force[1:] + force[:-1]) / 2 - bend * width**3 / 6
     return start + np.concatenate(([0.0], np.cumsum(areas)))
