@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.body.creep import relaxation
 from gfmdlayer.indentation.compliance import (
@@ -529,11 +529,13 @@ def _to_tolerance(
         solutions += found.solutions
         if found.error <= tolerance or found.time.size > _MOST_STEPS:
             break
-        time = _balanced(time, errors, knots, tolerance)
+        time = _balanced(time, found.radius[::4], errors, knots, tolerance)
     return found._replace(solutions=solutions)
 
 
-def _balanced(time: FloatArray, errors: FloatArray, knots: FloatArray, tolerance: float) -> FloatArray:
+def _balanced(
+    time: FloatArray, radius: FloatArray, errors: FloatArray, knots: FloatArray, tolerance: float
+) -> FloatArray:
     """Steps in which the error grows equally, and in all by less than the tolerance.
 
     The growth of the error in a step is taken as a power of its length. Steps of large growth share the part
@@ -541,6 +543,7 @@ def _balanced(time: FloatArray, errors: FloatArray, knots: FloatArray, tolerance
     """
     growth = np.abs(np.diff(errors)).max(axis=0)
     growth = growth[::2] + growth[1::2] + 1e-300
+    growth += np.bincount(_passed_before(radius), growth, minlength=growth.size)
     growth = (3 * growth + growth.mean()) / 4  # an error may show later: where contact is lost, of all before
     whole, wanted = growth.sum(), _SAFE * tolerance / np.abs(errors).max()
     level, levels = growth.max(), np.sort(growth)
@@ -556,6 +559,15 @@ def _balanced(time: FloatArray, errors: FloatArray, knots: FloatArray, tolerance
         found.append(np.interp(np.linspace(0, count[-1], steps + 1)[:-1], count, edges))
         found[-1][0] = begin
     return np.append(np.concatenate(found), knots[-1])
+
+
+def _passed_before(radius: FloatArray) -> IntArray:
+    """Number of the latest step before each in which the edge passed the same radius; its own without one."""
+    low, high = np.minimum(radius[1:], radius[:-1]), np.maximum(radius[1:], radius[:-1])
+    middle = ((low + high) / 2)[:, np.newaxis]
+    steps = np.arange(low.size)
+    before = np.tril((low < middle) & (middle < high), -1)
+    return np.where(before.any(axis=1), steps.size - 1 - before[:, ::-1].argmax(axis=1), steps)
 
 
 def work_done(force: FloatArray, depth: FloatArray, start: float) -> FloatArray:
