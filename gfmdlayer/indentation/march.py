@@ -32,7 +32,7 @@ from gfmdlayer.punch.revolution import Revolution, abel_transform
 # Outcomes of a run.
 COMPLETE, LEFT_GRID, NOT_CONVERGED = 0, 1, 2
 
-_MARKS = 3  # radii that are remembered, where the slope of chi may jump
+_MARKS = 3  # radii that are remembered, where the slope of chi may jump; most knots of a profile among them
 _APART = 0.02  # part of a by which they differ
 _GENTLE = 0.05  # h/T below which Simpson's rule has the energy lost in a step to 1e-9
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
@@ -109,7 +109,7 @@ class State(NamedTuple):
     surface: Surface
     X: FloatArray  # (nq,), cosine transform of chi
     zeta: FloatArray  # (nm, nq), internal variables of C
-    marks: FloatArray  # radii where the slope of chi may jump
+    marks: FloatArray  # radii where the slope of chi may jump: knots of the profile, and _MARKS of the edge
 
 
 class Weights(NamedTuple):
@@ -476,7 +476,7 @@ def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
     """Put Gauss nodes into [0, a], in parts that end where the contact has turned; return their number."""
     parts = 1
     work.edges[0] = 0.0
-    for _ in range(_MARKS):
+    for _ in range(state.marks.size):
         end = (1 - _APART) * a
         for m in state.marks:
             if work.edges[parts - 1] + _APART * a < m < end:
@@ -855,8 +855,8 @@ def _stored(found: Radius, run: Run) -> float:
 @kernel(inner=True, borrows=True)
 def _remember(marks: FloatArray, a: float) -> None:
     """Put the radius a in place of a close one, or else of the oldest; the last is the latest."""
-    oldest = 0
-    for i in range(marks.size):
+    first = oldest = marks.size - _MARKS
+    for i in range(first, marks.size):
         if abs(marks[i] - a) < _APART * a:
             oldest = i
     for i in range(oldest, marks.size - 1):
@@ -889,6 +889,7 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
     """Return a run of a body at rest."""
     size, nq = nodes.cosines.shape[0] // 2 + 1, body.q.size
     nb, nm = body.local_times.size, body.times.shape[0]
+    knots = profile.knots.size - 1 if profile.knots.size <= _MARKS else 0  # those of a table bend little
     places = size
     if nb:
         places += drive.time.size + _CLOSING + 1  # the last: the inside of the edge
@@ -904,17 +905,19 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
     points.bent[0] = True  # under a cone
     state = State(
         points, Surface(np.zeros(places), np.zeros(places), np.zeros((nb, places))),
-        np.zeros(nq), np.zeros((nm, nq)), np.full(_MARKS, np.inf),
+        np.zeros(nq), np.zeros((nm, nq)), np.full(knots + _MARKS, np.inf),
     )  # fmt: skip
     step = Step(
         _empty_weights((nb,)), _empty_weights((nb,)), np.zeros(nb), _empty_weights((nm, nq)),
         np.zeros(nq), np.zeros(2 * size - 1), np.zeros(2 * size - 1),
     )  # fmt: skip
-    most = max(nodes.gauss.size, (_MARKS + 1) * nodes.part.size) + nodes.part.size
+    for i in range(knots):
+        state.marks[i] = profile.knots[i + 1]
+    most = max(nodes.gauss.size, (state.marks.size + 1) * nodes.part.size) + nodes.part.size
     work = Work(
         np.zeros(most), np.zeros(most), np.zeros(most),
         np.zeros((most, most)), np.zeros(most), np.zeros(most),
-        np.zeros(_MARKS + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(nq), np.zeros(size),
+        np.zeros(state.marks.size + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(nq), np.zeros(size),
         np.zeros(nb), np.zeros(nb),
     )  # fmt: skip
     if nq:
