@@ -307,7 +307,9 @@ _ORDER, _ORDER_BETWEEN = 2.0, 4 / 3
 
 # New steps: part of the tolerance to reach; power of the step in the growth of the error; least and largest
 # number of them in place of one.
-_SAFE, _GROWTH_ORDER, _LEAST_PARTS, _MOST_PARTS = 0.8, 4.0, 0.75, 3.0
+_SAFE, _GROWTH_ORDER, _LEAST_PARTS, _MOST_PARTS = 0.8, 4.0, 0.5, 3.0
+
+_EXTRAPOLATED = "force", "depth", "stored", "dissipated"
 
 # Spread of `even_steps` for the first mesh, over the root of the tolerance; measured, mostly enough.
 _FIRST_SPREAD = 45.0
@@ -415,34 +417,33 @@ def halved(time: FloatArray) -> FloatArray:
 def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> Indentation:
     """Return a run on halved steps without its error of second order, by the run on the steps.
 
-    The square of the radius is extrapolated: where contact is lost the radius falls like a root of time. The
-    run on the steps may lose it earlier; its last gain in the square then holds until the other run loses it.
+    The gain is known where both runs touch, or both do not; between these times it is a parabola, and beyond
+    them constant. For the runs lose contact at other times. The gain of the radius is that of its square:
+    where contact is lost the radius falls like a root of time.
     """
-    touching = (fine.radius > 0) & (np.interp(fine.time, coarse.time, coarse.radius) > 0)
-    both = (fine.radius[::2] > 0) & (coarse.radius > 0)
-    both[:-1] |= both[1:]  # where contact begins, both radii are zero
-    stays = (fine.radius[1::2] > 0) == both[:-1]
-    smooth = both[:-2] & both[1:-1] & both[2:] & ~np.isin(coarse.time[1:-1], breakpoints_of(history))
+    t, breakpoint = coarse.time, np.isin(coarse.time, breakpoints_of(history))
+    cases = []
+    for touching in (True, False):
+        rows = ((fine.radius[::2] > 0) == touching) & ((coarse.radius > 0) == touching)
+        if rows.any():
+            rows[:-1] |= rows[1:] & (fine.radius[:-2:2] == coarse.radius[:-1])  # where contact begins
+            smooth = rows[:-2] & rows[1:-1] & rows[2:] & ~breakpoint[1:-1]
+            cases.append(((fine.radius > 0) == touching, rows, smooth))
 
-    def gain(of_fine: FloatArray, of_coarse: FloatArray, rows: BoolArray) -> FloatArray:
-        """Return the gain at all times, between those of the coarse run by parabolas."""
-        if not rows.any():
-            return np.zeros(fine.time.size)
-        known = np.interp(coarse.time, coarse.time[rows], ((of_fine[::2] - of_coarse) / 3)[rows])
-        bend = _bends(coarse.time, known, smooth)
-        found = halved(known)
-        found[1::2] -= bend * np.diff(coarse.time) ** 2 / 4
-        found[1::2] = np.where(both[1:] == both[:-1], found[1::2], np.where(stays, known[:-1], known[1:]))
+    def better(of_fine: FloatArray, of_coarse: FloatArray) -> FloatArray:
+        """Return the extrapolated values."""
+        found = of_fine.copy()
+        for at, rows, smooth in cases:
+            known = np.interp(t, t[rows], ((of_fine[::2] - of_coarse) / 3)[rows])
+            gain = halved(known)
+            gain[1::2] -= _bends(t, known, smooth) * np.diff(t) ** 2 / 4
+            found[at] += gain[at]
         return found
 
-    better = {
-        name: getattr(fine, name) + gain(getattr(fine, name), getattr(coarse, name), np.ones_like(both))
-        for name in ("force", "depth", "stored", "dissipated")
-    }
-    better["force"] = np.where(touching, np.maximum(better["force"], 0.0), fine.force)
-    square = fine.radius**2 + gain(fine.radius**2, coarse.radius**2, both)
-    better["radius"] = np.where(fine.radius > 0, np.sqrt(np.maximum(square, 0.0)), 0.0)
-    return fine._replace(**better, solutions=fine.solutions + coarse.solutions)
+    columns = {name: better(getattr(fine, name), getattr(coarse, name)) for name in _EXTRAPOLATED}
+    columns["force"] = np.maximum(columns["force"], 0.0)
+    columns["radius"] = np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0))
+    return fine._replace(**columns, solutions=fine.solutions + coarse.solutions)
 
 
 def _bends(x: FloatArray, y: FloatArray, smooth: BoolArray) -> FloatArray:
@@ -524,17 +525,18 @@ def _to_tolerance(
         return on_steps(body, space, profile, history, time, adhesion, kept)._replace(error=0.0)
     time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
     solutions = 0
+    least = _LEAST_PARTS
     for _ in range(_MOST_MESHES):
         found, errors = on_quartered_steps(body, space, profile, history, time, kept)
         solutions += found.solutions
         if found.error <= tolerance or found.time.size > _MOST_STEPS:
             break
-        time = _balanced(time, found.radius[::4], errors, knots, tolerance)
+        time, least = _balanced(time, found.radius[::4], errors, knots, least, tolerance), 1.0
     return found._replace(solutions=solutions)
 
 
 def _balanced(
-    time: FloatArray, radius: FloatArray, errors: FloatArray, knots: FloatArray, tolerance: float
+    time: FloatArray, radius: FloatArray, errors: FloatArray, knots: FloatArray, least: float, tolerance: float
 ) -> FloatArray:
     """Steps in which the error grows equally, and in all by less than the tolerance.
 
@@ -544,12 +546,12 @@ def _balanced(
     growth = np.abs(np.diff(errors)).max(axis=0)
     growth = growth[::2] + growth[1::2] + 1e-300
     growth += np.bincount(_passed_before(radius), growth, minlength=growth.size)
-    growth = (3 * growth + growth.mean()) / 4  # an error may show later: where contact is lost, of all before
+    growth = (15 * growth + growth.mean()) / 16  # an error may show later: where contact is lost, of all before
     whole, wanted = growth.sum(), _SAFE * tolerance / np.abs(errors).max()
     level, levels = growth.max(), np.sort(growth)
     below = np.cumsum(levels) + levels * np.arange(levels.size - 1, -1, -1)
     level = float(np.interp(wanted * whole, below, levels, left=wanted * whole / levels.size))
-    parts = np.clip((growth / level) ** (1 / _GROWTH_ORDER), _LEAST_PARTS, _MOST_PARTS)
+    parts = np.clip((growth / level) ** (1 / _GROWTH_ORDER), least, _MOST_PARTS)
     found = []
     for begin, end in pairwise(knots.tolist()):
         inside = (time[:-1] >= begin) & (time[:-1] < end)
