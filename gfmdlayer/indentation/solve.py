@@ -525,41 +525,43 @@ def _to_tolerance(
         return on_steps(body, space, profile, history, time, adhesion, kept)._replace(error=0.0)
     time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
     solutions = 0
-    least = _LEAST_PARTS
-    for _ in range(_MOST_MESHES):
+    for mesh in range(_MOST_MESHES):
         found, errors = on_quartered_steps(body, space, profile, history, time, kept)
         solutions += found.solutions
         if found.error <= tolerance or found.time.size > _MOST_STEPS:
             break
-        time, least = _balanced(time, found.radius[::4], errors, knots, least, tolerance), 1.0
+        everywhere = (mesh + 1) / _MOST_MESHES
+        parts = _parts(found.radius[::4], errors, everywhere, tolerance)
+        time = _refined(time, np.maximum(parts, 1.0) if mesh else parts, knots)
     return found._replace(solutions=solutions)
 
 
-def _balanced(
-    time: FloatArray, radius: FloatArray, errors: FloatArray, knots: FloatArray, least: float, tolerance: float
-) -> FloatArray:
-    """Steps in which the error grows equally, and in all by less than the tolerance.
+def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance: float) -> FloatArray:
+    """Number of steps in place of each, in which the error grows equally and in all by less than the tolerance.
 
     The growth of the error in a step is taken as a power of its length. Steps of large growth share the part
-    of the whole growth that the tolerance leaves.
+    of the whole growth that the tolerance leaves. An error may show later than it arises: where the edge comes
+    back to a radius, and, in the part `everywhere` of the growth, anywhere.
     """
     growth = np.abs(np.diff(errors)).max(axis=0)
     growth = growth[::2] + growth[1::2] + 1e-300
     growth += np.bincount(_passed_before(radius), growth, minlength=growth.size)
-    growth = (15 * growth + growth.mean()) / 16  # an error may show later: where contact is lost, of all before
+    growth += everywhere * (growth.mean() - growth)
     whole, wanted = growth.sum(), _SAFE * tolerance / np.abs(errors).max()
-    level, levels = growth.max(), np.sort(growth)
+    levels = np.sort(growth)
     below = np.cumsum(levels) + levels * np.arange(levels.size - 1, -1, -1)
     level = float(np.interp(wanted * whole, below, levels, left=wanted * whole / levels.size))
-    parts = np.clip((growth / level) ** (1 / _GROWTH_ORDER), least, _MOST_PARTS)
+    return np.clip((growth / level) ** (1 / _GROWTH_ORDER), _LEAST_PARTS, _MOST_PARTS)
+
+
+def _refined(time: FloatArray, parts: FloatArray, knots: FloatArray) -> FloatArray:
+    """Times with so many steps in place of each; the knots stay."""
+    count = np.concatenate(([0.0], np.cumsum(parts)))
+    at = np.interp(knots, time, count)
     found = []
-    for begin, end in pairwise(knots.tolist()):
-        inside = (time[:-1] >= begin) & (time[:-1] < end)
-        edges = np.append(time[:-1][inside], end)
-        count = np.concatenate(([0.0], np.cumsum(parts[inside])))
-        steps = max(1, math.ceil(count[-1] - 1e-9))
-        found.append(np.interp(np.linspace(0, count[-1], steps + 1)[:-1], count, edges))
-        found[-1][0] = begin
+    for begin, end in pairwise(at.tolist()):
+        steps = max(1, math.ceil(end - begin - 1e-9))
+        found.append(np.interp(np.linspace(begin, end, steps + 1)[:-1], count, time))
     return np.append(np.concatenate(found), knots[-1])
 
 
