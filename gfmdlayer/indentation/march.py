@@ -136,7 +136,7 @@ class Step(NamedTuple):
     far: Weights  # (nm, nq), of C and X
     effective: FloatArray  # (nq,), C of the step
     table: FloatArray  # (2 n + 3,), kernel of the step: (1/pi) int effective cos(q z) dq
-    unit_table: FloatArray  # (2 n + 3,), the same of a unit: (1/pi) int cos(q z) dq
+    local_table: FloatArray  # (2 n + 3,), kernel of what C lacks of D: (1/pi) int share cos(q z) dq
 
 
 class Work(NamedTuple):
@@ -171,6 +171,7 @@ class Run(NamedTuple):
     work: Work
     stop: float  # largest radius: the rim of the indenter, or the reach of the nodes
     covered: FloatArray  # (1,), the largest contact radius so far
+    share: FloatArray  # (nq,), part of D that C lacks: 1, or 0 in the node of a spring
 
 
 class Trial(NamedTuple):
@@ -445,7 +446,7 @@ def _set_step(h: float, run: Run) -> float:
     for k in range(body.local_times.size):
         step.free[k] = math.exp(-h / body.local_times[k])
     for j in range(body.q.size):  # array expressions would take seconds to compile
-        step.effective[j] = body.instant[j] + body.local - D
+        step.effective[j] = body.instant[j] + run.share[j] * (body.local - D)
     coupled = body.times.shape[0] - body.local_times.size
     for m in range(body.times.shape[0]):
         last, linear, loss = -1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -539,7 +540,7 @@ def _find_past(a_old: float, D: float, run: Run) -> None:
     work.past[-1] = D * _kept_in_contact(-1, step.near, moduli, state.surface)
     _transform_of(work.past, a_old, run)
     for j in range(body.q.size):
-        s = -work.transform[j]
+        s = -run.share[j] * work.transform[j]
         for m in range(body.times.shape[0] - body.local_times.size):
             kept = step.far.fade[m, j] * state.zeta[m, j] + step.far.before[m, j] * state.X[j]
             s += body.modes[m, j] * kept
@@ -638,7 +639,7 @@ def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
         for j in range(n):
             work.matrix[j, j] += work.local[j]
             for i in range(n if work.local[j] != D else 0):
-                both = root[i] * root[j] * _kernel(step.unit_table, work.x[i], work.x[j], nodes.spacing)
+                both = root[i] * root[j] * _kernel(step.local_table, work.x[i], work.x[j], nodes.spacing)
                 work.matrix[i, j] += (D - work.local[j]) * both
         if not _solve_linear(work.matrix, work.unit, work.rest, n):
             return Trial(0.0, 0.0, 0.0, 0.0, -1)
@@ -649,7 +650,7 @@ def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
         if coupled:
             k0 = _kernel(step.table, a, work.x[i], nodes.spacing)
             if work.local[i] != D:
-                k0 += (D - work.local[i]) * _kernel(step.unit_table, a, work.x[i], nodes.spacing)
+                k0 += (D - work.local[i]) * _kernel(step.local_table, a, work.x[i], nodes.spacing)
             edge -= root[i] * k0 * work.unit[i]
             rest -= root[i] * k0 * work.rest[i]
         unit += 4 * root[i] * work.unit[i]
@@ -802,7 +803,8 @@ def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
             )
         lost += part * body.weights[j] * (2 / math.pi)
         state.X[j] = s
-        work.transform[j] = (step.effective[j] * s - work.transform[j]) * body.weights[j] * (2 / math.pi)
+        both = step.effective[j] * s - run.share[j] * work.transform[j]
+        work.transform[j] = both * body.weights[j] * (2 / math.pi)
     if body.q.size:
         _multiply(nodes.cosines, work.transform, work.far)
     sweep = _sweep(run.profile, min(a, a_old), max(a, a_old))
@@ -920,10 +922,12 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
         np.zeros(state.marks.size + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(nq), np.zeros(size),
         np.zeros(nb), np.zeros(nb),
     )  # fmt: skip
+    stop, share = min(profile.rim, nodes.reach), np.ones(nq)
+    for j in range(nq if nb else 0):
+        share[j] = -body.modes[nm - nb, j] / body.local_modes[0]
     if nq:
-        _multiply(nodes.cosines, body.weights / math.pi, step.unit_table)
-    stop = min(profile.rim, nodes.reach)
-    return Run(body, branches, profile, nodes, drive, state, step, work, stop, np.zeros(1))
+        _multiply(nodes.cosines, share * body.weights / math.pi, step.local_table)
+    return Run(body, branches, profile, nodes, drive, state, step, work, stop, np.zeros(1), share)
 
 
 @kernel(inner=True, borrows=True)
@@ -935,11 +939,11 @@ def _keep_fields(a: float, run: Run, chi: FloatArray, local: FloatArray, spectru
         local[i] = state.surface.sunk[i] if body.local_times.size or _inside(state.points.x[i], a, run.stop) else 0.0
     _transform_of(state.surface.sunk, a, run)
     for j in range(spectrum.size):
-        s = (body.instant[j] + body.local) * state.X[j]
+        s = (body.instant[j] + run.share[j] * body.local) * state.X[j]
         for m in range(body.times.shape[0] - body.local_times.size):
             s += body.modes[m, j] * state.zeta[m, j]
         elastic = body.local * state.X[j] if not body.local_times.size else 0.0
-        spectrum[j] = s - run.work.transform[j] - elastic
+        spectrum[j] = s - run.share[j] * (run.work.transform[j] + elastic)
 
 
 @kernel
