@@ -7,12 +7,15 @@ transform of the profile,
     D*chi(x) + (2/pi) int_0^inf cos(qx) C(q)*X(q) dq = depth(t) - H(x),   x < a(t);      chi = 0,   x > a(t)
 
 holds in loading and unloading alike. chi(a) = 0 at the edge of a smooth profile, and
-chi(a) = -(pi a w/J0)^(1/2) with a work of adhesion w (JKR). Internal variables eta_k(x) and zeta_m(q) follow
-chi and X with the retardation times, exactly for chi and X that are linear over a step; a point that the edge
-sweeps is loaded for its part of the step. The past is kept on a fixed grid in x, and at the radii where the
-edge was at the end of each step. For the past bends at the edge: inside, the variables of short times follow
-chi within a width T da/dt, which a slow contact makes narrower than any grid. Interpolation in x does not
-cross the edge, nor radii where it turned. The equation of a step is solved at Gauss nodes in [0, a].
+chi(a) = -(pi a w/J0)^(1/2) with a work of adhesion w (JKR). With u = D*chi, the points in contact have relaxing
+variables of G = 1/D that follow u, and the others retarded ones of D, which fade; both are exact for u that is
+linear over a step. (Retarded variables in contact, which follow a linear chi, ring like the rule of Crank and
+Nicolson.) C holds the modes of -D; in a step it takes u for them. Its other variables zeta_m(q) follow X. A
+point that the edge sweeps is in contact for its part of the step. The past is kept on a fixed grid in x, and at
+the radii where the edge was at the end of each step. For the past bends at the edge: the variables of short
+times follow within a width T da/dt, which a slow contact makes narrower than any grid. The point at the edge
+has an inside and an outside; interpolation in x does not cross it, nor radii where the edge turned. The
+equation of a step is solved at Gauss nodes in [0, a].
 
 Sizes: nt times, nb retardation times of D, nq nodes in q, nm modes of C.
 """
@@ -346,15 +349,15 @@ def _at(x: float, f: FloatArray, points: Points) -> float:
 @kernel(inner=True, borrows=True)
 def _add_point(x: float, run: Run) -> int:
     """Make x a point, with the past between its neighbours, unless there is one; return its number."""
-    points, state, work = run.state.points, run.state, run.work
+    points, surface, work = run.state.points, run.state.surface, run.work
     low, new = _place(points, x), points.filled[0]
     for place in (low, low + 1):
         if abs(_position(points, place) - x) <= _ONE_POINT * points.x[1]:
             return int(points.order[place])
-    state.surface.chi[new], state.surface.sunk[new] = _at(x, state.surface.chi, points), _at(x, state.surface.sunk, points)
+    surface.chi[new], surface.sunk[new] = _at(x, surface.chi, points), _at(x, surface.sunk, points)
     work.past[new] = _at(x, work.past, points)
     for k in range(run.body.local_times.size):
-        state.surface.memory[k, new] = _at(x, state.surface.memory[k], points)
+        surface.memory[k, new] = _at(x, surface.memory[k], points)
     points.x[new], points.obstacle[new] = x, abel_transform(run.profile, x)
     for i in range(new, low + 1, -1):
         points.order[i] = points.order[i - 1]
@@ -609,6 +612,21 @@ def _kernel(table: FloatArray, x: float, y: float, spacing: float) -> float:
 
 
 @kernel(inner=True, borrows=True)
+def _fill(n: int, D: float, run: Run) -> None:
+    """Fill the matrix with C and D of the step, and with the other D of nodes that the edge sweeps."""
+    work, step, spacing = run.work, run.step, run.nodes.spacing
+    x, root, matrix = work.x, work.root, work.matrix
+    for i in range(n):
+        for j in range(i + 1):
+            matrix[i, j] = matrix[j, i] = root[i] * root[j] * _kernel(step.table, x[i], x[j], spacing)
+    for j in range(n):
+        matrix[j, j] += work.local[j]
+        for i in range(n if work.local[j] != D else 0):
+            lacking = root[i] * root[j] * _kernel(step.local_table, x[i], x[j], spacing)
+            matrix[i, j] += (D - work.local[j]) * lacking
+
+
+@kernel(inner=True, borrows=True)
 def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
     """Solve the step for a trial radius."""
     body, profile, nodes, state, step, work = run.body, run.profile, run.nodes, run.state, run.step, run.work
@@ -630,17 +648,7 @@ def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
             work.unit[i] /= work.local[i]
             work.rest[i] /= work.local[i]
     if coupled:
-        for i in range(n):
-            x = work.x[i]
-            for j in range(n):
-                y = work.x[j]
-                value = work.matrix[j, i] if j < i else root[i] * root[j] * _kernel(step.table, x, y, nodes.spacing)
-                work.matrix[i, j] = value
-        for j in range(n):
-            work.matrix[j, j] += work.local[j]
-            for i in range(n if work.local[j] != D else 0):
-                both = root[i] * root[j] * _kernel(step.local_table, work.x[i], work.x[j], nodes.spacing)
-                work.matrix[i, j] += (D - work.local[j]) * both
+        _fill(n, D, run)
         if not _solve_linear(work.matrix, work.unit, work.rest, n):
             return Trial(0.0, 0.0, 0.0, 0.0, -1)
     past = _cubic(work.far_past, a / nodes.spacing)
@@ -755,10 +763,7 @@ def _rest(i: int, free: FloatArray, modes: FloatArray, surface: Surface) -> floa
 
 @kernel(inner=True, borrows=True)
 def _pass(i: int, end: float, h: float, part: float, was_inside: bool, run: Run) -> float:
-    """Advance a point that the edge passes: it is in contact for a part of the step, as at its end or its start.
-
-    Return the energy that is lost.
-    """
+    """Advance a point that the edge passes, in contact for a part of the step; return the energy lost."""
     branches, weights, surface, scratch = run.branches, run.step.part, run.state.surface, run.work.variables
     times, modes, free, lost = run.body.local_times, run.body.local_modes, run.work.free, 0.0
     D = _set_weights(part * h, branches, weights)
@@ -919,7 +924,8 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
     work = Work(
         np.zeros(most), np.zeros(most), np.zeros(most),
         np.zeros((most, most)), np.zeros(most), np.zeros(most),
-        np.zeros(state.marks.size + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(nq), np.zeros(size),
+        np.zeros(state.marks.size + 2), np.zeros(places), np.zeros(size),
+        np.zeros(nq), np.zeros(nq), np.zeros(size),
         np.zeros(nb), np.zeros(nb),
     )  # fmt: skip
     stop, share = min(profile.rim, nodes.reach), np.ones(nq)
@@ -936,7 +942,7 @@ def _keep_fields(a: float, run: Run, chi: FloatArray, local: FloatArray, spectru
     body, state = run.body, run.state
     for i in range(chi.size):
         chi[i] = state.surface.chi[i]
-        local[i] = state.surface.sunk[i] if body.local_times.size or _inside(state.points.x[i], a, run.stop) else 0.0
+        local[i] = state.surface.sunk[i]
     _transform_of(state.surface.sunk, a, run)
     for j in range(spectrum.size):
         s = (body.instant[j] + run.share[j] * body.local) * state.X[j]
@@ -952,7 +958,7 @@ def march(  # noqa: C901
 ) -> Marched:
     """Follow an indentation of a body at rest over given times, on nodes in x for its largest contact."""
     nt, run = drive.time.size, _begin(body, branches, profile, nodes, drive)
-    state, work, stop = run.state, run.work, run.stop
+    state, surface, work, stop = run.state, run.state.surface, run.work, run.stop
     size, kept = work.far.size, 0
     for each in drive.snapshots:
         kept += each
@@ -1031,9 +1037,8 @@ def march(  # noqa: C901
                 _transform_of(state.surface.memory[k], 0.0, run)
                 state.zeta[k - body.local_times.size] = work.transform
             if new >= 0:
-                state.surface.memory[:, -1], state.surface.sunk[-1] = state.surface.memory[:, new], state.surface.sunk[new]
-                _change_form(-1, run.branches.of_retarded, state.surface.memory, work.variables)
-            if new >= 0:
+                surface.memory[:, -1], surface.sunk[-1] = surface.memory[:, new], surface.sunk[new]
+                _change_form(-1, run.branches.of_retarded, surface.memory, work.variables)
                 stays = bent[new] or begins
                 bent[new] = True
             edge = new

@@ -3,8 +3,8 @@
 `follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts. A `Space` depends only
 on lengths: it serves all bodies that differ in their moduli. `on_steps` follows a history on given times in
 some 30 us a step. `on_halved_steps` follows it also on half steps, which removes the error of second order in
-the step and estimates it. With space and times fixed the results are smooth functions of the moduli, the
-relaxation times and the history.
+the step, and `on_quartered_steps` also on quarters, which estimates what is left. With space and times fixed the
+results are smooth functions of the moduli, the relaxation times and the history.
 """
 
 from __future__ import annotations
@@ -309,8 +309,6 @@ _ORDER, _ORDER_BETWEEN = 2.0, 4 / 3
 # number of them in place of one.
 _SAFE, _GROWTH_ORDER, _LEAST_PARTS, _MOST_PARTS = 0.8, 4.0, 0.5, 3.0
 
-_EXTRAPOLATED = "force", "depth", "stored", "dissipated"
-
 # Spread of `even_steps` for the first mesh, over the root of the tolerance; measured, mostly enough.
 _FIRST_SPREAD = 45.0
 
@@ -421,13 +419,13 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> I
     them constant. For the runs lose contact at other times. The gain of the radius is that of its square:
     where contact is lost the radius falls like a root of time.
     """
-    t, breakpoint = coarse.time, np.isin(coarse.time, breakpoints_of(history))
+    t, breaks = coarse.time, np.isin(coarse.time, breakpoints_of(history))
     cases = []
     for touching in (True, False):
         rows = ((fine.radius[::2] > 0) == touching) & ((coarse.radius > 0) == touching)
         if rows.any():
             rows[:-1] |= rows[1:] & (fine.radius[:-2:2] == coarse.radius[:-1])  # where contact begins
-            smooth = rows[:-2] & rows[1:-1] & rows[2:] & ~breakpoint[1:-1]
+            smooth = rows[:-2] & rows[1:-1] & rows[2:] & ~breaks[1:-1]
             cases.append(((fine.radius > 0) == touching, rows, smooth))
 
     def better(of_fine: FloatArray, of_coarse: FloatArray) -> FloatArray:
@@ -440,10 +438,14 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> I
             found[at] += gain[at]
         return found
 
-    columns = {name: better(getattr(fine, name), getattr(coarse, name)) for name in _EXTRAPOLATED}
-    columns["force"] = np.maximum(columns["force"], 0.0)
-    columns["radius"] = np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0))
-    return fine._replace(**columns, solutions=fine.solutions + coarse.solutions)
+    return fine._replace(
+        force=np.maximum(better(fine.force, coarse.force), 0.0),
+        depth=better(fine.depth, coarse.depth),
+        radius=np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)),
+        stored=better(fine.stored, coarse.stored),
+        dissipated=better(fine.dissipated, coarse.dissipated),
+        solutions=fine.solutions + coarse.solutions,
+    )
 
 
 def _bends(x: FloatArray, y: FloatArray, smooth: BoolArray) -> FloatArray:
@@ -537,11 +539,11 @@ def _to_tolerance(
 
 
 def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance: float) -> FloatArray:
-    """Number of steps in place of each, in which the error grows equally and in all by less than the tolerance.
+    """Number of steps in place of each, so that the error grows equally, in all by less than the tolerance.
 
     The growth of the error in a step is taken as a power of its length. Steps of large growth share the part
-    of the whole growth that the tolerance leaves. An error may show later than it arises: where the edge comes
-    back to a radius, and, in the part `everywhere` of the growth, anywhere.
+    of the whole growth that the tolerance leaves. An error may show later than it arises: where the edge
+    passes a radius again, and, for the part `everywhere` of the growth, anywhere.
     """
     growth = np.abs(np.diff(errors)).max(axis=0)
     growth = growth[::2] + growth[1::2] + 1e-300
@@ -551,7 +553,7 @@ def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance:
     levels = np.sort(growth)
     below = np.cumsum(levels) + levels * np.arange(levels.size - 1, -1, -1)
     level = float(np.interp(wanted * whole, below, levels, left=wanted * whole / levels.size))
-    return np.clip((growth / level) ** (1 / _GROWTH_ORDER), _LEAST_PARTS, _MOST_PARTS)
+    return np.asarray(np.clip((growth / level) ** (1 / _GROWTH_ORDER), _LEAST_PARTS, _MOST_PARTS))
 
 
 def _refined(time: FloatArray, parts: FloatArray, knots: FloatArray) -> FloatArray:
