@@ -6,16 +6,16 @@ transform of the profile,
 
     D*chi(x) + (2/pi) int_0^inf cos(qx) C(q)*X(q) dq = depth(t) - H(x),   x < a(t);      chi = 0,   x > a(t)
 
-holds in loading and unloading alike. chi(a) = 0 at the edge of a smooth profile, and
-chi(a) = -(pi a w/J0)^(1/2) with a work of adhesion w (JKR). With u = D*chi, the points in contact have relaxing
-variables of G = 1/D that follow u, and the others retarded ones of D, which fade; both are exact for u that is
-linear over a step. (Retarded variables in contact, which follow a linear chi, ring like the rule of Crank and
+holds in loading and unloading alike. chi(a) = 0 at the edge of a smooth profile, and chi(a) = -(pi a
+w/J0)^(1/2) with a work of adhesion w (JKR). With u = D*chi, the points in contact have relaxing variables
+of G = 1/D that follow u, and the others retarded ones of D, which fade; both are exact for u that is linear
+over a step. (Retarded variables in contact, which follow a linear chi, ring like the rule of Crank and
 Nicolson.) C holds the modes of -D; in a step it takes u for them. Its other variables zeta_m(q) follow X. A
-point that the edge sweeps is in contact for its part of the step. The past is kept on a fixed grid in x, and at
-the radii where the edge was at the end of each step. For the past bends at the edge: the variables of short
-times follow within a width T da/dt, which a slow contact makes narrower than any grid. The point at the edge
-has an inside and an outside; interpolation in x does not cross it, nor radii where the edge turned. The
-equation of a step is solved at Gauss nodes in [0, a].
+point that the edge sweeps is in contact for its part of the step. The past is kept on a fixed grid in x,
+and at the radii where the edge was at the end of each step. For the past bends at the edge: the variables
+of short times follow within a width T da/dt, which a slow contact makes narrower than any grid. The point
+at the edge has an inside and an outside; interpolation in x does not cross it, nor radii where the edge
+turned. The equation of a step is solved at Gauss nodes in [0, a].
 
 Sizes: nt times, nb retardation times of D, nq nodes in q, nm modes of C.
 """

@@ -1,10 +1,10 @@
 """Force, depth and contact radius of an isolated indentation over time; arrays in, arrays out.
 
-`follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts. A `Space` depends only
-on lengths: it serves all bodies that differ in their moduli. `on_steps` follows a history on given times in
-some 30 us a step. `on_halved_steps` follows it also on half steps, which removes the error of second order in
-the step, and `on_quartered_steps` also on quarters, which estimates what is left. With space and times fixed the
-results are smooth functions of the moduli, the relaxation times and the history.
+`follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts. A `Space` depends
+only on lengths: it serves all bodies that differ in their moduli. `on_steps` follows a history on given
+times in some 30 us a step. `on_halved_steps` follows it also on half steps, which removes the error of
+second order in the step, and `on_quartered_steps` also on quarters, which estimates what is left. With
+space and times fixed the results are smooth functions of the moduli, the relaxation times and the history.
 """
 
 from __future__ import annotations
