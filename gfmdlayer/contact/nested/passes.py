@@ -233,7 +233,7 @@ def respond(
             faster[i] = fall if fall > falls[i] else falls[i]
         curvature, across = curvature + float(along), across + float(aside)
         falls, faster = faster, falls
-    return (curvature, across), (float(max(falls.max(), faster.max())),)
+    return (curvature, across), (float(max(maximum(falls), maximum(faster))),)
 
 
 @kernel(reorder=True)
@@ -302,6 +302,14 @@ def press(
         ps[i] = stiffness * pull if pull > 0.0 else 0.0
         total += ps[i]
     return (total,), (0.0,)
+
+
+@kernel
+def clear(first: int, end: int, a: Any, b: Any, c: Any, d: Any, e: Any) -> tuple[tuple[float], tuple[float]]:
+    """Set fields to zero."""
+    for i in range(first, end):
+        a[i] = b[i] = c[i] = d[i] = e[i] = 0.0
+    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
