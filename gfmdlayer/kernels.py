@@ -45,6 +45,11 @@ FASTMATH = {"reassoc", "contract"}
 # would wait for each comparison in turn.
 LANES = 256
 
+# Versions of Numba, the first and the last, whose compiler is known to take other kinds of libraries, which are
+# no part of its interface. With others, inner kernels are compiled like all functions.
+_KNOWN = (0, 60), (0, 68)
+_OWN_LIBRARIES = _KNOWN[0] <= nb.version_info.short <= _KNOWN[1]
+
 _PACKAGE = Path(__file__).parent
 _IMPORT = re.compile(rb"^from gfmdlayer((?:\.\w+)*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
@@ -76,8 +81,11 @@ def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
     options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "no_cpython_wrapper": inner}
     options |= {"error_model": "numpy" if reorder else "python", "_nrt": not borrows}
     options["no_cfunc_wrapper"] = True  # `call_at` uses the kernel itself
-    dispatcher = nb.njit(pipeline_class=_Inner if inner else _Outer, **options)(function)
-    if isinstance(dispatcher, Dispatcher) and not inner:  # not where Numba is switched off
+    if _OWN_LIBRARIES:
+        options["pipeline_class"] = _Inner if inner else _Outer
+    dispatcher = nb.njit(**options)(function)
+    cached = not (inner and _OWN_LIBRARIES)
+    if isinstance(dispatcher, Dispatcher) and cached:  # not where Numba is switched off
         _choose_place()
         with suppress(RuntimeError):  # there is no place: each process compiles
             dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined]  # as cache=True does
@@ -150,6 +158,8 @@ def call_at(called: Any) -> Any:
 
     Then its code is not compiled once more as a part of the caller. `address_of` gives the address.
     """
+    if not _OWN_LIBRARIES:
+        return kernel(inner=True)(lambda _address, arguments: called(*arguments))
 
     @intrinsic
     def call(context: Any, address: Any, arguments: Any) -> tuple[Any, Any]:
@@ -172,6 +182,8 @@ def call_at(called: Any) -> Any:
 
 def address_of(called: Any, *arguments: Any) -> int:
     """Return the address of a kernel for arguments of these types, compiled or from the cache."""
+    if not _OWN_LIBRARIES:
+        return 1  # `call_at` needs none
     kinds = tuple(map(nb.typeof, arguments))
     called.compile(kinds)
     found = called.overloads[kinds]

@@ -48,6 +48,19 @@ def test_a_kernel_calls_another_one_at_its_address_and_passes_on_its_error() -> 
         at_an_address(address, 0.0)
 
 
+@pytest.mark.slow
+def test_numba_of_an_unknown_version_compiles_the_same_kernels(tmp_path: Path) -> None:
+    program = "import numba; numba.version_info = numba.version_info._replace(short=(99, 0));"
+    program += "from test_kernels import address_of, at_an_address, half, inverse_of_half;"
+    program += "print(at_an_address(address_of(inverse_of_half, 1.0, 1), 0.5), len(half.overloads));"
+    paths = f"{PACKAGE.parent}{os.pathsep}{Path(__file__).parent}"
+    environment = os.environ | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["12.0", "1"]
+    assert list(tmp_path.rglob("*half*.nbc"))  # as all functions
+
+
 PROGRAM = """
 import numpy as np
 from gfmdlayer.contact.pressure_form import System, satisfies_kkt
