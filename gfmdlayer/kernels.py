@@ -45,8 +45,8 @@ FASTMATH = {"reassoc", "contract"}
 # would wait for each comparison in turn.
 LANES = 256
 
-# The first and the last version of Numba whose compiler is known to take other kinds of libraries, which are no
-# part of its interface. With others, inner kernels are compiled like all functions.
+# The first and the last version of Numba whose compiler is known to take other kinds of libraries, which are
+# no part of its interface. With others, inner kernels are compiled like all functions.
 _KNOWN = (0, 60), (0, 68)
 _OWN_LIBRARIES = _KNOWN[0] <= nb.version_info.short <= _KNOWN[1]
 
