@@ -222,7 +222,9 @@ def instrument(
         depth = responses(data, ForceCurve("truth", times, times, force, prescribed="force"))[1]
         depth = depth + noise[1] * np.ptp(depth)
     elif prescribed == "base":
-        stiffness, base = given["stiffness"], np.where(depth > 0, 2 * depth, depth)
+        stiffness, base = given["stiffness"], 2 * depth
+        if "adhesion" in data:
+            base = history((-0.4, -0.16), (1, 2 * DEPTH), (4, 2 * DEPTH), (5, back[1]))[1]
         seen = np.maximum(base, 0.0)
         force = responses(data, ForceCurve("truth", times, base - seen / stiffness, seen, **given))[0]
     elif both:

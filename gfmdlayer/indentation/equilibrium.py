@@ -34,6 +34,8 @@ _PER_PHASE = 0.6
 _RADII = 401  # at which stability is searched, denser towards 0
 _ITERATIONS = 12
 _START = 1e-7  # in t, for the slope at a kink
+# Parts of the largest C: a body without layers; at the last node; changes over the nodes of the first panel.
+_NOTHING, _BEYOND, _BEGINS, _FIRST = 1e-8, 1e-6, 0.7, 10
 _MATTERS = 1e-4  # part of the largest compliance, up to which polynomials must resolve it
 _MOST_KNOTS = 8  # of a profile whose kinks are resolved
 _PRECISE = 1e-13
@@ -223,10 +225,18 @@ class Nodes(NamedTuple):
     last: float  # C is left out beyond it
 
     def compliance(self, body: Body) -> tuple[float, FloatArray]:
-        """Return D of an elastic body, and C/D at the nodes."""
+        """Return D of an elastic body, and C/D at the nodes.
+
+        Raises ArithmeticError if the nodes are those of much larger or smaller lengths.
+        """
         every = np.append(self.q, self.surface)
         q_K = every / body.stiffness(every, 0.0)
-        return float(q_K[-1]), q_K[:-1] / q_K[-1] - 1
+        C = q_K[:-1] / q_K[-1] - 1
+        if C.size and (largest := np.abs(C).max()) > _NOTHING:
+            beyond, begins = abs(C[-1]) / largest, np.ptp(C[:_FIRST]) / largest
+            if beyond > _BEYOND or begins > _BEGINS:
+                raise ArithmeticError("the nodes do not resolve the body")
+        return float(q_K[-1]), C
 
 
 def find_nodes(body: Body, reach: float) -> Nodes:

@@ -186,7 +186,8 @@ def fit_curves(
     if begin is not None:
         u = np.clip(problem.coordinates({**problem.values(u), **begin}), *problem.bounds)
     start = problem.values(u)
-    u = _solve(problem, u, options.loss)
+    u, stopped = _solve(problem, u, options.loss)
+    notes += stopped
     fit = conclude(problem, u, options, notes, start)
     if not advise or model.adhesion is not None:
         return fit
@@ -211,20 +212,33 @@ def _best_adhesion(
     return replace(best, alternatives={kind: fit.bic for kind, fit in fits.items()})
 
 
-def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
-    """Fit; then choose the times of the solutions and the noise again and refit, until u stays."""
+def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray, list[str]]:
+    """Fit; then choose the times of the solutions and the noise again and refit, until u stays.
+
+    Return u, and a warning where the search had to stop before.
+    """
     minimise = partial(minimised, problem.residuals, problem.jacobian, bounds=problem.bounds)
+    notes: list[str] = []
     problem.adapt(u)
-    u = minimise(start=u, precision=ROUGH)
+    known, u = u, minimise(start=u, precision=ROUGH)
     for _ in range(ROUNDS):
         before = u
-        problem.adapt(u)
+        try:
+            problem.adapt(u)
+        except FitError as error:
+            if problem.model.adhesion is None:
+                raise
+            notes, u = [f"the search stopped early; the parameters are rough: {error}"], known
+            problem.adapt(u)
+        known = u
         _estimate_noise(problem, u, loss)
         problem.weigh(u)
+        if notes:
+            break
         u = minimise(start=u, loss=loss, precision=FINE)
         if np.abs(u - before).max() < STAYS and (problem.is_homogeneous or _noise_stays(problem, u, loss)):
             break
-    return u
+    return u, notes
 
 
 def _noise_stays(problem: LeastSquares, u: FloatArray, loss: str) -> bool:

@@ -98,7 +98,9 @@ CLOSE = 0.2  # of the shortest piece: largest step of a difference to the time o
 LEAST_FORCE = 0.01  # of the largest: rows of a prescribed force below it do not count
 WIDER_ELASTIC = 1.5  # the same for an elastic body
 KEPT_TABLES = 3  # contacts of elastic bodies
-FAR, MOST_PHASE = 1e8, 4000.0  # see `gfmdlayer.indentation.solve`
+FAR = 1e8  # see `gfmdlayer.indentation.solve`
+WIDER_BEGIN = 3.0
+MOST_PHASE = 300.0  # contact radius times the last wavenumber of the layers: some twelve thicknesses
 RETRACTED = 0.05  # of the range: a motion back by more is a retraction
 NOISY = 0.1  # noise of the prescribed quantity, over that of the measured one, that counts; both over ranges
 
@@ -185,6 +187,8 @@ class Prediction:
         self._made: list[tuple[Config, Space, Compliance]] = []
         self._bodies: list[tuple[Config, Body]] = []
         self._relaxes: bool | None = None
+        self._most_phase = MOST_PHASE  # in a search less than at its begin, which then is never refused
+        self._in_steps = False  # whether an elastic body is solved in steps too
         self._nodes: Nodes | None = None  # of an elastic body
         self._tables: list[tuple[Nodes, FloatArray, Equilibria]] = []
         self._known: list[tuple[Config, Correction, Contacts]] = []
@@ -214,9 +218,16 @@ class Prediction:
     def adapt(self, config: Config, at: Correction) -> None:
         """Choose the times by the bends of the response of a model, and the nodes by its lengths."""
         self._space, self._nodes, self._known, self.changes = None, None, [], self.changes + 1
-        if self.is_elastic(config):
-            return
         pieces = self._pieces(at)
+        if self.is_elastic(config):
+            self._most_phase = WIDER_BEGIN * MOST_PHASE
+            try:
+                self.contacts(config, at)
+            except FitError:
+                self._in_steps = at.adhesion == Adhesion()  # a very wide contact
+            self._most_phase = MOST_PHASE
+            if not self._in_steps:
+                return
         self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
         times, force, depth = self._solution(config, at, pieces)
         if times.size > 2 and np.ptp(force) > 0:
@@ -225,18 +236,24 @@ class Prediction:
     def response(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
         """Return force and depth of the indenter at the rows."""
         rows, pieces = self.curve.time, self._pieces(at)
-        if self.is_elastic(config):
+        if self.is_elastic(config) and not self._in_steps:
             return self._elastic(config, at, pieces)
         times, force, depth = self._solution(config, at, pieces)
         power = onset(as_revolution(config.punch))
-        forces, depths = np.zeros(rows.size), np.zeros(rows.size)
+        value, by_force = pieces.at(rows)
+        forces, depths = np.where(by_force, np.maximum(value, 0.0), 0.0), np.zeros(rows.size)
         edges = [times[0], *(time for time in self._breakpoints if time > times[0])]
         for first, last in pairwise(edges):
             inside = (rows >= first) & (rows <= last)
             nodes = (times >= first) & (times <= last)
-            forces[inside] = _until_it_opens(times[nodes], force[nodes], rows[inside], power)
-            depths[inside] = _as_power(times[nodes], depth[nodes], rows[inside], power)
-        return forces, depths
+            # What is prescribed needs no interpolation.
+            if (free := inside & ~by_force).any():
+                forces[free] = _until_it_opens(times[nodes], force[nodes], rows[free], power)
+            if (held := inside & by_force).any():
+                depths[held] = _as_power(times[nodes], depth[nodes], rows[held], power)
+        return forces, np.where(
+            by_force, depths, value - forces / at.stiffness if self.curve.by_base else value
+        )
 
     def is_elastic(self, config: Config) -> bool:
         """Whether the body of a model does not relax."""
@@ -284,14 +301,28 @@ class Prediction:
                 most.append((control, float(np.concatenate((pieces.first[own], pieces.last[own])).max())))
         reach = self._nodes.reach if self._nodes else self._first_reach(body, profile, at.adhesion, most)
         while True:
-            if self._nodes is None or self._nodes.reach != reach:
-                self._nodes = find_nodes(body, reach)
-                if self._nodes.last * reach > MOST_PHASE:
-                    raise FitError(f"curve {self.curve.name}: the contact is too wide for the thinnest layer")
-            found = self._equilibria(body, profile)
+            try:
+                if self._nodes is None or self._nodes.reach != reach:
+                    self._nodes = self._find_nodes(body, reach)
+                found = self._equilibria(body, profile)
+            except ArithmeticError:  # the lengths of the body have changed much
+                self._nodes, self.changes = self._find_nodes(body, reach), self.changes + 1
+                found = self._equilibria(body, profile)
             if all(found.largest(control, at.adhesion) >= value for control, value in most):
                 return Contacts(found, position, at.adhesion)
             reach *= WIDER_ELASTIC
+
+    def _find_nodes(self, body: Body, reach: float) -> Nodes:
+        try:
+            found = find_nodes(body, reach)
+        except ValueError as error:
+            raise FitError(f"curve {self.curve.name}: {error}") from error
+        if found.last * reach > self._most_phase:
+            raise FitError(
+                f"curve {self.curve.name}: the contact is more than some twelve times as wide as the "
+                "thinnest layer is thick; must be less with adhesion"
+            )
+        return found
 
     def _equilibria(self, body: Body, profile: Revolution) -> Equilibria:
         """Return the contacts of an elastic body; the last ones are kept for all bodies that are similar."""
