@@ -93,7 +93,7 @@ class Instabilities(Observable):
 
     @property
     def attributes(self) -> Mapping[str, Attribute]:  # type: ignore[override]
-        """The instabilities: their number; times, depths, energies and bounds of error in the order of time."""
+        """The instabilities in the order of time: times, depths, energies, bounds of error; their number."""
         import numpy as np
 
         if not self._found:

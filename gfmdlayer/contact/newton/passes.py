@@ -567,7 +567,7 @@ def along_deviation(
 ) -> tuple[float, float]:
     """Return v.Kv and v.w''v for the deviation v of a step from its tangent, sums over the points.
 
-    v = u - u_0 - tangent, where `gap` is that at u_0. The curvature w'' is that at a part of the straight way.
+    v = u - u_0 - tangent, where `gap` is that at u_0. w'' is taken at a part of the straight way.
     """
     elastic, interface, terms = 0.0, 0.0, system.terms
     for first in range(0, at.u.size, LANES):

@@ -27,7 +27,8 @@ on the way of a step at most. A descent with a concave stretch is an instability
 past the end of a branch: then the energy is concave along the deviation of the step from the tangent at its
 beginning (`_was_unstable`). `Solution.released_energy` is the work less the gain of the energies, by the
 trapezoidal rule, as if a jump were in the middle of the step. Its error is of first order in the step; it is
-at most what the descents have lost at a fixed s, past the end of the branch. Elsewhere it is zero.
+at most what the descents have lost at a fixed s, past the end of the branch; from rest, and with a hardness,
+it is that. Elsewhere it is zero.
 
 Linear systems are solved on the free points by conjugate gradients in single precision. On surfaces the
 preconditioner is a V-cycle of stencils (`cycle`), and an iteration takes one FFT pair, in single precision;
@@ -310,7 +311,7 @@ def _copy(source: AdhesiveState, target: AdhesiveState) -> None:
 
 @kernel(reorder=True)
 def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields, cap: Any) -> tuple[float, float]:
-    """Find the traction that holds a surface where it is; return its energy as `set_interaction`, and lambda."""
+    """Find the traction that holds a surface where it is; return the interface's energy, and lambda."""
     at, held, step = fields.at, fields.held, fields.step
     set_stress(plans, system, at, fields.spectrum, step.spectrum)
     energy = set_interaction(system, at, cap)
@@ -553,9 +554,10 @@ class Newton:
         pairs, part = divmod(progress.pairs + self._part, 1.0)
         if converged:
             self._mode[:], self._part = self._lowest.x, part
-        released = (
-            self._released(system, start, begun, progress, capped=cap is not None) if converged else 0.0
-        )
+        released = progress.released
+        released += progress.drop if is_lost(system, progress.drop, progress.unstable) else 0.0
+        if converged and begun.done == 0.0 and cap is None:
+            released = self._balanced(system, start, begun, progress, released)
         pressure, gap, flow, under = fields.at.stress + progress.multiplier, None, None, problem
         if cap is not None:
             gap, flow = np.maximum(system.h - u, 0.0), np.maximum(u - system.h, 0.0)
@@ -577,15 +579,11 @@ class Newton:
             solution = replace(solution, residual=max(solution.residual, progress.residual))
         return replace(solution, released_energy=released / self._grid.size, margin=self._margin)
 
-    def _released(
-        self, system: AdhesiveSystem, start: FloatArray, begun: Progress, now: Progress, *, capped: bool
+    def _balanced(
+        self, system: AdhesiveSystem, start: FloatArray, begun: Progress, now: Progress, released: float
     ) -> float:
-        """Energy lost in instabilities, sum over the points."""
+        """Energy lost in instabilities, sum over the points, of which descents have met those `released`."""
         fields, least = self._fields, _NOTHING * system.strength * system.range
-        lost = is_lost(system, now.drop, now.unstable)
-        released = now.released + (now.drop if lost else 0.0)
-        if begun.done > 0.0 or capped or now.pulled_off:
-            return released
         path = system, start, fields.at
         if released == 0.0:
             if not (now.tangent and self._was_unstable(path, least)):
@@ -656,6 +654,7 @@ class Newton:
         for array in (*fields.at, *fields.to, *fields.step[:-1], *fields.origin, self._lowest.x):
             array[:] = 0.0
         leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x, None)
+        released_over(system, fields.at.u, fields.at, fields.held, fields.origin, (0.0, 0.0), (0.0, 0.0))
 
     def state(self) -> State:
         """Return the lowest mode, and the count of a part of a pair."""
