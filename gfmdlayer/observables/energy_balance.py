@@ -30,7 +30,6 @@ friction at the interface the energy of an elastic contact does not depend on th
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -175,8 +174,7 @@ def _tangential(step: AcceptedStep) -> tuple[Point, ...]:
     if step.shear is None:
         return ((position, force),)
     pairs = zip(step.shear.moved.tolist(), step.shear.traction.mean(axis=1).tolist(), strict=True)
-    loss = float(step.row.get("hysteresis_friction", 0.0)) * step.solution.mean_pressure
-    return (position, 0.0 if math.isnan(loss) else loss + step.shear.stretch), *pairs
+    return (position, force - step.shear.force + step.shear.stretch), *pairs
 
 
 def _area(*points: Point) -> float:
