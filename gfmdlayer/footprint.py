@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from gfmdlayer.config.inside import DEPTH_PAIRS, thicknesses
-from gfmdlayer.contact.solvers import FRICTIONAL, SOLVERS
+from gfmdlayer.contact.solvers import ATTRACTED, FRICTIONAL, SOLVERS
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.history.time_points import number_of_steps
 from gfmdlayer.model import PROGRAM, Footprint
@@ -65,7 +65,8 @@ def estimate(programme: Programme, width: int, observed: tuple[float, float] = (
     config = programme.config
     size = math.prod(config.grid.points)
     steps, turns = count_steps(programme)
-    solver = FRICTIONAL if config.friction else SOLVERS[config.contact_solver.method]
+    frictional = ATTRACTED if config.interfaces else FRICTIONAL
+    solver = frictional if config.friction else SOLVERS[config.contact_solver.method]
     pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves and not config.friction else 1
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1

@@ -17,16 +17,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.loading import Surface
+from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
+from gfmdlayer.contact.loading import Surface, pulled_off
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.friction import problem as frictional
 from gfmdlayer.friction.problem import Law
-from gfmdlayer.friction.solver import LIMIT, FrictionSolver
+from gfmdlayer.friction.solver import LIMIT, FrictionSolver, Mixing
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.history.time_points import Instant
 from gfmdlayer.history.traction_control import TractionControl
 from gfmdlayer.history.traction_modes import TractionModes
+from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.observables.friction import direction
@@ -39,8 +40,9 @@ if TYPE_CHECKING:
     from gfmdlayer.model import Progress, Resume
     from gfmdlayer.results.journal import Recorder
 
-_ROUNDS = 40  # solves of a step for a coefficient that depends on the slip speed
-_UNDAMPED = 5  # of them without a mean of the last two coefficients
+_ROUNDS = 80  # solves of a step for a coefficient that depends on the slip speed
+_HALVINGS = 40  # of the interval of a coefficient
+_SETTLED = 10  # tolerances of the solver, within which a coefficient and its bound count as reached
 _SLIDES = 1e-3  # part of the largest tangential force within which a step without a solution slides away
 
 
@@ -61,7 +63,7 @@ class Motion:
         self.moved = np.zeros(axes)  # displacement of the punch along the surface
         self.tractions = np.zeros((1 + axes, points))
         self.before: FloatArray | None = None  # tractions a step earlier; None behind a breakpoint
-        self._gap = self._closing = np.zeros(points)  # after the last step, and its change in it
+        self.gap, self._closing = np.full(points, np.inf), np.zeros(points)  # after the last step; its change
         self._slip = self._untouched = np.zeros((axes, points))  # in the last step; in this one, see above
         self._stick = np.zeros(points, dtype=bool)
 
@@ -85,8 +87,8 @@ class Motion:
             ~touching.reshape(self._shape), return_distances=False, return_indices=True
         )
         sticks = self._stick[np.ravel_multi_index(tuple(nearest), self._shape).ravel()]
-        comes = sticks & (self._gap > 0) & (self._closing < 0)
-        part = np.minimum(self._gap[comes] / -self._closing[comes], step / self.step)
+        comes = sticks & (self.gap > 0) & (self._closing < 0)
+        part = np.minimum(self.gap[comes] / -self._closing[comes], step / self.step)
         self._untouched[:, comes] = self._slip[:, comes] * part
         return self._untouched
 
@@ -96,14 +98,15 @@ class Motion:
         self.time, self.step, self.depth = instant.time, instant.step, found.depth
         self.moved, self.tractions = self.moved + found.path, found.tractions
         gap = np.maximum(found.gap, 0.0)
-        self._closing, self._gap, self._stick = gap - self._gap, gap, found.stick
+        self._closing = np.where(np.isfinite(self.gap), gap - self.gap, 0.0)
+        self.gap, self._stick = gap, found.stick
         self._slip = found.slip + self._untouched
 
     def state(self) -> State:
         """Return times, places and tractions."""
         before = {} if self.before is None else {"before": self.before}
         places = {"time": self.time, "step": self.step, "depth": self.depth, "moved": self.moved}
-        apart = {"gap": self._gap, "closing": self._closing, "slip": self._slip, "stick": self._stick}
+        apart = {"gap": self.gap, "closing": self._closing, "slip": self._slip, "stick": self._stick}
         return {**places, "tractions": self.tractions, **before, **apart}
 
     def restore(self, state: State) -> None:
@@ -111,7 +114,7 @@ class Motion:
         self.time, self.step = float(state["time"]), float(state["step"])
         self.depth, self.moved = float(state["depth"]), np.asarray(state["moved"])
         self.tractions, self.before = np.asarray(state["tractions"]), state.get("before")
-        self._gap, self._closing = np.asarray(state["gap"]), np.asarray(state["closing"])
+        self.gap, self._closing = np.asarray(state["gap"]), np.asarray(state["closing"])
         self._slip, self._stick = np.asarray(state["slip"]), np.asarray(state["stick"])
 
 
@@ -138,7 +141,8 @@ class FrictionalCase(Case):
     @cached_property
     def solver(self) -> Any:
         """Newton's method for pressure and shear traction."""
-        return FrictionSolver(self.grid, self.transforms, rough=self.config.punch.rough)
+        rough, attracts = self.config.punch.rough, self.interface.attracts
+        return FrictionSolver(self.grid, self.transforms, rough=rough, attracts=attracts)
 
     @cached_property
     def motion(self) -> Motion:
@@ -153,7 +157,8 @@ class FrictionalCase(Case):
     def _is_frictionless(self) -> bool:
         """Whether the coefficient is zero: then the pressure is predicted as without friction."""
         law = self.programme.friction
-        return law is not None and law.is_frictionless and not self.programme.depends_on_speed
+        smooth = law is not None and law.is_frictionless and not self.programme.depends_on_speed
+        return smooth and not self.interface.attracts
 
     @property
     def resumable(self) -> CompositeState:
@@ -164,6 +169,8 @@ class FrictionalCase(Case):
             integrator=self.history,
             steps=self.steps,
             motion=self.motion,
+            changes=self.changes,
+            loading=self.loading,
             **({"guess": self.guess} if self._is_frictionless else {}),
             observables=CompositeState(**self.observables),
         )
@@ -182,16 +189,30 @@ class FrictionalCase(Case):
                 recorder.note(ended=ended, slide_time=instant.time)
                 break
             problem, solution = self._as_contact(found, instant.time)
+            lost = pulled_off(problem, solution)
             for observable in observables:
                 observable.attempt(solution)
             surface = Surface(solution.displacement, solution.spectrum, found.depth, self._response(found))
-            tractions = np.array([self.transforms.forward(field) for field in found.tractions])
+            tractions = np.array([self.transforms.forward(field) for field in found.loads])
             if control is not None:
                 control.moves(found.depth - self.motion.depth, float(np.linalg.norm(found.path)))
-            if self.steps.accepts(tractions, surface.response, found.depth):
+            prescribed = self.trajectory(instant.time)
+            change = self.changes.over(prescribed, problem, solution, lost=lost)
+            if self.steps.accepts(tractions, surface.response, found.depth, change):
+                if lost:
+                    if not self._comes_back(instant.time):
+                        at = f"PULLED OFF at t = {instant.time:.6g}"
+                        ended = f"{at}: no contact carries the load of {prescribed:.6g}"
+                        recorder.note(ended=ended, pull_off_time=instant.time)
+                        break
+                    found = self._attempt(instant)
+                    problem, solution = self._as_contact(found, instant.time)
+                    surface = Surface(solution.displacement, solution.spectrum, found.depth, found.depth)
+                    tractions = np.zeros_like(tractions)
                 shear = self._shear(found, instant)
                 history.advance(tractions)
                 self.motion.remember(instant, found)
+                self.changes.remember(prescribed, problem, solution)
                 if self._is_frictionless:
                     self.guess.remember(
                         instant.time, solution.pressure, solution.gap, at_breakpoint=instant.breakpoint
@@ -209,9 +230,7 @@ class FrictionalCase(Case):
                     break
             if progress is not None:
                 progress(instant.time)
-        for observable in observables:
-            if observable.attributes:
-                recorder.note(**observable.attributes)
+        recorder.note(**{key: value for each in observables for key, value in each.attributes.items()})
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
     def _attempt(self, instant: Instant) -> frictional.Solution:
@@ -223,6 +242,9 @@ class FrictionalCase(Case):
         modes.carry(travelled, *[0.0] * (len(self.grid.points) - 1))
         response, offset = modes.terms(self.programme.elapsed(instant))
         prescribed, by_depth = self.trajectory(instant.time), self.config.trajectory.control == "depth"
+        interface = self._interface(instant.time)
+        if self.loading.detached.covers(instant.time):
+            prescribed = 0.0
         force, path = self._drive(instant.time, travelled)
         law, before = self.programme.friction, self._fields(modes.displacement[1:])
         assert law is not None
@@ -238,13 +260,24 @@ class FrictionalCase(Case):
             path=path,
             offset=self._fields(offset),
             before=before,
+            interface=interface,
         )
         lowest = float(problem.gap_at_rest.min())
-        if (prescribed <= lowest) if by_depth else (prescribed <= 0):
+        if not interface.attracts and (prescribed <= lowest if by_depth else prescribed <= 0):
             if force is not None and force.any():
                 raise SlidesAwayError("a tangential force acts on a punch that does not touch")
             return _apart(problem, prescribed if by_depth else lowest)
         return self._slipped(problem, instant)
+
+    def _comes_back(self, time: float) -> bool:
+        """Detach a punch that a load has pulled off; return whether it comes back, which no force moves."""
+        force, _ = self._drive(time, 0.0)
+        pushed = force is not None and bool(force.any())
+        return not pushed and self.loading.detach(time, self.config.time.end)
+
+    def _interface(self, time: float) -> Interaction:
+        """Return the interaction across the gap; none while a load has pulled the punch out of reach."""
+        return HARD_WALL if self.loading.detached.covers(time) else self.interface.at(time)
 
     def _drive(self, time: float, travelled: float) -> tuple[FloatArray | None, FloatArray | None]:
         """Return the mean shear traction that is given, or the path of the punch in the step."""
@@ -263,35 +296,78 @@ class FrictionalCase(Case):
             start = np.zeros_like(self.motion.tractions)
             start[0] = self.guess.at(instant.time)
         limit = min(LIMIT, self.config.solver.max_iterations)
-        pairs, steps = 0.0, 0
-        for attempt in range(_ROUNDS if self.programme.depends_on_speed else 1):
+        pairs, steps, before, mixing = 0.0, 0, self.solver.state(), Mixing()
+        for _ in range(_ROUNDS if self.programme.depends_on_speed else 1):
             if reason := problem.why_not_solvable():
                 raise SlidesAwayError(reason.partition(": the punch")[0])
-            found: frictional.Solution = self.solver.solve(problem, start, tolerance=tolerance, limit=limit)
+            found: frictional.Solution = self.solver.solve(
+                problem, start, gap=self.motion.gap, tolerance=tolerance, limit=limit
+            )
             pairs, steps = pairs + found.pairs, steps + found.iterations
             if not found.converged:
                 break
             if not self.programme.depends_on_speed or not instant.step > 0:
                 return replace(found, pairs=pairs, iterations=steps)
-            speed = np.where(found.stick, 0.0, frictional.norms(found.slip)) / instant.step
-            last, now = problem.law.coefficient, self.programme.coefficient(speed)
-            if np.abs(now - last)[found.contact].max() <= tolerance * np.max(now):
+            least = (1 - _SETTLED * tolerance) * problem.law.bound(found.pressure)
+            sticks = frictional.norms(found.traction) < least
+            speed = np.where(sticks, 0.0, frictional.norms(found.slip)) / instant.step
+            last, W = np.broadcast_to(problem.law.coefficient, speed.shape), _largest(problem, found)
+            if self._settled(speed, last, _SETTLED * tolerance, W / instant.step, found.contact):
                 return replace(found, pairs=pairs, iterations=steps)
-            now = now if attempt < _UNDAMPED else 0.5 * (now + last)
-            problem, start = replace(problem, law=Law(now, problem.law.strength)), found.tractions
+            now = mixing.next(last, self._coefficients(found.pressure, speed, last, W / instant.step))
+            law = Law(np.clip(now, *self.programme.coefficients), problem.law.strength)
+            problem, start = replace(problem, law=law), found.tractions
         if found.converged:
-            reason = f"the coefficient of friction does not settle on the slip speed in {_ROUNDS} rounds"
+            reason = self._why_not_settled(_largest(problem, found) / instant.step)
+        elif pulled_off(*self._as_contact(found, instant.time)):
+            return replace(found, pairs=pairs, iterations=steps)
         elif problem.force is not None and _at_the_limit(problem, found):
             raise SlidesAwayError("the tangential force is the largest one or above")
         else:
             reason = found.reason
+        self.solver.restore(before)  # the state as a whole is then that before the step
         raise ConvergenceError(
             f"t = {instant.time:.6g}: {reason}", *self._as_contact(found, instant.time), instant.time
         )
 
+    def _settled(
+        self, speed: FloatArray, last: FloatArray, tolerance: float, unit: float, touching: BoolArray
+    ) -> bool:
+        """Whether the last coefficients are those of speeds within an error, tolerance times a unit."""
+        errors = np.maximum(speed - tolerance * unit, 0.0), speed + tolerance * unit
+        ends = np.array([self.programme.coefficient(each) for each in errors])
+        off = np.maximum(last - ends.max(axis=0), ends.min(axis=0) - last)
+        return bool((off[touching] <= tolerance * self.programme.coefficients[1]).all())
+
+    def _why_not_settled(self, unit: float) -> str:
+        """Return why a coefficient does not settle; the unit is the largest displacement over the step."""
+        found = f"the coefficient of friction does not settle on the slip speed in {_ROUNDS} rounds"
+        if (steep := self.programme.steepest_fall * unit) < 1:
+            return found
+        return (
+            f"{found}: it falls {steep:.3g} times faster than the surface recoils in the step. From 1 on a "
+            "step can have several states, as in stick-slip, between which inertia decides. Take a flatter "
+            "table or longer steps"
+        )
+
+    def _coefficients(
+        self, pressure: FloatArray, speed: FloatArray, last: FloatArray, unit: float
+    ) -> FloatArray:
+        """Return the coefficients of speeds that yield: mu = f(speed - unit p/p_s (mu - last)) at each point.
+
+        The unit is the largest displacement in the step. There is one mu if f does not fall steeply.
+        """
+        per = pressure * (unit / max(float(pressure.max()), 1e-300))
+        low, high = (np.full(speed.shape, each) for each in self.programme.coefficients)
+        for _ in range(_HALVINGS):
+            mu = 0.5 * (low + high)
+            above = mu > self.programme.coefficient(np.maximum(speed - per * (mu - last), 0.0))
+            low, high = np.where(above, low, mu), np.where(above, mu, high)
+        return np.asarray(high)
+
     def _response(self, found: frictional.Solution) -> float:
         """Return what is not prescribed: the mean pressure, or the depth."""
-        return float(found.pressure.mean()) if self.config.trajectory.control == "depth" else found.depth
+        return float(found.stress.mean()) if self.config.trajectory.control == "depth" else found.depth
 
     def _as_contact(self, found: frictional.Solution, time: float) -> tuple[Problem, Solution]:
         """Return the normal contact of a step, with displacements upward, for the observables."""
@@ -300,20 +376,23 @@ class FrictionalCase(Case):
         load = None if self.config.trajectory.control == "depth" else self.trajectory(time)
         count = math.prod(self.grid.spectral_shape)
         rest = np.zeros(count), np.zeros(count, dtype=np.complex128)
-        problem = Problem(*rest, self.punch - found.depth, load, height=self.loading.height)
+        height, interface = self.loading.height, self._interface(time)
+        problem = Problem(*rest, self.punch - found.depth, load, height=height, interface=interface)
         up = -found.displacement[0]
         solution = Solution(
             displacement=up,
-            pressure=found.pressure,
+            pressure=found.stress,
             gap=gap,
             spectrum=self.transforms.forward(up),
-            mean_pressure=float(found.pressure.mean()),
+            mean_pressure=float(found.stress.mean()),
             mean_gap=float(gap.mean()),
             contact_area=float(touching.mean()),
             residual=found.residual,
             transforms=round(found.pairs),
             iterations=found.iterations,
             converged=found.converged,
+            released_energy=found.released_energy,
+            margin=found.margin,
         )
         return problem, solution
 
@@ -325,9 +404,11 @@ class FrictionalCase(Case):
             before = self._fields(np.array(list(spectra)))
         return Shear(
             traction=found.traction,
+            force=float(self._direction @ found.traction.mean(axis=1)),
             mean_traction=0.5 * (before + found.traction),
             slip=found.slip,
             stick=found.stick,
+            touching=found.contact,
             path=found.path,
             moved=self.motion.moved + found.path,
             duration=instant.step,
@@ -349,17 +430,20 @@ class FrictionalCase(Case):
 
     def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
         """Record the fields of a step, with shear traction and slip velocity, which is NaN apart."""
-        shear, touching = step.shear, step.solution.pressure > 0
+        shear, law = step.shear, step.problem.interface
         assert shear is not None
         slips = np.where(shear.stick, 0.0, shear.slip) / (shear.duration or math.inf)
-        speeds = np.where(touching, slips, np.nan)
+        speeds = np.where(shear.touching, slips, np.nan)
         fields = [step.surface.displacement, step.solution.pressure, step.solution.gap]
         normal = [each.reshape(self.grid.shape) for each in fields]
         along = [
             [each.reshape(self.grid.shape) for each in fields] + [None] * (2 - len(fields))
             for fields in (shear.traction, speeds)
         ]
-        recorder.snapshot(step.time, *normal, None, None, *along[0], *along[1])
+        traction = None
+        if self.interface.attracts:
+            traction = law.traction(step.solution.gap).reshape(self.grid.shape)
+        recorder.snapshot(step.time, *normal, traction, None, *along[0], *along[1])
 
 
 def _apart(problem: frictional.Problem, depth: float) -> frictional.Solution:
@@ -381,6 +465,12 @@ def _apart(problem: frictional.Problem, depth: float) -> frictional.Solution:
         iterations=0,
         converged=True,
     )
+
+
+def _largest(problem: frictional.Problem, found: frictional.Solution) -> float:
+    """Return the largest displacement into the body under the tractions."""
+    W = found.displacement[0] if problem.offset is None else found.displacement[0] - problem.offset[0]
+    return float(W.max())
 
 
 def _at_the_limit(problem: frictional.Problem, found: frictional.Solution) -> bool:

@@ -224,7 +224,7 @@ def _on_friction(config: Config) -> Iterator[str]:
         return
     given, drive, time = config.trajectory, config.trajectory.tangential, config.time
     most = _coefficient(config)
-    pressed = given.load if given.control == "load" else given.force
+    pressed = None if config.interfaces else given.load if given.control == "load" else given.force
     if drive is not None and drive.force is not None and pressed is not None:
         most *= pressed * (math.prod(config.grid.period) if given.control == "load" else 1.0)
         if most * (1 - 1e-9) <= abs(drive.force):

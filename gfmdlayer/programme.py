@@ -34,13 +34,14 @@ if TYPE_CHECKING:
 # Steps of a stretch in which a punch with friction moves, times the root of the tolerance: 50 at 1e-4. The
 # tangential force is then within about the tolerance (measured, docs/theory/friction.md).
 _STEPS_OF_SLIP = 0.5
-# The same where contact begins: there each step leaves some 0.02 (step/time)^2 of the force.
-_FIRST_PART, _GROWTH = 10.0, 10.0
+# The same where contact begins: there each step leaves some 0.02 (step/time)^2 of the force. And before a
+# swing ends: a body that relaxes sticks again when the punch has become slow enough.
+_FIRST_PART, _GROWTH, _GROWTH_OF_SWING = 10.0, 10.0, 30.0
 
 
-def _growing(tolerance: float) -> Iterator[float]:
-    """Yield parts of a stretch in which contact begins, with growing steps up to the even ones."""
-    part, growth = _FIRST_PART * tolerance, _GROWTH * math.sqrt(tolerance)
+def _growing(tolerance: float, factor: float = _GROWTH) -> Iterator[float]:
+    """Yield parts of a stretch from the end where steps are short, with growing steps up to the even ones."""
+    part, growth = _FIRST_PART * tolerance, factor * math.sqrt(tolerance)
     while part * growth < math.sqrt(tolerance) / _STEPS_OF_SLIP:
         yield part
         part *= 1 + growth
@@ -130,13 +131,34 @@ class Programme:
             return lambda _speed: given
         import numpy as np
 
+        speeds, values = self._coefficients
+        return lambda speed: np.interp(speed, speeds, values)
+
+    @cached_property
+    def coefficients(self) -> tuple[float, float]:
+        """The least and the largest coefficient of friction of the table over slip speeds."""
+        _, values = self._coefficients
+        return float(values.min()), float(values.max())
+
+    @cached_property
+    def steepest_fall(self) -> float:
+        """The largest fall of the coefficient over a rise of the slip speed; 0 where it never falls."""
+        import numpy as np
+
+        speeds, values = self._coefficients
+        return max(float((-np.diff(values) / np.diff(speeds)).max(initial=0.0)), 0.0)
+
+    @cached_property
+    def _coefficients(self) -> Any:
+        """Slip speeds and coefficients of friction of the table."""
         from gfmdlayer.files.tables import read_columns
 
         def refused(row: Sequence[float]) -> str:
             return "" if min(row) >= 0 else f"holds {min(row):g}; speed and coefficient must be >= 0"
 
-        speeds, values = read_columns(given, ("speed", "coefficient"), increasing=True, row_error=refused).T
-        return lambda speed: np.interp(speed, speeds, values)
+        file = next(law.coefficient for law in self.config.friction if isinstance(law, Coulomb))
+        assert isinstance(file, Path)
+        return read_columns(file, ("speed", "coefficient"), increasing=True, row_error=refused).T
 
     @property
     def depends_on_speed(self) -> bool:
@@ -231,7 +253,8 @@ class Programme:
     def _resolving_slip(self) -> Iterator[float]:
         """Yield times that adaptive steps do not pass over where surfaces slip: tractions depend on the path.
 
-        Each stretch between breakpoints in which the punch moves has some steps. Material that moves through
+        Each stretch between breakpoints in which the punch moves has some steps, more of them where contact
+        begins and before a swing ends. Material that moves through
         the contact moves by at most one point of the grid.
         """
         time, grid = self.config.time, self.config.grid
@@ -245,6 +268,7 @@ class Programme:
         crossing = (
             min(L / n for L, n in zip(grid.period, grid.points, strict=True)) / fastest if fastest else 0.0
         )
+        turns = self.tangential.turns if isinstance(self.tangential, Oscillation) else ()
         stops = sorted({0.0, time.end, *(each for each in self.breakpoints if 0 < each < time.end)})
         for begin, end in pairwise(stops):
             drives = [drive for drive in (self.drive, self.tangential) if drive is not None]
@@ -253,6 +277,9 @@ class Programme:
                 count = _STEPS_OF_SLIP / math.sqrt(time.tolerance)
                 if self.drive(begin) <= 0 and not fastest:
                     yield from (begin + part * (end - begin) for part in _growing(time.tolerance))
+                if end in turns:
+                    parts = _growing(time.tolerance, _GROWTH_OF_SWING)
+                    yield from (end - part * (end - begin) for part in parts)
             if fastest:
                 count = max(count, (end - begin) / crossing)
             yield from np.linspace(begin, end, min(math.ceil(count), MOST_ROWS) + 1)[1:-1].tolist()

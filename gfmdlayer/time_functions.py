@@ -114,11 +114,15 @@ class Oscillation:
     cycles: float
 
     @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Start and end, and the turning points, at which slip ends."""
+    def turns(self) -> tuple[float, ...]:
+        """The turning points, at which slip ends."""
         turns = range(math.ceil(2 * self.cycles - 0.5 - 1e-9))
-        times = (self.start + self.period * (0.25 + 0.5 * turn) for turn in turns)
-        return tuple(dict.fromkeys((self.start, *times, self.start + self.period * self.cycles)))
+        return tuple(self.start + self.period * (0.25 + 0.5 * turn) for turn in turns)
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Start and end, and the turning points."""
+        return tuple(dict.fromkeys((self.start, *self.turns, self.start + self.period * self.cycles)))
 
     def __call__(self, time: float) -> float:
         """Value at a time."""

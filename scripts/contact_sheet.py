@@ -48,14 +48,7 @@ import figure_sheet  # noqa: E402
 CONFIGS = {path.stem: path for path in sorted((ROOT / "configs").glob("*-quick.yaml"))}
 OTHERS = tuple(dict.fromkeys(each.run for each in figure_sheet.PICTURES))
 NAMES = (*CONFIGS, *OTHERS)
-ALSO_IN_SI = (
-    "figure2-quick",
-    "coated-sphere-quick",
-    "cylinder-rolling-quick",
-    "three_keys",
-    "samples",
-    "rough",
-)
+ALSO_IN_SI = ("figure2-quick", "cylinder-rolling-quick", "samples", "rough")
 LONGER, TOLERANCE, VALUES, PANELS = 5, 0.05, 3, 9
 SI = Units(length="m", stress="Pa", time="s")
 SIZES = {"length": 1e-4, "pressure": 2e6, "time": 5e-3}  # of L, G0 and tau

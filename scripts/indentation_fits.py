@@ -1,7 +1,7 @@
 """Tables and figure of docs/theory/indentation.md: accuracy of fits, errors of polynomial corrections.
 
 python scripts/indentation_fits.py coverage [DRAWS [KIND ...]]   how many 95 % intervals have the true value
-python scripts/indentation_fits.py instruments [DRAWS]      the same for prescribed depth, force and base
+python scripts/indentation_fits.py instruments [DRAWS [adhesion]]   the same for depth, force and base
 python scripts/indentation_fits.py peers              moduli by polynomial corrections on the same curves
 python scripts/indentation_fits.py thickness          contact sizes at which the base changes the force
 python scripts/indentation_fits.py histories          standard errors by history
@@ -28,6 +28,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.figures.plot_style import save
 from gfmdlayer.fitting.indentation import problem as problems
+from gfmdlayer.fitting.indentation.elastic import adhesion_of
 from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
 from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, free_parameters
 from gfmdlayer.fitting.indentation.report import fit_figure, summary
@@ -80,8 +81,9 @@ def truth(data: dict[str, Any], motion: tuple[np.ndarray, np.ndarray]) -> np.nda
 
 def responses(data: dict[str, Any], curve: ForceCurve) -> tuple[np.ndarray, np.ndarray]:
     """Return the force and the depth of a model under the prescribed column of a curve, with many steps."""
-    prediction, config = problems.Prediction(curve), Model(data).config
-    at = problems.Correction(stiffness=curve.stiffness or math.inf)
+    model = Model(data)
+    prediction, config = problems.Prediction(curve), model.config
+    at = problems.Correction(stiffness=curve.stiffness or math.inf, adhesion=adhesion_of(model.adhesion))
     steps, problems.STEPS = problems.STEPS, FINE
     prediction.adapt(config, at)
     problems.STEPS = steps
@@ -179,6 +181,19 @@ SAMPLES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         (*(key.replace("layer.", "layers[0].") for key in ZENER), "layers[1].material.G"),
     ),
 }
+ELASTIC = {"model": "elastic", "G": 1.0}
+STICKING: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {  # elastic, with adhesion
+    "halfspace": ({"layer": UPPER | {"thickness": math.inf, "material": ELASTIC}}, ("layer.material.G",)),
+    "layer": (
+        {"layer": UPPER | {"thickness": 1.0, "material": ELASTIC}, "halfspace": {"shear_modulus": math.inf}},
+        ("layer.material.G", "layer.thickness"),
+    ),
+    "stack": (
+        {"layers": [UPPER | {"material": ELASTIC}, LOWER], "halfspace": {"shear_modulus": math.inf}},
+        ("layers[0].material.G", "layers[1].material.G"),
+    ),
+}
+PULL = 0.15  # of the largest force: the largest pull of curves with adhesion
 # Values of a curve that are free in the first, second, ... draw.
 FREE_OF_CURVE = {
     "depth": ((), ("contact_point",), ("contact_point", "force_offset"), ("force_offset", "force_drift")),
@@ -193,17 +208,25 @@ def instrument(
     """Return a curve with noise of the measured quantity, and with `both` of the prescribed one too."""
     times, depth = RAMP_HOLD_BACK
     force = truth(data, RAMP_HOLD_BACK)
-    most = float(force.max())
+    most, back = float(force.max()), (0.1, DEPTH)  # part of the force, and depth, at the end
     noise = level * rng.standard_normal((2, ROWS))
     given: dict[str, Any] = {"prescribed": prescribed}
+    if prescribed == "base":
+        given["stiffness"] = most / DEPTH
+    if "adhesion" in data:
+        back = -0.8 * PULL, -1.4 * held_until(data, most / DEPTH if prescribed == "base" else math.inf)
+        times, depth = history((-0.4, -0.08), (1, DEPTH), (4, DEPTH), (5, back[1]))
+        force = truth(data, (times, depth))
     if prescribed == "force":
-        times, force = history((0, 0), (1, most), (4, most), (5, 0.1 * most))
+        times, force = history((0, 0), (1, most), (4, most), (5, back[0] * most))
         depth = responses(data, ForceCurve("truth", times, times, force, prescribed="force"))[1]
         depth = depth + noise[1] * np.ptp(depth)
     elif prescribed == "base":
-        given["stiffness"] = stiffness = most / DEPTH
-        base = 2 * depth
-        force = responses(data, ForceCurve("truth", times, base - force / stiffness, force, **given))[0]
+        stiffness, base = given["stiffness"], 2 * depth
+        if "adhesion" in data:
+            base = history((-0.4, -0.16), (1, 2 * DEPTH), (4, 2 * DEPTH), (5, back[1]))[1]
+        seen = np.maximum(base, 0.0)
+        force = responses(data, ForceCurve("truth", times, base - seen / stiffness, seen, **given))[0]
     elif both:
         depth = depth + noise[1] * np.ptp(depth)
     if prescribed != "force" or both:
@@ -215,16 +238,41 @@ def instrument(
     return ForceCurve("curve", times, depth, force, **given)
 
 
-def instruments(draws: str = "12") -> None:
+def held_until(data: dict[str, Any], stiffness: float) -> float:
+    """Return how far a base, or a depth, is drawn back until contact is lost."""
+    times = np.linspace(0.0, 1.0, ROWS)
+    kind = (
+        {"prescribed": "depth"} if math.isinf(stiffness) else {"prescribed": "base", "stiffness": stiffness}
+    )
+    prediction = problems.Prediction(ForceCurve("a", times, times, times, **kind))
+    model = Model(data)
+    at = problems.Correction(stiffness=stiffness, adhesion=adhesion_of(model.adhesion))
+    return -prediction.contacts(model.config, at).position.end
+
+
+def sticking(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a model with the work of adhesion for a pull of a part of the largest force."""
+    times, depth = RAMP_HOLD_BACK
+    most = float(truth(data, RAMP_HOLD_BACK).max())
+    curve = ForceCurve("a", times, depth, np.maximum(depth, 0.0), prescribed="depth")
+    prediction = problems.Prediction(curve)
+    work = prediction.work_for(PULL * most, Model(data).config, problems.Correction())
+    return data | {"adhesion": {"model": "jkr", "work": work}}
+
+
+def instruments(draws: str = "12", adhesion: str = "") -> None:
     """Fit noisy curves of all instruments, indenters and samples; count the intervals with the truth."""
     rng, seconds, every = np.random.default_rng(1), [], []
     for prescribed in FREE_OF_CURVE:
         for shape, punch in INDENTERS.items():
-            for sample, (body, keys) in SAMPLES.items():
+            for sample, (body, keys) in (STICKING if adhesion else SAMPLES).items():
                 data = body | {"punch": punch}
+                if adhesion:
+                    data, keys = sticking(data), (*keys, "adhesion.work")
+                truths = Model(data).keys
                 inside, spent, off = [], [], []
                 for draw in range(int(draws)):
-                    own = FREE_OF_CURVE[prescribed][draw % 4]
+                    own = FREE_OF_CURVE[prescribed][draw % 4] or (("contact_point",) if adhesion else ())
                     free = (*(keys[:3] if draw % 2 else keys), *own)
                     curve = instrument(data, prescribed, (0.01, 0.05)[draw // 2 % 2], rng, draw % 3 == 2)
                     if "stiffness" in own:
@@ -234,7 +282,7 @@ def instruments(draws: str = "12") -> None:
                     fit = fit_indentation(curve, started(data, rng, free), list(free))
                     spent.append(time.process_time() - begun)
                     for each in fit.parameters:
-                        known = Model(data).keys.get(each.key, 0.0)
+                        known = truths.get(each.key, 0.0)
                         if each.key == "stiffness":
                             known = curve.stiffness / wrong
                         low, high = each.interval
@@ -279,7 +327,8 @@ def started(data: dict[str, Any], rng: np.random.Generator, free: Sequence[str] 
     for each in layers:
         if "Ginf" in each["material"]:
             each["material"]["Ginf"] = each["material"]["G0"] * 3
-    return {**data, **({"layers": layers} if "layers" in data else {"layer": layers[0]})}
+    sticks = {"adhesion": moved(data["adhesion"])} if "adhesion" in data else {}
+    return {**data, **sticks, **({"layers": layers} if "layers" in data else {"layer": layers[0]})}
 
 
 def hereditary(t: np.ndarray, elastic: np.ndarray, G0: float, Ginf: float, tau: float) -> np.ndarray:
@@ -442,6 +491,7 @@ def pages() -> None:
     """Draw the pictures of the guides."""
     rng = np.random.default_rng(2)
     save(fit_figure(afm(rng)), GUIDES / "afm.png")
+    save(fit_figure(adhesive()), GUIDES / "afm-adhesion.png")
     nanoindenter(rng)
     save(fit_figure(flat_punch(rng)), GUIDES / "flat-punch.png")
 
@@ -485,6 +535,26 @@ def afm(rng: np.random.Generator) -> Any:
     )  # fmt: skip
     curve = replace(curve, depth=position + measured / stiffness - curve.force / curve.stiffness)
     fit = fit_indentation(curve, begun(GEL, 1.0, 3.0, 1.0), [*ZENER, "tilt"], contact="detect")
+    print("\n".join(summary(fit)))
+    return fit
+
+
+def adhesive() -> Any:
+    """Fit a cantilever that jumps onto an elastic gel and off, and choose the adhesion."""
+    rng = np.random.default_rng(3)
+    layer = GEL["layer"] | {"material": {"model": "elastic", "G": 1.5}}
+    data = GEL | {"layer": layer, "adhesion": {"model": "jkr", "work": 0.2}}
+    time = np.linspace(0.0, 3.0, 601)
+    base = np.interp(time, [0, 1.3, 3], [-0.6, 0.7, -1.0])
+    facts: dict[str, Any] = {"prescribed": "base", "stiffness": 20.0}
+    seen = np.maximum(base, 0.0)
+    force = responses(data, ForceCurve("a", time, base - seen / 20.0, seen, **facts))[0]
+    force = force + 0.02 * force.max() * rng.standard_normal(time.size) + 0.2
+    base = base + 0.1
+    curve = ForceCurve("gel", time, base - force / 20.0, force, **facts)
+    start = GEL | {"layer": layer | {"material": {"model": "elastic", "G": 4.0}}}
+    free = ["layer.material.G", "layer.thickness", "contact_point", "force_offset"]
+    fit = fit_indentation(curve, start, free, contact="detect", adhesion="choose")
     print("\n".join(summary(fit)))
     return fit
 

@@ -10,4 +10,4 @@ bash scripts/environment.sh mpich,test
 export PATH="$root/.venv/bin:$PATH"
 # Threads of BLAS, on small matrices, wait for those of the other process of tests; the command line sets this too.
 export OPENBLAS_NUM_THREADS=1
-python -m pytest -n 2 -m "not slow" "$@"
+python -m pytest -n 2 --dist worksteal -m "not slow" "$@"

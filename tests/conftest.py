@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.model import simulate
+from gfmdlayer.verification import runs
 
 Floats = NDArray[np.float64]
 
@@ -29,33 +30,13 @@ settings.register_profile("long", max_examples=10_000, print_blob=True, deadline
 settings.load_profile("short")
 
 
-@dataclass
-class Recording:
+class Recording(runs.Recording):
     """A recorder that keeps everything; `recording["contact_area"]` is a column of its rows."""
 
-    rows: list[dict[str, Any]] = field(default_factory=list)
-    snapshots: list[tuple[float, Floats, Floats]] = field(default_factory=list)
-    gaps: list[Floats] = field(default_factory=list)  # of the snapshots
-    attributes: dict[str, float] = field(default_factory=dict)
-
-    def row(self, **values: Any) -> None:
-        self.rows.append(values)
-
-    def snapshot(self, time: float, displacement: Floats, pressure: Floats, gap: Floats) -> None:
-        self.snapshots.append((time, displacement, pressure))
-        self.gaps.append(gap)
-
-    def note(self, **attributes: float) -> None:
-        self.attributes.update(attributes)
-
-    def __getitem__(self, name: str) -> Floats:
-        return np.array([row[name] for row in self.rows])
-
-    def at(self, name: str, times: Iterable[float]) -> Floats:
-        """Values of a column at times that are rows."""
-        rows = [int(np.argmin(np.abs(self["time"] - time))) for time in times]
-        np.testing.assert_allclose(self["time"][rows], list(times), rtol=1e-9)
-        return self[name][rows]
+    @property
+    def gaps(self) -> list[Floats]:
+        """The gap of each snapshot."""
+        return [gap for _, _, _, gap, *_ in self.fields]
 
 
 @pytest.fixture(scope="session")

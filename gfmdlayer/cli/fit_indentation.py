@@ -63,6 +63,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "with an error it is fitted too",
     )
     parser.add_argument(
+        "--adhesion",
+        choices=("none", "jkr", "dmt", "choose"),
+        help="adhesion of an elastic body: fit the work of JKR or the force of DMT, or choose by BIC "
+        "(default: the section `adhesion` of the model)",
+    )
+    parser.add_argument(
         "--segments",
         metavar="NAME",
         nargs="+",
@@ -104,6 +110,7 @@ def fit_indentation(options: argparse.Namespace) -> int:
             tuple(options.segments),
             options.prescribed,
             *spring,
+            options.adhesion,
         )
         free = _free(options.free)
         if isinstance(free, str):

@@ -147,9 +147,10 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Problem]:
     for place, message in refused.items():
         if message:
             yield Problem(place, f"{message} with friction at the interface", law)
-    if config.interfaces or config.hardness is not None:
-        other = "attraction" if config.interfaces else "a hardness"
-        message = f"friction beside {other} is not available: the bound follows the pressure of the hard wall"
+    if config.hardness is not None:
+        message = (
+            "friction beside a hardness is not available: where surfaces yield, shear lowers the hardness"
+        )
         yield Problem(at, f"{message}; remove one of the two laws", ("interface",), chooses=True)
     different = {shift for shift in shifts(config).values() if shift is not None}
     if config.temperature is not None and len(different) > 1:

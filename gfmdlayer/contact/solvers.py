@@ -6,7 +6,7 @@ The table is plain data that imports no solver: configurations, cost estimates a
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -88,6 +88,7 @@ SOLVERS: Mapping[str, Declaration] = {
 FRICTIONAL = Declaration(
     "gfmdlayer.friction.solver:FrictionSolver", "pressure", 25, 0.08, fields=80, rough=3.5
 )
+ATTRACTED = replace(FRICTIONAL, pairs=60, power=0.14, fields=126)  # with `newton` for the normal contact
 
 # The solver that `solver.method: auto` takes. It follows only from the configuration: the solver that began a
 # run resumes it. Results carry the digest of the solver that is taken, not of the word `auto`.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Family, Scale, family
-from gfmdlayer.figures.labels import finish, name_axes, quantity
+from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import (
     PAPER,
     Columns,
@@ -35,6 +35,7 @@ from gfmdlayer.figures.selection import (
     default_columns,
     each_interface,
     notes,
+    rows,
     swept,
 )
 from gfmdlayer.figures.snapshot_plots import Inset
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 LABELLED = 40  # most entries of a legend
 BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are above
 ROW_MM = 4.5  # of a legend
+MOST_DURATIONS = 30.0  # longest over shortest case, on a linear axis of time
 
 
 def curves_figure(
@@ -60,7 +62,7 @@ def curves_figure(
     columns: Columns = 2,
     *,
     style: Style = PAPER,
-    log: Sequence[Literal["x", "y"]] = (),
+    log: Sequence[Literal["x", "y"]] | None = None,
     log_time: bool = False,
     inset: Inset | None = None,
     x: str = "time",
@@ -77,8 +79,9 @@ def curves_figure(
         Width in columns of a journal; in one column the panels are stacked.
     style : Style
         Sizes and fonts.
-    log : sequence of {"x", "y"}
-        Logarithmic axes, on which positive values have a place.
+    log : sequence of {"x", "y"}, optional
+        Logarithmic axes, on which positive values have a place. By default the axes are linear, except that
+        of time where the durations of the cases differ more than thirtyfold.
     log_time : bool
         The same as `log` of "x", over time.
     inset : Inset, optional
@@ -117,6 +120,8 @@ def curves_figure(
             columns, (66.0 if columns == 2 else 62.5) * shape[0] * (1.25 if len(names) == 1 else 1.0), style
         )
         panels = figure.subplots(*shape, sharex=columns == 1, squeeze=False)
+        if log is None:
+            log = ["x"] * (x == "time" and inset is None and _durations_differ(drawn))
         for axes in panels.flat[len(names) :]:
             axes.remove()
         for i, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
@@ -133,8 +138,15 @@ def curves_figure(
         more = _draw_legend(figure, drawn, columns, style)
         if inset is not None:
             inset.draw(panels[0, 0])
-        finish(figure, [*when, *notes(drawn.sweep, names), *drawn.notes, *more])
+        said = [*when, *explained(drawn.sweep, [*names, x]), *notes(drawn.sweep, names), *drawn.notes, *more]
+        finish(figure, said)
     return figure
+
+
+def _durations_differ(drawn: Family) -> bool:
+    """Return whether the curves of short cases would be upright lines on a linear axis of time."""
+    ends = drawn.sweep["time"].max(rows(drawn.sweep))
+    return bool(ends.max() > MOST_DURATIONS * ends.where(ends > 0).min())
 
 
 def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequence[str]) -> list[str]:
@@ -253,7 +265,8 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
             legend_above(figure, entries)
         if drawn.bar is not None:
             drawn.bar.draw(figure, axes)
-        finish(figure, [*notes(drawn.sweep), *drawn.notes])
+        way = "tangential_displacement" if y in _TANGENTIAL else "depth"
+        finish(figure, [*explained(drawn.sweep, [y, way]), *notes(drawn.sweep), *drawn.notes])
     return figure
 
 

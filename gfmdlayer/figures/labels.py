@@ -408,11 +408,18 @@ def _part_ticks(axis: XAxis) -> None:
 
 
 def explained(case: Dataset, names: Sequence[str]) -> list[str]:
-    """Return notes on the symbols of variables of a case, and on the scales by which they are divided."""
+    """Return notes on the symbols of variables of results, and on the scales by which they are divided."""
     known = [case[name] for name in names if name in case and "long_name" in case[name].attrs]
-    parts = [f"{symbol(each)}: {each.attrs['long_name'].partition(',')[0]}" for each in known]
-    labels = "".join(quantity(each, case.attrs).symbol for each in [*known, case["snapshot"]] if known)
+    parts = [f"{symbol(each)}: {_meaning(each)}" for each in known if symbol(each).startswith("$")]
+    clock = case["snapshot" if "snapshot" in case.dims else "time"]
+    labels = "".join(quantity(each, case.attrs).symbol for each in [*known, clock] if known)
     return parts + [f"${sign}$: {meaning}" for sign, meaning in MEANINGS.items() if f"/{sign}" in labels]
+
+
+def _meaning(array: DataArray) -> str:
+    """Return the first part of a long name, its symbols as in the figures."""
+    words = str(array.attrs["long_name"]).partition(",")[0].removesuffix(" atilde")
+    return words.replace("ptilde = pbar / (2 G0)", r"$\bar{p}/(2G_0)$")
 
 
 def _lines(notes: Sequence[str], inches: float) -> list[str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Scale
-from gfmdlayer.figures.labels import Quantity, finish, label_places, name_axes, quantity, symbol
+from gfmdlayer.figures.labels import Quantity, explained, finish, label_places, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -100,7 +100,7 @@ def map_figure(
                 axes.set_ylabel("")
         for axes in panels.flat[len(columns) :]:
             axes.remove()
-        finish(figure, said)
+        finish(figure, [*said, *explained(sweep, [*columns, x, y])])
     return figure
 
 

@@ -52,7 +52,7 @@ class Options(TypedDict, total=False):
     case: int | None  # whose snapshots are drawn; by default all of a few, some, or the first
     inset: Sequence[float]  # times of snapshots at which the curves' inset shows punch and surface
     times: Sequence[float]  # of snapshots, waterfall and movie: all of these, and no others
-    log: Sequence[Literal["x", "y"]]  # logarithmic axes of the curves
+    log: Sequence[Literal["x", "y"]] | None  # logarithmic axes of the curves
     log_time: bool  # as log x, over time
     fps: int | None  # frames of a movie in a second
     style: Literal["paper", "screen"]  # for the columns of a journal, or for a talk
@@ -149,7 +149,7 @@ def _curves(dataset: Dataset, first: Dataset, options: Options) -> Figure:
     return curves_figure(
         dataset,
         style=STYLES[options.get("style", "paper")],
-        log=options.get("log", ()),
+        log=options.get("log"),
         log_time=options.get("log_time", False),
         inset=Inset.of(first, inset) if inset else None,
         x=options.get("x") or "time",

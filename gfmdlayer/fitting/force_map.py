@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.config import text
+from gfmdlayer.config import ConfigError, text
 from gfmdlayer.execution.case_run import record_failure
 from gfmdlayer.execution.folder import FOREIGN, MARK, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.growth import held, leftovers, refuse_unreadable, remove_results
@@ -35,10 +35,12 @@ from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
 from gfmdlayer.fitting.indentation.curve import in_si
 from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
+from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
 from gfmdlayer.fitting.indentation.problem import Correction, Free, Model, Prediction
 from gfmdlayer.fitting.indentation.report import COLUMNS, SCALARS, add_estimates
+from gfmdlayer.fitting.indentation.starts import with_adhesion
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
@@ -254,6 +256,14 @@ class ForceMap:
         self._model, self.keys = Model(model), list(free)
         if options.contact == "detect":
             self.keys += [key for key in ("contact_point", "force_offset") if key not in self.keys]
+        if options.adhesion == CHOOSE:
+            allowed = ", ".join((NO_ADHESION, *KINDS))
+            raise ConfigError(
+                [f"adhesion: got choose, and a map has one set of parameters; must be one of {allowed}"]
+            )
+        if options.adhesion is not None:
+            self._model, asked = with_adhesion(self._model, self.keys, options.adhesion)
+            self.keys = list(asked)
         if options.stiffness_error is not None and "stiffness" not in self.keys:
             self.keys.append("stiffness")
         self.folder = Folder(directory)
@@ -278,6 +288,8 @@ class ForceMap:
             data["free"] = {key: "free" if bounds is None else list(bounds) for key, bounds in free.items()}
         kept = self._model.config.model_dump(exclude_none=True)
         data |= {key: kept[key] for key in ("units", *SECTIONS) if key in kept}
+        if self._model.adhesion is not None:
+            data["adhesion"] = self._model.adhesion
         return f"{MARK}# Cases: {len(self.cases)}\n{text.written(data)}"
 
     def run(

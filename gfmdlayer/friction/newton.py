@@ -5,6 +5,9 @@ direction n of t - s). The linear system on the free unknowns, p in contact, t w
 across n where it slips, is solved by flexible GMRES in single precision, preconditioned by the stiffness
 without the coupling of p and t. Its vectors have only the free unknowns. Full steps are taken; where they do
 not come closer, steps from the best state are damped (proximal, C + theta).
+
+Where the contact of a line is short intervals, the preconditioner is the inverse of the compliance in each
+of them, and among their loads. It needs no transforms.
 """
 
 from __future__ import annotations
@@ -27,6 +30,8 @@ INNER = 20  # iterations of GMRES, at most
 _FAILURES = 3  # full steps that may fail before damping
 _AWAY = 10  # steps away from the best state
 _DAMPING = 0.05, 4.0, 30.0  # first, factor, largest
+
+_LONGEST, _MOST = 128, 1500  # points of an interval, and intervals, whose compliance is inverted
 
 # Error of a response in single precision, over the largest change of traction: 2^-24 and some additions.
 _SINGLE = 5e-7
@@ -123,6 +128,65 @@ class Ones:
     sticking: BoolArray
 
 
+class Blocks:
+    """Inverse of the compliance B of an interval, by its points; `kernel` is that of the surface of a line.
+
+    Of the loads w = B^-1 1, which move all points alike, the part w/sum w has the load one. What is left,
+    B^-1 - w w^T/sum w, has no load, so that an interval hardly moves the others by it.
+    """
+
+    def __init__(self, kernel: FloatArray) -> None:
+        self.kernel = kernel
+        self._made: dict[int, tuple[FloatArray, FloatArray, float]] = {}
+
+    def of(self, points: int) -> tuple[FloatArray, FloatArray, float]:
+        """Return the inverse without a load, the shape of a load, and the displacement under it."""
+        if points not in self._made:
+            apart = np.abs(np.subtract.outer(np.arange(points), np.arange(points)))
+            inverse = np.linalg.inv(self.kernel[apart])
+            w = inverse.sum(axis=1)
+            self._made[points] = inverse - np.outer(w, w) / w.sum(), w / w.sum(), 1 / float(w.sum())
+        return self._made[points]
+
+
+class Intervals:
+    """Inverse of the compliance of intervals of points on a line: within each, and among their loads."""
+
+    def __init__(self, blocks: Blocks, points: NDArray[Any]) -> None:
+        kernel, n = blocks.kernel, blocks.kernel.size
+        first, self._length = intervals(points)
+        self._first = first
+        self._shape, own = np.empty(points.size), np.empty(first.size)
+        self._alike = []
+        for length in np.unique(self._length).tolist():
+            chosen = self._length == length
+            rows = first[chosen, np.newaxis] + np.arange(length)
+            inverse, self._shape[rows], own[chosen] = blocks.of(length)
+            self._alike.append((rows, inverse.astype(np.float32)))
+        twice = 2 * points[first] + self._length - 1  # of the middles
+        apart = np.abs(np.subtract.outer(twice, twice)) % (2 * n)
+        among = 0.5 * (kernel[apart // 2 % n] + kernel[(apart + 1) // 2 % n])
+        np.fill_diagonal(among, own)
+        self._among = np.linalg.inv(among) if first.size else among
+
+    def __call__(self, v: NDArray[Any]) -> NDArray[Any]:
+        """Return the tractions that give displacements."""
+        if not v.size:
+            return v
+        found = np.empty(v.size, dtype=np.float32)
+        for rows, inverse in self._alike:
+            found[rows] = v[rows] @ inverse
+        loads = self._among @ np.add.reduceat(self._shape * v, self._first)
+        found += self._shape * np.repeat(loads, self._length)
+        return found
+
+
+def intervals(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return where each interval of sorted points begins, and its points."""
+    first = np.flatnonzero(np.diff(points, prepend=-2) > 1)
+    return first, np.diff(first, append=points.size)
+
+
 class LinearSystem:
     """The equations of one Newton step, scaled by p_s and W_s."""
 
@@ -135,8 +199,13 @@ class LinearSystem:
         C: Operator,
         K: Operator,
         kept: Ones | None,
+        blocks: tuple[Blocks, Blocks] | None = None,
     ) -> None:
         self.sets, self.size = sets, C.size
+        self._inverses: list[Intervals] = []
+        if blocks is not None:
+            groups = sets.points, sets.points[sets.stick]
+            self._inverses = [Intervals(each, of) for each, of in zip(blocks, groups, strict=True)]
         self._C, self._K = C.among(sets.points), K.among(sets.points)
         self.unit = at.W_s / at.p_s
         axes, size = sets.axes, sets.size
@@ -152,7 +221,7 @@ class LinearSystem:
         self.shift = np.full(sets.free, damping, dtype=np.float32)
         if axes == 2:
             self.shift[size + 2 * sets.stick.size :] += sets.delay.astype(np.float32)
-        self.kept = self._ones(kept)
+        self.kept = self._ones(None if self._inverses else kept)
         self.ones = [sets.compressed(self.kept.fields[i][:, sets.points]) for i in self.which]
         self.sums_of_ones = np.array([self._sums(one) for one in self.ones]).T
 
@@ -184,6 +253,9 @@ class LinearSystem:
     def softened(self, v: NDArray[Any]) -> NDArray[Any]:
         """Return the preconditioner without multipliers: S K S on the free unknowns."""
         sets = self.sets
+        if self._inverses:
+            parts = zip(self._inverses, np.split(v, [sets.size]), strict=True)
+            return np.concatenate([inverse(part) for inverse, part in parts]) * np.float32(self.unit)
         fields = self._K(self.share * sets.expanded(v))
         return np.asarray(sets.compressed(self.share * fields) * np.float32(self.unit))
 
@@ -269,10 +341,12 @@ class Newton:
     def __init__(self, C: Operator, K: Operator) -> None:
         self._C, self._K = self.operators = C, K
         self._ones: Ones | None = None
+        self._blocks: tuple[Blocks, Blocks] | None = None
+        self._inverts = False  # whether the solve uses them
 
     def solve(self, problem: Problem, x: FloatArray, tolerance: float, limit: int) -> tuple[State, int]:
         """Return the state that was reached from a guess of the tractions, and the steps."""
-        self._ones = None
+        self._ones, self._inverts = None, False
         way = _Way(self, problem)
         at = self.state(problem, admissible(problem, x))
         way.best = at
@@ -317,7 +391,8 @@ class Newton:
         gap = (problem.gap_at_rest[points] - at.depth) / at.W_s + W[0]
         slip = (problem.slip_at_rest[:, points] - at.path[:, np.newaxis]) / at.W_s + W[1:]
         sets.to_single()
-        system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones)
+        blocks = self._blocks_for(sets, damping)
+        system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones, blocks)
         self._ones = system.kept
         b = system.right_side(gap, slip, base)
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
@@ -333,6 +408,21 @@ class Newton:
         x[:, points] = moved * at.p_s
         path = at.path + found[-sets.axes :] * at.W_s if problem.force_is_given else None
         return x, path
+
+    def _blocks_for(self, sets: Sets, damping: float) -> tuple[Blocks, Blocks] | None:
+        """Return the inverses of the compliance of intervals, where these are short."""
+        if sets.axes == 2 or damping > 0:
+            return None
+        first, length = intervals(sets.points)
+        longest = min(_LONGEST, self._C.size // 2)
+        if length.max(initial=0) > longest or first.size > _MOST:
+            return None
+        if not self._inverts:  # the two kernels count in each solve, which may be the first of a resumed run
+            self._C.spend(1.0)
+            self._inverts = True
+        if self._blocks is None:
+            self._blocks = Blocks(self._C.kernel(0)), Blocks(self._C.kernel(2))
+        return self._blocks
 
     def moved(self, at: State, x: FloatArray) -> tuple[FloatArray, float]:
         """Return the displacements under new tractions, and their drift."""

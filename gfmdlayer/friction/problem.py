@@ -10,6 +10,9 @@ the offset by the past,
 
 The bound b(p) is the law of friction: mu p, a shear strength tau_0 on the contact, or the smaller one.
 
+Where the interface attracts, p is the pressure of the wall, and the body carries p - tau(g) with the traction
+tau across the gap. Contact without a load, or under a pull, so has friction; the gap carries no shear.
+
 The residual, of which there is this one definition, measures pressures in the largest pressure p_s, lengths
 in the largest displacement W_s under the tractions, and shear in t_s, the largest bound or p_s:
 
@@ -30,6 +33,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.friction.response import Response
+from gfmdlayer.interface.law import HARD_WALL, Interaction
 
 
 @dataclass(frozen=True)
@@ -96,12 +100,13 @@ class Problem:
     response: Response  # to tractions of this step
     heights: FloatArray  # h of the punch above its lowest point; length
     law: Law
-    load: float | None = None  # mean pressure
+    load: float | None = None  # mean pressure, less that of the attraction
     depth: float = 0.0  # of the punch below its first touch, where no load is given
     force: FloatArray | None = None  # mean shear traction on the body, a component an axis
     path: FloatArray | None = None  # tangential displacement of the punch in the step; by default none
     offset: FloatArray | None = None  # W, u_x[, u_y] without tractions, by the past; by default none
     before: FloatArray | None = None  # u_x[, u_y] at the end of the step before; by default none
+    interface: Interaction = HARD_WALL  # across the gap, beside the wall
 
     @cached_property
     def slip_at_rest(self) -> FloatArray:
@@ -123,11 +128,16 @@ class Problem:
         return self.force is not None
 
     def why_not_solvable(self) -> str:
-        """Return why no state satisfies the conditions: the punch slides away; else nothing."""
+        """Return why no state satisfies the conditions: the punch slides away; else nothing.
+
+        The pressure of a wall beside an attraction is not known beforehand.
+        """
         if self.force is None:
             return ""
         size = float(np.linalg.norm(self.force))
         smooth = self.law.is_frictionless
+        if not smooth and self.interface.attracts:
+            return ""
         if not smooth and self.load is not None and np.ndim(self.law.coefficient) == 0:
             most = min(float(self.law.coefficient) * self.load, self.law.strength)
             if size < most:
@@ -143,7 +153,7 @@ class Problem:
 class Solution:
     """State of a step; fields have the shape (components, points) or (points,)."""
 
-    pressure: FloatArray  # p >= 0
+    pressure: FloatArray  # p >= 0 of the wall
     traction: FloatArray  # t_x[, t_y] on the body, |t| <= b(p)
     displacement: FloatArray  # W into the body, u_x[, u_y], with the offset of the past
     gap: FloatArray  # h + W - d
@@ -156,6 +166,19 @@ class Solution:
     iterations: int  # Newton steps
     converged: bool
     reason: str = ""  # why not
+    attraction: FloatArray | None = None  # tau across the gap, where the interface attracts
+    released_energy: float = 0.0  # as of `contact.problem.Solution`
+    margin: float = math.nan
+
+    @property
+    def stress(self) -> FloatArray:
+        """Compressive stress of the surface, p - tau."""
+        return self.pressure if self.attraction is None else self.pressure - self.attraction
+
+    @property
+    def loads(self) -> FloatArray:
+        """Tractions on the body, (p - tau, t_x[, t_y])."""
+        return np.vstack((self.stress[np.newaxis], self.traction))
 
     @property
     def tractions(self) -> FloatArray:

@@ -111,10 +111,13 @@ class Spent:
 
 
 class Work:
-    """Transforms of a grid and of windows in it, with their fields, which all operators on it share."""
+    """Transforms of a grid and of windows in it, with their fields, which all operators on it share.
 
-    def __init__(self, transforms: Transforms, spent: Spent, share: float) -> None:
-        self.shape = transforms.shape
+    The plan of the grid in single precision is `measured` where another solver has it too.
+    """
+
+    def __init__(self, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False) -> None:
+        self.shape, self._measured = transforms.shape, measured
         self._transforms, self.spent, self._share = transforms, spent, share
         self._parts = parts(self.shape)
         self._made: dict[tuple[int, bool], Fields] = {}
@@ -124,10 +127,15 @@ class Work:
         if (part, single) not in self._made:
             plan, shape = self._transforms, tuple(n // part for n in self.shape)
             if single or part > 1:
-                plan = plan.of_shape(shape, single=single, measured=False)
+                measured = self._measured and single and part == 1
+                plan = plan.of_shape(shape, single=single, measured=measured)
             share = self._share / part ** len(shape)
             self._made[part, single] = Fields(plan, self.spent, share * (0.5 if single else 1.0))
         return self._made[part, single]
+
+    def spend(self, pairs: float) -> None:
+        """Count FFT pairs."""
+        self.spent.pairs += pairs * self._share
 
     def window(self, points: NDArray[Any]) -> tuple[int, NDArray[Any]]:
         """Return the part of the smallest window twice as wide as some points, and where they are in it."""
@@ -258,6 +266,18 @@ class Operator:
             return np.array([field[places] for field in work.respond(factors, [True] * len(x))])
 
         return response
+
+    def kernel(self, number: int) -> FloatArray:
+        """Return the response to a load on the first point, of a component of `_parts`; not counted."""
+        work, before = self._work.fields(single=False), self._work.spent.pairs
+        work.waves[0][:] = self._double[number]
+        work.transform_back(0)
+        self._work.spent.pairs = before
+        return np.array(work.points[0])
+
+    def spend(self, pairs: float) -> None:
+        """Count FFT pairs of the grid of this operator."""
+        self._work.spend(pairs)
 
     @property
     def windows(self) -> list[int]:

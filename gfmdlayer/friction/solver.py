@@ -2,6 +2,11 @@
 
 Without friction the pressure is that of `contact.problem`, and shear follows from it: the problem goes to a
 solver of that one.
+
+Where the interface attracts, that solver follows the path of the surface under the last shear traction. With
+its attraction kept, pressure of the wall and shear traction are those of a frictional contact under a hard
+wall, in which the attraction is a load on the body. Both are repeated until the attraction at the gap stays
+the same: at once where shear does not move the surface up and down, else in some rounds.
 """
 
 from __future__ import annotations
@@ -21,6 +26,7 @@ from gfmdlayer.friction.problem import Law, Problem, Solution, State, norms
 from gfmdlayer.friction.response import Operator, Response, Spent, Work
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.resumable import State as SavedState
 
 _COARSEST = 16  # points of an axis
@@ -29,6 +35,11 @@ LIMIT = 60  # Newton steps
 _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
 # Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
 _FEWEST, _APART = 64, 64
+_ROUNDS = 40  # of normal and frictional contact, where the interface attracts
+_MIXED = 4  # rounds that the next one is mixed of, besides the last
+# Residual of a round in parts of the change of the attraction in the last one, and of the tolerance: errors
+# of tractions move the gap, and with it the attraction, by up to a hundred times as much. And the least one.
+_OF_A_ROUND, _FINER, _LEAST_TOLERANCE = 0.01, 0.1, 1e-9
 
 
 class FrictionSolver:
@@ -42,15 +53,19 @@ class FrictionSolver:
         Plans for its shape, in double precision.
     rough : bool
         Whether the punch is rough, for the choice of the solver without friction.
+    attracts : bool
+        Whether problems may have an interface that attracts.
     """
 
     starts_from: ClassVar[Literal["pressure"]] = "pressure"
 
-    def __init__(self, grid: Grid, transforms: Transforms, *, rough: bool = False) -> None:
+    def __init__(
+        self, grid: Grid, transforms: Transforms, *, rough: bool = False, attracts: bool = False
+    ) -> None:
         self._spent, self._transforms = Spent(), transforms
-        self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=False)
+        self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=attracts)
         self._mark = ""  # digest of the last response before the run was resumed
-        self._levels = [_Level(grid, transforms, self._spent, 1.0)]
+        self._levels = [_Level(grid, transforms, self._spent, 1.0, measured=attracts)]
         while (coarser := self._levels[-1].coarser()) is not None:
             self._levels.append(coarser)
 
@@ -59,28 +74,52 @@ class FrictionSolver:
         problem: Problem,
         start: FloatArray | None = None,
         *,
+        gap: FloatArray | None = None,
         tolerance: float = 1e-7,
         limit: int = LIMIT,
     ) -> Solution:
-        """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing."""
+        """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing.
+
+        Where the interface attracts, the path of the surface begins at the `gap` of the last step.
+        """
         self._spent.pairs = 0.0
         if reason := problem.why_not_solvable():
             raise ValueError(reason)
         self._forget_windows(problem.response)
         if problem.law.is_frictionless:
-            return self._without_friction(problem, start, tolerance, limit)
+            return self._without_friction(problem, start, gap, tolerance, limit)
+        if problem.interface.attracts:
+            return self._attracted(problem, start, gap, tolerance, limit)
+        at, steps = self._under_a_wall(problem, start, tolerance, limit)
+        return _solution(problem, at, steps, self._spent.pairs, tolerance)
+
+    def _under_a_wall(
+        self,
+        problem: Problem,
+        start: FloatArray | None,
+        tolerance: float,
+        limit: int,
+        *,
+        near: bool = False,
+    ) -> tuple[State, int]:
+        """Solve without attraction; a guess that is `near` needs no coarser grids."""
         last = len(self._levels) - 1
         if start is not None:
-            deepest = _levels_of(start, self._levels[0].grid)
+            deepest = 0 if near else _levels_of(start, self._levels[0].grid)
             at, steps = self._solve(problem, start, 0, deepest, tolerance, limit)
         if start is None or not at.residual < tolerance:
             at, steps = self._solve(problem, None, 0, last, tolerance, limit)
         if not at.residual < tolerance and not problem.law.sticks:
             at, steps = self._gradually(problem, at, tolerance, limit)
-        return _solution(problem, at, steps, self._spent.pairs, tolerance)
+        return at, steps
 
     def compile(self) -> None:
-        """Compile nothing: only a failed solve calls more kernels, those of the solver without friction."""
+        """Compile the kernels of the solver without friction, where the interface attracts.
+
+        Else only a failed solve calls them.
+        """
+        if SOLVERS[self._choice.method].adhesive:
+            self._frictionless.compile()
 
     def state(self) -> SavedState:
         """Return the windows whose kernels are known, and the state of the solver without friction."""
@@ -120,26 +159,68 @@ class FrictionSolver:
         found: frictionless.Solver = declared.load()(self._transforms, **options)
         return found
 
-    def _without_friction(
-        self, problem: Problem, start: FloatArray | None, tolerance: float, limit: int
-    ) -> Solution:
-        """Solve for the pressure; the displacement of a punch on which no force acts is none."""
+    def _pressed(
+        self,
+        problem: Problem,
+        shear: FloatArray | None,
+        start: FloatArray | None,
+        gap: FloatArray | None,
+        tolerance: float,
+        limit: int,
+    ) -> tuple[frictionless.Problem, frictionless.Solution]:
+        """Solve for the pressure under a given shear traction, or none."""
         compliance, h = np.ravel(problem.response.normal), problem.gap_at_rest
         stiffness = np.divide(1, compliance, out=np.zeros(compliance.size), where=compliance > 0)
+        if problem.load is not None:
+            stiffness[0] = 0.0  # the mean displacement is part of the depth
+        if shear is not None and problem.response.couples and shear.any():
+            lifted = np.vstack((np.zeros((1, h.size)), shear))
+            h = h + self._levels[0].newton(problem.response).displacements(lifted)[0]
         given = frictionless.Problem(
             stiffness,
             np.zeros(stiffness.size, dtype=np.complex128),
             h - (problem.depth if problem.load is None else 0.0),
             problem.load,
             height=float(np.ptp(problem.heights)),
+            interface=problem.interface,
         )
-        guess = np.zeros(h.size) if start is None else start[0].copy()
+        if SOLVERS[self._choice.method].starts_from == "gap":
+            guess = np.full(h.size, np.inf) if gap is None else gap.copy()
+        else:
+            guess = np.zeros(h.size) if start is None else start[0].copy()
         found = self._frictionless.solve(given, guess, tolerance, limit * INNER)
-        p, depth = found.pressure, problem.depth
+        self._spent.pairs += found.transforms
+        return given, found
+
+    def _without_friction(
+        self,
+        problem: Problem,
+        start: FloatArray | None,
+        gap: FloatArray | None,
+        tolerance: float,
+        limit: int,
+    ) -> Solution:
+        """Solve for the pressure."""
+        given, found = self._pressed(problem, None, start, gap, tolerance, limit)
+        return self._smooth(problem, given, found, tolerance)
+
+    def _smooth(
+        self,
+        problem: Problem,
+        given: frictionless.Problem,
+        found: frictionless.Solution,
+        tolerance: float,
+    ) -> Solution:
+        """Return a contact without shear; the displacement of a punch on which no force acts is none."""
+        p, depth, attraction = found.pressure, problem.depth, None
         if problem.load is not None:
-            depth = float(found.displacement.mean()) + float(compliance[0]) * problem.load
+            compliance = float(np.ravel(problem.response.normal)[0])
+            depth = float(found.displacement.mean()) + compliance * problem.load
+        if problem.interface.attracts:
+            attraction = problem.interface.traction(found.gap)
+            p = _of_the_wall(p, attraction, found.gap)
         C, _ = self._levels[0].newton(problem.response).operators
-        u = C.shear_of(-stiffness * found.spectrum)
+        u = C.shear_of(-given.stiffness * found.spectrum)
         path = np.zeros(len(u)) if problem.path is None else problem.path
         displacement = np.vstack((found.gap + depth - problem.heights, u))
         if problem.offset is not None:
@@ -154,20 +235,79 @@ class FrictionSolver:
             path=path,
             stick=np.zeros(p.shape, dtype=bool),
             residual=found.residual,
-            pairs=found.transforms + self._spent.pairs,
+            pairs=self._spent.pairs,
             iterations=found.iterations,
             converged=found.converged,
             reason=""
             if found.converged
             else frictionless.why_not_converged(given, found, self._choice.method, tolerance),
+            attraction=attraction,
+            released_energy=found.released_energy,
+            margin=found.margin,
         )
+
+    def _attracted(
+        self,
+        problem: Problem,
+        start: FloatArray | None,
+        gap: FloatArray | None,
+        tolerance: float,
+        limit: int,
+    ) -> Solution:
+        """Solve for the pressure under the last shear, and for both under its attraction, in turns."""
+        axes, law = problem.response.normal.ndim, problem.interface
+        shear = np.zeros((axes, problem.heights.size)) if start is None else start[1:]
+        released, steps, off = 0.0, 0, 1.0 if problem.response.couples else 0.0
+        mixing = Mixing()
+        least = max(_FINER * tolerance, min(tolerance, _LEAST_TOLERANCE))
+        for turn in range(_ROUNDS):
+            enough = max(least, min(_OF_A_ROUND * off, _COARSE_TOLERANCE))
+            given, normal = self._pressed(problem, shear, None, gap, enough, limit)
+            released, steps, gap = released + normal.released_energy, steps + normal.iterations, normal.gap
+            attraction = law.traction(gap)
+            p = _of_the_wall(normal.pressure, attraction, gap)
+            if normal.converged and shear.any() and not p.any():
+                shear, mixing = np.zeros_like(shear), Mixing()
+                continue
+            if not normal.converged or not p.any():
+                apart = self._smooth(problem, given, normal, tolerance)
+                return replace(apart, released_energy=released, iterations=steps)
+            loads = np.vstack((-attraction[np.newaxis], np.zeros((axes, p.size))))
+            pulled = self._levels[0].newton(problem.response).displacements(loads)
+            under = replace(
+                problem,
+                load=None if problem.load is None else problem.load + float(attraction.mean()),
+                offset=pulled if problem.offset is None else problem.offset + pulled,
+                interface=HARD_WALL,
+            )
+            if reason := under.why_not_solvable():
+                apart = self._smooth(problem, given, normal, tolerance)
+                return replace(apart, iterations=steps, converged=False, reason=reason)
+            guess = np.vstack((p[np.newaxis], shear))
+            at, more = self._under_a_wall(under, guess, enough, limit, near=turn > 0)
+            steps += more
+            found = _solution(under, at, steps, self._spent.pairs, enough)
+            change = np.abs(law.traction(np.maximum(found.gap, 0.0)) - attraction).max()
+            off = float(change) / max(float(p.max()), float(attraction.max()))
+            found = replace(
+                found,
+                gap=np.where(found.contact, 0.0, np.maximum(found.gap, 0.0)),
+                residual=max(found.residual, off),
+                attraction=attraction,
+                released_energy=released,
+                margin=normal.margin,
+            )
+            if not found.converged or found.residual < tolerance:
+                return found
+            shear = mixing.next(shear, found.traction)
+        reason = f"attraction and shear traction do not settle in {_ROUNDS} rounds; residual {off:.2e}"
+        return replace(found, converged=False, reason=reason)
 
     def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
         """Raise friction and force from the frictionless contact, by steps that are halved on failure."""
         smooth = replace(problem, law=Law(0.0), force=None)
-        begun = self._without_friction(smooth, None, tolerance, limit)
+        begun = self._without_friction(smooth, None, None, tolerance, limit)
         x, part, step, steps = begun.tractions, 0.0, _FIRST_PART, begun.iterations
-        self._spent.pairs = begun.pairs
         while part < 1:
             aim = min(1.0, part + step)
             force = None if problem.force is None else aim * problem.force
@@ -212,13 +352,40 @@ class FrictionSolver:
         return newton.solve(problem, guess, tolerance, limit)
 
 
+class Mixing:
+    """Anderson's acceleration of a fixed-point iteration."""
+
+    def __init__(self) -> None:
+        self._changes: list[
+            tuple[FloatArray, FloatArray]
+        ] = []  # of image and of residual, from round to round
+        self._last: tuple[FloatArray, FloatArray] | None = None
+
+    def next(self, x: FloatArray, image: FloatArray) -> FloatArray:
+        """Return the next x, from its image: the combination of the last ones with the least residual."""
+        residual = image - x
+        if self._last is not None:
+            self._changes.append((image - self._last[0], residual - self._last[1]))
+            del self._changes[:-_MIXED]
+        self._last = image, residual
+        if not self._changes:
+            return image
+        images, residuals = (
+            np.array(each).reshape(len(self._changes), -1) for each in zip(*self._changes, strict=True)
+        )
+        parts = np.linalg.lstsq(residuals.T, residual.ravel(), rcond=1e-10)[0]
+        return np.asarray(image - (parts @ images).reshape(x.shape))
+
+
 class _Level:
     """One of the nested grids; keeps the operators of the last response."""
 
-    def __init__(self, grid: Grid, transforms: Transforms, spent: Spent, share: float) -> None:
+    def __init__(
+        self, grid: Grid, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False
+    ) -> None:
         self.grid, self.transforms = grid, transforms
         self._spent, self._share = spent, share
-        self._work = Work(transforms, spent, share)
+        self._work = Work(transforms, spent, share, measured=measured)
         self._finer: Response | None = None
         self.response: Response | None = None
         self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
@@ -258,6 +425,11 @@ class _Level:
         grid = replace(self.grid, points=points)
         share = self._share * grid.size / self.grid.size
         return _Level(grid, self.transforms.of_shape(points, measured=False), self._spent, share)
+
+
+def _of_the_wall(stress: FloatArray, attraction: FloatArray, gap: FloatArray) -> FloatArray:
+    """Return the pressure of the wall where there is no gap."""
+    return np.where(gap <= 0, np.maximum(stress + attraction, 0.0), 0.0)
 
 
 def _levels_of(start: FloatArray, grid: Grid) -> int:

@@ -10,7 +10,8 @@ Where the punch moves by the depth d and the path D, the change v of x over the 
 
 on the tractions f = (p, t), so that <v, delta f> over |d| p + |D| |t|, with the largest means so far, is the
 relative error of pressure or tangential force. While the punch rests, v is the displacement itself, or the
-last change in which the punch moved. The rest of delta f moves the free surface.
+last change in which the punch moved. The rest of delta f moves the free surface. Under an interface that
+attracts, where the mean pressure goes through zero, <v, delta f>/|v| counts relative to the largest stress.
 
 Slip makes the tractions depend on the path too. That error has nothing to do with relaxation, and is not
 estimated: the programme bounds the steps where surfaces slip.
@@ -44,6 +45,7 @@ class TractionControl:
         self._motion: list[ComplexArray] | None = None  # change of them over the last step of a moving punch
         self._last_step = 0.0
         self._largest = np.zeros(2)  # mean pressure and mean shear traction
+        self._largest_stress = 0.0
         self._moved = np.zeros(2)
 
     @property
@@ -80,11 +82,12 @@ class TractionControl:
         *,
         moving: bool,  # noqa: ARG002
         deep: bool,
-        attracted: bool = False,  # noqa: ARG002
+        attracted: bool = False,
     ) -> tuple[float, float]:
         """Estimate the error of the step of the last `terms`, which ends with these tractions.
 
-        Returns the relative error of pressure and tangential force, and the root mean square error of the
+        Returns the relative error of pressure and tangential force (of the stress, where the interface
+        attracts), and the root mean square error of the
         displacement.
         """
         modes, loads = self._modes, self._modes.loads(tractions)
@@ -96,15 +99,20 @@ class TractionControl:
         if self._moved.any():
             self._motion = change
         squares = self._mean(loads, loads)
-        ratio = 0.0
+        self._largest_stress = max(self._largest_stress, math.sqrt(squares)) if attracted else 0.0
+        ratio = part = 0.0
         for v, least in ((now if deep else None, 0.0), (self._motion, float(self._moved @ largest))):
             if v is None:
+                continue
+            if attracted:
+                norm = math.sqrt(self._mean(v, v)) * self._largest_stress
+                part = max(part, abs(self._mean(v, missing)) / norm if norm > 0 else 0.0)
                 continue
             work = max(abs(self._mean(v, loads)), least)
             if work**2 > _NO_CONTACT**2 * self._mean(v, v) * squares:
                 ratio = max(ratio, self._mean(v, missing) / work, key=abs)
         off = modes.moved([m - ratio * f for m, f in zip(missing, loads, strict=True)])
-        return abs(ratio), math.sqrt(self._mean(off, off))
+        return part if attracted else abs(ratio), math.sqrt(self._mean(off, off))
 
     def _sizes(self, tractions: ComplexArray) -> FloatArray:
         """Return the means of pressure and shear traction."""
@@ -132,7 +140,8 @@ class TractionControl:
         held: dict[str, ComplexArray] = {}
         for name, parts in (("velocity", self._velocities), ("motion", self._motion)):
             held |= {f"{name}_{i}": each for i, each in enumerate(parts or ())}
-        return {**self._modes.state(), **held, "last_step": self._last_step, "largest": self._largest}
+        largest = {"largest": self._largest, "largest_stress": self._largest_stress}
+        return {**self._modes.state(), **held, "last_step": self._last_step, **largest}
 
     def restore(self, state: State) -> None:
         """Continue from a state."""
@@ -144,3 +153,4 @@ class TractionControl:
         )
         self._velocities, self._motion = velocities, motion
         self._last_step, self._largest = float(state["last_step"]), np.asarray(state["largest"])
+        self._largest_stress = float(state["largest_stress"])

@@ -16,6 +16,7 @@ from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning
+from gfmdlayer.interface.law import Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables.contact_statistics import area_error, interpolated_area
 from gfmdlayer.validation.problems import ConfigError, shown
@@ -36,6 +37,7 @@ def with_friction(
     *,
     glassy: bool,
     solver: Mapping[str, Any],
+    interface: Interaction,
     friction: float | Mapping[str, float],
     tangential_force: float | Sequence[float] | None = None,
     tangential_displacement: float | Sequence[float] | None = None,
@@ -47,7 +49,7 @@ def with_friction(
     if tangential_force is not None and tangential_displacement is not None:
         raise ConfigError(["tangential_force: given with tangential_displacement; must be one of the two"])
     response, axes = _response(body, grid, glassy), len(grid.points)
-    moved, before, start = _taken_from(previous, grid)
+    moved, before, start, gap = _taken_from(previous, grid)
     area = math.prod(grid.period)
     force = None
     if tangential_force is not None:
@@ -65,13 +67,13 @@ def with_friction(
         force=force,
         path=None if force is not None else at - moved,
         before=before,
+        interface=interface,
     )
     if reason := problem.why_not_solvable():
         raise ConfigError([f"tangential_force: {reason}"])
     tolerance, limit = solver.get("tolerance", _TOLERANCE), solver.get("max_iterations", _LIMIT)
-    found = FrictionSolver(grid, Transforms(grid.points)).solve(
-        problem, start, tolerance=tolerance, limit=limit
-    )
+    method = FrictionSolver(grid, Transforms(grid.points), attracts=interface.attracts)
+    found = method.solve(problem, start, gap=gap, tolerance=tolerance, limit=limit)
     if not found.converged:
         raise ConvergenceError(found.reason)
     return _dataset(grid, found, moved + found.path)
@@ -121,11 +123,11 @@ def _components(name: str, value: float | Sequence[float], axes: int) -> FloatAr
 
 def _taken_from(
     previous: xarray.Dataset | None, grid: Grid
-) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
-    """Return the place of the punch, the tangential displacements and the tractions of a result."""
+) -> tuple[FloatArray, FloatArray | None, FloatArray | None, FloatArray | None]:
+    """Return place of the punch, tangential displacements, tractions and gap of a result."""
     axes = "xy"[: len(grid.points)]
     if previous is None:
-        return np.zeros(len(axes)), None, None
+        return np.zeros(len(axes)), None, None, None
     needed = [
         f"{name}_{axis}" for name in ("displacement", "shear", "tangential_displacement") for axis in axes
     ]
@@ -140,8 +142,8 @@ def _taken_from(
         return [np.ravel(previous[f"{name}_{axis}"].to_numpy()) for axis in axes]
 
     moved = np.array([float(previous[f"tangential_displacement_{axis}"]) for axis in axes])
-    pressure = np.ravel(previous["pressure"].to_numpy())
-    return moved, np.array(fields("displacement")), np.array([pressure, *fields("shear")])
+    pressure, gap = (np.ravel(previous[name].to_numpy()) for name in ("pressure", "gap"))
+    return moved, np.array(fields("displacement")), np.array([pressure, *fields("shear")]), gap
 
 
 def _dataset(grid: Grid, found: Solution, moved: FloatArray) -> xarray.Dataset:
@@ -150,7 +152,7 @@ def _dataset(grid: Grid, found: Solution, moved: FloatArray) -> xarray.Dataset:
     pressed, gap = found.pressure.reshape(grid.shape), np.where(touching, 0.0, np.maximum(found.gap, 0.0))
     interpolated = interpolated_area(touching.reshape(grid.shape), pressed, gap.reshape(grid.shape), grid)
     fields = {
-        "pressure": found.pressure,
+        "pressure": found.stress,
         "displacement": -found.displacement[0],
         "gap": gap,
         "contact": touching,
@@ -161,8 +163,8 @@ def _dataset(grid: Grid, found: Solution, moved: FloatArray) -> xarray.Dataset:
         "contact_area_interpolated": interpolated,
         "contact_area_error": area_error(touching.reshape(grid.shape), interpolated, grid),
         "stick_area": found.stick.mean(),
-        "mean_pressure": found.pressure.mean(),
-        "force": found.pressure.mean() * area,
+        "mean_pressure": found.stress.mean(),
+        "force": found.stress.mean() * area,
         "depth": found.depth,
         "residual": found.residual,
         "transforms": found.pairs,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
@@ -42,7 +43,7 @@ from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant
-from gfmdlayer.validation.problems import shown
+from gfmdlayer.validation.problems import nearest, shown
 
 if TYPE_CHECKING:
     import xarray
@@ -62,6 +63,7 @@ class Options(TypedDict, total=False):
     datum: float
     method: str
     tolerance: float
+    inertia: str
     max_iterations: int
     friction: float | Mapping[str, float]
     tangential_force: float | Sequence[float]
@@ -105,9 +107,10 @@ def solve(
         instantaneous : whether a viscoelastic body is glassy instead of relaxed. isolated : whether the
         contact has no periodic images; it must be narrower than some 0.4 periods. datum : of an isolated
         line on a halfspace, the distance at which the surface counts as at rest. method, tolerance,
-        max_iterations : of the solver, as in a configuration.
+        inertia, max_iterations : of the solver, as in a configuration.
         friction : coefficient of friction, or a mapping with `coefficient` mu, `strength` tau_0 (pressure)
-        or both: the shear traction of a point is at most the smaller of mu p and tau_0.
+        or both: the shear traction of a point is at most the smaller of mu p and tau_0, with the pressure p
+        of the wall, which presses against the attraction too.
         tangential_force, tangential_displacement : with friction, one of them: of the punch along x, or along
         x and y, over the cell (per length for a line) and from its place before the first contact. By default
         the punch keeps its place. previous : with friction, the result from which this step starts.
@@ -194,6 +197,7 @@ def solve(
     >>> abs(float(found.stick_area / found.contact_area) - (1 - 0.003 / (0.4 * 0.01)) ** 0.5) < 0.01
     True
     """
+    _check_options(options)
     check_body(body, "mean_stiffness", "spectrum")
     frictional = {name: options.pop(name) for name in FRICTIONAL if name in options}  # type: ignore[misc]
     instantaneous, alone = options.pop("instantaneous", False), options.pop("isolated", False)
@@ -206,7 +210,7 @@ def solve(
     _check_grid(body, grid)
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
     if frictional:
-        _check_friction(frictional, plain=not alone and law is HARD_WALL and config.hardness is None)
+        _check_friction(frictional, plain=not alone and config.hardness is None)
     if mean_pressure is not None and alone:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
     reach, response = None, body
@@ -223,9 +227,8 @@ def solve(
     if control == "depth" and (message := too_deep(target, float(heights.mean()), response.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     if frictional:
-        return with_friction(
-            body, grid, heights, (control, target), glassy=instantaneous, solver=options, **frictional
-        )
+        given = {"glassy": instantaneous, "solver": options, "interface": law}
+        return with_friction(body, grid, heights, (control, target), **given, **frictional)
     loading = CONTROLS[control](heights, Constant(target), law)
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
@@ -249,6 +252,14 @@ def solve(
     surface = loading.surface(solution, kappa, nothing, 0.0)
     parts = _parts(case, surface, glassy=instantaneous) if reach is None else {}
     return _dataset(grid, problem, solution, surface, reach, parts)
+
+
+def _check_options(options: Mapping[str, object]) -> None:
+    """Raise a ConfigError for a misspelt argument of `solve`."""
+    known = [*list(signature(solve).parameters)[2:-1], *Options.__annotations__]
+    if unknown := sorted(options.keys() - Options.__annotations__.keys()):
+        allowed = f"unknown argument; allowed: {', '.join(known)}"
+        raise ConfigError(f"{name}: {allowed}{nearest(name, known)}" for name in unknown)
 
 
 def _check_grid(body: Body, grid: Grid) -> None:
@@ -308,7 +319,7 @@ def _check_friction(given: Mapping[str, object], *, plain: bool) -> None:
     if "friction" not in given:
         raise ConfigError([f"{name}: only with friction; remove it" for name in given])
     if not plain:
-        raise ConfigError(["friction: not with isolated=True, attraction or hardness; remove one"])
+        raise ConfigError(["friction: not with isolated=True or a hardness; remove one"])
 
 
 def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) -> FloatArray:

@@ -78,7 +78,6 @@ class Friction(Observable):
         from gfmdlayer.time_functions import distance
 
         grid = case.grid
-        self._direction = direction(case.config)
         self._sums = grid.sums
         self._two = case.integrator if case.config.two_bodies else None
         if case.velocity is None:
@@ -98,7 +97,7 @@ class Friction(Observable):
         pressure, mean = step.solution.pressure, self._sums.mean(step.solution.pressure)
         shear = 0.0
         if step.shear is not None:
-            shear = float(self._direction @ step.shear.traction.mean(axis=1)) - step.shear.stretch
+            shear = step.shear.force - step.shear.stretch
         if self._position is None:
             return {"tangential_force": shear, "friction": shear / mean if mean > 0 else math.nan}
         p = self._transforms.forward(pressure)
@@ -180,11 +179,11 @@ class Slip(Observable):
         shear, mean = step.shear, step.solution.mean_pressure
         assert shear is not None
         self._heat -= float((shear.mean_traction * shear.slip).sum(axis=0).mean())
-        n, touching = self._direction, step.solution.pressure > 0
+        n, touching, force = self._direction, shear.touching, shear.force
         self._take_note(step.time, touching=bool(touching.any()), sticks=bool(shear.stick.any()),
                         slips=bool((touching & ~shear.stick).any()))  # fmt: skip
         means = shear.traction.mean(axis=1)
-        force, position = float(n @ means), float(step.row.get("position", 0.0))
+        position = float(step.row.get("position", 0.0))
         travelled, self._position = position - self._position, position
         found = {
             "interface_friction": force / mean if mean > 0 else math.nan,

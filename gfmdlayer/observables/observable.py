@@ -93,9 +93,11 @@ class Shear:
     """Shear tractions and slip of a step, with friction at the interface; components along x[, y]."""
 
     traction: FloatArray  # on the body, (axes, points)
+    force: float  # its mean along the tangential drive
     mean_traction: FloatArray  # of the beginning, at the same places of the material, and the end of the step
     slip: FloatArray  # of the surface against the punch in the step; at all points
     stick: BoolArray  # points in contact whose traction is below the bound
+    touching: BoolArray  # points in contact
     path: FloatArray  # displacement of the punch in the step, (axes,)
     moved: FloatArray  # displacement of the punch since the beginning of the run
     duration: float  # of the step

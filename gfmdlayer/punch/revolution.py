@@ -126,6 +126,37 @@ def abel_transform(profile: Revolution, x: float) -> float:
     return x * total
 
 
+@kernel
+def abel_transforms(profile: Revolution, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return H, its slope, and its integral from 0, at x > 0, each of the shape (n,) of x."""
+    values, slopes, integrals = np.zeros(x.size), np.zeros(x.size), np.zeros(x.size)
+    R, knots = profile.sphere, profile.knots
+    for j in range(x.size):
+        at = x[j]
+        if R > 0:
+            log = math.atanh(min(at / R, 1 - 1e-12))
+            values[j], slopes[j] = at * log, log + at * R / ((R - at) * (R + at))
+            integrals[j] = (R * at - (R - at) * (R + at) * log) / 2
+            continue
+        for i in range(2 * knots.size):  # each piece begins at its knot and ends at the next one
+            piece, sign = i // 2, 1 - 2 * (i % 2)
+            end = piece + i % 2
+            knot = knots[end] if end < knots.size else math.inf
+            c, line = -sign * profile.constant[piece], sign * profile.linear[piece]
+            if knot < at:
+                root, angle = math.sqrt((at - knot) * (at + knot)), math.asin(knot / at)
+                values[j] += at * (c * angle + line * root)
+                slopes[j] += c * (angle - knot / root) + line * (root + at * at / root)
+                integrals[j] += c * (at * at * angle + knot * root) / 2 + line * root**3 / 3
+            elif i % 2:  # the piece that x is in
+                values[j] += c * at * math.pi / 2
+                slopes[j] += c * math.pi / 2
+                integrals[j] += c * at * at * math.pi / 4
+            if knot >= at:
+                break
+    return values, slopes, integrals
+
+
 def heights(profile: Revolution, r: ArrayLike) -> FloatArray:
     """Return h(r), r >= 0; infinite beyond the rim."""
     r = np.asarray(r, dtype=float)

@@ -11,7 +11,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stderr, redirect_stdout, suppress
@@ -25,6 +24,7 @@ import pytest
 
 from gfmdlayer.cli import VERBS, main
 from gfmdlayer.execution.interrupts import STOP_SIGNALS
+from tests.waiting import until
 
 ROOT = Path(__file__).parents[2]
 HEAVY = ("numba", "pyfftw", "h5py", "matplotlib", "xarray", "mpi4py", "numpy", "scipy", "rich")
@@ -86,11 +86,7 @@ def interrupted(signum: signal.Signals, *arguments: str) -> subprocess.Completed
     """Run the command line and send it a signal while case 1 is at work."""
     command = [sys.executable, "-m", "gfmdlayer", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 120
-        while not Path("out/cases/0000.h5").exists() or not Path("out/cases/0001.running").exists():
-            assert process.poll() is None, process.communicate()
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        until(lambda: Path("out/cases/0000.h5").exists() and Path("out/cases/0001.running").exists(), process)
         process.send_signal(signum)
         output, errors = process.communicate(timeout=300)
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
@@ -387,10 +383,8 @@ def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
     )
     command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    deadline, begun = time.monotonic() + 60, Path("out/cases/0001.running")
-    while not begun.exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    begun = Path("out/cases/0001.running")
+    until(begun.exists, process)
     os.kill(json.loads(begun.read_text())["pid"], signal.SIGKILL)
     output, _ = process.communicate(timeout=120)
     assert process.returncode == 1
@@ -407,9 +401,7 @@ def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
 def test_workers_do_not_outlive_a_killed_run() -> None:
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
     interrupted(signal.SIGKILL, "run", "tiny.yaml", "--out", "out", "--jobs", "2")
-    deadline = time.monotonic() + 120
-    while "0 running" not in gfmdlayer("status", "out").stdout:
-        assert time.monotonic() < deadline
+    until(lambda: "0 running" in gfmdlayer("status", "out").stdout)
     assert gfmdlayer("run", "tiny.yaml", "--out", "out", "--jobs", "2").returncode == 0
 
 

@@ -7,6 +7,7 @@ import json
 import math
 import pickle
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -269,6 +270,17 @@ def places(data: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
         yield from places(value, (*at, key))
 
 
+@cache
+def sections() -> dict[str, set[str]]:
+    """Return the sections of each sound configuration that none before it has."""
+    found, seen = {}, set()
+    for content in SOUND:
+        given = {key: (key, repr(value)) for key, value in plain(content).items()}
+        found[content] = {key for key, section in given.items() if section not in seen}
+        seen |= {*given.values()}
+    return found
+
+
 def changed(data: Any, at: tuple[Any, ...], value: Any) -> Any:
     result = copy.deepcopy(data)
     inner = result
@@ -333,7 +345,7 @@ def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
 @pytest.mark.parametrize("content", SOUND)
 def test_both_refuse_the_same_types_and_ranges(content: str) -> None:
     data = plain(content)
-    for place in places(data):
+    for place in (each for each in places(data) if each[0] in sections()[content]):
         for value in ODD:
             mutated = changed(data, place, value)
             found = problems(mutated)

@@ -201,6 +201,8 @@ def test_what_friction_does_not_hold_or_resolve_is_noted() -> None:
         "ends there"
     ]
     assert of(law | less) == []
+    attraction = {"law": "exponential", "work": 1e-3, "range": 0.05}
+    assert of(law | pull | {"interface": [law["interface"], attraction]}) == []  # it presses too
     rolling = {"trajectory": load | {"velocity": 1.0, "creepage": 0.01}}
     assert of(law | rolling | {"grid.points": 1000}) == [
         "time.step = 0.01: the material moves by 5 grid points in a step; with friction use time.step: "

@@ -20,8 +20,8 @@ from gfmdlayer.contact.residual import residual_scales
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.law import HARD_WALL
-from gfmdlayer.results.journal import Recording
 from gfmdlayer.simulation import Case
+from gfmdlayer.verification.runs import Recording
 
 # A halfspace of E* = 2 G/(1 - nu) = 1, and a rough surface of slope 0.1: elastic pressures reach 0.1 E*.
 HALFSPACE = {"layer": {"thickness": 0.0}, "halfspace": {"shear_modulus": 0.25, "poisson": 0.5}}
@@ -55,10 +55,6 @@ def run(given: Config, **parts: Any) -> Recording:
     recording = Recording()
     Case(given, **parts).run(recording)
     return recording
-
-
-def column(recording: Recording, name: str) -> Any:
-    return np.array([row[name] for row in recording.rows])
 
 
 CYCLES = {"control": "load", "kind": "approach_retract", "load": 0.004, "approach_speed": 0.004, "cycles": 2}
@@ -97,12 +93,10 @@ def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity() -> None
 def test_pressures_below_the_hardness_are_elastic() -> None:
     """The same solution within the tolerance of either, whose effect on the area is a point or two."""
     elastic, yielding = run(config(None)), run(config(10.0))
-    assert (column(yielding, "plastic_work") == 0).all()
-    assert (column(yielding, "yielded_area") == 0).all()
-    np.testing.assert_allclose(column(yielding, "depth"), column(elastic, "depth"), rtol=1e-6)
-    np.testing.assert_allclose(
-        column(yielding, "contact_area"), column(elastic, "contact_area"), atol=2 / 64**2
-    )
+    assert (yielding["plastic_work"] == 0).all()
+    assert (yielding["yielded_area"] == 0).all()
+    np.testing.assert_allclose(yielding["depth"], elastic["depth"], rtol=1e-6)
+    np.testing.assert_allclose(yielding["contact_area"], elastic["contact_area"], atol=2 / 64**2)
 
 
 def test_a_dense_bounded_problem_has_the_same_pressures() -> None:
@@ -134,7 +128,7 @@ def test_a_sphere_yields_at_the_load_of_hertz() -> None:
     for load, yields in ((0.9, False), (1.1, True)):
         trajectory = {"control": "load", "load": load * first}
         found = run(config(0.04, punch=sphere, trajectory=trajectory, grid={"points": [128, 128]}))
-        assert (column(found, "yielded_area")[-1] > 0) == yields
+        assert (found["yielded_area"][-1] > 0) == yields
 
 
 def test_soft_asperities_carry_the_hardness_over_their_area() -> None:
@@ -142,7 +136,7 @@ def test_soft_asperities_carry_the_hardness_over_their_area() -> None:
     for hardness, elastic in ((0.005, 0.03), (5e-4, 0.003)):
         load = {"control": "load", "load": 0.5 * hardness}
         found = run(config(hardness, trajectory=load))
-        ratio = column(found, "mean_stress")[-1] / (hardness * column(found, "contact_area")[-1])
+        ratio = found["mean_stress"][-1] / (hardness * found["contact_area"][-1])
         assert 1 - elastic <= ratio <= 1
 
 
@@ -151,7 +145,7 @@ def test_the_imprint_does_not_depend_on_the_steps_and_cycles_close_after_the_fir
     flows = []
     for steps in (2, 8):
         found = run(config(0.02, trajectory=CYCLES, time={"step": 1 / steps}))
-        depth, work = column(found, "depth"), column(found, "plastic_work")
+        depth, work = found["depth"], found["plastic_work"]
         up, down, again, last = (depth[i * steps : (i + 1) * steps + 1] for i in range(4))
         assert work[steps] > 0
         assert work[-1] - work[steps] <= 1e-7 * work[steps]
@@ -176,9 +170,9 @@ def test_the_balance_of_energy_closes_with_the_steps() -> None:
                 time={"step": step},
             )
         )
-        work = column(recording, "work")[-1]
-        assert column(recording, "plastic_work")[-1] > 0.1 * work
-        residuals.append(abs(column(recording, "energy_residual")[-1]) / work)
+        work = recording["work"][-1]
+        assert recording["plastic_work"][-1] > 0.1 * work
+        residuals.append(abs(recording["energy_residual"][-1]) / work)
     assert residuals[1] <= residuals[0] / 4
     assert residuals[1] < 0.05
 
@@ -189,14 +183,14 @@ def test_the_plastic_work_is_the_hardness_times_the_imprint(step: Any) -> None:
     rubber = {"thickness": math.inf, "material": {"model": "zener", "G0": 0.25, "Ginf": 2.5}}
     time = {"step": step, "end": 2.0} | ({"tolerance": 1e-3} if step == "adaptive" else {})
     found = run(config(0.05, layer=rubber, time=time, output={"snapshots": [1.0, 2.0]}))
-    times = column(found, "time")
+    times = found["time"]
     for at, *_, traction, imprint in found.fields:
         assert traction is None
         assert imprint.min() >= 0
-        work = column(found, "plastic_work")[np.searchsorted(times, at - 1e-12)]
+        work = found["plastic_work"][np.searchsorted(times, at - 1e-12)]
         assert work == pytest.approx(0.05 * imprint.mean(), rel=1e-12)
         assert work > 0
-    assert (np.diff(column(found, "plastic_work")) >= 0).all()
+    assert (np.diff(found["plastic_work"]) >= 0).all()
 
 
 def test_the_balance_of_energy_holds_over_jumps_of_a_depth() -> None:
@@ -217,9 +211,9 @@ def test_the_balance_of_energy_holds_over_jumps_of_a_depth() -> None:
             time={"step": step, "end": 1.0},
         )
     )
-    jumps = np.diff(column(found, "depth"))
+    jumps = np.diff(found["depth"])
     assert jumps.max() > 5 * np.median(jumps)
-    assert abs(column(found, "energy_residual")[-1]) <= step * column(found, "work")[-1]
+    assert abs(found["energy_residual"][-1]) <= step * found["work"][-1]
 
 
 def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint() -> None:
@@ -229,7 +223,7 @@ def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint() -> None:
     case.run(found)
     touch = float((case.punch + case.imprint.depth).min())
     assert touch > 0
-    assert column(found, "depth")[-1] == pytest.approx(touch, rel=1e-6)
+    assert found["depth"][-1] == pytest.approx(touch, rel=1e-6)
 
 
 def test_a_stiff_film_on_a_soft_base_yields() -> None:
@@ -247,8 +241,8 @@ def test_a_stiff_film_on_a_soft_base_yields() -> None:
                 time={"step": 0.1},
             )
         )
-        assert (column(found, "residual") <= TOLERANCE).all()
-        assert column(found, "plastic_work")[-1] > 0
+        assert (found["residual"] <= TOLERANCE).all()
+        assert found["plastic_work"][-1] > 0
 
 
 def test_a_sphere_without_images_yields_at_the_load_of_hertz() -> None:
@@ -277,9 +271,9 @@ def test_columns_of_a_contact_without_images_are_totals() -> None:
     case, found = Case(given), Recording()
     case.run(found)
     cell = 1.4**2
-    assert column(found, "plastic_work")[-1] == pytest.approx(0.08 * case.imprint.depth.mean() * cell)
+    assert found["plastic_work"][-1] == pytest.approx(0.08 * case.imprint.depth.mean() * cell)
     at_hardness = found.fields[-1][2] == 0.08
-    assert column(found, "yielded_area")[-1] == pytest.approx(at_hardness.mean() * cell)
+    assert found["yielded_area"][-1] == pytest.approx(at_hardness.mean() * cell)
     assert at_hardness.any()
 
 
@@ -379,14 +373,14 @@ def test_flat_summits_stick_better_and_the_balance_of_energy_closes() -> None:
         )
         found = Recording()
         case.run(found)
-        pulls.append(-column(found, "mean_stress").min())
+        pulls.append(-found["mean_stress"].min())
         if hardness is not None:
             _, _, pressure, _, traction, imprint = found.fields[-1]
             assert (pressure + traction).max() == pytest.approx(hardness, rel=1e-12)
             assert imprint.max() > 0
-            work = column(found, "plastic_work")[-1]
+            work = found["plastic_work"][-1]
             assert work == pytest.approx((hardness - 2.0) * case.imprint.depth.mean(), rel=1e-12)
-            residuals.append(abs(column(found, "energy_residual")[-1]) / column(found, "work")[-1])
+            residuals.append(abs(found["energy_residual"][-1]) / found["work"][-1])
     assert pulls[1] > 1.1 * pulls[0]
     assert residuals[1] <= residuals[0] / 4
     assert residuals[1] < 0.02
@@ -398,10 +392,10 @@ def test_the_balance_of_energy_closes_under_a_moving_punch() -> None:
     moving, residuals = {"control": "load", "load": 0.01, "velocity": 0.1}, []
     for step in (0.2, 0.05):
         found = run(config(0.1, layer=rubber, trajectory=moving, time={"step": step, "end": 2.0}))
-        work = column(found, "work")[-1]
-        assert column(found, "plastic_work")[-1] > 0.1 * work
-        assert column(found, "friction")[-1] > 0
-        residuals.append(abs(column(found, "energy_residual")[-1]) / work)
+        work = found["work"][-1]
+        assert found["plastic_work"][-1] > 0.1 * work
+        assert found["friction"][-1] > 0
+        residuals.append(abs(found["energy_residual"][-1]) / work)
     assert residuals[1] <= residuals[0] / 4
     assert residuals[1] < 0.02
 

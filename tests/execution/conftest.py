@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,12 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.execution.progress import Log
 from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
 from gfmdlayer.execution.workers import assemble
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path) -> Iterator[None]:
+    with chdir(tmp_path):
+        yield
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from gfmdlayer.files.whole import write_sealed
 from gfmdlayer.observables import OBSERVABLES
 from gfmdlayer.results import checkpoint, provenance
 from gfmdlayer.results.checkpoint import CheckpointError, read_about, read_checkpoint, write_checkpoint
-from gfmdlayer.results.journal import HELD, Journal, Position
+from gfmdlayer.results.journal import HELD, Journal, Position, Recording
 from gfmdlayer.results.reader import attributes
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.resumable import CompositeState
@@ -44,23 +44,6 @@ CONFIG = Config(name="tiny").with_values(
 CASE = SweepCase(7, CONFIG, {})
 
 
-class Heard:
-    """A recorder that keeps what it hears."""
-
-    def __init__(self) -> None:
-        self.rows: list[dict[str, Any]] = []
-        self.snapshots: list[tuple[float | bytes, ...]] = []
-
-    def row(self, **values: Any) -> None:
-        self.rows.append({name: np.asarray(value).tolist() for name, value in values.items()})
-
-    def snapshot(self, time: float, *fields: Any) -> None:
-        self.snapshots.append((time, *(field.tobytes() for field in fields)))
-
-    def note(self, **attributes: float) -> None:
-        self.rows += [attributes] if attributes else []
-
-
 def record(into: Any, steps: range) -> None:
     for step in steps:
         into.row(time=step / 3, transforms=step, gap_histogram=np.array([step, 1 / 3]))
@@ -68,17 +51,22 @@ def record(into: Any, steps: range) -> None:
             into.snapshot(step / 3, *(np.full((4, 2), step / part) for part in (7, 9, 11)))
 
 
+def content(found: Recording) -> tuple[Any, Any]:
+    rows = [{name: np.asarray(value).tolist() for name, value in row.items()} for row in found.rows]
+    return rows, [(time, *(field.tobytes() for field in fields)) for time, *fields in found.fields]
+
+
 def heard(journal: Journal) -> tuple[Any, Any]:
-    found = Heard()
+    found = Recording()
     journal.replay(found)
-    return found.rows, found.snapshots
+    return content(found)
 
 
 def expected(*parts: range) -> tuple[Any, Any]:
-    found = Heard()
+    found = Recording()
     for part in parts:
         record(found, part)
-    return found.rows, found.snapshots
+    return content(found)
 
 
 @pytest.fixture

@@ -54,8 +54,7 @@ sweep: {trajectory.load: [0.01, 0.02]}
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def configuration() -> None:
     Path("rough.yaml").write_text(SURFACE)
 
 

@@ -101,10 +101,7 @@ def test_a_study_that_grew_three_times_and_was_killed_twice_has_the_bits_of_one_
     assert "goes on from time" in log
 
 
-def test_a_longer_end_goes_on_from_the_kept_state(
-    run_here: Run, bits: Bits, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_longer_end_goes_on_from_the_kept_state(run_here: Run, bits: Bits) -> None:
     given = steps("adaptive")  # the others are among those that grew three times
     run_here(study({THICKNESS: [0.1, 0.3]}, **given), "out")
     _, log = run_here(study({THICKNESS: [0.1, 0.3]}, **given, time__end=2.0), "out")
@@ -114,10 +111,7 @@ def test_a_longer_end_goes_on_from_the_kept_state(
     same(Path("out"), Path("once"), bits)
 
 
-def test_only_the_new_cases_of_a_grown_sweep_are_computed(
-    run_here: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_only_the_new_cases_of_a_grown_sweep_are_computed(run_here: Run) -> None:
     run_here(study({THICKNESS: [0.1, 0.3]}))
     before = {path: path.read_bytes() for path in Path("out/cases").glob("*.h5")}
     summary, log = run_here(study({THICKNESS: [0.02, 0.1, 0.2, 0.3]}))
@@ -141,10 +135,7 @@ def test_only_the_new_cases_of_a_grown_sweep_are_computed(
     assert {path: path.read_bytes() for path in before} == before
 
 
-def test_a_longer_end_without_a_kept_state_is_computed_again_and_says_so(
-    run_here: Run, bits: Bits, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_longer_end_without_a_kept_state_is_computed_again_and_says_so(run_here: Run, bits: Bits) -> None:
     run_here(study({}, output__keep_state=False))
     assert not list(Path("out/cases").glob("*.state"))
     _, log = run_here(study({}, output__keep_state=False, time__end=2.0))
@@ -155,10 +146,7 @@ def test_a_longer_end_without_a_kept_state_is_computed_again_and_says_so(
         assert only["time"][-1] == 2.0
 
 
-def test_a_snapshot_before_the_kept_state_is_computed_again(
-    run_here: Run, bits: Bits, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_snapshot_before_the_kept_state_is_computed_again(run_here: Run, bits: Bits) -> None:
     run_here(study({}, **steps("paper")))
     _, log = run_here(study({}, **steps("paper") | {"output__snapshots": [0.4, 0.6], "time__end": 2.0}))
     assert "computed again: case 0001: time.end: 1.0 -> 2.0; output.snapshots: (0.4,) -> (0.4, 0.6)" in log
@@ -166,10 +154,7 @@ def test_a_snapshot_before_the_kept_state_is_computed_again(
     same(Path("out"), Path("once"), bits)
 
 
-def test_a_law_whose_series_belongs_to_the_end_is_computed_again(
-    run_here: Run, bits: Bits, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_law_whose_series_belongs_to_the_end_is_computed_again(run_here: Run, bits: Bits) -> None:
     springpot = {"model": "fractional_zener", "G0": 1.0, "Ginf": 10.0, "tau": 1.0, "exponent": 0.5}
     run_here(study({}, layer__material=springpot))
     _, log = run_here(study({}, layer__material=springpot, time__end=2.0))
@@ -178,10 +163,7 @@ def test_a_law_whose_series_belongs_to_the_end_is_computed_again(
     same(Path("out"), Path("once"), bits)
 
 
-def test_asking_for_the_state_later_changes_nothing_in_what_is_complete(
-    run_here: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_asking_for_the_state_later_changes_nothing_in_what_is_complete(run_here: Run) -> None:
     before, after = study({}, output__keep_state=False), study({})
     assert digest(cases(before)[0].config) == digest(cases(after)[0].config)
     run_here(before)
@@ -190,10 +172,7 @@ def test_asking_for_the_state_later_changes_nothing_in_what_is_complete(
     assert "ended in" not in log
 
 
-def test_one_changed_case_of_a_list_is_computed_again(
-    run_here: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_one_changed_case_of_a_list_is_computed_again(run_here: Run) -> None:
     tolerance = "solver.tolerance"
     run_here(study({"zip": {THICKNESS: [0.1, 0.3], tolerance: [1e-6, 1e-6]}}))
     _, log = run_here(study({"zip": {THICKNESS: [0.1, 0.3], tolerance: [1e-6, 1e-8]}}))
@@ -201,25 +180,18 @@ def test_one_changed_case_of_a_list_is_computed_again(
     assert "not in the sweep, left in place: case 0001" in log
 
 
-def test_a_state_that_other_versions_kept_is_not_used(
-    run_here: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_state_that_other_versions_kept_is_not_used(run_here: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     made_by = provenance.made_by
     monkeypatch.setattr(provenance, "made_by", lambda digest: made_by(digest) | {"numba_version": "other"})
     run_here(study({}))
     monkeypatch.undo()
-    monkeypatch.chdir(tmp_path)
     _, log = run_here(study({}, time__end=2.0))
     assert "goes on" not in log
     assert "computed again: case 0001: time.end" in log
 
 
 @pytest.mark.parametrize("damage", ["case", "snapshot", "state"])
-def test_a_case_whose_earlier_one_is_damaged_begins_anew(
-    damage: str, run_here: Run, bits: Bits, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_case_whose_earlier_one_is_damaged_begins_anew(damage: str, run_here: Run, bits: Bits) -> None:
     run_here(study({}, output__snapshots=[0.4]))
     path = Folder(Path("out")).case(0, "state" if damage == "state" else "h5")
     content = bytearray(path.read_bytes())

@@ -34,8 +34,7 @@ sweep: {layer.thickness: [0.1, 0.2]}
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def configuration() -> None:
     Path("tiny.yaml").write_text(TINY)
 
 

@@ -38,11 +38,6 @@ def tiny() -> Config:
     return Config(name="tiny", **config, sweep=values)
 
 
-@pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """Return the values of the cases that are made."""

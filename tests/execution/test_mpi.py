@@ -19,6 +19,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import MARK
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.workers import threads_each
+from tests.waiting import until
 
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
 CORES = len(os.sched_getaffinity(0))
@@ -32,9 +33,8 @@ SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf]}\n"
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def configuration() -> None:
     assert MPIRUN.exists(), "the tests need the MPI of the extra `mpich`: pip install -e '.[mpich,test]'"
-    monkeypatch.chdir(tmp_path)
     Path("tiny.yaml").write_text(TINY + SWEEP)
 
 
@@ -142,11 +142,7 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(
     Path("tiny.yaml").write_text(TINY + "sweep: {time.end: [60, 61, 0.03]}\n")
     command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 120
-        while not all(Path(f"out/cases/{index:04d}.running").exists() for index in (0, 1)):
-            assert process.poll() is None, process.communicate()
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        until(lambda: all(Path(f"out/cases/000{index}.running").exists() for index in (0, 1)), process)
         process.send_signal(signum)
         _, errors = process.communicate(timeout=300)
     assert process.returncode == 75, errors
@@ -189,12 +185,9 @@ def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         # The longest case, 1, goes to the other rank first; rank 0 takes the shortest, then case 0.
         index = 0 if victim == "manager" else 1
-        told, checkpoint = (Path(f"out/cases/{index:04d}.{kind}") for kind in ("running", "checkpoint"))
-        deadline = time.monotonic() + 120
-        while not (told.exists() and checkpoint.exists() and Path("out/cases/0002.h5").exists()):
-            assert process.poll() is None, process.communicate()
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        told = Path(f"out/cases/000{index}.running")
+        awaited = told, told.with_suffix(".checkpoint"), Path("out/cases/0002.h5")
+        until(lambda: all(path.exists() for path in awaited), process)
         os.kill(json.loads(told.read_text())["pid"], signal.SIGKILL)
         process.communicate(timeout=120)
     assert process.returncode != 0
@@ -255,19 +248,12 @@ def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
     command = [str(MPIRUN), "-n", "2", sys.executable, "compiling.py"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
-            deadline = time.monotonic() + 120
-            while not Path("compiling").exists():
-                assert process.poll() is None
-                assert time.monotonic() < deadline
-                time.sleep(0.01)
+            until(Path("compiling").exists, process)
             (proxy,) = children(process.pid)  # the launcher's process on this host, which started the ranks
             ranks = children(proxy)
             assert len(ranks) == 2
             os.kill(proxy, signal.SIGKILL)
-            deadline = time.monotonic() + 120
-            while alive := [rank for rank in ranks if Path(f"/proc/{rank}").exists()]:
-                assert time.monotonic() < deadline, f"ranks {alive} were left behind"
-                time.sleep(0.05)
+            until(lambda: not any(Path(f"/proc/{rank}").exists() for rank in ranks))  # none is left behind
         finally:
             process.kill()
 

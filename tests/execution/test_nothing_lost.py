@@ -28,12 +28,6 @@ SMALL = {"grid.points": 32, "time.end": 0.3, "time.step": 0.1, "output.snapshots
 SWEEP = {"layer.thickness": [0.02, 0.1, 0.3]}
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-
-
 def small(sweep: dict[str, Any] | None = None, **values: object) -> Config:
     given = Config(name="small").with_values(SMALL | {k.replace("__", "."): v for k, v in values.items()})
     return Config.model_validate(given.model_dump(exclude_unset=True) | {"sweep": sweep or {}})

@@ -27,8 +27,7 @@ ONE, TWO = frozenset({0}), frozenset({0, 1})
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def configuration() -> None:
     Path("tiny.yaml").write_text(TINY)
 
 

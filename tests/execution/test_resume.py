@@ -6,15 +6,17 @@ import io
 from collections.abc import Iterator
 from functools import partial
 from itertools import product
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate
+from gfmdlayer.results.journal import Recording
 from gfmdlayer.resumable import Resumable, State
 from gfmdlayer.simulation import Case
 
@@ -88,33 +90,49 @@ BODIES |= {
 BODIES["in a window"] = FRICTION | {"grid.points": 256, "trajectory.load": 1e-3}
 BODIES["without friction"] = FRICTION | {"interface": {"law": "coulomb", "coefficient": 0.0}}
 RUNS += [(body, steps, "auto") for body in ("frictional", "rolling") for steps in ("adaptive", "exponential")]
+BODIES["frictional adhesive"] = FRICTION | {
+    "interface": [
+        {"law": "coulomb", "coefficient": 0.3},
+        {"law": "exponential", "work": 1e-3, "range": 0.02},
+    ],
+    "layer.poisson": 0.4,
+}
+RUNS += [("frictional adhesive", steps, "auto") for steps in ("adaptive", "exponential")]
 RUNS += [("in a window", "adaptive", "auto"), ("in a window", "exponential", "auto")]
 RUNS += [("without friction", "exponential", "auto")]
 RUNS += [("yielding", "adaptive", "nested_gradient"), ("yielding", "exponential", "nested_gradient")]
 RUNS += [("adhesive", "adaptive", "newton"), ("adhesive", "exponential", "newton")]
 RUNS += [("pulled off", "adaptive", "newton")]
+WLF = {"law": "wlf", "C1": 17.44, "C2": 51.6, "reference": 20.0}
+ARRHENIUS = {"law": "arrhenius", "activation_energy": 8e4, "reference": 20.0}
+SOFT = {"model": "zener", "G0": 1.0, "Ginf": 4.0, "tau": 0.5, "shift": ARRHENIUS}
+BODIES["heated"] = {
+    "layers": [
+        {"thickness": 0.05, "poisson": 0.4, "material": PRONY | {"shift": WLF}},
+        {"thickness": 0.2, "material": SOFT},
+    ],
+    "halfspace": {"poisson": 0.3, "shear_modulus": 20.0},
+    "temperature": {"file": "rise.txt"},
+}
+BODIES["isolated"] = {
+    "grid.points": [32, 32],
+    "grid.period": 0.5,
+    "grid.boundary": "isolated",
+    "layer.thickness": 0.1,
+    "halfspace.shear_modulus": 5.0,
+    "punch.radius": 1.0,
+    # The displacement is known within the reach of the largest contact.
+    "trajectory": {"control": "force", "kind": "approach_retract", "force": 0.01, "approach_speed": 0.0125}
+    | {"retract_speed": 0.0125, "final": 0.001},
+}
+RUNS += [("heated", "adaptive", "active_set"), ("heated", "exponential", "active_set")]
+RUNS += [("isolated", "paper", "auto"), ("isolated", "exponential", "auto")]
 
 
-class Bits:
-    """A recorder that keeps the bits."""
-
-    def __init__(self) -> None:
-        self.rows: list[dict[str, str]] = []
-        self.snapshots: list[tuple[float | bytes, ...]] = []
-
-    def row(self, **values: float) -> None:
-        self.rows.append({name: float(value).hex() for name, value in values.items()})
-
-    def snapshot(self, time: float, *fields: NDArray[np.float64] | None) -> None:
-        self.snapshots.append((time, *(b"" if field is None else field.tobytes() for field in fields)))
-
-    def note(self, **attributes: object) -> None:
-        self.rows.append({name: str(np.asarray(value).tolist()) for name, value in attributes.items()})
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Bits) and vars(self) == vars(other)
-
-    __hash__ = None  # type: ignore[assignment]
+def bits(found: Recording) -> tuple[Any, ...]:
+    rows = [{name: float(value).hex() for name, value in row.items()} for row in found.rows]
+    fields = [[None if each is None else each.tobytes() for each in given] for _, *given in found.fields]
+    return rows, [time for time, *_ in found.fields], fields, repr(found.noted)
 
 
 class Stop(Exception):  # noqa: N818 - asked for
@@ -126,7 +144,7 @@ class InParts:
 
     def __init__(self, config: Config, lengths: Iterator[int]) -> None:
         self._lengths, self._left, self._kept = lengths, 0, None
-        self.recording, self.parts = Bits(), 0
+        self.recording, self.parts = Recording(), 0
         while not self._ended(config):
             self.parts += 1
 
@@ -160,13 +178,14 @@ def through_a_file(state: State) -> State:
 
 @pytest.mark.parametrize(("body", "steps", "method"), RUNS)
 def test_a_run_in_parts_has_the_bits_of_one_without_a_stop(body: str, steps: str, method: str) -> None:
+    Path("rise.txt").write_text("0 18\n0.4 18\n1.2 30\n2 30\n")
     config = Config(name="parts").with_values(SMALL | {"solver.method": method} | STEPS[steps] | BODIES[body])
-    whole = Bits()
+    whole = Recording()
     simulate(config, whole)
     rng = np.random.default_rng([ord(letter) for letter in body + steps + method])
     parts = InParts(config, iter(lambda: int(rng.integers(1, 7)), None))
     assert parts.parts > 1
-    assert parts.recording == whole
+    assert bits(parts.recording) == bits(whole)
 
 
 @pytest.mark.parametrize(("steps", "method"), [("adaptive", "fire"), *((s, "active_set") for s in STEPS)])
@@ -175,11 +194,10 @@ def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps: str, m
     config = Config(name="parts").with_values(
         SMALL | STEPS[steps] | {"solver.method": method, "layer.material.tau": 0.05}
     )
-    whole = Bits()
+    whole = Recording()
     simulate(config, whole)
-    steps_taken = [row for row in whole.rows if "rejected" in row]
-    assert any(row["rejected"] != (0.0).hex() for row in steps_taken) == (steps == "adaptive")
-    assert InParts(config, iter(lambda: 1, None)).recording == whole
+    assert any(row["rejected"] for row in whole.rows) == (steps == "adaptive")
+    assert bits(InParts(config, iter(lambda: 1, None)).recording) == bits(whole)
 
 
 def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
@@ -210,7 +228,7 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
     careful = Transforms((15015,)).wisdom
     hasty = partial(Transforms, (15015,), time_limit=0.0)
     forget_wisdom()
-    whole, parts = Bits(), Bits()
+    whole, parts = Recording(), Recording()
     memory: list[Resumable] = []
     kept: list[State] = []
     simulate(Case(config, transforms=hasty()), whole)
@@ -226,4 +244,4 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
     assert bool(kept[0]["solver.kernel"])
     case = Case(config, transforms=hasty(careful))
     simulate(case, parts, resume=lambda everything: everything.restore(kept[0]))
-    assert parts == whole
+    assert bits(parts) == bits(whole)

@@ -8,7 +8,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +26,7 @@ from gfmdlayer.execution.sweep import Shard, SweepCase, cases
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.results.reader import open_results
+from tests.waiting import until
 
 TINY = """\
 name: tiny
@@ -43,8 +43,7 @@ ENDS = ("running", "h5.host-12-0badcafe.part", "checkpoint.host-12-0badcafe.part
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def configuration() -> None:
     Path("tiny.yaml").write_text(TINY + SWEEP)
 
 
@@ -60,11 +59,8 @@ def at_work(shard: str | None, case: int, out: str = "out") -> Iterator[subproce
     arguments = ["run", "tiny.yaml", "--out", out, *(["--shard", shard] if shard else [])]
     command = [sys.executable, "-m", "gfmdlayer", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline, status = time.monotonic() + 120, Path(f"{out}/cases/{case:04d}.running")
-        while (read_json(status) or {}).get("pid") != process.pid:
-            assert process.poll() is None, process.communicate()
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        status = Path(f"{out}/cases/{case:04d}.running")
+        until(lambda: (read_json(status) or {}).get("pid") == process.pid, process)
         try:
             yield process
         finally:

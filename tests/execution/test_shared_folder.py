@@ -32,8 +32,7 @@ ESCAPE = "\x1b]0;forged\x07\x1b[2J"
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def file_of_others() -> None:
     Path("precious").write_text("precious")
 
 

@@ -39,23 +39,16 @@ OTHERS = (
     *("thesis.part", "notes.running", "backup-2024-deadbeef.part", "12.checkpoint", "old.journal0"),
 )
 
-Configure = Callable[..., Config]
+
+def configure(text: str = TINY + SWEEP, *overrides: str) -> Config:
+    Path("tiny.yaml").write_text(text)
+    return load(Path("tiny.yaml"), overrides)
 
 
-@pytest.fixture
-def configure(tmp_path: Path) -> Configure:
-    def write(text: str = TINY + SWEEP, *overrides: str) -> Config:
-        path = tmp_path / "tiny.yaml"
-        path.write_text(text)
-        return load(path, overrides)
-
-    return write
-
-
-def run(config: Config, directory: Path, restart: bool = False, only_failed: bool = False) -> Summary:
+def run(config: Config, directory: str = "out", **options: bool) -> Summary:
     with assemble() as pool:
         assert pool is not None
-        return run_sweep(config, directory, pool, RunOptions(restart, only_failed))
+        return run_sweep(config, directory, pool, RunOptions(**options))
 
 
 def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,164 +71,152 @@ def fail_where(
     monkeypatch.setattr(PeriodicContact, "run", failing)
 
 
-def test_a_run_leaves_config_cases_and_sweep(configure: Configure, tmp_path: Path) -> None:
+def test_a_run_leaves_config_cases_and_sweep() -> None:
     config = configure()
-    summary = run(config, tmp_path / "out")
+    summary = run(config)
     assert summary.count("complete") == 6
-    assert load(tmp_path / "out" / "config.yaml") == config
-    assert sorted(path.name for path in (tmp_path / "out/cases").glob("[0-9]*")) == [
+    assert load(Path("out/config.yaml")) == config
+    assert sorted(path.name for path in Path("out/cases").glob("[0-9]*")) == [
         f"{index:04d}.h5" for index in range(6)
     ]
-    with open_results(tmp_path / "out") as results:
+    with open_results("out") as results:
         assert results["mean_pressure"].sizes == {"thickness": 2, "shear_modulus": 3, "time": 4}
         assert not results["mean_pressure"].isnull().any()
 
 
-def test_complete_cases_are_not_run_again(
-    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run(configure(), tmp_path / "out")
-    before = {path: path.read_bytes() for path in (tmp_path / "out/cases").glob("*.h5")}
+def test_complete_cases_are_not_run_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    run(configure())
+    before = {path: path.read_bytes() for path in Path("out/cases").glob("*.h5")}
     forbid_simulating(monkeypatch)
-    assert run(configure(), tmp_path / "out").count("complete") == 6
+    assert run(configure()).count("complete") == 6
     assert before == {path: path.read_bytes() for path in before}
 
 
-def test_a_name_may_change(configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run(configure(TINY), tmp_path / "out")
-    assert (tmp_path / "out/sweep.h5").exists()  # also of a single case
+def test_a_name_may_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    run(configure(TINY))
+    assert Path("out/sweep.h5").exists()  # also of a single case
     forbid_simulating(monkeypatch)
-    assert run(configure(TINY, "name=other"), tmp_path / "out").count("complete") == 1
+    assert run(configure(TINY, "name=other")).count("complete") == 1
 
 
-def test_another_configuration_is_refused_with_the_keys_that_differ(
-    configure: Configure, tmp_path: Path
-) -> None:
-    run(configure(TINY), tmp_path / "out")
-    before = (tmp_path / "out/config.yaml").read_bytes()
+def test_another_configuration_is_refused_with_the_keys_that_differ() -> None:
+    run(configure(TINY))
+    before = Path("out/config.yaml").read_bytes()
     with pytest.raises(FolderError) as caught:
-        run(configure(TINY, "layer.thickness=0.2", "punch.radius=0.5"), tmp_path / "out")
+        run(configure(TINY, "layer.thickness=0.2", "punch.radius=0.5"))
     message = str(caught.value)
     assert "layer.thickness: 0.05 -> 0.2; punch.radius: 0.25 -> 0.5" in message
     assert "--out" in message
     assert "--restart" in message
-    assert (tmp_path / "out/config.yaml").read_bytes() == before
+    assert Path("out/config.yaml").read_bytes() == before
 
 
-def test_restart_removes_earlier_results_and_nothing_else(configure: Configure, tmp_path: Path) -> None:
-    run(configure(), tmp_path / "out")
-    others = [tmp_path / place / name for place in ("out", "out/cases") for name in OTHERS]
+def test_restart_removes_earlier_results_and_nothing_else() -> None:
+    run(configure())
+    others = [Path(place, name) for place in ("out", "out/cases") for name in OTHERS]
     for path in others:
         path.write_text("mine")
-    run(configure(TINY), tmp_path / "out", restart=True)
+    run(configure(TINY), restart=True)
     assert [path.read_text() for path in others] == ["mine"] * len(others)
-    cases = {path.name for path in (tmp_path / "out/cases").glob("*.h5")}
+    cases = {path.name for path in Path("out/cases").glob("*.h5")}
     assert cases.difference(OTHERS) == {"0000.h5"}
 
 
 @pytest.mark.parametrize("restart", [False, True])
 @pytest.mark.parametrize("name", ["thesis.tex", "config.yaml", "sweep.h5"])
-def test_a_folder_of_something_else_is_refused(
-    configure: Configure, tmp_path: Path, name: str, restart: bool
-) -> None:
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / name).write_text("name: mine\n")
+def test_a_folder_of_something_else_is_refused(name: str, restart: bool) -> None:
+    Path("mine").mkdir()
+    Path("mine", name).write_text("name: mine\n")
     with pytest.raises(FolderError, match="not a results folder"):
-        run(configure(), tmp_path / "mine", restart)
-    assert [path.read_text() for path in (tmp_path / "mine").iterdir()] == ["name: mine\n"]
+        run(configure(), "mine", restart=restart)
+    assert [path.read_text() for path in Path("mine").iterdir()] == ["name: mine\n"]
 
 
-def test_a_damaged_configuration_of_results_is_named(configure: Configure, tmp_path: Path) -> None:
-    run(configure(TINY), tmp_path / "out")
-    path = tmp_path / "out/config.yaml"
+def test_a_damaged_configuration_of_results_is_named() -> None:
+    run(configure(TINY))
+    path = Path("out/config.yaml")
     path.write_bytes(path.read_bytes().replace(b"# Cases", b"# Cases\xba", 1))
     with pytest.raises(FolderError, match=r"config\.yaml.*UTF-8"):
-        run(configure(TINY), tmp_path / "out")
-    assert list(Folder(tmp_path / "out").case_numbers()) == [0]
+        run(configure(TINY))
+    assert list(Folder(Path("out")).case_numbers()) == [0]
 
 
-def test_a_configuration_of_results_that_lost_cases_is_named(configure: Configure, tmp_path: Path) -> None:
+def test_a_configuration_of_results_that_lost_cases_is_named() -> None:
     swept = TINY + "sweep: {layer.thickness: [0.02, 0.1]}\n"
-    run(configure(swept), tmp_path / "out")
-    path = tmp_path / "out/config.yaml"
+    run(configure(swept))
+    path = Path("out/config.yaml")
     text = path.read_text()
     path.write_text(text[: text.index("sweep:")])
     with pytest.raises(FolderError, match=r"config\.yaml: names 2 cases, and its sweep has 1; .*--restart"):
-        run(configure(swept), tmp_path / "out")
+        run(configure(swept))
 
 
 @pytest.mark.parametrize("place", ["file", "file/below", "/proc/gfmdlayer"])
 def test_a_folder_that_cannot_be_written_is_refused_before_any_work(
-    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+    monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     forbid_simulating(monkeypatch)
-    (tmp_path / "file").write_text("mine")
+    Path("file").write_text("mine")
     with pytest.raises(FolderError, match=r"is a file|cannot be written"):
-        run(configure(), tmp_path / place)
-    assert (tmp_path / "file").read_text() == "mine"
+        run(configure(), place)
+    assert Path("file").read_text() == "mine"
 
 
-def test_what_a_killed_run_left_is_removed(configure: Configure, tmp_path: Path) -> None:
-    remains = [tmp_path / "out/cases" / name for name in ("0000.running", "0000.h5.host-1-a.part", "stop")]
-    run(configure(TINY), tmp_path / "out")
+def test_what_a_killed_run_left_is_removed() -> None:
+    remains = [Path("out/cases", name) for name in ("0000.running", "0000.h5.host-1-a.part", "stop")]
+    run(configure(TINY))
     for path in remains:
         path.write_text("{}")
-    run(configure(TINY), tmp_path / "out")
+    run(configure(TINY))
     assert not any(path.exists() for path in remains)
 
 
-def test_a_run_killed_in_its_first_instant_is_no_obstacle(configure: Configure, tmp_path: Path) -> None:
-    (tmp_path / "out/cases").mkdir(parents=True)
-    (tmp_path / "out/config.yaml.part").write_text("na")
-    assert run(configure(TINY), tmp_path / "out").count("complete") == 1
+def test_a_run_killed_in_its_first_instant_is_no_obstacle() -> None:
+    Path("out/cases").mkdir(parents=True)
+    Path("out/config.yaml.part").write_text("na")
+    assert run(configure(TINY)).count("complete") == 1
 
 
-def test_a_failing_case_is_recorded_and_the_others_go_on(
-    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failing_case_is_recorded_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     fail_where(lambda config: config.halfspace.shear_modulus == 2, monkeypatch)
-    summary = run(configure(), tmp_path / "out")
+    summary = run(configure())
     assert [outcome.index for outcome in summary.failures] == [1, 4]
     assert summary.count("complete") == 4
-    record = json.loads((tmp_path / "out/cases/0001.failed").read_text())
+    record = json.loads(Path("out/cases/0001.failed").read_text())
     assert record["reason"] == "ConvergenceError: the residual stays at 1"
     assert "Traceback" in record["traceback"]
     assert record["values"]["halfspace.shear_modulus"] == 2
     assert record["time"]
-    with open_results(tmp_path / "out") as results:
+    with open_results("out") as results:
         assert results["mean_pressure"].isnull().any("time").values.tolist() == [[False, True, False]] * 2
         assert "0001: ConvergenceError: the residual stays at 1" in results.attrs["failed"]
 
 
-def test_a_failed_case_is_tried_again_and_alone(
-    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_case_is_tried_again_and_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as once:
         fail_where(lambda config: config.halfspace.shear_modulus == 2, once)
-        run(configure(), tmp_path / "out")
+        run(configure())
     fail_where(lambda config: config.halfspace.shear_modulus != 2, monkeypatch)
-    assert run(configure(), tmp_path / "out").count("complete") == 6
-    assert not list((tmp_path / "out/cases").glob("*.failed"))
-    with open_results(tmp_path / "out") as results:
+    assert run(configure()).count("complete") == 6
+    assert not list(Path("out/cases").glob("*.failed"))
+    with open_results("out") as results:
         assert results.attrs["failed"] == ""
 
 
-def test_only_failed_runs_what_failed_and_leaves_what_waits(
-    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_failed_runs_what_failed_and_leaves_what_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as once:
         fail_where(lambda config: config.halfspace.shear_modulus == 2, once)
-        run(configure(), tmp_path / "out")
-    for waiting in (tmp_path / "out/cases/0003.h5", tmp_path / "out/sweep.h5"):
+        run(configure())
+    for waiting in (Path("out/cases/0003.h5"), Path("out/sweep.h5")):
         waiting.unlink()
-    summary = run(configure(), tmp_path / "out", only_failed=True)
+    summary = run(configure(), only_failed=True)
     assert (summary.count("complete"), summary.count("waiting")) == (5, 1)
-    assert sorted(path.name for path in (tmp_path / "out/cases").glob("*.h5")) == [
+    assert sorted(path.name for path in Path("out/cases").glob("*.h5")) == [
         f"{index:04d}.h5" for index in (0, 1, 2, 4, 5)
     ]
-    assert not (tmp_path / "out/sweep.h5").exists()  # a case is still to come
+    assert not Path("out/sweep.h5").exists()  # a case is still to come
     forbid_simulating(monkeypatch)
-    assert run(configure(), tmp_path / "out", only_failed=True).count("waiting") == 1
+    assert run(configure(), only_failed=True).count("waiting") == 1
 
 
 def test_a_stop_file_stops_a_case_between_steps(tmp_path: Path) -> None:

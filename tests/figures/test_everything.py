@@ -18,7 +18,11 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from gfmdlayer.cli import main
+from gfmdlayer.config import Config
 from gfmdlayer.figures.plot_style import CONTACT, styled
+from gfmdlayer.observables import columns
+from gfmdlayer.results.reader import open_results
+from gfmdlayer.results.schema import OVER_TIME
 
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "contact_sheet.py"))
 # One of a line over a key, one in SI, one of a surface; the others are slow.
@@ -135,6 +139,8 @@ def curves(figure: Figure) -> list[int]:
 
 # More cases are thinned out, which the picture says.
 SHOWN = 32
+# Those that every run has: FEW show them.
+USUAL = {column.name for column in columns(Config(name="usual"))}
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +154,12 @@ def test_every_picture_is_legible_and_complete(name: str, folder: Path) -> None:
     found: list[str] = []
     in_units = "\nunits:" in (path / "config.yaml").read_text()
     complete = len(list((path / "cases").glob("*.h5")))
+    with open_results(path) as results:
+        over_time = {column for column, each in results.items() if {"time", "row"} & {*each.dims}}
+        is_usual = name not in FEW and {column.removesuffix(OVER_TIME) for column in over_time} <= USUAL
     for title, draw, style in SCRIPT["pictures"](path):
+        if is_usual and "columns" in title:
+            continue
         with styled(style), warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)  # a layout that collapses, a letter that is missing
             figure = draw()

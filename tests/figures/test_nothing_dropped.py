@@ -402,7 +402,8 @@ def test_maps_of_any_column_over_any_two_keys_at_extremes() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == (r"$\nu$", "$d$")
     expected = 16 * whole["case"].sel(radius=2).transpose("thickness", "poisson").values
     np.testing.assert_array_equal(axes.images[0].get_array(), expected)
-    assert said(figure) == "fixed: $R$ = 2 (of 3 values)"
+    assert said(figure).startswith("fixed: $R$ = 2 (of 3 values); ")
+    assert "$d$: thickness of the layer" in said(figure)
     assert axes.get_title(loc="left") == "(a)  max. over $t$"
     with pytest.raises(ResultsError, match="on both axes"):
         map_figure(whole, x="radius", y="punch.radius")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
+from xarray import Dataset
 
 from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_plots import curves_figure
@@ -207,6 +208,31 @@ def test_logarithmic_time_begins_after_zero(thicknesses: Path) -> None:
         assert axes.get_xscale() == "log"
         assert axes.get_xlim() == (0.5, 2.0)
         np.testing.assert_array_equal(axes.lines[0].get_xdata(), [0.5, 2.0])
+
+
+def test_the_symbols_of_curves_and_their_scales_are_explained(thicknesses: Path) -> None:
+    with open_results(thicknesses) as data:
+        words = curves_figure(data).get_supxlabel()
+    assert r"$\tilde{a}$: relative contact area;" in words
+    assert r"$\tilde{p}$: mean contact pressure $\bar{p}/(2G_0)$" in words
+    assert r"$t$: time" in words
+    assert r"$\tau$: relaxation time" in words
+
+
+@pytest.mark.parametrize(("longest", "scale"), [(50.0, "linear"), (70.0, "log")])
+def test_time_is_logarithmic_where_short_cases_would_be_upright_lines(longest: float, scale: str) -> None:
+    time = np.array([[0.0, 1.0, 2.0], [0.0, 1.0, longest]])
+    data = Dataset(
+        {"contact_area": (("thickness", "row"), 0.1 * np.ones_like(time), {"units": "1"})},
+        {
+            "time": (("thickness", "row"), time, {"units": "s"}),
+            "thickness": ("thickness", [1.0, 2.0], {"key": "layer.thickness", "units": "m"}),
+            "case": ("thickness", [0, 1]),
+        },
+        {"swept": "layer.thickness"},
+    )
+    assert curves_figure(data, y=["contact_area"]).axes[0].get_xscale() == scale
+    assert curves_figure(data, y=["contact_area"], log=()).axes[0].get_xscale() == "linear"
 
 
 def test_inset_shows_punch_and_surface_and_where_on_the_curve(thicknesses: Path) -> None:

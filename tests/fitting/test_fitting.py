@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +21,7 @@ from gfmdlayer.fitting.laws import ACCURACY, MARGIN, Fit, fit
 from gfmdlayer.fitting.measurement import FitError, MasterCurve, Measurement, RelaxationCurve, read
 from gfmdlayer.fitting.report import fit_figure, fit_material
 from gfmdlayer.model import simulate
+from gfmdlayer.results.journal import Recording
 from gfmdlayer.results.schema import ResultsError
 
 Kind = type[Measurement]
@@ -314,22 +314,6 @@ def test_a_temperature_to_which_a_law_cannot_shift_is_refused(
         fit_material(data, temperature=temperature, shift=WLF(C1=17.44, C2=51.6, reference=25.0))
 
 
-class Rows:
-    """Records the pressure alone."""
-
-    def __init__(self) -> None:
-        self.pressures: list[float] = []
-
-    def row(self, **values: float) -> None:
-        self.pressures.append(values["mean_pressure"])
-
-    def snapshot(self, *_: Any) -> None:
-        """Nothing is asked for."""
-
-    def note(self, **_: Any) -> None:
-        """Attributes are not kept."""
-
-
 @pytest.fixture
 def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A file with a master curve in units of 2e6, in the working folder."""
@@ -350,10 +334,10 @@ def test_the_material_written_can_be_loaded_and_run(data: Path) -> None:
     # The search's tolerance as above, and seven digits.
     np.testing.assert_allclose(material.branch_times, KNOWN.branch_times * shift.factor(30.0), rtol=1e-4)
     np.testing.assert_allclose(material.branch_moduli, KNOWN.branch_moduli, rtol=1e-4)
-    rows = Rows()
-    simulate(read_back, rows)
-    assert len(rows.pressures) == 4
-    assert rows.pressures[-1] > 0
+    recording = Recording()
+    simulate(read_back, recording)
+    assert len(recording.rows) == 4
+    assert recording.rows[-1]["mean_pressure"] > 0
     notes = [line for line in Path("rubber 1.yaml").read_text().splitlines() if line.startswith("#")]
     assert notes[0] == "# Prony series of 4 branches, fitted to the master curve 'rubber 1.csv' of 40 rows."
     assert "from reference 25 with C1 = 17.44, C2 = 51.6; times multiplied by aT = 0.02879" in notes[2]

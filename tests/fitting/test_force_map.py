@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +18,7 @@ from gfmdlayer import cli, open_results
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.fitting.force_map import ForceMap, parameter_names
 from gfmdlayer.fitting.indentation.estimates import FitOptions
+from tests.waiting import until
 
 MPIRUN = Path(sys.executable).parent / "mpirun"
 MODEL = {
@@ -217,16 +217,11 @@ def kill_after(command: list[str], reached: Callable[[], bool]) -> None:
     run = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    while not reached() and run.poll() is None:
-        time.sleep(0.01)
-    assert run.poll() is None
+    until(reached, run)
     at_work = processes_here()
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
-    deadline = time.monotonic() + 120
-    while not all(map(has_ended, at_work)):  # ranks have sessions of their own; they end after the launcher
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    until(lambda: all(map(has_ended, at_work)))  # ranks have sessions of their own; the launcher ends first
 
 
 def processes_here() -> list[int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gfmdlayer import Case, Config
+from gfmdlayer import Case, Config, Dugdale, Electrostatic, Exponential, LennardJones
 from gfmdlayer.friction.problem import Law, Problem, Solution, norms
 from gfmdlayer.friction.response import Operator, Response, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
@@ -17,6 +17,8 @@ from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.grid.wisdom import planned
+from gfmdlayer.interface.interface import Interface
+from gfmdlayer.interface.law import HARD_WALL
 from tests.friction.cases import random_problem, rough
 
 
@@ -126,6 +128,21 @@ def test_the_work_of_a_step_does_not_grow_with_the_points(n: int) -> None:
         pairs.append(state.pairs)
     assert pairs[0] < 80
     assert np.mean(pairs[2:]) < 40
+
+
+def test_many_small_contacts_take_no_more_pairs_than_one() -> None:
+    """A rough line with some 60 intervals of contact: as a cylinder, 80 pairs from nothing and 40 a step."""
+    grid, response, solver = setting((4096,), poisson=0.3)
+    h = rough(grid, np.random.default_rng(5), 0.8) * 0.003
+    problem = Problem(response, h - h.min(), Law(0.4), load=0.01, force=np.array([0.5 * 0.4 * 0.01]))
+    found = solver.solve(problem)
+    touching = found.contact
+    assert found.converged
+    assert np.count_nonzero(touching[1:] & ~touching[:-1]) > 30
+    assert found.pairs < 80
+    assert obeys_coulomb(problem, found, 1e-7)
+    step = replace(problem, force=1.1 * problem.force, before=found.displacement[1:])  # type: ignore[operator]
+    assert solver.solve(step, found.tractions).pairs < 40
 
 
 def test_a_sphere_has_the_numbers_of_contact() -> None:
@@ -294,3 +311,105 @@ def test_a_solve_that_does_not_end_says_so(on_a_surface: tuple[FrictionSolver, P
     assert not found.converged
     assert found.residual > 1e-7
     assert "residual" in found.reason
+
+
+def attracted(points: tuple[int, ...], poisson: float, law: Interface) -> tuple[FrictionSolver, Problem]:
+    """A parabola under a light load and a third of the largest tangential force, in the first step."""
+    grid, response, _ = setting(points, poisson=poisson)
+    force = np.array([0.1 * 0.004, 0.05 * 0.004])[: len(points)]
+    problem = Problem(
+        response, parabola(grid, 0.25), Law(0.4), load=0.004, force=force, interface=law.interaction()
+    )
+    return FrictionSolver(grid, Transforms(points), attracts=True), problem
+
+
+@pytest.mark.parametrize("shape", ["parabola", "rough"])
+def test_beside_attraction_shear_is_the_difference_of_two_pressures_of_the_wall(shape: str) -> None:
+    """With the attraction tau kept, p - Q/mu solves the contact of a punch of the height h - C tau.
+
+    t = mu (p - p*) then has the displacement D where p* > 0, as without attraction (docs/theory/friction.md).
+    """
+    solver, whole = attracted((512,), 0.5, Exponential(work=1e-4, range=2e-3))
+    grid = Grid((512,), (1.0,))
+    if shape == "rough":
+        h = rough(grid, np.random.default_rng(5), 0.8) * 0.003
+        whole = replace(whole, heights=h - h.min(), load=0.01)
+    pressed = solver.solve(replace(whole, force=None), tolerance=1e-9)
+    wall = pressed.pressure
+    found = solver.solve(
+        replace(whole, force=np.array([0.5 * 0.4 * wall.mean()])),
+        pressed.tractions,
+        gap=pressed.gap,
+        tolerance=1e-9,
+    )
+    attraction = whole.interface.traction(found.gap)
+    pulled = -np.fft.irfft(whole.response.normal * np.fft.rfft(attraction), n=512)
+    less = 0.5 * wall.mean()
+    smaller = replace(
+        whole, law=Law(0.0), load=less, force=None, offset=np.array([pulled, 0 * pulled]), interface=HARD_WALL
+    )
+    inner = FrictionSolver(grid, Transforms((512,))).solve(smaller, tolerance=1e-9).pressure
+    assert found.converged
+    assert wall.mean() > 1.2 * whole.load  # type: ignore[operator]
+    assert 0.1 < (inner > 0).sum() / (wall > 0).sum() < 0.9
+    np.testing.assert_allclose(
+        found.traction[0], 0.4 * (found.pressure - inner), rtol=0, atol=1e-6 * 0.4 * wall.max()
+    )
+
+
+@pytest.mark.parametrize(
+    ("points", "poisson", "law"),
+    [
+        ((512,), 0.0, Exponential(work=2e-4, range=2e-3)),
+        ((512,), 0.3, Dugdale(work=1e-4, stress=0.05)),
+        ((48, 48), 0.3, LennardJones(work=1e-3, separation=4e-3)),
+        ((48, 48), 0.2, Electrostatic(voltage=1.0, insulation=0.02, permittivity=1e-5)),
+    ],
+)
+def test_friction_beside_attraction_obeys_all_conditions(
+    points: tuple[int, ...], poisson: float, law: Interface
+) -> None:
+    """Displacements by another transform; gap, attraction and Coulomb's conditions at each point."""
+    solver, problem = attracted(points, poisson, law)
+    found = solver.solve(problem)
+    assert found.converged
+    axes = tuple(range(len(points)))
+    waves = [np.fft.rfftn(each.reshape(points), axes=axes) for each in found.loads]
+    q, response = Grid(points, (1.0,) * len(points)).wavevectors, problem.response
+    size = np.sqrt(sum(each**2 for each in q)) + 0.0
+    n = [np.divide(each, size, out=np.zeros(size.shape), where=size > 0) for each in np.broadcast_arrays(*q)]
+    for axis, direction in enumerate(n):  # no odd part of the shortest wave
+        direction[(slice(None),) * axis + (points[axis] // 2,)] = 0.0
+    along = sum(-1j * each * wave for each, wave in zip(n, waves[1:], strict=True))
+    W = np.fft.irfftn(response.normal * waves[0] + response.coupling * along, s=points, axes=axes).ravel()
+    np.testing.assert_allclose(found.displacement[0], W, rtol=0, atol=1e-9 * np.abs(W).max())
+    gap = problem.heights + W - found.depth
+    strongest = max(found.pressure.max(), problem.interface.strength)
+    assert found.pressure * gap == pytest.approx(0, abs=1e-6 * strongest * np.abs(W).max())
+    np.testing.assert_allclose(
+        found.attraction, problem.interface.traction(np.maximum(gap, 0)), rtol=0, atol=1e-6 * strongest
+    )
+    assert found.stress.mean() == pytest.approx(problem.load, rel=1e-9)
+    assert obeys_coulomb(problem, found, 1e-6)
+
+
+def test_limits_of_an_attraction_beside_friction() -> None:
+    """Without work of adhesion the contact is that of the hard wall; without friction the adhesive one.
+
+    Under no load friction is mu times the attraction, and with a shear strength its stress times the area.
+    """
+    solver, problem = attracted((256,), 0.3, Exponential(work=1e-13, range=2e-3))
+    weak, plain = solver.solve(problem), solver.solve(replace(problem, interface=HARD_WALL))
+    np.testing.assert_allclose(weak.tractions, plain.tractions, rtol=0, atol=1e-6 * plain.pressure.max())
+    solver, problem = attracted((256,), 0.3, Exponential(work=2e-4, range=2e-3))
+    sliding = replace(problem, load=0.0, force=None, path=np.array([0.1]))
+    slid = solver.solve(sliding)
+    assert slid.converged
+    assert slid.stress.mean() == pytest.approx(0, abs=1e-12)
+    assert abs(slid.traction.mean()) == pytest.approx(0.4 * float(np.mean(slid.attraction)), rel=1e-6)
+    strong = solver.solve(replace(sliding, law=Law(strength=0.01)))
+    assert strong.contact.any()
+    np.testing.assert_allclose(strong.traction[0], 0.01 * strong.contact, rtol=1e-12)
+    pulled = solver.solve(replace(problem, load=-1.0, force=np.array([0.0])))
+    assert not pulled.converged
+    assert "of newton" in pulled.reason

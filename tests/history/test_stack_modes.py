@@ -22,7 +22,6 @@ from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.stack_modes import EXPONENTIAL, StackModes
 from gfmdlayer.model import simulate
-from gfmdlayer.resumable import CompositeState
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
@@ -255,31 +254,6 @@ def test_adaptive_steps_meet_the_tolerance_in_a_ramp_of_temperature(heated: dict
     for tolerance in (1e-3, 1e-4):
         found = run(landing, {"step": "adaptive", "tolerance": tolerance})
         assert np.abs(found.at("mean_pressure", times) - exact).max() < tolerance * exact.max()
-
-
-@pytest.mark.parametrize("time", [{"step": 0.1}, {"step": "adaptive", "tolerance": 1e-3}])
-def test_a_run_that_is_resumed_in_the_ramp_has_the_same_bits(
-    heated: dict[str, Any], time: dict[str, Any]
-) -> None:
-    config = Config(name="a").with_values(heated | {"time": {"end": 2.5} | time})
-    whole, first, rest, kept = Recording(), Recording(), Recording(), []
-
-    class StopError(Exception):
-        """Ends the first part."""
-
-    def stop(now: float) -> None:
-        if now > 0.9:
-            kept.append({name: np.array(value) for name, value in memory[0].state().items()})
-            raise StopError
-
-    memory: list[CompositeState] = []
-    simulate(Case(config), whole)
-    with pytest.raises(StopError):
-        simulate(Case(config), first, stop, resume=memory.append)
-    simulate(Case(config), rest, resume=lambda everything: everything.restore(kept[0]))
-    assert 0 < len(first.rows) < len(whole.rows)
-    for column in ("time", "mean_pressure", "stored", "dissipated", "energy_residual"):
-        assert [*first[column], *rest[column]] == [*whole[column]]
 
 
 def test_a_body_of_one_reduced_time_is_refused_where_shifts_differ(heated: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gfmdlayer import ConfigError, Exponential, Pair, Parabola, Zener, bonded_layer, halfspace, solve
+from gfmdlayer import ConfigError, Pair, Parabola, Zener, bonded_layer, halfspace, solve
 
 PRESS: dict[str, Any] = {"punch": Parabola(radius=0.25), "force": 0.002, "points": 256, "friction": 0.4}
 
@@ -66,7 +66,6 @@ def test_fields_are_labelled_and_frictionless_contact_is_that_without_friction()
         ({"tangential_force": 0.0009}, "tangential_force: .* the punch slides away"),
         ({"tangential_force": (0.0, 1.0)}, r"tangential_force: got .*; must be a number, finite"),
         ({"tangential_force": 0.0, "tangential_displacement": 0.0}, "must be one of the two"),
-        ({"interface": Exponential(work=0.01, range=0.01)}, "friction: not with .* attraction"),
         ({"isolated": True}, "friction: not with isolated=True"),
         ({"method": "fire"}, "method: not with friction"),
         ({"previous": solve(halfspace(1.0), Parabola(radius=0.25), force=0.002, points=256)}, "has no displ"),

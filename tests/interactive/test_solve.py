@@ -138,7 +138,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "an unknown option": (
         {"depth": 0.01, "tolerence": 1},
-        "tolerence: unknown key; allowed: method, tolerance",
+        "tolerence: unknown argument; allowed: depth, mean_pressure, force, period, points, interface, ",
     ),
     "an unknown method": ({"depth": 0.01, "method": "fir"}, "method: got the text 'fir'; must be one of"),
     "a punch that does not fit": (

@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from gfmdlayer import (
-    Case,
     Config,
     ConfigError,
     ConvergenceError,
@@ -23,13 +22,10 @@ from gfmdlayer import (
     halfspace,
     indent,
     run,
-    simulate,
     solve,
 )
 from gfmdlayer.model import model_of
 from gfmdlayer.observables import columns
-from gfmdlayer.results.journal import Recording
-from gfmdlayer.resumable import CompositeState
 
 E = 4.0  # 2 G/(1 - nu) of an incompressible halfspace with G = 1
 DEPTH = 0.01
@@ -204,32 +200,6 @@ def test_an_own_body_of_springs_has_the_force_of_the_overlap() -> None:
     body = Bed(k=3.0)
     found = solve(body, Parabola(radius=1.0), depth=DEPTH, period=0.8, points=(144, 144), isolated=True)
     assert float(found.force) == pytest.approx(3.0 * math.pi * DEPTH**2, rel=2e-3)  # (1/25)^2
-
-
-@pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
-def test_a_run_that_is_resumed_has_the_same_bits(integrator: str) -> None:
-    time = {"step": 0.25, "end": 2.0, "integrator": integrator}
-    changed = {"grid": {"points": [32, 32], "period": 0.5, "boundary": "isolated"}, "time": time}
-    path = {"control": "force", "force": 0.01, "ramp_time": 1.0}
-    config = Config(name="a", **loaded("isolated", 0.5, {}, 5.0) | changed | {"trajectory": path})
-    whole, first, rest, kept = Recording(), Recording(), Recording(), []
-
-    class StopError(Exception):
-        """Ends the first part."""
-
-    def stop(now: float) -> None:
-        if now > 0.9:
-            kept.append({name: np.array(value) for name, value in memory[0].state().items()})
-            raise StopError
-
-    memory: list[CompositeState] = []
-    simulate(Case(config), whole)
-    with pytest.raises(StopError):
-        simulate(Case(config), first, stop, resume=memory.append)
-    simulate(Case(config), rest, resume=lambda everything: everything.restore(kept[0]))
-    assert np.isfinite(kept[0]["reach.support"]).all()
-    assert 0 < len(first.rows) < len(whole.rows)
-    assert [*first.rows, *rest.rows] == whole.rows
 
 
 @pytest.mark.parametrize("points", [64, [64, 64]], ids=["line", "surface"])

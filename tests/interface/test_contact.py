@@ -13,6 +13,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential
 from gfmdlayer.model import simulate
+from gfmdlayer.results.journal import Recording
 
 LAW = Exponential(work=1e-3, range=4e-3).interaction()
 
@@ -47,17 +48,10 @@ def test_a_parabola_is_pulled_off_at_the_force_of_jkr_theory() -> None:
     assert strongest / -0.017450 == pytest.approx(0.888, abs=0.01)  # steps of the depth: 0.3 %
 
 
-class Rows(list[dict[str, float]]):
-    """Records the rows of a run."""
-
-    def row(self, **values: float) -> None:
-        self.append(values)
-
-    def snapshot(self, *_: object) -> None:
-        """Do nothing."""
-
-    def note(self, **_: object) -> None:
-        """Do nothing."""
+def run(config: Config, **values: object) -> list[dict[str, float]]:
+    recording = Recording()
+    simulate(config.with_values(values), recording)
+    return recording.rows
 
 
 @pytest.mark.parametrize("control", ["depth", "load"])
@@ -71,9 +65,8 @@ def test_a_case_takes_an_interface_law_and_its_energy_balances(control: str) -> 
             "time": {"end": 2.0, "step": 0.02, "integrator": "exponential"},
         }
     )
-    adhesive, hard = Rows(), Rows()
-    simulate(config.with_values({"interface": {"work": 1e-3, "range": 4e-3}}), adhesive)
-    simulate(config, hard)
+    adhesive = run(config, interface={"work": 1e-3, "range": 4e-3})
+    hard = run(config)
     assert all(row["residual"] <= 1e-6 for row in adhesive)
     after = [row for row in adhesive if row["time"] >= 1.0]
     # Attraction takes a part of the load at a given depth, and sinks the punch under a given load.
@@ -98,9 +91,8 @@ def test_an_adhesive_cylinder_rolls_and_its_energy_balances() -> None:
             "time": {"end": 1.5, "step": 0.05},
         }
     )
-    adhesive, hard = Rows(), Rows()
-    simulate(config.with_values({"interface": {"law": "exponential", "work": 1e-3, "range": 4e-3}}), adhesive)
-    simulate(config, hard)
+    adhesive = run(config, interface={"law": "exponential", "work": 1e-3, "range": 4e-3})
+    hard = run(config)
     last = adhesive[-1]
     # The edge behind opens against the attraction of a stiffened body: the punch is held back by more.
     assert last["tangential_force"] > 2 * hard[-1]["tangential_force"] > 0

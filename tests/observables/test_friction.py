@@ -261,8 +261,8 @@ def test_a_surface_that_is_constant_along_y_is_a_line(run: Run, tmp_path: Path) 
 def test_a_run_ends_when_it_is_steady_and_tells_when(run: Run) -> None:
     case = moving(0.3) | {"time": {"end": 500.0, "step": 0.1, "steady": 1e-3}}
     recording = run(case)
-    end = recording.attributes["steady_time"]
-    assert recording.attributes["settled"] == 1
+    end = recording.noted["steady_time"]
+    assert recording.noted["settled"] == 1
     assert recording["time"][-1] == end < 500
     assert recording.snapshots[-1][0] == end
     # Over the window the slowest mode decays by 1/e at least: what is left is below 0.6 of that change.
@@ -273,12 +273,12 @@ def test_a_run_ends_when_it_is_steady_and_tells_when(run: Run) -> None:
 
 def test_a_run_that_does_not_get_there_tells(run: Run) -> None:
     recording = run(moving(0.3) | {"time": {"end": 3.0, "step": 0.1, "steady": 1e-6}})
-    assert recording.attributes["settled"] == 0
-    assert "steady_time" not in recording.attributes
+    assert recording.noted["settled"] == 0
+    assert "steady_time" not in recording.noted
     assert recording["time"][-1] == pytest.approx(3.0)
 
 
 def test_an_elastic_body_is_steady_after_one_passage(run: Run) -> None:
     case = moving(0.5) | {"layer.material": {"Ginf": 1.0}}
     recording = run(case | {"time": {"end": 50.0, "step": 0.1, "steady": 1e-6}})
-    assert recording.attributes["steady_time"] == pytest.approx(1.0 + 1 / 0.5, abs=0.11)
+    assert recording.noted["steady_time"] == pytest.approx(1.0 + 1 / 0.5, abs=0.11)

@@ -1,4 +1,7 @@
-"""The examples of CONTRIBUTING.md work: each file and its line in a table, in a copy of the package."""
+"""The examples of CONTRIBUTING.md work: each file and its line in a table, in a copy of the package.
+
+What is added is run, checked, swept, offered by the schema and the templates, listed and drawn.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,6 @@ import xarray as xr
 import gfmdlayer
 from gfmdlayer import open_case
 
-pytestmark = pytest.mark.slow
 PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"
 FILE = re.compile(r"^```python\n(# (gfmdlayer/\S+\.py)\n.*?)^```$", re.DOTALL | re.MULTILINE)
 TABLE = re.compile(r"`([A-Z]+)`[^`]*`(gfmdlayer/\S+\.py)`|`(gfmdlayer/\S+\.py)`[^`]*`([A-Z]+)`")
@@ -25,7 +27,16 @@ LINE = re.compile(r"(`|^```python\n    )(\"\w[^`]*?,)\n?(`|```$)", re.DOTALL | r
 STEPS = "time: {end: 1.0, step: 0.25}"
 GRID = "grid: {points: 64}"
 CASES = {
-    "a punch shape": f"{GRID}\npunch: {{shape: frustum, flat: 0.2, slope: 100.0}}\n{STEPS}",
+    "a punch shape": f"""{GRID}
+layer: {{thickness: .inf}}
+output: {{snapshots: [1.0]}}
+sweep:
+  punch:
+    - {{shape: wedge, slope: 0.1}}
+    - {{shape: frustum, flat: 1.0e-9, slope: 0.1}}
+    - {{shape: frustum, flat: 0.125, slope: 50}}
+    - {{shape: array, counts: 2, element: {{shape: frustum, flat: 0.0625, slope: 50}}}}
+{STEPS}""",
     "a material law": f"""{GRID}
 layer: {{thickness: .inf, material: {{model: rouse, G0: 1.0, G: 2.0, tau: 1.0, modes: 2}}}}
 punch: {{shape: flat, width: 0.25, edge_radius: 1.0e-6}}
@@ -35,10 +46,15 @@ solver: {{tolerance: 1.0e-9}}""",
     "a body": f"{GRID}\nbody: {{kind: winkler, k: 5.0}}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
     "an interface law": f"{GRID}\ninterface: {{law: two_ranges, work: 1.0e-3, range: 0.05, far: 1}}\n{STEPS}",
     "a solver": f"{GRID}\nsolver: {{method: projected_gradient}}\n{STEPS}",
-    "a geometry": f"grid: {{geometry: spring}}\nlayer: {{material: {{model: elastic, G: 3.0}}}}\n{STEPS}",
+    "a geometry": f"grid: {{geometry: spring}}\nsweep: {{layer.material.G0: [1.0, 3.0]}}\n{STEPS}",
     "an observable": f"{GRID}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
 }
-SCRIPT = "import sys; from gfmdlayer.cli import main; print([main(['run', each]) for each in sys.argv[1:]])"
+SCRIPT = "import sys; from gfmdlayer.cli import main; print([main(each.split()) for each in sys.argv[1:]])"
+VERBS = (
+    "check a-geometry.yaml",
+    "status results/a-geometry",
+    "plot results/a-geometry --y force --out a.png",
+)
 
 
 def sections() -> dict[str, str]:
@@ -69,8 +85,8 @@ def add(section: str, copy: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, xr.Dataset]:
-    """Return the results of a small case for each section, computed by one copy with all examples in it."""
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder where one copy with all examples in it ran a small study for each section."""
     folder = tmp_path_factory.mktemp("contributor")
     copy = folder / "copy"
     shutil.copytree(Path(gfmdlayer.__file__).parent, copy / "gfmdlayer")  # with the compiled kernels
@@ -79,18 +95,24 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, xr.Dataset]:
         add(every[title], copy)
         name = title.replace(" ", "-")
         (folder / f"{name}.yaml").write_text(f"name: {name}\n{values}\n")
-    names = [path.name for path in sorted(folder.glob("*.yaml"))]
+    commands = [f"run {path.name}" for path in sorted(folder.glob("*.yaml"))]
+    commands += [*VERBS, "new", "schema"]
     ran = subprocess.run(
-        [sys.executable, "-c", SCRIPT, *names],
+        [sys.executable, "-c", SCRIPT, *commands],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(copy)},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert ran.stdout.split("\n")[-2:-1] == [str([0] * len(CASES))], ran.stdout + ran.stderr
-    found = {title: folder / "results" / title.replace(" ", "-") / "cases/0000.h5" for title in CASES}
-    return {title: open_case(path).load() for title, path in found.items()}
+    assert ran.stdout.split("\n")[-2:-1] == [str([0] * len(commands))], ran.stdout + ran.stderr
+    (folder / "said").write_text(ran.stdout)
+    return folder
+
+
+def case(folder: Path, title: str, number: int = 0) -> xr.Dataset:
+    """Return a case of the study of a section."""
+    return open_case(folder / "results" / title.replace(" ", "-") / f"cases/{number:04d}.h5").load()
 
 
 def test_the_examples_have_the_style_of_the_package(tmp_path: Path) -> None:
@@ -103,24 +125,39 @@ def test_the_examples_have_the_style_of_the_package(tmp_path: Path) -> None:
         assert found.returncode == 0, found.stdout
 
 
-def test_a_frustum_touches_with_its_flat_end(results: dict[str, xr.Dataset]) -> None:
-    assert results["a punch shape"]["contact_area"][-1] == 25 / 64  # |x| <= 0.2
+def test_a_frustum_is_a_wedge_or_a_flat_punch_and_an_element_of_an_array(folder: Path) -> None:
+    wedge, tip, top, two = (case(folder, "a punch shape", number) for number in range(4))
+    # Without a flat end it is a wedge; the solver's tolerance is 1e-6.
+    np.testing.assert_allclose(tip["mean_pressure"], wedge["mean_pressure"], rtol=1e-5, atol=1e-9)
+    # With steep sides it touches with all of its end and nothing else; half as wide and twice as many.
+    assert top["contact_area"][-1] == 17 / 64
+    assert two["contact_area"][-1] == 18 / 64
+    heights = (top["gap"] + top["displacement"])[-1] + top["depth"][-1]
+    # The gap is zero in contact, where the displacement meets the punch to the solver's tolerance.
+    within = 1e-6 * float(top["depth"][-1])
+    np.testing.assert_allclose(heights, 50 * np.maximum(np.abs(top["x"]) - 0.125, 0), atol=within)
 
 
-def test_the_pressure_under_a_flat_punch_follows_the_modulus_of_a_rouse_chain(
-    results: dict[str, xr.Dataset],
-) -> None:
+def test_templates_and_the_schema_offer_what_is_added(folder: Path) -> None:
+    template = (folder / "indentation.yaml").read_text()
+    assert ", frustum" in template
+    assert ", rouse" in template
+    said = (folder / "said").read_text()
+    assert all(f'"const": "{name}"' in said for name in ("frustum", "rouse", "winkler", "two_ranges"))
+
+
+def test_the_pressure_under_a_flat_punch_follows_the_modulus_of_a_rouse_chain(folder: Path) -> None:
     """The contact does not change, so the pressure is the mean of G(t - s) over the ramp, 0 <= s <= 1/2."""
-    law = results["a material law"].sel(time=slice(0.5, None))
+    law = case(folder, "a material law").sel(time=slice(0.5, None))
     t, pressure = law["time"].to_numpy(), law["mean_pressure"].to_numpy()
     slow, fast = (4 * tau * (np.exp(-(t - 0.5) / tau) - np.exp(-t / tau)) for tau in (1.0, 0.25))
     modulus = 1 + slow + fast
     np.testing.assert_allclose(pressure / pressure[-1], modulus / modulus[-1], rtol=1e-7)
 
 
-def test_each_point_of_a_winkler_bed_carries_its_own_overlap(results: dict[str, xr.Dataset]) -> None:
+def test_each_point_of_a_winkler_bed_carries_its_own_overlap(folder: Path) -> None:
     """In contact from t0 on a point moves at v, and p = k v (t - t0) + k v tau (1 - exp(-(t - t0)/tau))."""
-    last = results["a body"].isel(snapshot=-1)
+    last = case(folder, "a body").isel(snapshot=-1)
     speed, x = 0.01, last["x"].to_numpy()
     since = np.maximum(1 - x**2 / (2 * 0.25) / speed, 0.0)
     exact = 5 * speed * (since + 1 - np.exp(-since))
@@ -129,21 +166,23 @@ def test_each_point_of_a_winkler_bed_carries_its_own_overlap(results: dict[str, 
     assert exact.max() > 10 * 5 * speed * 0.25**2
 
 
-def test_a_sum_of_two_ranges_attracts(results: dict[str, xr.Dataset]) -> None:
-    assert float(results["an interface law"]["largest_tension"].max()) > 0
+def test_a_sum_of_two_ranges_attracts(folder: Path) -> None:
+    assert float(case(folder, "an interface law")["largest_tension"].max()) > 0
 
 
-def test_projected_gradients_solve_each_step(results: dict[str, xr.Dataset]) -> None:
-    assert float(results["a solver"]["residual"].max()) <= 1e-6
+def test_projected_gradients_solve_each_step(folder: Path) -> None:
+    assert float(case(folder, "a solver")["residual"].max()) <= 1e-6
 
 
-def test_the_column_of_an_observable_is_in_each_file(results: dict[str, xr.Dataset]) -> None:
-    found = results["an observable"]
+def test_the_column_of_an_observable_is_in_each_file(folder: Path) -> None:
+    found = case(folder, "an observable")
     pressure = found["pressure"].isel(snapshot=-1)
     assert float(found["rms_pressure"][-1]) == pytest.approx(float((pressure**2).mean()) ** 0.5, rel=1e-12)
 
 
-def test_a_spring_is_a_geometry(results: dict[str, xr.Dataset]) -> None:
-    found = results["a geometry"]
-    np.testing.assert_allclose(found["force"], 3.0 * found["depth"], rtol=1e-15)
-    assert found["depth"][-1] == 0.01
+def test_a_spring_is_a_geometry_that_is_swept_listed_and_drawn(folder: Path) -> None:
+    found = gfmdlayer.open_results(folder / "results/a-geometry")
+    np.testing.assert_allclose(found["force"], found["depth"] * found["G0"], rtol=1e-15)
+    assert (found["depth"].isel(time=-1) == 0.01).all()
+    assert "2 cases: 2 complete" in (folder / "said").read_text()
+    assert (folder / "a.png").exists()

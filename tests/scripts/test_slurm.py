@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
+
+from tests.waiting import until
 
 ROOT = Path(__file__).parents[2]
 # Stands for gfmdlayer: notes its arguments, and ends a while after a signal, with a status of its own.
@@ -54,10 +55,7 @@ def job(
     command = ["bash", str(ROOT / "slurm" / script), "sweep.yaml", "--out", "here"]
     with subprocess.Popen(command, env=os.environ | given) as process:
         if signum:
-            deadline = time.monotonic() + 120
-            while not log.exists() or "begun" not in log.read_text():
-                assert time.monotonic() < deadline
-                time.sleep(0.01)
+            until(lambda: log.exists() and "begun" in log.read_text())
             process.send_signal(signum)
         return process.wait(timeout=120), log.read_text().splitlines()
 

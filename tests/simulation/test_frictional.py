@@ -89,21 +89,20 @@ def test_oblique_loading_sticks() -> None:
 
 
 def test_rolling_with_creepage_is_carters() -> None:
-    """Q/(mu P) = 1 - (1 - xi R/(mu a))^2: 0.2736 (F. W. Carter, 1926), to one of 29 points.
+    """Q/(mu P) = 1 - (1 - xi R/(mu a))^2: 0.2736 (F. W. Carter, 1926), within 1 % with 115 points in contact.
 
-    The material moves by one point of the grid a step, three contact widths from the start.
+    The material moves by two points of the grid a step, five contact widths from the start.
     """
     trajectory = {"control": "force", "force": 0.01, "ramp_time": 0.01, "velocity": 0.2, "creepage": 0.005}
     config = halfspace(0.5, interface=COULOMB | {"coefficient": 0.3}, trajectory=trajectory)
-    found = run(config, {"time": {"end": 1.0, "step": "adaptive"}})
-    assert float(found.friction[-1]) / 0.3 == pytest.approx(0.2736, rel=1 / 29)
+    config |= {"grid": {"points": 2048}, "time": {"end": 1.5, "step": 2 / 2048 / 0.2}}
+    found = run(config)
+    assert float(found.friction[-1]) / 0.3 == pytest.approx(0.2736, rel=0.01)
     assert float(found.creepage[-1]) == pytest.approx(0.005, rel=1e-9)
-    given = trajectory | {
-        "tangential": {"control": "force", "force": 0.01 * float(found.friction[-1]), "ramp_time": 0.1}
-    }
+    given = trajectory | {"tangential": {"control": "force", "force": 0.01 * 0.3 * 0.2736, "ramp_time": 0.1}}
     del given["creepage"]
-    back = run(config, {"trajectory": given, "time": {"end": 1.0, "step": "adaptive"}})
-    assert float(back.creepage[-1]) == pytest.approx(0.005, rel=0.02)  # the same curve, by the other side
+    back = run(config, {"trajectory": given, "grid.points": 512, "time.step": 1 / 512 / 0.2})
+    assert float(back.creepage[-1]) == pytest.approx(0.005, rel=1 / 29)  # the same curve, by the other side
 
 
 @pytest.mark.parametrize(("thickness", "poisson"), [(0.06, 0.5), (math.inf, 0.2)])
@@ -187,6 +186,21 @@ def test_adaptive_steps_find_the_same() -> None:
         assert float(other.depth) == pytest.approx(float(one.depth), rel=3e-4)
 
 
+def test_adaptive_steps_find_where_a_swing_sticks_again() -> None:
+    """The layer relaxes faster than the punch moves shortly before it turns: Q falls below mu P by 0.0015.
+
+    Even steps at this tolerance, 1e-3, pass over it. The fixed steps are within 2e-5.
+    """
+    drive = {"kind": "oscillation", "displacement": 3e-3, "start": 0.2, "period": 1.0, "cycles": 1}
+    load = {"control": "load", "load": LOAD, "ramp_time": 0.2, "tangential": drive}
+    config = relaxing(grid={"points": 128}, trajectory=load)
+    steps = {"step": 0.002}, {"step": "adaptive", "tolerance": 1e-3}
+    fixed, free = (run(config, {"time": {"end": 0.46, **each}}) for each in steps)
+    there, found = (float(each.friction.sel(time=0.45, method="nearest")) / MU for each in (fixed, free))
+    assert there < 0.999
+    assert found == pytest.approx(there, abs=2e-4)
+
+
 def test_directions_are_alike_and_mirror_images_too() -> None:
     """Along y as along x; towards -x as towards x, to the residual of the solver, 1e-6 of the pressure."""
     surface = relaxing(grid={"points": [48, 48]}, punch={"shape": "parabola", "radius": 0.5})
@@ -246,6 +260,79 @@ def test_a_coefficient_may_depend_on_the_slip_speed(tmp_path: Path) -> None:
         gfmdlayer.ConfigError, match=r"friction\.txt:2: holds -0\.1; speed and coefficient must be"
     ):
         run(halfspace(0.3, interface=law), {"trajectory.tangential": drive})
+
+
+ATTRACTION = {"law": "exponential", "work": 5e-4, "range": 5e-3}
+
+
+def test_without_friction_an_adhesive_contact_stays_that_without_friction() -> None:
+    """Pressed, pulled off by a load, and back: fields differ by the residual, as the gap of a soft body does.
+
+    The residual 1e-8 of the stress moves the surface by some 1e-6 of its displacement.
+    """
+    load = {
+        "control": "load",
+        "kind": "approach_retract",
+        "load": 0.01,
+        "final": -0.02,
+        "cycles": 2,
+        "approach_speed": 0.02,
+        "retract_speed": 0.02,
+    }
+    drive = {"tangential": {"displacement": 1e-3, "start": 1.0}}
+    config = relaxing(time={"end": 4.0, "step": 0.1}, solver={"tolerance": 1e-8})
+    smooth, bare = (
+        run(config, {"interface": law, "trajectory": load | more})
+        for law, more in (([ATTRACTION, COULOMB | {"coefficient": 0.0}], drive), (ATTRACTION, {}))
+    )
+    assert float(bare.pull_off_force) > 0
+    for name in ("mean_pressure", "depth", "work", "interface_energy", "lost"):
+        np.testing.assert_allclose(smooth[name], bare[name], rtol=0, atol=1e-5 * float(abs(bare[name]).max()))
+    assert float(abs(smooth.tangential_force).max()) == 0
+
+
+def test_the_energy_balance_closes_beside_attraction() -> None:
+    """Work is stored, relaxed, slipped, and in the interface, to the second order of the steps."""
+    drive = {"kind": "oscillation", "displacement": 3e-3, "start": 1.0, "period": 2.0}
+    off = []
+    for step in (0.1, 0.05):
+        config = relaxing(interface=[ATTRACTION, COULOMB], time={"end": 3.0, "step": step})
+        found = run(config, {"trajectory": {"control": "load", "load": 0.01, "tangential": drive}})
+        assert float(found.slip_heat[-1]) > 0.1 * float(found.work.max())
+        off.append(float(abs(found.energy_residual).max() / found.work.max()))
+    assert off[1] < 0.012  # 5 dt^2
+    assert off[1] < 0.5 * off[0]
+
+
+def test_a_pull_takes_the_punch_off_though_it_sticks(tmp_path: Path) -> None:
+    (tmp_path / "load.txt").write_text("0 0\n1 0.002\n2 -0.05\n3 -0.05\n")
+    load = {"control": "load", "kind": "table", "file": str(tmp_path / "load.txt")}
+    config = relaxing(interface=[ATTRACTION, COULOMB], trajectory=load, time={"end": 3.0, "step": 0.05})
+    with pytest.warns(UserWarning, match="PULLED OFF at t = "):
+        found = run(config)
+    assert 1.0 < found.attrs["pull_off_time"] < 2.0
+    assert float(found.mean_stress[-1]) < 0 < float(found.stick_area[-1])
+
+
+def test_a_coefficient_that_rises_steeply_is_that_of_the_speed_at_each_point(tmp_path: Path) -> None:
+    """|t| = mu(v) p where points slip, to the residual of the solver, 1e-6 of the largest displacement."""
+    table = tmp_path / "friction.txt"
+    table.write_text("0 0.1\n0.01 0.3\n1 0.3\n")
+    law = {"law": "coulomb", "coefficient": str(table)}
+    values = {
+        "trajectory.tangential": {"displacement": 0.01, "start": 1.0},
+        "time.end": 1.2,
+        "output.snapshots": [1.2],
+    }
+    last = run(halfspace(0.3, interface=law), values).isel(snapshot=-1)
+    speed, t, p = (last[name].to_numpy() for name in ("slip_velocity_x", "shear_x", "pressure"))
+    slips = (p > 0.05 * p.max()) & (np.abs(speed) > 0)
+    found = np.abs(t[slips] / p[slips])
+    assert np.ptp(found) > 0.05
+    np.testing.assert_allclose(found, np.interp(np.abs(speed[slips]), [0, 0.01], [0.1, 0.3]), rtol=2e-3)
+    table.write_text("0 0.4\n0.001 0.3\n1 0.3\n")
+    with pytest.raises(gfmdlayer.ConvergenceError, match=r"falls 1\.\d+ times faster than the surface"):
+        run(halfspace(0.3, interface=law), values)
 
 
 def test_the_events_have_times() -> None:

@@ -86,18 +86,6 @@ def test_nothing_is_left_to_compile(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], check=True)
 
 
-class Rows:
-    def __init__(self) -> None:
-        self.count = 0
-
-    def row(self, **_: object) -> None:
-        self.count += 1
-
-    def note(self, **_: object) -> None: ...
-
-    def snapshot(self, *_: object) -> None: ...
-
-
 @pytest.mark.parametrize(
     "values",
     [
@@ -108,9 +96,9 @@ class Rows:
     ids=str,
 )
 def test_few_steps_are_enough_whatever_the_case(values: dict[str, object]) -> None:
-    rows = Rows()
-    simulate(smallest_equivalent_case(Config(name="warm").with_values(values)), rows)
-    assert 3 <= rows.count < 200
+    recording = Recording()
+    simulate(smallest_equivalent_case(Config(name="warm").with_values(values)), recording)
+    assert 3 <= len(recording.rows) < 200
 
 
 @pytest.mark.parametrize(

@@ -373,7 +373,7 @@ class Drive:
             if shifted := 2 < times.size <= MOST_SHIFTED:
                 times = _fewest_shifted(time, values, times, CHANCE * noise**2)
         at_corners, squares = _least_squares(time, values, times)
-        columns = _derivatives(time, times, at_corners)[:, : None if shifted else times.size]
+        columns = straight_derivatives(time, times, at_corners)[:, : None if shifted else times.size]
         freedom = max(time.size - columns.shape[1], 1)
         covariance = np.asarray(np.linalg.pinv(columns.T @ columns), dtype=float)
         return cls(times, at_corners, (squares / freedom) ** 0.5, covariance)
@@ -438,7 +438,7 @@ def _shifted(time: FloatArray, values: FloatArray, corners: FloatArray) -> Float
 
     def jacobian(inner: FloatArray) -> FloatArray:
         at = joined(inner)
-        columns = _derivatives(time, at, _least_squares(time, values, at)[0])
+        columns = straight_derivatives(time, at, _least_squares(time, values, at)[0])
         linear, own = columns[:, : at.size], columns[:, at.size :]
         return own - linear @ np.linalg.lstsq(linear, own, rcond=None)[0]  # Golub and Pereyra, after Kaufman
 
@@ -454,7 +454,7 @@ def _shifted(time: FloatArray, values: FloatArray, corners: FloatArray) -> Float
     return corners
 
 
-def _derivatives(time: FloatArray, corners: FloatArray, values: FloatArray) -> FloatArray:
+def straight_derivatives(time: FloatArray, corners: FloatArray, values: FloatArray) -> FloatArray:
     """Return the derivatives of straight pieces to the values at corners, and to the times of inner ones."""
     piece = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
     slope = (np.diff(values) / np.diff(corners))[piece]

@@ -25,7 +25,15 @@ from gfmdlayer.fitting.indentation.curve import (
     column,
 )
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
-from gfmdlayer.fitting.indentation.problem import SECTIONS, Correction, Free, LeastSquares, Model, Prediction
+from gfmdlayer.fitting.indentation.problem import (
+    OF_A_CURVE,
+    SECTIONS,
+    Correction,
+    Free,
+    LeastSquares,
+    Model,
+    Prediction,
+)
 from gfmdlayer.fitting.indentation.starts import curve_parameters, make_problem, read_model
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.validation.problems import unknown_key
@@ -151,7 +159,7 @@ def second_curve(problem: LeastSquares, u: Any, fit: IndentationFit, free: Free)
         return
     data = fit.config.model_dump(exclude_none=True)
     model = Model({key: data[key] for key in SECTIONS if key in data and key != "name"})
-    keys = [key for key in free if key in model.keys or key in Correction._fields]
+    keys = [key for key in free if key in model.keys or key in OF_A_CURVE]
     first = _plan(problem, u, fit)
     found = {}
     for words, second in _proposals(first, model):

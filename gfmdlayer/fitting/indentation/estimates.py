@@ -24,11 +24,13 @@ from scipy.special import stdtrit
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.indentation.curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
+from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.indentation.problem import LeastSquares, Parameter
 
 BAND = 0.95  # confidence of all intervals
 WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their order
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
+ADHESIONS = (NO_ADHESION, *KINDS, CHOOSE)
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 STIFF = 1e3  # of the further residual, over its standard error
 ROUNDS = 5  # of the search for an end of a profile
@@ -51,6 +53,8 @@ class FitOptions:
     prescribed: str | None = None
     stiffness: float | None = None
     stiffness_error: float | None = None
+    # none, jkr or dmt, whose work or force is then free, or choose: the best by BIC; the model's by default.
+    adhesion: str | None = None
 
     def __post_init__(self) -> None:
         problems = []
@@ -60,6 +64,8 @@ class FitOptions:
             problems.append(f"contact: got {self.contact!r}; must be given or detect")
         if self.prescribed not in {None, *PRESCRIBED}:
             problems.append(f"prescribed: got {self.prescribed!r}; must be one of {', '.join(PRESCRIBED)}")
+        if self.adhesion not in {None, *ADHESIONS}:
+            problems.append(f"adhesion: got {self.adhesion!r}; must be one of {', '.join(ADHESIONS)}")
         for key in ("stiffness", "stiffness_error"):
             value = getattr(self, key)
             if value is not None and not 0 < value < math.inf:
@@ -132,6 +138,13 @@ class IndentationFit:
     config: Any = field(repr=False)  # the model with the fitted values
     start: Mapping[str, float]  # the parameters at which the search started, by name
     options: FitOptions
+    adhesion: Mapping[str, str | float] | None = None  # the section of the model with the fitted values
+    alternatives: Mapping[str, float] = field(default_factory=dict)  # BIC of each adhesion that was tried
+
+    @property
+    def choice(self) -> str:
+        """The sentence that compares the kinds of adhesion that were tried, or nothing."""
+        return preference(self.alternatives)
 
     @property
     def depth(self) -> float:
@@ -176,8 +189,28 @@ def conclude(
     aic, bic = _criteria(problem, fitted, u.size)
     return IndentationFit(
         estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u),
-        start, options,
+        start, options, problem.adhesion(u),
     )  # fmt: skip
+
+
+NAMES = {"none": "no adhesion", "jkr": "JKR", "dmt": "DMT"}
+# Differences of BIC from which they count and are strong (Kass & Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
+SAME, STRONG = 2.0, 6.0
+
+
+def preference(criteria: Mapping[str, float]) -> str:
+    """Say which adhesion the data prefer, from the BIC of each kind."""
+    if len(criteria) < 2:
+        return ""
+    (best, least), *others = sorted(criteria.items(), key=lambda item: item[1])
+    near = [kind for kind, value in others if value - least < SAME]
+    far = [f"{NAMES[kind]} by {value - least:.1f}" for kind, value in others if value - least >= SAME]
+    if near:
+        known = " and ".join(NAMES[kind] for kind in (best, *near))
+        words = f"the data cannot tell {known} apart (BIC differs by less than {SAME:g})"
+        return words + (f"; they prefer these to {' and to '.join(far)} in BIC" if far else "")
+    clearly = "" if min(value for _, value in others) - least >= STRONG else " weakly"
+    return f"the data{clearly} prefer {NAMES[best]} to {' and to '.join(far)} in BIC"
 
 
 def _estimate(
@@ -210,7 +243,7 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
         columns = np.stack([np.broadcast_to(column[i], each.used.shape) for column in derivatives], axis=1)
         band = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", columns, spread, columns), 0.0))
         force, depth = each.in_columns(problem.config(u, each.curve.name), problem.correction(u, each.curve))
-        found = CurveFit(each.curve, force, depth, band, each.used, math.nan, math.nan)
+        found = CurveFit(each.curve, force, depth, band, each.used & ~each.uncertain, math.nan, math.nan)
         noise = []
         for k, given in enumerate((each.curve.noise, each.curve.depth_noise)):
             rows = found.used & (each.curve.by_force == bool(k))
@@ -223,16 +256,18 @@ def _criteria(problem: LeastSquares, fitted: Sequence[CurveFit], parameters: int
     """Return AIC and BIC; an estimated noise counts as a parameter."""
     twice, count = 0.0, parameters
     for i, each in enumerate(fitted):
-        twice += problem.log_determinant(i)
+        twice += problem.log_determinant(i) + problem.predictions[i].doubt
         for k, given in enumerate(problem.noise_is_given(i)):
-            rows = each.used & (each.curve.by_force == bool(k))
-            squares, size = float(np.sum(each.residual[rows] ** 2)), int(rows.sum())
+            own = each.curve.by_force == bool(k)
+            # Rows that count with one adhesion and not with another have the mean square of the others.
+            rows, size = each.used & own, int((problem.predictions[i].used & own).sum())
+            square = max(float(np.mean(each.residual[rows] ** 2)), 1e-300) if rows.any() else math.nan
             if not given:
-                twice += size * (math.log(2 * math.pi * max(squares, 1e-300) / size) + 1)
+                twice += size * (math.log(2 * math.pi * square) + 1)
                 count += 1
             elif size:
                 noise = float(problem.noise[i, k])
-                twice += size * math.log(2 * math.pi * noise**2) + squares / noise**2
+                twice += size * (math.log(2 * math.pi * noise**2) + square / noise**2)
     return twice + 2 * count, twice + count * math.log(problem.rows)
 
 

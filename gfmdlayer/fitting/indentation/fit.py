@@ -19,22 +19,33 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.fitting.indentation.curve import WORDS, ForceCurve, Sizes, in_si
 from gfmdlayer.fitting.indentation.curve_files import Units, afm_curve, curve_facts, entries, read_curve
 from gfmdlayer.fitting.indentation.design import second_curve
+from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, minimised
 from gfmdlayer.fitting.indentation.problem import (
+    STICKING,
     Free,
     LeastSquares,
     Model,
     depths,
+    refuse_adhesion,
     refuse_impossible,
     refuse_mixed_units,
     warnings_before,
 )
-from gfmdlayer.fitting.indentation.starts import curve_parameters, first_guess, make_problem, read_model
+from gfmdlayer.fitting.indentation.starts import (
+    curve_parameters,
+    first_guess,
+    make_problem,
+    read_model,
+    with_adhesion,
+)
 from gfmdlayer.fitting.measurement import FitError
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
 ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
 ROUNDS = 4
+SAME_NOISE = 0.05  # change of the logarithm of the noise
+WORSE, FAINT = 10.0, 0.01  # growth of BIC by adhesion that asks for another start, with so much of it
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
@@ -51,6 +62,7 @@ def fit_indentation(
     prescribed: str | None = None,
     stiffness: float | None = None,
     stiffness_error: float | None = None,
+    adhesion: str | None = None,
 ) -> IndentationFit:
     """Fit moduli, times, thicknesses and more to measured force curves.
 
@@ -68,7 +80,7 @@ def fit_indentation(
         mapping gives bounds as [low, high], or None.
     units : sequence of str, optional
         Units of time, depth and force for columns without units, such as ("s", "nm", "nN").
-    loss, profile, contact, segments, prescribed, stiffness, stiffness_error
+    loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion
         See `FitOptions`.
 
     Returns
@@ -101,7 +113,9 @@ def fit_indentation(
     >>> print(f"{fit['G0'].value:.2f}")
     7.00
     """
-    options = FitOptions(loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error)
+    options = FitOptions(
+        loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion
+    )
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
     data, keys = read_model(model, free)
@@ -138,9 +152,21 @@ def _curves(
 
 
 def fit_curves(
-    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool = True
+    curves: Sequence[ForceCurve],
+    model: Model,
+    free: Free,
+    options: FitOptions,
+    advise: bool = True,
+    begin: Mapping[str, float] | None = None,
 ) -> IndentationFit:
-    """Fit a checked model to curves, see `fit_indentation`; `advise` which second curve would tell more."""
+    """Fit a checked model to curves, see `fit_indentation`; `advise` which second curve would tell more.
+
+    The search starts at the parameters `begin` by name, or at the first guess.
+    """
+    if options.adhesion == CHOOSE:
+        return _best_adhesion(curves, model, free, options, advise)
+    if options.adhesion is not None:
+        model, free = with_adhesion(model, free, options.adhesion)
     names = [curve.name for curve in curves]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise FitError(f"curve {', '.join(twice)}: this name is given twice; give each curve its own name")
@@ -153,38 +179,80 @@ def fit_curves(
             f"{problem.rows} rows are too few for {len(parameters)} free parameters; the fit needs at least "
             f"{2 * len(parameters)}"
         )
+    refuse_adhesion(problem)
     u, scale = first_guess(problem)
     refuse_mixed_units(model, scale)
     notes = list(warnings_before(curves, reached, model, scale))
+    if begin is not None:
+        u = np.clip(problem.coordinates({**problem.values(u), **begin}), *problem.bounds)
     start = problem.values(u)
-    u = _solve(problem, u, options.loss)
+    u, stopped = _solve(problem, u, options.loss)
+    notes += stopped
     fit = conclude(problem, u, options, notes, start)
-    if not advise:
+    if not advise or model.adhesion is not None:
         return fit
     return replace(fit, warnings=(*fit.warnings, *second_curve(problem, u, fit, free)))
 
 
-def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
-    """Fit; then choose the times of the solutions and the noise again and refit, until u stays."""
+def _best_adhesion(
+    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool
+) -> IndentationFit:
+    """Fit without adhesion, with JKR and with DMT, and return the fit of the least BIC."""
+    bare = fit_curves(curves, model, free, replace(options, adhesion=NO_ADHESION), advise)
+    fits = {NO_ADHESION: bare}
+    for kind, name in KINDS.items():
+        own = replace(options, adhesion=kind)
+        found = fit_curves(curves, model, free, own)
+        if found.bic > bare.bic + WORSE:  # without adhesion is a limit of it: the search went astray
+            begin = {each.name: each.value for each in bare.parameters}
+            begin[f"{STICKING}{name}"] = FAINT * found[name].value
+            found = min(found, fit_curves(curves, model, free, own, begin=begin), key=lambda fit: fit.bic)
+        fits[kind] = found
+    best = min(fits.values(), key=lambda fit: fit.bic)
+    return replace(best, alternatives={kind: fit.bic for kind, fit in fits.items()})
+
+
+def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray, list[str]]:
+    """Fit; then choose the times of the solutions and the noise again and refit, until u stays.
+
+    Return u, and a warning where the search had to stop before.
+    """
     minimise = partial(minimised, problem.residuals, problem.jacobian, bounds=problem.bounds)
+    notes: list[str] = []
     problem.adapt(u)
-    u = minimise(start=u, precision=ROUGH)
+    known, u = u, minimise(start=u, precision=ROUGH)
     for _ in range(ROUNDS):
         before = u
-        problem.adapt(u)
+        try:
+            problem.adapt(u)
+        except FitError as error:
+            if problem.model.adhesion is None:
+                raise
+            notes, u = [f"the search stopped early; the parameters are rough: {error}"], known
+            problem.adapt(u)
+        known = u
         _estimate_noise(problem, u, loss)
         problem.weigh(u)
-        u = minimise(start=u, loss=loss, precision=FINE)
-        if np.abs(u - before).max() < STAYS:
+        if notes:
             break
-    return u
+        u = minimise(start=u, loss=loss, precision=FINE)
+        if np.abs(u - before).max() < STAYS and (problem.is_homogeneous or _noise_stays(problem, u, loss)):
+            break
+    return u, notes
+
+
+def _noise_stays(problem: LeastSquares, u: FloatArray, loss: str) -> bool:
+    """Whether the noise at u is that by which the residuals were divided."""
+    before = problem.noise.copy()
+    _estimate_noise(problem, u, loss)
+    return bool(np.abs(np.log(problem.noise / before)).max() < SAME_NOISE)
 
 
 def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
     """Set the noise of forces and depths from the residuals at u, where it is not given."""
     for i, (found, each) in enumerate(zip(problem.measured(u), problem.predictions, strict=True)):
         for k in np.flatnonzero(~problem.noise_is_given(i)):
-            rows = each.used & (each.curve.by_force == bool(k))
+            rows = each.used & ~each.uncertain & (each.curve.by_force == bool(k))
             problem.noise[i, k] = _spread((found - each.curve.measured)[rows], loss)
 
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby, pairwise
 from typing import Any, Literal, NamedTuple
@@ -31,14 +31,47 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.body.body import Body
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.model import explain
 from gfmdlayer.config.sweeps import assigned
-from gfmdlayer.fitting.indentation.curve import DEPTH, FORCE, SIGMAS, CurveError, Drive, ForceCurve
+from gfmdlayer.fitting.indentation.curve import (
+    DEPTH,
+    FORCE,
+    SIGMAS,
+    CurveError,
+    Drive,
+    ForceCurve,
+    noise_of,
+    straight_derivatives,
+)
+from gfmdlayer.fitting.indentation.elastic import (
+    LEAST_JUMP,
+    NEAR,
+    Contacts,
+    Jump,
+    adhesion_of,
+    jumps_between,
+    measured_contact,
+    read_adhesion,
+)
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.compliance import Compliance
+from gfmdlayer.indentation.equilibrium import (
+    BY_DEPTH,
+    BY_FORCE,
+    Adhesion,
+    Control,
+    Equilibria,
+    Nodes,
+    by_base,
+    equilibria,
+    find_nodes,
+    halfspace,
+)
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.indentation.solve import History, LeftGridError, Space, find_space, make_space, on_halved_steps
@@ -63,11 +96,17 @@ EVEN = 0.3  # fraction of the steps that is spread evenly over the time
 SHIFT = 1e-3  # of the range: smallest step of a difference to a corner
 CLOSE = 0.2  # of the shortest piece: largest step of a difference to the time of a corner
 LEAST_FORCE = 0.01  # of the largest: rows of a prescribed force below it do not count
+WIDER_ELASTIC = 1.5  # the same for an elastic body
+KEPT_TABLES = 3  # contacts of elastic bodies
+FAR = 1e8  # see `gfmdlayer.indentation.solve`
+WIDER_BEGIN = 3.0
+MOST_PHASE = 300.0  # contact radius times the last wavenumber of the layers: some twelve thicknesses
+RETRACTED = 0.05  # of the range: a motion back by more is a retraction
 NOISY = 0.1  # noise of the prescribed quantity, over that of the measured one, that counts; both over ranges
 
 
 class Correction(NamedTuple):
-    """Values of a curve that correct its columns."""
+    """Values of a curve that correct its columns, and the adhesion under its indenter."""
 
     contact_point: float = 0.0
     drift: float = 0.0
@@ -75,9 +114,10 @@ class Correction(NamedTuple):
     force_drift: float = 0.0
     tilt: float = 0.0
     stiffness: float = math.inf
+    adhesion: Adhesion = Adhesion()
 
 
-OF_A_CURVE = Correction._fields
+OF_A_CURVE = Correction._fields[:-1]
 
 
 class _Pieces(NamedTuple):
@@ -111,7 +151,9 @@ class _Pieces(NamedTuple):
 class Prediction:
     """Forces and depths under the prescribed quantity of a measured curve."""
 
-    def __init__(self, curve: ForceCurve, segments: Sequence[str] = (), offset: float = 0.0) -> None:
+    def __init__(
+        self, curve: ForceCurve, segments: Sequence[str] = (), offset: float = 0.0, adhesive: bool = False
+    ) -> None:
         self.curve = curve
         self.drives: list[Drive] = []
         self._kinds: list[str] = []
@@ -129,7 +171,11 @@ class Prediction:
             forces = np.interp(curve.time, *self._joined())
             scatter = max(each.error for each, kind in self._of_kind(FORCE))
             least = max(LEAST_FORCE * float(np.max(curve.force) - offset), SIGMAS * scatter / 10**0.5)
-            self.used &= ~by_force | (forces - offset > least)
+            counts = (np.abs(forces - offset) if adhesive else forces - offset) > least
+            if adhesive and counts.any():  # from push to pull there is contact
+                first, *_, last = np.flatnonzero(counts).tolist() * 2
+                counts[first:last] = True
+            self.used &= ~by_force | counts
         if not self.used.any():
             known = ", ".join(dict.fromkeys(each.name for each in curve.segments))
             raise CurveError(
@@ -139,6 +185,16 @@ class Prediction:
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
         self._made: list[tuple[Config, Space, Compliance]] = []
+        self._bodies: list[tuple[Config, Body]] = []
+        self._relaxes: bool | None = None
+        self._most_phase = MOST_PHASE  # in a search less than at its begin, which then is never refused
+        self._in_steps = False  # whether an elastic body is solved in steps too
+        self._nodes: Nodes | None = None  # of an elastic body
+        self._tables: list[tuple[Nodes, FloatArray, Equilibria]] = []
+        self._known: list[tuple[Config, Correction, Contacts]] = []
+        self._touching: BoolArray | None = None  # rows in contact, as measured
+        self._jumps: list[Jump] = []
+        self.uncertain = np.zeros(curve.time.size, dtype=bool)  # rows in contact next to the end of it
         self.changes = 0  # of times and nodes; responses before and after a change must not be compared
 
     def _joined(self) -> tuple[FloatArray, FloatArray]:
@@ -161,8 +217,17 @@ class Prediction:
 
     def adapt(self, config: Config, at: Correction) -> None:
         """Choose the times by the bends of the response of a model, and the nodes by its lengths."""
-        self._space, self.changes = None, self.changes + 1
+        self._space, self._nodes, self._known, self.changes = None, None, [], self.changes + 1
         pieces = self._pieces(at)
+        if self.is_elastic(config):
+            self._most_phase = WIDER_BEGIN * MOST_PHASE
+            try:
+                self.contacts(config, at)
+            except FitError:
+                self._in_steps = at.adhesion == Adhesion()  # a very wide contact
+            self._most_phase = MOST_PHASE
+            if not self._in_steps:
+                return
         self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
         times, force, depth = self._solution(config, at, pieces)
         if times.size > 2 and np.ptp(force) > 0:
@@ -171,16 +236,201 @@ class Prediction:
     def response(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
         """Return force and depth of the indenter at the rows."""
         rows, pieces = self.curve.time, self._pieces(at)
+        if self.is_elastic(config) and not self._in_steps:
+            return self._elastic(config, at, pieces)
         times, force, depth = self._solution(config, at, pieces)
         power = onset(as_revolution(config.punch))
-        forces, depths = np.zeros(rows.size), np.zeros(rows.size)
+        value, by_force = pieces.at(rows)
+        forces, depths = np.where(by_force, np.maximum(value, 0.0), 0.0), np.zeros(rows.size)
         edges = [times[0], *(time for time in self._breakpoints if time > times[0])]
         for first, last in pairwise(edges):
             inside = (rows >= first) & (rows <= last)
             nodes = (times >= first) & (times <= last)
-            forces[inside] = _until_it_opens(times[nodes], force[nodes], rows[inside], power)
-            depths[inside] = _as_power(times[nodes], depth[nodes], rows[inside], power)
-        return forces, depths
+            # What is prescribed needs no interpolation.
+            if (free := inside & ~by_force).any():
+                forces[free] = _until_it_opens(times[nodes], force[nodes], rows[free], power)
+            if (held := inside & by_force).any():
+                depths[held] = _as_power(times[nodes], depth[nodes], rows[held], power)
+        return forces, np.where(
+            by_force, depths, value - forces / at.stiffness if self.curve.by_base else value
+        )
+
+    def is_elastic(self, config: Config) -> bool:
+        """Whether the body of a model does not relax."""
+        if self._relaxes is None:
+            self._relaxes = bool(self._body(config).spectrum(np.array([1.0])).weights.size)
+        return not self._relaxes
+
+    def _body(self, config: Config) -> Body:
+        """Return the body of a model; the last two are kept."""
+        for known, body in self._bodies:
+            if known is config:
+                return body
+        body = IsolatedContact(config).body
+        self._bodies = [(config, body), *self._bodies[:1]]
+        return body
+
+    def _elastic(self, config: Config, at: Correction, pieces: _Pieces) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth of an elastic body at the rows."""
+        rows = self.curve.time
+        value, by_force = pieces.at(rows)
+        contacts = self.contacts(config, at)
+        touching = self._touching
+        if touching is None:
+            times = np.union1d(rows, pieces.end)
+            touching = contacts.touching(*pieces.at(times))[np.searchsorted(times, rows)]
+        depth, force = contacts.of(value, by_force)
+        return np.where(touching, force, 0.0), np.where(touching, depth, np.where(by_force, 0.0, value))
+
+    def contacts(self, config: Config, at: Correction) -> Contacts:
+        """Return the stable contacts of an elastic body, up to the largest prescribed values."""
+        for known, same, found in self._known:
+            if known is config and same == at:
+                return found
+        found = self._contacts(config, at)
+        self._known = [(config, at, found), *self._known[:1]]
+        return found
+
+    def _contacts(self, config: Config, at: Correction) -> Contacts:
+        pieces, profile, body = self._pieces(at), as_revolution(config.punch), self._body(config)
+        position = by_base(at.stiffness) if self.curve.by_base else BY_DEPTH
+        most = []
+        for by_force, control in ((False, position), (True, BY_FORCE)):
+            own = pieces.by_force == by_force
+            if own.any():
+                most.append((control, float(np.concatenate((pieces.first[own], pieces.last[own])).max())))
+        reach = self._nodes.reach if self._nodes else self._first_reach(body, profile, at.adhesion, most)
+        while True:
+            try:
+                if self._nodes is None or self._nodes.reach != reach:
+                    self._nodes = self._find_nodes(body, reach)
+                found = self._equilibria(body, profile)
+            except ArithmeticError:  # the lengths of the body have changed much
+                self._nodes, self.changes = self._find_nodes(body, reach), self.changes + 1
+                found = self._equilibria(body, profile)
+            if all(found.largest(control, at.adhesion) >= value for control, value in most):
+                return Contacts(found, position, at.adhesion)
+            reach *= WIDER_ELASTIC
+
+    def _find_nodes(self, body: Body, reach: float) -> Nodes:
+        try:
+            found = find_nodes(body, reach)
+        except ValueError as error:
+            raise FitError(f"curve {self.curve.name}: {error}") from error
+        if found.last * reach > self._most_phase:
+            raise FitError(
+                f"curve {self.curve.name}: the contact is more than some twelve times as wide as the "
+                "thinnest layer is thick; must be less with adhesion"
+            )
+        return found
+
+    def _equilibria(self, body: Body, profile: Revolution) -> Equilibria:
+        """Return the contacts of an elastic body; the last ones are kept for all bodies that are similar."""
+        assert self._nodes is not None
+        local, C = self._nodes.compliance(body)
+        for nodes, known, found in self._tables:
+            if nodes is self._nodes and np.allclose(C, known, rtol=1e-12, atol=1e-14):
+                return replace(found, local=local)
+        found = equilibria(local, C, self._nodes, profile)
+        self._tables = [(self._nodes, C, found), *self._tables[:KEPT_TABLES]]
+        return found
+
+    def _first_reach(
+        self, body: Body, profile: Revolution, adhesion: Adhesion, most: Sequence[tuple[Control, float]]
+    ) -> float:
+        """Return the contact radius on a halfspace of the surface's material, within a factor of two."""
+        reach = float(np.ptp(self.curve.depth))
+        while True:
+            far = FAR / reach
+            half = halfspace(far / float(body.stiffness(np.array([far]), 0.0)[0]), profile, reach)
+            if half.reach < reach or all(half.largest(each, adhesion) >= value for each, value in most):
+                return half.reach
+            reach *= 2
+
+    @property
+    def retracts(self) -> bool:
+        """Whether a row of a retraction counts."""
+        drive = np.where(self.curve.by_force, self.curve.force, self.curve.position_of_drive)
+        found = False
+        for part in self.curve.segments:
+            rows = np.flatnonzero(self.used[part.first : part.end]) + part.first
+            if rows.size > 1:
+                top = rows[0] + int(np.argmax(drive[rows[0] : rows[-1] + 1]))
+                found |= bool(drive[top] - drive[rows[-1]] > RETRACTED * np.ptp(drive))
+        return found
+
+    def work_for(self, pull: float, config: Config, at: Correction) -> float:
+        """Return JKR's work of adhesion with which a contact is lost at a tensile force."""
+        made = self.contacts(config, at._replace(adhesion=Adhesion())).equilibria
+
+        def excess(logarithm: float) -> float:
+            end = made.branch(BY_FORCE, Adhesion(math.exp(logarithm))).end
+            return math.log(max(-end / pull, 1e-300))
+
+        # The pull grows with the work by a power between 1/2 (flat punch) and 1 (paraboloid), or around it.
+        low = high = 0.0
+        while excess(low) > 0:
+            low -= 5.0
+        while excess(high) < 0:
+            high += 5.0
+        return math.exp(brentq(excess, low, high, xtol=1e-3)) if low < high else 1.0
+
+    def label(self, config: Config, at: Correction) -> None:
+        """Take the rows in contact, and the jumps, from the measurement, where there is adhesion."""
+        self._touching, self._jumps, self.changes = None, [], self.changes + 1
+        self.uncertain[:] = False
+        if at.adhesion == Adhesion():
+            return
+        value, by_force = self._pieces(at).at(self.curve.time)
+        contacts = self.contacts(config, at)
+        squares = []
+        for touching in (True, False):
+            self._touching = np.full(value.size, touching)
+            squares.append((self.measured(config, at) - self.curve.measured) ** 2)
+        own = 1.0 if self.curve.stiffness is None else self.curve.stiffness / at.stiffness
+        ends = np.array([0.0, contacts.position.end])
+        noise = max(noise_of(self.curve.force), 1e-12 * float(np.ptp(self.curve.force)))
+        sizes = (np.abs(own * contacts.position(ends)[1]) / noise).tolist()
+        hidden = [at if size < LEAST_JUMP else None for at, size in zip(ends.tolist(), sizes, strict=True)]
+        self._touching = measured_contact(value, by_force, squares[0] - squares[1], hidden)
+        found = jumps_between(self._touching, by_force, self.used, value, sizes)
+        self._jumps = [
+            each._replace(spread=math.hypot(each.spread, self._error_of_drive(each.row))) for each in found
+        ]
+        for each in self._jumps:
+            if not each.begins:
+                last = value[each.row - 1 : each.row + 1].mean() + NEAR * each.spread
+                self.uncertain[: each.row] |= self._touching[: each.row] & (value[: each.row] < last)
+
+    def _error_of_drive(self, row: int) -> float:
+        """Return the standard error of the prescribed value before a row."""
+        time = self.curve.time[row - 1 : row + 1].mean(keepdims=True)
+        drive = next(each for each in self.drives[::-1] if each.time[0] <= time[0] or each is self.drives[0])
+        if drive.time.size < 2:
+            return 0.0
+        along = straight_derivatives(time, drive.time, drive.value)[0][: drive.covariance.shape[0]]
+        return drive.error * math.sqrt(max(float(along @ drive.covariance @ along), 0.0))
+
+    def jumps(self, config: Config, at: Correction) -> FloatArray:
+        """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
+        if not self._jumps:
+            return np.zeros(0)
+        end, pieces = self.contacts(config, at).position.end, self._pieces(at)
+        found = []
+        for each in self._jumps:
+            measured = float(np.mean(pieces.at(self.curve.time[each.row - 1 : each.row + 1])[0]))
+            found.append(((0.0 if each.begins else end) - measured) / each.spread)
+        return np.array(found)
+
+    @property
+    def jump_count(self) -> int:
+        """Number of jumps whose places count."""
+        return len(self._jumps)
+
+    @property
+    def doubt(self) -> float:
+        """Twice the logarithm of the part that one row has in the distributions of the jumps."""
+        return 2 * sum(math.log(each.spread / each.certain) for each in self._jumps)
 
     def in_columns(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
         """Return force and depth as the columns of the curve would have them, at the rows."""
@@ -288,13 +538,13 @@ class Prediction:
         for known, nodes, made in self._made:
             if known is config and nodes is space:
                 return made
-        made = space.compliance(IsolatedContact(config).body)
+        made = space.compliance(self._body(config))
         self._made = [(config, space, made), *self._made[:1]]
         return made
 
     def _find_space(self, config: Config, at: Correction, pieces: _Pieces) -> Space:
         """Return the nodes for the largest contact of each prescribed quantity."""
-        body, profile = IsolatedContact(config).body, as_revolution(config.punch)
+        body, profile = self._body(config), as_revolution(config.punch)
         found = []
         for by_force in (False, True):
             own = pieces.by_force == by_force
@@ -403,7 +653,9 @@ def _graded(
 
 # The free parameters: keys of the model and values of a curve, their bounds and scales.
 
-SECTIONS = ("name", "units", "grid", "layer", "layers", "halfspace", "punch", "temperature", "shift")
+SECTIONS = (
+    "name", "units", "grid", "layer", "layers", "halfspace", "punch", "temperature", "shift", "adhesion",
+)  # fmt: skip
 LINEAR: Mapping[str, tuple[float, float]] = {
     "poisson": (-0.99, 0.5),
     "exponent": (0.01, 1.0),
@@ -416,7 +668,7 @@ Free = Sequence[str] | Mapping[str, Sequence[float] | None]
 
 
 class Model:
-    """Body and indenter: a configuration whose numbers are set by keys such as layers[0].material.G0."""
+    """Body, indenter and adhesion: a configuration whose numbers have keys such as layers[0].material.G0."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
         if foreign := [key for key in data if key not in SECTIONS]:
@@ -424,17 +676,24 @@ class Model:
         grid = {"geometry": "axisymmetric"} | dict(data.get("grid") or {})
         self._given = dict(data)
         # The curves have the history; the default depth may be impossible for this body.
-        given = {"name": "indentation"} | dict(data) | {"grid": grid, "trajectory": {"depth": 0.0}}
+        own = {key: value for key, value in data.items() if key != "adhesion"}
+        given = {"name": "indentation"} | own | {"grid": grid, "trajectory": {"depth": 0.0}}
+        self.adhesion = read_adhesion(data["adhesion"]) if "adhesion" in data else None
         try:
             self.config = Config.model_validate(given)
         except ValidationError as error:
             raise ConfigError(map(str, explain(error))) from None
         self._data = self.config.model_dump(exclude_none=True)
-        self.keys = dict(_numbers(self._data))
+        self.keys = dict(_numbers(self._data | {"adhesion": self.adhesion or {}}))
 
     def under(self, punch: Mapping[str, Any]) -> Model:
         """Return the model with another indenter."""
         return Model(self._given | {"punch": dict(punch)})
+
+    def sticking(self, adhesion: Mapping[str, Any] | None) -> Model:
+        """Return the model with other adhesion, or without."""
+        rest = {key: value for key, value in self._given.items() if key != "adhesion"}
+        return Model(rest if adhesion is None else rest | {"adhesion": dict(adhesion)})
 
     def with_values(self, values: dict[str, float]) -> Config:
         """Return the configuration in which the dotted keys have these values."""
@@ -522,7 +781,7 @@ def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
     for key, value in items:
         place = f"{at}[{key}]" if isinstance(key, int) else f"{at}.{key}".lstrip(".")
         if isinstance(value, (Mapping, list, tuple)):
-            if at or key in {"layer", "layers", "halfspace", "punch"}:
+            if at or key in {"layer", "layers", "halfspace", "punch", "adhesion"}:
                 yield from _numbers(value, place)
         elif at and isinstance(value, (int, float)) and not isinstance(value, bool):
             yield place, float(value)
@@ -535,6 +794,8 @@ TRIES = 3  # the differences are repeated when the nodes changed on the way, at 
 # take the jump for a derivative.
 STEP, LINEAR_STEP = 5e-3, 2e-3
 MODULI = {"G0", "Ginf", "G", "shear_modulus"}
+STICKING = "adhesion."  # of the keys of the adhesion
+EXACT_STEP = 1e-5  # the same for an elastic body, whose response is smooth
 NO_MODULI = {*"tau thickness poisson exponent alpha gamma radius slope angle width face".split()}  # noqa: SIM905
 
 
@@ -623,7 +884,11 @@ class LeastSquares:
     def config(self, u: FloatArray, curve: str | None = None) -> Config:
         """Return the configuration at u, with the indenter of a curve."""
         values = self.values(u)
-        own = {each.key: values[each.name] for each in self.parameters if each.key not in OF_A_CURVE}
+        own = {
+            each.key: values[each.name]
+            for each in self.parameters
+            if each.key not in OF_A_CURVE and not each.key.startswith(STICKING)
+        }
         model = self.model if curve is None else self._models[curve]
         known = (id(model), *own.items())
         if known not in self._configs:
@@ -638,12 +903,24 @@ class LeastSquares:
             for each in self.parameters
             if each.key in OF_A_CURVE and each.curve in {"", curve.name}
         }
-        return Correction(**({"stiffness": curve.stiffness or math.inf} | own))
+        return Correction(**({"stiffness": curve.stiffness or math.inf} | own), adhesion=self._sticking(u))
+
+    def adhesion(self, u: FloatArray) -> dict[str, str | float] | None:
+        """Return the section `adhesion` of the model at u."""
+        if self.model.adhesion is None:
+            return None
+        values = self.values(u)
+        return {key: values.get(f"{STICKING}{key}", given) for key, given in self.model.adhesion.items()}
+
+    def _sticking(self, u: FloatArray) -> Adhesion:
+        return adhesion_of(self.adhesion(u))
 
     def adapt(self, u: FloatArray) -> None:
-        """Choose the times of the solutions for the responses at u."""
+        """Choose the times of the solutions for the responses at u, and the rows in contact by the data."""
         for each in self.predictions:
-            each.adapt(self.config(u, each.curve.name), self.correction(u, each.curve))
+            at = self.config(u, each.curve.name), self.correction(u, each.curve)
+            each.adapt(*at)
+            each.label(*at)
 
     def weigh(self, u: FloatArray) -> None:
         """Find the covariance of the residuals by the noise of the prescribed quantities, at u."""
@@ -657,7 +934,9 @@ class LeastSquares:
 
     def noise_of_rows(self, i: int) -> FloatArray:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
-        return np.asarray(np.where(self.predictions[i].curve.by_force, self.noise[i, 1], self.noise[i, 0]))
+        each = self.predictions[i]
+        noise = np.where(each.curve.by_force, self.noise[i, 1], self.noise[i, 0])
+        return np.where(each.uncertain, np.inf, noise)
 
     def noise_is_given(self, i: int) -> BoolArray:
         """Whether the noise of force and depth of a curve is given, or needs no estimate; shape (2,)."""
@@ -699,10 +978,28 @@ class LeastSquares:
         try:
             found = self.measured(u)
         except (ValidationError, FitError):
-            return np.full(self.rows + len(self._given), np.inf)
+            return np.full(self.rows + self._further, np.inf)
         away = [f - each.curve.measured for f, each in zip(found, self.predictions, strict=True)]
         given: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._given])
-        return np.asarray(np.concatenate((self._scaled(away), given)))
+        return np.asarray(np.concatenate((self._scaled(away), given, self._jumps(u))))
+
+    def _jumps(self, u: FloatArray) -> FloatArray:
+        """Return the residuals of the places of jumps, curve after curve."""
+        found = [
+            each.jumps(self.config(u, each.curve.name), self.correction(u, each.curve))
+            for each in self.predictions
+        ]
+        return np.concatenate(found)
+
+    @property
+    def is_homogeneous(self) -> bool:
+        """Whether all residuals are those of rows, whose common noise is estimated at last."""
+        return not self._further
+
+    @property
+    def _further(self) -> int:
+        """Number of residuals beside those of rows."""
+        return len(self._given) + sum(each.jump_count for each in self.predictions)
 
     def _scaled(self, rows: Sequence[FloatArray]) -> FloatArray:
         """Return values at the rows of each curve that count, over the noise, uncorrelated."""
@@ -732,7 +1029,11 @@ class LeastSquares:
         for row, (i, _, error) in enumerate(self._given):
             given[row, i] = 1 / error
         columns = [self._scaled(column) for column in self.derivatives(u)]
-        return np.vstack((np.stack(columns, axis=1), given))
+        jumps = np.zeros((self._further - len(self._given), u.size))
+        for i in range(u.size if jumps.size else 0):
+            moved = self._moved(i, u)
+            jumps[:, i] = (self._jumps(moved) - self._jumps(u)) / (moved[i] - u[i])
+        return np.vstack((np.stack(columns, axis=1), given, jumps))
 
     def derivatives(self, u: FloatArray) -> list[list[FloatArray]]:
         """Return the derivatives of the measured quantity of each curve, for each parameter."""
@@ -756,15 +1057,7 @@ class LeastSquares:
         parameter = self.parameters[i]
         if self._euler is not None and i == self._euler[-1]:
             return [np.zeros(1) for _ in found]
-        moved = u.copy()
-        low, high = parameter.bounds
-        step = STEP if parameter.scale == "logarithmic" else LINEAR_STEP * (high - low)
-        moved[i] += step if u[i] + step <= self.bounds[1][i] else -step
-        try:
-            self.config(moved)
-        except ValidationError:  # a bound that depends on another parameter
-            moved[i] = 2 * u[i] - moved[i]
-        column = []
+        moved, column = self._moved(i, u), []
         for values, each in zip(found, self.predictions, strict=True):
             if parameter.curve not in {"", each.curve.name}:
                 column.append(np.zeros(values.size))
@@ -773,6 +1066,27 @@ class LeastSquares:
             else:
                 column.append((self._measured(moved, each) - values) / (moved[i] - u[i]))
         return column
+
+    def _moved(self, i: int, u: FloatArray) -> FloatArray:
+        """Return u with the step of a difference in one parameter."""
+        parameter, moved = self.parameters[i], u.copy()
+        low, high = parameter.bounds
+        logarithmic = parameter.scale == "logarithmic"
+        if self.is_elastic:
+            step = EXACT_STEP * (1.0 if logarithmic else high - low)
+        else:
+            step = STEP if logarithmic else LINEAR_STEP * (high - low)
+        moved[i] += step if u[i] + step <= self.bounds[1][i] else -step
+        try:
+            self.config(moved)
+        except ValidationError:  # a bound that depends on another parameter
+            moved[i] = 2 * u[i] - moved[i]
+        return moved
+
+    @cached_property
+    def is_elastic(self) -> bool:
+        """Whether the body does not relax."""
+        return self.predictions[0].is_elastic(self.config(self.start))
 
     def _measured(self, u: FloatArray, each: Prediction) -> FloatArray:
         self.solutions += 1
@@ -819,7 +1133,8 @@ def _added(key: str, prediction: Prediction) -> FloatArray | None:
     """Return the derivative of the measured quantity to a correction that is added to it, or None."""
     curve = prediction.curve
     if key in {"force_offset", "force_drift", "tilt"} and FORCE not in prediction.kinds:
-        return baseline(curve, Correction(**{key: 1.0}))
+        one: dict[str, Any] = {key: 1.0}
+        return baseline(curve, Correction(**one))
     if key in {"contact_point", "drift"} and prediction.kinds == {FORCE}:
         return np.ones(curve.time.size) if key == "contact_point" else curve.time - curve.time[0]
     return None
@@ -860,6 +1175,30 @@ def refuse_impossible(reached: Mapping[str, float], model: Model) -> None:
             )
     if reasons:
         raise CurveError("\n".join(reasons))
+
+
+def refuse_adhesion(problem: LeastSquares) -> None:
+    """Reject adhesion of a body that relaxes, and adhesion that curves without a retraction should give."""
+    adhesion = problem.model.adhesion
+    if adhesion is None:
+        return
+    if not problem.is_elastic:
+        raise ConfigError(
+            [
+                f"adhesion: got {adhesion['model']!r} under a body that relaxes; must be left out, or the "
+                "body elastic: material {model: elastic, G: ...}, or Ginf equal to G0 and not free. What "
+                "holds a viscoelastic contact depends on the speed of its edge; without adhesion, fit rows "
+                "whose force is far above the pull"
+            ]
+        )
+    if any(each.key.startswith(STICKING) for each in problem.parameters) and not any(
+        each.retracts for each in problem.predictions
+    ):
+        names = ", ".join(each.curve.name for each in problem.predictions)
+        raise CurveError(
+            f"curve {names}: adhesion is asked of a curve without a retraction; give the rows of the "
+            f"retraction, or a fixed value of the adhesion"
+        )
 
 
 def warnings_before(

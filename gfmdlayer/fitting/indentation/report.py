@@ -98,6 +98,10 @@ def add_fit(h5: h5py.File, fit: IndentationFit) -> None:
             if value is not None:
                 stored = value if isinstance(value, (str, int, float)) else json.dumps(value)
                 group.attrs[key] = stored
+    if fit.adhesion is not None:
+        h5.attrs["adhesion"] = json.dumps(dict(fit.adhesion))
+    if fit.choice:
+        h5.attrs["alternatives"], h5.attrs["choice"] = json.dumps(dict(fit.alternatives)), fit.choice
     given = {"start": json.dumps(dict(fit.start)), "options": json.dumps(vars(fit.options))}
     model = text.written(fit.config.model_dump(exclude_none=True))
     known = {"model": model, "warnings": "\n".join(fit.warnings)}
@@ -144,6 +148,9 @@ def model_yaml(fit: IndentationFit, name: str) -> str:
     data = fit.config.model_dump(exclude_none=True)
     kept = {"name": plain_name(name, "model")} | {key: data[key] for key in SECTIONS if key in data}
     kept["trajectory"] = {"depth": fit.depth}
+    if fit.adhesion is not None:  # a run has no adhesion: the section is for a further fit
+        del kept["trajectory"]
+        kept["adhesion"] = dict(fit.adhesion)
     return "".join(f"# {line}\n" for line in summary(fit)) + text.written(kept)
 
 
@@ -155,6 +162,9 @@ def as_data(fit: IndentationFit) -> dict[str, Any]:
         "aic": fit.aic,
         "bic": fit.bic,
         "curves": [_curve_data(each) for each in fit.curves],
+        "adhesion": fit.adhesion and dict(fit.adhesion),
+        "alternatives": dict(fit.alternatives),
+        "choice": fit.choice,
         "warnings": list(fit.warnings),
         "start": dict(fit.start),
         "options": vars(fit.options),
@@ -203,6 +213,7 @@ def summary(fit: IndentationFit) -> list[str]:
         f"Fit of {number}, {rows} rows, {len(fit.parameters)} free parameters. "
         f"AIC {fit.aic:.2f}, BIC {fit.bic:.2f}.",
         *_table(fit.parameters),
+        *([f"adhesion: {fit.choice}"] if fit.choice else []),
         *(line for each in fit.curves[:SHOWN_CURVES] for line in _curve(each)),
         *_correlations(fit),
         *(f"warning: {warning}" for warning in fit.warnings),

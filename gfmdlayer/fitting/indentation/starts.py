@@ -14,11 +14,13 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
-from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve
-from gfmdlayer.fitting.indentation.estimates import FitOptions, detect
+from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve, noise_of
+from gfmdlayer.fitting.indentation.elastic import KINDS, NO_ADHESION
+from gfmdlayer.fitting.indentation.estimates import ContactPoint, FitOptions, detect
 from gfmdlayer.fitting.indentation.problem import (
     MODULI,
     SECTIONS,
+    STICKING,
     Free,
     LeastSquares,
     Model,
@@ -28,10 +30,13 @@ from gfmdlayer.fitting.indentation.problem import (
     free_parameters,
     onset,
 )
+from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.validation.problems import location_of_key, shown, unknown_key
 
 TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
+RANGE, TRIALS = 6.0, 9  # factors on the moduli that are tried with adhesion
+FEWEST_BEFORE, SEEN = 5, 5.0  # rows before contact; noises by which the force falls where contact begins
 STRETCH = 10.0  # default bounds of a cantilever's stiffness: over and times this factor
 
 
@@ -94,7 +99,12 @@ def make_problem(
         model,
         parameters,
         [
-            Prediction(curve, options.segments, offsets.get(curve.name, offsets.get("", 0.0)))
+            Prediction(
+                curve,
+                options.segments,
+                offsets.get(curve.name, offsets.get("", 0.0)),
+                adhesive=model.adhesion is not None,
+            )
             for curve in curves
         ],
     )
@@ -135,8 +145,22 @@ def curve_parameters(
     ]
     if options.contact == "given":
         return found
-    points = {name: detect(curve) for name, curve in starts.items()}
+    sticks = model.adhesion is not None
+    points = {name: _touch(curve) if sticks else detect(curve) for name, curve in starts.items()}
     return [_from_detection(each, points[each.curve]) if each.key in spans else each for each in found]
+
+
+def _touch(curve: ForceCurve) -> ContactPoint:
+    """Find the contact point of a curve with adhesion: where the force falls below its noise, if it does."""
+    end = int(np.argmax(curve.force)) + 1
+    force, noise = curve.force[:end], noise_of(curve.force)
+    lowest = int(np.argmin(force))
+    before = force[: max(lowest - FEWEST_BEFORE, 1)]
+    if lowest <= FEWEST_BEFORE or float(np.median(before)) - force[lowest] < SEEN * noise:
+        return detect(curve)
+    offset = float(np.median(before))
+    row = int(np.argmax(force < (offset + force[lowest]) / 2))
+    return ContactPoint(float(curve.position_of_drive[row]), noise, offset)
 
 
 def _from_detection(parameter: Parameter, point: Any) -> Parameter:
@@ -152,6 +176,8 @@ def first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
 
     The force is nearly of first degree in the moduli: one factor fits all of them to the measured force.
     """
+    if problem.model.adhesion is not None:
+        return _sticking_guess(problem)
     times = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] == "tau"]
     duration = max(float(np.ptp(each.curve.time)) for each in problem.predictions)
     shifts = [0.0]
@@ -167,6 +193,40 @@ def first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
     return trials[least][0], trials[0][2]
 
 
+def _sticking_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
+    """Return the start of a fit with adhesion, and the factor on the moduli.
+
+    For each of several factors the adhesion follows from the largest pull of the curves.
+    """
+    moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
+    sticky = [i for i, each in enumerate(problem.parameters) if each.key.startswith(STICKING)]
+    trials, middle = [], _scaled(problem, problem.start)[2]
+    for factor in middle * np.geomspace(1 / RANGE, RANGE, TRIALS) if moduli else [1.0]:
+        u = problem.start.copy()
+        u[moduli] = np.clip(u + math.log(factor), *problem.bounds)[moduli]
+        if sticky:
+            u[sticky] = np.clip(math.log(_sticking(problem, u)), *np.array(problem.bounds)[:, sticky])
+        trials.append((float(np.sum(problem.residuals(u) ** 2)), factor, u))
+    _, factor, u = min(trials, key=lambda trial: trial[0])
+    return u, float(factor if moduli else middle)
+
+
+def _sticking(problem: LeastSquares, u: FloatArray) -> float:
+    """Return the work, or the force, of adhesion that has the largest pull of the curves."""
+    (kind,) = (str(value) for key, value in (problem.model.adhesion or {}).items() if key == "model")
+    found = []
+    for each in problem.predictions:
+        at = problem.correction(u, each.curve)
+        force = each.curve.force - baseline(each.curve, at)
+        pull = max(-float(np.min(force[each.used])), 3 * noise_of(each.curve.force))
+        pull = max(pull, 1e-4 * float(np.max(force)))
+        if kind == "jkr":
+            config = problem.config(u, each.curve.name)
+            pull = each.work_for(pull, config, at)
+        found.append(pull)
+    return float(np.median(found))
+
+
 def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, float]:
     """Return u with the best common factor on the moduli, the sum of squares, and the factor.
 
@@ -176,7 +236,7 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
     predicted, measured = [], []
     for each in problem.predictions:
         config, at = problem.config(u, each.curve.name), problem.correction(u, each.curve)
-        force, depth = each.response(config, at)
+        force, depth = each.response(config, at._replace(adhesion=Adhesion()))
         problem.solutions += 1
         since = each.curve.time - each.curve.time[0]
         own = each.curve.depth - at.contact_point - at.drift * since
@@ -194,3 +254,16 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
     if moduli:
         shifted[moduli] = np.clip(u + math.log(factor), *problem.bounds)[moduli]
     return shifted, float(np.sum((factor * x - y) ** 2)), factor
+
+
+def with_adhesion(model: Model, free: Free, kind: str) -> tuple[Model, Free]:
+    """Return a model with adhesion of a kind whose work or force is free, or without adhesion."""
+    asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    others = {key: bounds for key, bounds in asked.items() if not key.startswith(STICKING)}
+    if kind == NO_ADHESION:
+        return model.sticking(None), others
+    name = KINDS[kind]
+    given = {"model": kind, name: 1.0} | (model.adhesion or {})
+    section = given if given["model"] == kind else {"model": kind, name: 1.0}
+    key = f"{STICKING}{name}"
+    return model.sticking(section), others | {key: asked.get(key)}

@@ -1,0 +1,176 @@
+"""Fits of curves on elastic bodies with adhesion, and the choice between its limits."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+from gfmdlayer import ConfigError, ForceCurve, Parabola, design_indentation, fit_indentation
+from gfmdlayer.cli import main
+from gfmdlayer.fitting.indentation.elastic import measured_contact
+from gfmdlayer.fitting.indentation.estimates import preference
+from gfmdlayer.fitting.measurement import FitError
+
+TIME = np.linspace(0.0, 2.0, 301)
+G, THICKNESS, WORK, ATTRACTION, STIFFNESS = 1.0, 1.0, 0.03, 0.3, 3.0
+MODEL: dict[str, Any] = {
+    "layer": {"thickness": THICKNESS, "poisson": 0.5, "material": {"model": "elastic", "G": 2.0}},
+    "halfspace": {"shear_modulus": math.inf},
+    "punch": {"shape": "parabola", "radius": 5.0},
+}
+FREE = ["layer.material.G", "contact_point"]
+BODY = gfmdlayer.bonded_layer(
+    thickness=THICKNESS, material=gfmdlayer.Elastic(G), poisson=0.5, base=math.inf
+)  # fmt: skip
+PUNCH = Parabola(radius=5.0)
+
+
+@cache
+def held(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return depths and forces in contact, from the deepest to the last, by the equation over time."""
+    depths = np.concatenate(([0.1], np.linspace(0.2, -0.08, 300)))
+    work = WORK if kind == "jkr" else 0.0
+    depths = depths if work else np.maximum(depths, 0.0)
+    found = gfmdlayer.indent(BODY, PUNCH, np.arange(301.0), depth=depths, work_of_adhesion=work)
+    depth, force = found.depth.to_numpy(), found.force.to_numpy()
+    rows = (found.contact_radius.to_numpy() > 0) & (np.arange(depth.size) >= int(np.argmax(depth)))
+    attraction = ATTRACTION if kind == "dmt" else 0.0
+    return depth[rows], force[rows] - attraction
+
+
+def afm(kind: str, seed: int = 0, level: float = 0.01) -> ForceCurve:
+    """Return a curve of a cantilever that jumps into contact and off, with noise."""
+    depth, force = held(kind)
+    base = depth + force / STIFFNESS
+    stable = np.append(np.diff(base) < 0, True)  # up to where the cantilever jumps off
+    last = int(np.argmin(stable)) if not stable.all() else base.size - 1
+    drive = np.interp(TIME, [0, 1, 2], [-0.2, 0.6, -0.4])
+    touching = (drive >= 0) | ((TIME > 1) & (drive >= base[last]))
+    found = np.where(touching, np.interp(drive, base[last::-1], force[last::-1]), 0.0)
+    found = found + level * found.max() * np.random.default_rng(seed).standard_normal(TIME.size)
+    facts = {"prescribed": "base", "stiffness": STIFFNESS}
+    return ForceCurve("afm", TIME, drive - found / STIFFNESS, found, **facts)
+
+
+def test_the_work_of_adhesion_is_found_beside_modulus_and_contact_point() -> None:
+    curve = afm("jkr")
+    assert curve.force.min() < -0.5  # it does pull
+    fit = fit_indentation(curve, MODEL, FREE, adhesion="jkr")
+    for key, truth in (("G", G), ("work", WORK), ("contact_point", 0.0)):
+        assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error)
+        assert fit[key].standard_error < 0.03
+    assert fit.curves[0].noise == pytest.approx(0.01 * curve.force.max(), rel=0.2)
+    assert fit.adhesion == {"model": "jkr", "work": fit["work"].value}
+
+
+@pytest.mark.parametrize("kind", ["none", "jkr", "dmt"])
+def test_the_data_choose_their_limit_of_adhesion(kind: str) -> None:
+    fit = fit_indentation(afm(kind, seed=1), MODEL, FREE, adhesion="choose")
+    if kind == "none":  # a further parameter that the data leave at nothing costs ln(rows) in BIC
+        assert fit.alternatives["none"] < min(fit.alternatives["jkr"], fit.alternatives["dmt"])
+        assert fit.adhesion is None
+    else:
+        assert fit.adhesion is not None
+        assert fit.adhesion["model"] == kind
+        assert f"prefer {kind.upper()}" in fit.choice
+    if kind == "dmt":
+        assert fit["force"].value == pytest.approx(ATTRACTION, abs=4 * fit["force"].standard_error)
+
+
+def test_only_the_pull_off_tells_the_work_under_a_flat_punch() -> None:
+    # Kendall: the force is proportional to the depth as long as the punch sticks. The place of the jump,
+    # between two rows, gives the work: its relative error is twice that of the depth, spacing/12^(1/2).
+    model = {
+        "layer": MODEL["layer"] | {"thickness": math.inf},
+        "punch": {"shape": "flat_punch", "radius": 0.5},
+    }
+    E, a = 4.0, 0.5
+    depth = np.interp(TIME, [0, 1, 2], [-0.1, 0.2, -0.3])
+    lost = -math.sqrt(2 * math.pi * a * WORK / E)
+    touching = (depth >= 0) | ((TIME > 1) & (depth >= lost))
+    force = np.where(touching, 2 * E * a * depth, 0.0)
+    force += 1e-3 * np.random.default_rng(2).standard_normal(TIME.size)
+    curve = ForceCurve("flat", TIME, depth, force, prescribed="depth")
+    fit = fit_indentation(curve, model, ["layer.material.G"], adhesion="jkr")
+    spacing = 0.5 / 150
+    assert fit["work"].error == pytest.approx(2 * spacing / 12**0.5 / abs(lost), rel=0.1)
+    assert abs(fit["work"].value - WORK) < 4 * fit["work"].standard_error
+
+
+def test_rows_in_contact_are_those_whose_residuals_are_smaller_in_contact() -> None:
+    value = np.array([-2.0, -1, 0.5, 2, 3, 2, 1, -1, -2, -3, -1, 1, 2, 1, -1, -2])
+    worse = np.where([0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0, 1, 1, 1, 1, 0], -1.0, 1.0)
+    found = measured_contact(value, np.zeros(value.size, dtype=bool), worse)
+    assert found.astype(int).tolist() == [0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0, 1, 1, 1, 1, 0]
+    held_on = measured_contact(value, np.zeros(value.size, dtype=bool), np.full(value.size, -1.0))
+    assert held_on.all()
+
+
+def test_a_fit_reads_its_own_model_with_adhesion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    curve, rows = afm("jkr"), tmp_path / "afm.csv"
+    columns = np.column_stack((curve.time, curve.position_of_drive, curve.force))
+    np.savetxt(rows, columns, delimiter=",", header="time,base,force", comments="")
+    model = tmp_path / "model.yml"
+    model.write_text(json.dumps(MODEL | {"free": FREE}).replace("Infinity", ".inf"))
+    common = [str(rows), "--stiffness", "3", "--prescribed", "base"]
+    first = ["--model", str(model), "--adhesion", "choose", "--out", str(tmp_path / "first")]
+    assert main(["fit-indentation", *common, *first]) == 0
+    assert "the data prefer JKR to" in capsys.readouterr().out
+    data = json.loads((tmp_path / "first.json").read_text())
+    assert data["adhesion"]["model"] == "jkr"
+    assert set(data["alternatives"]) == {"none", "jkr", "dmt"}
+    again = ["--model", str(tmp_path / "first.yaml"), "--free", "adhesion.work", "--out", str(tmp_path / "b")]
+    assert main(["fit-indentation", *common, *again]) == 0
+    second = json.loads((tmp_path / "b.json").read_text())
+    # the other parameters are fixed within their errors, contact_point at 0
+    assert second["adhesion"]["work"] == pytest.approx(data["adhesion"]["work"], rel=0.05)
+
+
+def test_a_planned_pull_off_is_worth_more_than_an_approach_for_the_work() -> None:
+    model = MODEL | {"adhesion": {"model": "jkr", "work": WORK}}
+    free = ["layer.material.G", "adhesion.work", "contact_point"]
+    plan = {"time": [0, 1, 2], "base": [-0.2, 0.6, -0.4], "stiffness": STIFFNESS, "noise": 0.02}
+    whole = design_indentation(plan, model, free)
+    part = design_indentation(plan | {"base": [-0.2, 0.6, 0.1]}, model, free)
+    assert whole["work"].error < 0.6 * part["work"].error
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "message"),
+    [
+        ({"adhesion": {"model": "jkr", "work": -1.0}}, {}, r"adhesion.work: got -1.0; must be a number > 0"),
+        ({"adhesion": {"model": "jrk", "work": 1.0}}, {}, "must be jkr or dmt; did you mean 'jkr'"),
+        ({}, {"adhesion": "maugis"}, "got 'maugis'; must be one of none, jkr, dmt, choose"),
+        (
+            {},
+            {"adhesion": "jkr", "segments": ["approach"]},
+            "adhesion is asked of a curve without a retraction",
+        ),
+        (
+            {"viscoelastic": True},
+            {"adhesion": "jkr"},
+            "got 'jkr' under a body that relaxes; must be left out",
+        ),
+    ],
+)
+def test_impossible_adhesion_is_named(change: dict[str, Any], options: dict[str, Any], message: str) -> None:
+    model, free = MODEL | change, FREE
+    if model.pop("viscoelastic", False):
+        zener = {"model": "zener", "G0": 1.0, "Ginf": 2.0, "tau": 1.0}
+        model, free = model | {"layer": model["layer"] | {"material": zener}}, ["layer.material.G0"]
+    with pytest.raises((ConfigError, FitError), match=message):
+        fit_indentation(replace(afm("jkr")), model, free, **options)
+
+
+def test_words_of_a_choice_follow_the_differences() -> None:
+    assert "cannot tell JKR and DMT apart" in preference({"none": 90.0, "jkr": 10.0, "dmt": 11.0})
+    assert preference({"none": 14.0, "jkr": 10.0, "dmt": 30.0}).startswith("the data weakly prefer JKR")
+    assert preference({"jkr": 1.0}) == ""

@@ -1,0 +1,16 @@
+"""Waiting for another process, as long as it lives."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Callable
+
+
+def until(reached: Callable[[], object], process: subprocess.Popen[str] | None = None) -> None:
+    """Wait up to two minutes; a process that ends before fails the test with what it printed."""
+    end = time.monotonic() + 120
+    while not reached():
+        assert process is None or process.poll() is None, process and process.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.01)
