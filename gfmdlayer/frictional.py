@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.loading import Surface, pulled_off
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.friction import problem as frictional
 from gfmdlayer.friction.problem import Law
-from gfmdlayer.friction.solver import LIMIT, FrictionSolver
+from gfmdlayer.friction.solver import LIMIT, FrictionSolver, Mixing
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.history.time_points import Instant
 from gfmdlayer.history.traction_control import TractionControl
@@ -40,8 +40,9 @@ if TYPE_CHECKING:
     from gfmdlayer.model import Progress, Resume
     from gfmdlayer.results.journal import Recorder
 
-_ROUNDS = 40  # solves of a step for a coefficient that depends on the slip speed
-_UNDAMPED = 5  # of them without a mean of the last two coefficients
+_ROUNDS = 80  # solves of a step for a coefficient that depends on the slip speed
+_HALVINGS = 40  # of the interval of a coefficient
+_SETTLED = 10  # tolerances of the solver, within which a coefficient and its bound count as reached
 _SLIDES = 1e-3  # part of the largest tangential force within which a step without a solution slides away
 
 
@@ -295,8 +296,8 @@ class FrictionalCase(Case):
             start = np.zeros_like(self.motion.tractions)
             start[0] = self.guess.at(instant.time)
         limit = min(LIMIT, self.config.solver.max_iterations)
-        pairs, steps, before = 0.0, 0, self.solver.state()
-        for attempt in range(_ROUNDS if self.programme.depends_on_speed else 1):
+        pairs, steps, before, mixing = 0.0, 0, self.solver.state(), Mixing()
+        for _ in range(_ROUNDS if self.programme.depends_on_speed else 1):
             if reason := problem.why_not_solvable():
                 raise SlidesAwayError(reason.partition(": the punch")[0])
             found: frictional.Solution = self.solver.solve(
@@ -307,14 +308,17 @@ class FrictionalCase(Case):
                 break
             if not self.programme.depends_on_speed or not instant.step > 0:
                 return replace(found, pairs=pairs, iterations=steps)
-            speed = np.where(found.stick, 0.0, frictional.norms(found.slip)) / instant.step
-            last, now = problem.law.coefficient, self.programme.coefficient(speed)
-            if np.abs(now - last)[found.contact].max() <= tolerance * np.max(now):
+            least = (1 - _SETTLED * tolerance) * problem.law.bound(found.pressure)
+            sticks = frictional.norms(found.traction) < least
+            speed = np.where(sticks, 0.0, frictional.norms(found.slip)) / instant.step
+            last, W = np.broadcast_to(problem.law.coefficient, speed.shape), _largest(problem, found)
+            if self._settled(speed, last, _SETTLED * tolerance, W / instant.step, found.contact):
                 return replace(found, pairs=pairs, iterations=steps)
-            now = now if attempt < _UNDAMPED else 0.5 * (now + last)
-            problem, start = replace(problem, law=Law(now, problem.law.strength)), found.tractions
+            now = mixing.next(last, self._coefficients(found.pressure, speed, last, W / instant.step))
+            law = Law(np.clip(now, *self.programme.coefficients), problem.law.strength)
+            problem, start = replace(problem, law=law), found.tractions
         if found.converged:
-            reason = f"the coefficient of friction does not settle on the slip speed in {_ROUNDS} rounds"
+            reason = self._why_not_settled(_largest(problem, found) / instant.step)
         elif pulled_off(*self._as_contact(found, instant.time)):
             return replace(found, pairs=pairs, iterations=steps)
         elif problem.force is not None and _at_the_limit(problem, found):
@@ -325,6 +329,41 @@ class FrictionalCase(Case):
         raise ConvergenceError(
             f"t = {instant.time:.6g}: {reason}", *self._as_contact(found, instant.time), instant.time
         )
+
+    def _settled(
+        self, speed: FloatArray, last: FloatArray, tolerance: float, unit: float, touching: BoolArray
+    ) -> bool:
+        """Whether the last coefficients are those of speeds within an error, tolerance times a unit."""
+        errors = np.maximum(speed - tolerance * unit, 0.0), speed + tolerance * unit
+        ends = np.array([self.programme.coefficient(each) for each in errors])
+        off = np.maximum(last - ends.max(axis=0), ends.min(axis=0) - last)
+        return bool((off[touching] <= tolerance * self.programme.coefficients[1]).all())
+
+    def _why_not_settled(self, unit: float) -> str:
+        """Return why a coefficient does not settle; the unit is the largest displacement over the step."""
+        found = f"the coefficient of friction does not settle on the slip speed in {_ROUNDS} rounds"
+        if (steep := self.programme.steepest_fall * unit) < 1:
+            return found
+        return (
+            f"{found}: it falls {steep:.3g} times faster than the surface recoils in the step. From 1 on a "
+            "step can have several states, as in stick-slip, between which inertia decides. Take a flatter "
+            "table or longer steps"
+        )
+
+    def _coefficients(
+        self, pressure: FloatArray, speed: FloatArray, last: FloatArray, unit: float
+    ) -> FloatArray:
+        """Return the coefficients of speeds that yield: mu = f(speed - unit p/p_s (mu - last)) at each point.
+
+        The unit is the largest displacement in the step. There is one mu if f does not fall steeply.
+        """
+        per = pressure * (unit / max(float(pressure.max()), 1e-300))
+        low, high = (np.full(speed.shape, each) for each in self.programme.coefficients)
+        for _ in range(_HALVINGS):
+            mu = 0.5 * (low + high)
+            above = mu > self.programme.coefficient(np.maximum(speed - per * (mu - last), 0.0))
+            low, high = np.where(above, low, mu), np.where(above, mu, high)
+        return np.asarray(high)
 
     def _response(self, found: frictional.Solution) -> float:
         """Return what is not prescribed: the mean pressure, or the depth."""
@@ -426,6 +465,12 @@ def _apart(problem: frictional.Problem, depth: float) -> frictional.Solution:
         iterations=0,
         converged=True,
     )
+
+
+def _largest(problem: frictional.Problem, found: frictional.Solution) -> float:
+    """Return the largest displacement into the body under the tractions."""
+    W = found.displacement[0] if problem.offset is None else found.displacement[0] - problem.offset[0]
+    return float(W.max())
 
 
 def _at_the_limit(problem: frictional.Problem, found: frictional.Solution) -> bool:

@@ -131,13 +131,34 @@ class Programme:
             return lambda _speed: given
         import numpy as np
 
+        speeds, values = self._coefficients
+        return lambda speed: np.interp(speed, speeds, values)
+
+    @cached_property
+    def coefficients(self) -> tuple[float, float]:
+        """The least and the largest coefficient of friction of the table over slip speeds."""
+        _, values = self._coefficients
+        return float(values.min()), float(values.max())
+
+    @cached_property
+    def steepest_fall(self) -> float:
+        """The largest fall of the coefficient over a rise of the slip speed; 0 where it never falls."""
+        import numpy as np
+
+        speeds, values = self._coefficients
+        return max(float((-np.diff(values) / np.diff(speeds)).max(initial=0.0)), 0.0)
+
+    @cached_property
+    def _coefficients(self) -> Any:
+        """Slip speeds and coefficients of friction of the table."""
         from gfmdlayer.files.tables import read_columns
 
         def refused(row: Sequence[float]) -> str:
             return "" if min(row) >= 0 else f"holds {min(row):g}; speed and coefficient must be >= 0"
 
-        speeds, values = read_columns(given, ("speed", "coefficient"), increasing=True, row_error=refused).T
-        return lambda speed: np.interp(speed, speeds, values)
+        file = next(law.coefficient for law in self.config.friction if isinstance(law, Coulomb))
+        assert isinstance(file, Path)
+        return read_columns(file, ("speed", "coefficient"), increasing=True, row_error=refused).T
 
     @property
     def depends_on_speed(self) -> bool:

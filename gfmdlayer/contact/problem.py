@@ -121,7 +121,7 @@ class Solution:
     transforms: int  # FFT pairs spent; those of a part of the surface count as that part, rounded over steps
     iterations: int
     converged: bool  # whether the residual is within the tolerance
-    # Energy per area lost at a fixed punch in instabilities; zero where the step stays on its branch.
+    # Energy per area lost in instabilities; zero where the step stays on its branch.
     released_energy: float = 0.0
     # Distance from an instability: the least curvature of the energy, over that without an interface; zero
     # where the branch ends. NaN from solvers that do not know it.

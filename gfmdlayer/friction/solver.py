@@ -258,7 +258,7 @@ class FrictionSolver:
         axes, law = problem.response.normal.ndim, problem.interface
         shear = np.zeros((axes, problem.heights.size)) if start is None else start[1:]
         released, steps, off = 0.0, 0, 1.0 if problem.response.couples else 0.0
-        mixing = _Mixing()
+        mixing = Mixing()
         least = max(_FINER * tolerance, min(tolerance, _LEAST_TOLERANCE))
         for turn in range(_ROUNDS):
             enough = max(least, min(_OF_A_ROUND * off, _COARSE_TOLERANCE))
@@ -267,7 +267,7 @@ class FrictionSolver:
             attraction = law.traction(gap)
             p = _of_the_wall(normal.pressure, attraction, gap)
             if normal.converged and shear.any() and not p.any():
-                shear, mixing = np.zeros_like(shear), _Mixing()
+                shear, mixing = np.zeros_like(shear), Mixing()
                 continue
             if not normal.converged or not p.any():
                 apart = self._smooth(problem, given, normal, tolerance)
@@ -352,7 +352,7 @@ class FrictionSolver:
         return newton.solve(problem, guess, tolerance, limit)
 
 
-class _Mixing:
+class Mixing:
     """Anderson's acceleration of a fixed-point iteration."""
 
     def __init__(self) -> None:

@@ -11,8 +11,9 @@ An instability leads from an equilibrium that ends to another one at the same po
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
 an instability has work before the jump and behind it (`observables.folds`); the loss is this work less the
 gain of the energies. Its error is the error of the work, of higher than first order in the step. If the end
-of the branch is not known, the loss is the solver's estimate, and the work follows from the balance. In both
-cases the balance of the step closes by construction: the residual checks only the steps between the jumps.
+of the branch is not known, the loss is the solver's, with the work of the trapezoidal rule, and the work
+follows from the balance; the error is at most `folds.across`, of first order in the step. In both cases the
+balance of the step closes by construction: the residual checks only the steps between the jumps.
 
 A voltage that changes does work too. The energy of the interface includes the field and its source,
 w(g, t) = -C(g) V(t)^2/2 per area (`interface.electrostatic`), and at a fixed gap it changes by -C V dV: a
@@ -33,7 +34,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.observables.folds import Row, work_over_fold
+from gfmdlayer.observables.folds import Point, Row, across, work_over_fold
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.resumable import State
 
@@ -43,8 +44,6 @@ if TYPE_CHECKING:
 
 
 _UNITS, _SINCE = "pressure length", "from the beginning of the run"
-
-Point = tuple[float, float]
 
 
 class EnergyBalance(Observable):
@@ -127,7 +126,7 @@ class EnergyBalance(Observable):
         if released > 0:
             self._rows.clear()  # no parabola through a jump
             lost = released if over is None else work - gained
-            lost = lost if 0 < lost < released else released
+            lost = lost if 0 < lost < released + across(*points[-2:]) else released
             self._lost, work = self._lost + lost, gained + lost
         return work
 

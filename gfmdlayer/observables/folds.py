@@ -10,9 +10,10 @@ branch, -1 and 0, give place and response at its end,
 and the work int y dx is (x_f - x_0) (2 y_0 + y_f)/3 on the first branch, where y is a parabola on its side,
 and (x_1 - x_f) y_1 on the second. If the step ends before x_f, only the first branch counts, up to the margin
 r m_0 at the end of the step, and y_f - y_0 in the mean is less by the factor (1 - r)(1 + 2 r)/(1 + r). The
-errors of x_f, of the work and of the lost energy are of order 3/2 in the step. The solver's estimate of the
-loss, of first order, is above it, because it is taken behind the end of the branch. It serves where the
-margin gives no end, as for a flat punch that detaches at once.
+errors of x_f, of the work and of the lost energy are of order 3/2 in the step. Where the margin gives no end,
+as for a flat punch that detaches at once, or on rough surfaces, of which several spots may jump in one step,
+the solver takes the work by the trapezoidal rule. If the branch ends at the beginning or at the end of the
+step, this differs by half the area |(x_1 - x_0) (y_1 - y_0)| (`across`): the bound that is listed.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute
     from gfmdlayer.config import Config
 
+Point = tuple[float, float]
+
 # Number of instabilities that are listed with a case, those with the largest losses; `lost` has all of them.
 MOST_LISTED = 1000
 
@@ -41,7 +44,7 @@ class Row(NamedTuple):
     margin: float
 
     @property
-    def point(self) -> tuple[float, float]:
+    def point(self) -> Point:
         """Point of the curve whose area is the work."""
         return self.depth, self.pressure
 
@@ -70,6 +73,11 @@ def work_over_fold(*rows: Row, depth_given: bool) -> tuple[float, float] | None:
     return (area if depth_given else x1 * y1 - x0 * y0 - area), part
 
 
+def across(start: Point, end: Point) -> float:
+    """Half of the area of the rectangle between two points."""
+    return abs((end[0] - start[0]) * (end[1] - start[1])) / 2
+
+
 class Instabilities(Observable):
     """Lists the instabilities of a case in its attributes."""
 
@@ -80,36 +88,37 @@ class Instabilities(Observable):
 
     def __init__(self, _case: Parts) -> None:
         self._lost, self._count = 0.0, 0
-        self._found: list[tuple[float, float, float]] = []  # times, depths, energies
+        self._found: list[tuple[float, float, float, float]] = []  # times, depths, energies, bounds of errors
+        self._last: Point = 0.0, 0.0  # depth and mean pressure
 
     @property
     def attributes(self) -> Mapping[str, Attribute]:  # type: ignore[override]
-        """The instabilities: their number, and times, depths and energies in the order of time."""
+        """The instabilities in the order of time: times, depths, energies, bounds of error; their number."""
         import numpy as np
 
         if not self._found:
             return {"instabilities": 0}
-        time, depth, energy = np.array(self._found).reshape(-1, 3).T
-        listed = {"time": time, "depth": depth, "energy": energy}
+        names = "time", "depth", "energy", "error"
+        listed = dict(zip(names, np.array(self._found).reshape(-1, 4).T, strict=True))
         return {"instabilities": self._count} | {f"instability_{name}": each for name, each in listed.items()}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Remember the energy that was lost in a step."""
-        lost = float(step.row["lost"])
+        lost, now = float(step.row["lost"]), (step.surface.depth, step.solution.mean_pressure)
         if lost > self._lost:
-            self._found.append((step.time, step.surface.depth, lost - self._lost))
+            self._found.append((step.time, now[0], lost - self._lost, across(self._last, now)))
             self._lost, self._count = lost, self._count + 1
             if len(self._found) > MOST_LISTED:
                 self._found.remove(min(self._found, key=lambda each: each[2]))
+        self._last = now
         return {}
 
     def state(self) -> State:
         """Return the instabilities so far."""
-        return {"lost": self._lost, "count": self._count, "found": self._found}
+        return {"lost": self._lost, "count": self._count, "found": self._found, "last": self._last}
 
     def restore(self, state: State) -> None:
         """Continue with the instabilities of another run."""
         self._lost, self._count = float(state["lost"]), int(state["count"])
-        self._found = [
-            (time, depth, energy) for time, depth, energy in state["found"].reshape(-1, 3).tolist()
-        ]
+        self._found = [tuple(each) for each in state["found"].reshape(-1, 4).tolist()]
+        self._last = tuple(state["last"].tolist())

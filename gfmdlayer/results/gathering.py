@@ -77,7 +77,14 @@ OF_ONE_CASE = {
         "complete",
     ),
     *known_numbers(),
-    *("instabilities", "instability_time", "instability_depth", "instability_energy", "ended"),
+    *(
+        "instabilities",
+        "instability_time",
+        "instability_depth",
+        "instability_energy",
+        "instability_error",
+        "ended",
+    ),
 }
 
 _NAMED = 5  # cases in a line of the notes

@@ -314,6 +314,27 @@ def test_a_pull_takes_the_punch_off_though_it_sticks(tmp_path: Path) -> None:
     assert float(found.mean_stress[-1]) < 0 < float(found.stick_area[-1])
 
 
+def test_a_coefficient_that_rises_steeply_is_that_of_the_speed_at_each_point(tmp_path: Path) -> None:
+    """|t| = mu(v) p where points slip, to the residual of the solver, 1e-6 of the largest displacement."""
+    table = tmp_path / "friction.txt"
+    table.write_text("0 0.1\n0.01 0.3\n1 0.3\n")
+    law = {"law": "coulomb", "coefficient": str(table)}
+    values = {
+        "trajectory.tangential": {"displacement": 0.01, "start": 1.0},
+        "time.end": 1.2,
+        "output.snapshots": [1.2],
+    }
+    last = run(halfspace(0.3, interface=law), values).isel(snapshot=-1)
+    speed, t, p = (last[name].to_numpy() for name in ("slip_velocity_x", "shear_x", "pressure"))
+    slips = (p > 0.05 * p.max()) & (np.abs(speed) > 0)
+    found = np.abs(t[slips] / p[slips])
+    assert np.ptp(found) > 0.05
+    np.testing.assert_allclose(found, np.interp(np.abs(speed[slips]), [0, 0.01], [0.1, 0.3]), rtol=2e-3)
+    table.write_text("0 0.4\n0.001 0.3\n1 0.3\n")
+    with pytest.raises(gfmdlayer.ConvergenceError, match=r"falls 1\.\d+ times faster than the surface"):
+        run(halfspace(0.3, interface=law), values)
+
+
 def test_the_events_have_times() -> None:
     drive = {"kind": "oscillation", "displacement": 4e-3, "start": 1.0, "period": 2.0}
     found = run(halfspace(0.5), {"trajectory.tangential": drive, "time": {"end": 2.0, "step": 0.05}})

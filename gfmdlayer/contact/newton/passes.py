@@ -54,6 +54,14 @@ class AdhesiveState(NamedTuple):
     curvature: FloatArray
 
 
+class Origin(NamedTuple):
+    """Where a step begins: the stress, and the tangent of the branch there with its elastic stress K d."""
+
+    stress: FloatArray
+    tangent: Any  # in single precision
+    response: Any
+
+
 class Step(NamedTuple):
     """The linear system of a step, on the free points, and its solution.
 
@@ -544,6 +552,62 @@ def compare(
     first, last, elastic = summed(system.over, (first, last, elastic))
     (largest,) = greatest(system.over, (most.max(),))
     return first, last, elastic, largest / system.strength
+
+
+@kernel(inner=True)
+def keep_tangent(origin: Origin, step: Step, unit: float, far: float) -> None:
+    """Keep the first step of a branch, which leads along its tangent to the end of the time step."""
+    for i in range(step.d.size):
+        origin.tangent[i], origin.response[i] = far * step.d[i], unit * step.response[i]
+
+
+@kernel(reorder=True)
+def along_deviation(
+    system: AdhesiveSystem, gap: FloatArray, at: AdhesiveState, origin: Origin, part: float
+) -> tuple[float, float]:
+    """Return v.Kv and v.w''v for the deviation v of a step from its tangent, sums over the points.
+
+    v = u - u_0 - tangent, where `gap` is that at u_0. w'' is taken at a part of the straight way.
+    """
+    elastic, interface, terms = 0.0, 0.0, system.terms
+    for first in range(0, at.u.size, LANES):
+        end = first + LANES
+        h, u, before, stress = system.h[first:end], at.u[first:end], gap[first:end], at.stress[first:end]
+        stress0, tangent = origin.stress[first:end], origin.tangent[first:end]
+        response = origin.response[first:end]
+        for i in range(u.size):
+            off = before[i] - (h[i] - u[i]) - tangent[i]
+            elastic += off * (stress0[i] - stress[i] - response[i])
+        for k in range(terms.form.size):
+            form, scale, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
+            for i in range(u.size):
+                after = h[i] - u[i]
+                way = before[i] - after
+                off = way - tangent[i] if (before[i] > 0.0) | (after > 0.0) else 0.0
+                interface += off * off * term(before[i] - part * way, form, scale, length, width)[2]
+    elastic, interface = summed(system.over, (elastic, interface))
+    return elastic, interface
+
+
+@kernel(reorder=True)
+def released_over(
+    system: AdhesiveSystem,
+    gap: FloatArray,
+    at: AdhesiveState,
+    held: FloatArray,
+    origin: Origin,
+    energies: tuple[float, float],
+    multipliers: tuple[float, float],
+) -> float:
+    """Return the energy lost over a step by the trapezoidal rule, sum over the points.
+
+    Energies of the interface and multipliers are those at the beginning and at the end.
+    """
+    work, dead = 0.0, 0.5 * (multipliers[0] + multipliers[1])
+    for i in range(at.u.size):
+        way = gap[i] - (system.h[i] - at.u[i])
+        work += (0.5 * (origin.stress[i] + at.stress[i] - held[i]) + dead) * way
+    return float(summed(system.over, (work,))[0] + energies[0] - energies[1])
 
 
 @kernel(reorder=True, inner=True)

@@ -23,9 +23,12 @@ h their energy grows in proportion to the overlap, see `passes`. So the energy i
 alone, and all of the above holds; the overlap is the flow of the step.
 
 So a landing depends neither on the time step nor on a start or tolerance, so long as there is one instability
-on the way of a step at most. `Solution.released_energy` is the energy that a descent with a concave stretch
-has lost, at a fixed s: exact for the state from which it started, which lies past the end of the branch by a
-part of the step, so that its error is of first order in the step. Elsewhere it is zero.
+on the way of a step at most. A descent with a concave stretch is an instability. A Newton step may also run
+past the end of a branch: then the energy is concave along the deviation of the step from the tangent at its
+beginning (`_was_unstable`). `Solution.released_energy` is the work less the gain of the energies, by the
+trapezoidal rule, as if a jump were in the middle of the step. Its error is of first order in the step; it is
+at most what the descents have lost at a fixed s, past the end of the branch; from rest, and with a hardness,
+it is that. Elsewhere it is zero.
 
 Linear systems are solved on the free points by conjugate gradients in single precision. On surfaces the
 preconditioner is a V-cycle of stencils (`cycle`), and an iteration takes one FFT pair, in single precision;
@@ -52,16 +55,20 @@ from gfmdlayer.contact.newton.cycle import cycle_of, no_cycle, unit_of
 from gfmdlayer.contact.newton.passes import (
     AdhesiveState,
     AdhesiveSystem,
+    Origin,
     Step,
+    along_deviation,
     apply,
     balance,
     begin,
     compare,
+    keep_tangent,
     lifted,
     lost,
     minimise,
     move,
     precondition,
+    released_over,
     set_interaction,
     set_stress,
     set_stress_after,
@@ -87,6 +94,8 @@ _SETTLED = 0.1  # error of the traction in a step without damping at which the d
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
 _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
 _NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
+_ON_THE_WAY = 0.0, 0.25, 0.5, 0.75, 1.0  # parts of a step at which its deviation from the tangent is tried
+_SOFT = 0.1  # curvature along it, over the elastic part, below which there was an instability
 _WORTH_CYCLE = 1 << 12  # points
 _FAR = 1e300  # range of the hard wall
 _LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
@@ -104,6 +113,7 @@ class NewtonFields(NamedTuple):
     held: FloatArray
     step: Step
     spectrum: ComplexArray  # of u
+    origin: Origin
 
 
 class Progress(NamedTuple):
@@ -121,6 +131,7 @@ class Progress(NamedTuple):
     residual: float
     energy: float  # of the interface, sum over the points; NaN where the state has to be evaluated anew
     exact: bool  # whether the stress of the state is in double precision
+    tangent: bool  # whether that of the branch at its beginning is known
     pairs: float
     iterations: int
 
@@ -154,7 +165,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     at, to, swapped = fields.at, fields.to, False
     (
         done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, energy,
-        exact, pairs, _,
+        exact, tangent, pairs, _,
     ) = given  # fmt: skip
     iterations, settled, evaluated = 0, False, np.isnan(energy)
     if evaluated:
@@ -190,6 +201,9 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             # Where there is no curvature at all, as of a punch that is pulled off, a step by the range.
             damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
             continue
+        if done == 0.0 and not descends and not tangent:
+            keep_tangent(fields.origin, step, unit, unit / unit_of(system.kappa_1))
+            tangent = True
         move(system, at, step, unit / unit_of(system.kappa_1), mean, to, cap)
         # In double precision once the step aims at the tolerance.
         now = not in_single or (done == 1.0 and inexact * largest <= _WELL_WITHIN * aim)
@@ -222,14 +236,20 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             0.0 if now and exact else _OF_SINGLE * abs(elastic)
         )
         uphill = not first < 0.0 or change > rounding
+        if done == target and lack == 0.0 and uphill and not exact:
+            # First rule out that single precision hides the descent, as it does on a body so stiff that it
+            # deforms by 1e-7 of what it moves.
+            set_stress(plans, system, at, fields.spectrum, step.spectrum)
+            energy = set_interaction(system, at, cap)
+            _, multiplier, _, _, _ = balance(system, at, held, 1.0 - target, step, cap)
+            set_stress(plans, system, to, fields.spectrum, step.spectrum)
+            first, _, elastic, error = compare(
+                system, at, step.pressure, held, 1.0 - target, multiplier, to, step, cap
+            )
+            pairs, now, exact = pairs + 2.0, True, True
+            change = elastic + after - energy
+            uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
         if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
-            if not exact:
-                # First rule out that single precision hides the descent, as it does on a body so stiff that
-                # it deforms by 1e-7 of what it moves.
-                set_stress(plans, system, at, fields.spectrum, step.spectrum)
-                energy = set_interaction(system, at, cap)
-                pairs, exact, evaluated = pairs + 1.0, True, True
-                continue
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled = True, False
             damping = max(_SHORTER * damping, _AT_REST * system.kappa_1)
@@ -268,6 +288,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         residual,
         energy if evaluated or residual > tolerance else np.nan,
         exact,
+        tangent,
         pairs,
         iterations,
     )
@@ -289,13 +310,13 @@ def _copy(source: AdhesiveState, target: AdhesiveState) -> None:
 
 
 @kernel(reorder=True)
-def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields, cap: Any) -> float:
-    """Find the traction that holds a surface where it is; return its energy as `set_interaction`."""
+def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields, cap: Any) -> tuple[float, float]:
+    """Find the traction that holds a surface where it is; return the interface's energy, and lambda."""
     at, held, step = fields.at, fields.held, fields.step
     set_stress(plans, system, at, fields.spectrum, step.spectrum)
     energy = set_interaction(system, at, cap)
     held[:] = 0.0
-    balance(system, at, held, 0.0, step, cap)
+    _, multiplier, _, _, _ = balance(system, at, held, 0.0, step, cap)
     total, count = 0.0, 0.0
     for i in range(held.size):
         held[i] = step.free[i] * step.pressure[i]
@@ -305,7 +326,9 @@ def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields, cap: Any) -
     if system.mean_is_fixed and count > 0.0:
         for i in range(held.size):
             held[i] -= step.free[i] * total / count
-    return energy
+    for i in range(held.size):
+        fields.origin.stress[i] = at.stress[i]
+    return energy, multiplier
 
 
 # The lowest mode of the free points: whether a state is a minimum, and how far from an instability.
@@ -500,7 +523,8 @@ class Newton:
             field(), spectrum(), free, d, force, direction, applied, z, share, point, stiffness,
             kappa, softening, work, response, no_cycle(),
         )  # fmt: skip
-        return NewtonFields(at, to, field(), step, spectrum())
+        origin = Origin(field(), small.empty_field(), small.empty_field())
+        return NewtonFields(at, to, field(), step, spectrum(), origin)
 
     @cached_property
     def _lowest(self) -> LowestMode:
@@ -515,7 +539,8 @@ class Newton:
         system, fields = _system(problem, self._grid), self._prepared(problem)
         plans, single = self._transforms.plans, self._single.plans
         cap = problem.hardness if problem.hardness < np.inf else None
-        progress, u = self._begin(system, start, cap), fields.at.u
+        begun = progress = self._begin(system, start, cap)
+        u = fields.at.u
         chunk, converged = max(4, _CHUNK // self._grid.size), False
         self._lowest.x[:] = self._mode
         while not converged and progress.iterations < limit and not progress.pulled_off:
@@ -529,8 +554,10 @@ class Newton:
         pairs, part = divmod(progress.pairs + self._part, 1.0)
         if converged:
             self._mode[:], self._part = self._lowest.x, part
-        lost = is_lost(system, progress.drop, progress.unstable)
-        released = progress.released + (progress.drop if lost else 0.0)
+        released = progress.released
+        released += progress.drop if is_lost(system, progress.drop, progress.unstable) else 0.0
+        if converged and begun.done == 0.0 and cap is None:
+            released = self._balanced(system, start, begun, progress, released)
         pressure, gap, flow, under = fields.at.stress + progress.multiplier, None, None, problem
         if cap is not None:
             gap, flow = np.maximum(system.h - u, 0.0), np.maximum(u - system.h, 0.0)
@@ -551,6 +578,28 @@ class Newton:
         if cap is not None:  # the pressures above it count too
             solution = replace(solution, residual=max(solution.residual, progress.residual))
         return replace(solution, released_energy=released / self._grid.size, margin=self._margin)
+
+    def _balanced(
+        self, system: AdhesiveSystem, start: FloatArray, begun: Progress, now: Progress, released: float
+    ) -> float:
+        """Energy lost in instabilities, sum over the points, of which descents have met those `released`."""
+        fields, least = self._fields, _NOTHING * system.strength * system.range
+        path = system, start, fields.at
+        if released == 0.0:
+            if not (now.tangent and self._was_unstable(path, least)):
+                return 0.0
+            released = math.inf
+        energies, multipliers = (begun.energy, now.energy), (begun.multiplier, now.multiplier)
+        balanced = released_over(*path, fields.held, fields.origin, energies, multipliers)
+        return min(max(balanced, least), released)
+
+    def _was_unstable(self, path: tuple[AdhesiveSystem, FloatArray, AdhesiveState], least: float) -> bool:
+        """Whether the energy is concave along the deviation of a step from its tangent, see the module."""
+        for part in _ON_THE_WAY:
+            elastic, interface = along_deviation(*path, self._fields.origin, part)
+            if 0.5 * elastic > least and interface < -(1.0 - _SOFT) * elastic:
+                return True
+        return False
 
     def _prepared(self, problem: Problem) -> NewtonFields:
         """The work arrays, with the cycle for the stiffness of the step."""
@@ -602,9 +651,10 @@ class Newton:
         fields, size = self._fields, self._mode.size
         stiffness = np.ones(fields.spectrum.size)
         system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)), self._grid)
-        for array in (*fields.at, *fields.to, *fields.step[:-1], self._lowest.x):
+        for array in (*fields.at, *fields.to, *fields.step[:-1], *fields.origin, self._lowest.x):
             array[:] = 0.0
         leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x, None)
+        released_over(system, fields.at.u, fields.at, fields.held, fields.origin, (0.0, 0.0), (0.0, 0.0))
 
     def state(self) -> State:
         """Return the lowest mode, and the count of a part of a pair."""
@@ -616,21 +666,21 @@ class Newton:
 
     def _begin(self, system: AdhesiveSystem, start: FloatArray, cap: float | None) -> Progress:
         """Set the surface where it begins; return where the path is."""
-        fields, done, mean, energy = self._fields, 1.0, 0.0, math.nan
+        fields, done, mean, energy, multiplier = self._fields, 1.0, 0.0, math.nan, 0.0
         u = fields.at.u
         np.subtract(system.h, start, out=u)
         fields.held[:] = 0.0
         sums = self._grid.sums
         if sums.minimum(int(np.isfinite(u).all())):
             done, mean = 0.0, sums.mean(u) if system.mean_is_fixed else 0.0
-            energy = hold(self._transforms.plans, system, fields, cap)
+            energy, multiplier = hold(self._transforms.plans, system, fields, cap)
         else:
             u[:] = 0.0
             project(u, system.h, system.mean_is_fixed, sums.ranks)
         return Progress(
             done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
-            multiplier=0.0, residual=np.inf, energy=energy, exact=True, pairs=float(done == 0.0),
-            iterations=0,
+            multiplier=multiplier, residual=np.inf, energy=energy, exact=True, tangent=False,
+            pairs=float(done == 0.0), iterations=0,
         )  # fmt: skip
 
 

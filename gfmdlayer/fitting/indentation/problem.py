@@ -240,14 +240,20 @@ class Prediction:
             return self._elastic(config, at, pieces)
         times, force, depth = self._solution(config, at, pieces)
         power = onset(as_revolution(config.punch))
-        forces, depths = np.zeros(rows.size), np.zeros(rows.size)
+        value, by_force = pieces.at(rows)
+        forces, depths = np.where(by_force, np.maximum(value, 0.0), 0.0), np.zeros(rows.size)
         edges = [times[0], *(time for time in self._breakpoints if time > times[0])]
         for first, last in pairwise(edges):
             inside = (rows >= first) & (rows <= last)
             nodes = (times >= first) & (times <= last)
-            forces[inside] = _until_it_opens(times[nodes], force[nodes], rows[inside], power)
-            depths[inside] = _as_power(times[nodes], depth[nodes], rows[inside], power)
-        return forces, depths
+            # What is prescribed needs no interpolation.
+            if (free := inside & ~by_force).any():
+                forces[free] = _until_it_opens(times[nodes], force[nodes], rows[free], power)
+            if (held := inside & by_force).any():
+                depths[held] = _as_power(times[nodes], depth[nodes], rows[held], power)
+        return forces, np.where(
+            by_force, depths, value - forces / at.stiffness if self.curve.by_base else value
+        )
 
     def is_elastic(self, config: Config) -> bool:
         """Whether the body of a model does not relax."""
