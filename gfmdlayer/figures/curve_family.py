@@ -139,6 +139,12 @@ class Family(NamedTuple):
     bar: ColourBar | None  # in place of entries for the colours
     notes: list[str]
 
+    @property
+    def written(self) -> list[str]:
+        """What is written beside the curves, with the symbols of swept keys."""
+        bar = [self.bar.scale.quantity.symbol] if self.bar else []
+        return [*(title for title, *_ in self.legend), *bar, *self.notes]
+
 
 def family(sweep: Dataset, along: str = "") -> Family:
     """Choose colours and line styles of the curves of a sweep, or of a single case.

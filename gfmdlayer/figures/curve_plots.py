@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Family, Scale, family
-from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
+from gfmdlayer.figures.labels import PAPER_SYMBOLS, explained, finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import (
     PAPER,
     Columns,
@@ -138,8 +138,9 @@ def curves_figure(
         more = _draw_legend(figure, drawn, columns, style)
         if inset is not None:
             inset.draw(panels[0, 0])
-        said = [*when, *explained(drawn.sweep, [*names, x]), *notes(drawn.sweep, names), *drawn.notes, *more]
-        finish(figure, said)
+        said = [*notes(drawn.sweep, names), *drawn.notes, *more]
+        symbols = explained(drawn.sweep, [*names, x], [*drawn.written, *said])
+        finish(figure, [*when, *symbols, *said])
     return figure
 
 
@@ -228,6 +229,13 @@ _NOTHING = 2e-3  # part of the largest value that cannot be seen
 _MARGIN = 0.05
 _TANGENTIAL = ("tangential_force", "interface_friction", "friction")
 _SEPARATIONS = ("work_of_separation", "total_work_of_separation")  # per area, and of an isolated contact
+_AREAS = {
+    "loop_area": r"work per area of the cell, by the mean pressure $\bar{p}$",
+    "loop_work": "work of the punch",
+    "tangential_work": r"work per area of the cell, by the mean tangential stress $\bar{t}$",
+    "work_of_separation": "work of separation per area",
+    "total_work_of_separation": "work of separation",
+}
 
 
 def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "force") -> Figure:
@@ -241,6 +249,7 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
     """
     with styled(style):
         drawn, legend = family(dataset), []
+        shown: dict[str, str] = {}
         # Over two keys, colours and line styles have entries of their own: no entry belongs to one curve.
         own = [look for _, *look in drawn.legend] == [[curve.colour, curve.dashes] for curve in drawn.curves]
         titles = [title for title, *_ in drawn.legend] if own else []
@@ -252,11 +261,14 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
                 continue
             with opened as case:
                 areas = _draw(axes, case, y, curve.colour, curve.dashes, alone=len(drawn.curves) == 1)
-            if titles:
-                shown = areas if y in _TANGENTIAL else areas[1:]  # a sweep keeps the work that it compares
-                legend.append((", ".join([titles[i], *shown]), curve.colour, curve.dashes))
+            if titles:  # a sweep keeps the work that it compares
+                areas = {name: text for name, text in areas.items() if name not in ("loop_area", "loop_work")}
+                legend.append((", ".join([titles[i], *areas.values()]), curve.colour, curve.dashes))
             elif len(drawn.curves) == 1:
-                axes.set_title("\n".join(areas), loc="left")
+                axes.set_title("\n".join(areas.values()), loc="left")
+            else:
+                areas = {}
+            shown |= areas
         if not axes.lines:
             raise ResultsError(f"{path}: no case is complete")
         _zoom(axes)
@@ -266,7 +278,10 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
         if drawn.bar is not None:
             drawn.bar.draw(figure, axes)
         way = "tangential_displacement" if y in _TANGENTIAL else "depth"
-        finish(figure, [*explained(drawn.sweep, [y, way]), *notes(drawn.sweep), *drawn.notes])
+        said = [*notes(drawn.sweep), *drawn.notes]
+        works = [f"${PAPER_SYMBOLS[name]}$: {_AREAS[name]}" for name in shown]
+        symbols = explained(drawn.sweep, [y, way], [*drawn.written, *said])
+        finish(figure, [*symbols, *works, *said])
     return figure
 
 
@@ -288,8 +303,8 @@ def _zoom(axes: Axes) -> None:
         axes.set_xlim(acts.min() - room, acts.max() + room)
 
 
-def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> list[str]:
-    """Draw one case; return its areas in words, the area of the loop first."""
+def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> dict[str, str]:
+    """Draw one case; return its areas in words, by their names."""
     y = column_name(case, y)
     sheared = y in _TANGENTIAL
     if sheared and "tangential_displacement" not in case:
@@ -308,10 +323,11 @@ def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alo
     if sheared:
         found = {"tangential_work": float(np.trapezoid(case["tangential_force"].to_numpy(), depth))}
     else:
-        found = {"loop_area": float(np.trapezoid(pressed.to_numpy(), depth))}
+        area = float(np.trapezoid(pressed.to_numpy(), depth))
+        found = {"loop_area" if "mean_stress" in case else "loop_work": area}
         found |= {name: float(case.attrs[name]) for name in _SEPARATIONS if name in case.attrs}
-    written = []
+    written = {}
     for name, value in found.items():
-        area = quantity(case["work"].isel(time=0).rename(name), case.attrs)
-        written += area.equals([float(f"{value / area.scale:.3g}")])
+        drawn = quantity(case["work"].isel(time=0).rename(name), case.attrs)
+        written[name] = drawn.equals([float(f"{value / drawn.scale:.3g}")])[0]
     return written

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.labels import Quantity, finish, name_axes, quantity
+from gfmdlayer.figures.labels import Quantity, explained, finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, styled
 from gfmdlayer.figures.snapshot_plots import (
     MAP_POINTS,
@@ -59,7 +59,15 @@ def flow_figure(flow: Dataset, title: str = "", style: Style = PAPER, notes: Seq
         for axes in panels[:, 0]:
             name_axes(axes, y=quantity(case["y"], case.attrs))
         panels[0, 0].set_title(f"{title}\n" if title else "", loc="left")
-        finish(figure, [*notes, "black: contact, and fluid at rest", *more])
+        finish(
+            figure,
+            [
+                *explained(case, ["fluid_pressure"], [title]),
+                *notes,
+                "black: contact, and fluid at rest",
+                *more,
+            ],
+        )
     return figure
 
 

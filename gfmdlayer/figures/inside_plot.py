@@ -108,7 +108,7 @@ def inside_figure(
             _draw_interface(figure, grid, row, last, face, seen)
         if "gap" in case:
             legend_above(figure, [contact_entry()])
-        finish(figure, [*explained(case.assign({name: drawn}), [name]), *notes, *left_out])
+        finish(figure, [*explained(case.assign({name: drawn}), [name], [title]), *notes, *left_out])
     return figure
 
 

@@ -44,6 +44,7 @@ PAPER_SYMBOLS = {
     "work_of_separation": r"W_\mathrm{sep}",
     "tangential_work": r"\int\,\bar{t}\,\mathrm{d}D",
     "loop_area": r"\oint\,\bar{p}\,\mathrm{d}\delta",
+    "loop_work": r"\oint\,F\,\mathrm{d}\delta",
     "traction": r"\tau",
     **{f"flow_{each}": f"K_{{{each}}}" for each in ("xx", "xy", "yy")},
     **{f"hydraulic_gap_{each}": f"h_{each}" for each in "xy"},
@@ -189,7 +190,7 @@ def _number_label(number: float, is_fractional: bool, digits: int = 6) -> str:
 
 
 SCALES = {"length": ("L", "L"), "pressure": ("G0", "G_0"), "time": ("tau", r"\tau")}
-MEANINGS = {"L": "period along x", "G_0": "relaxed modulus", r"\tau": "relaxation time"}
+MEANINGS = {"L": "period along x", "G_0": "relaxed shear modulus", r"\tau": "relaxation time"}
 PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _POWERS = {prefix: power for power, prefix in PREFIXES.items()} | {"u": -6, "μ": -6}
 # Magnitudes that are written as they are: in units that take a prefix, and others.
@@ -407,13 +408,27 @@ def _part_ticks(axis: XAxis) -> None:
             )
 
 
-def explained(case: Dataset, names: Sequence[str]) -> list[str]:
-    """Return notes on the symbols of variables of results, and on the scales by which they are divided."""
-    known = [case[name] for name in names if name in case and "long_name" in case[name].attrs]
+def explained(case: Dataset, names: Sequence[str], written: Iterable[str] = ()) -> list[str]:
+    """Return notes on symbols: of variables, swept keys in what is written, scales that divide them.
+
+    The coordinates x and snapshot of a variable have scales too.
+    """
+    text = " ".join(written)
+    keys = [str(name) for name, key in case.coords.items() if "key" in key.attrs and symbol(key) in text]
+    found = [case[name] for name in dict.fromkeys([*names, *keys]) if name in case]
+    known = [each for each in found if "long_name" in each.attrs]
     parts = [f"{symbol(each)}: {_meaning(each)}" for each in known if symbol(each).startswith("$")]
-    clock = case["snapshot" if "snapshot" in case.dims else "time"]
-    labels = "".join(quantity(each, case.attrs).symbol for each in [*known, clock] if known)
-    return parts + [f"${sign}$: {meaning}" for sign, meaning in MEANINGS.items() if f"/{sign}" in labels]
+    along = [case[name] for name in ("snapshot", "x") if any(name in each.dims for each in found)]
+    scales = [
+        quantity(each, case.attrs).symbol.removeprefix(symbol(each).rstrip("$")) for each in [*known, *along]
+    ]
+    scales += ["G_0" for part in parts if "G_0)" in part]  # of the mean pressure over 2 G0
+    used, said = " ".join(scales), {part.partition(":")[0] for part in parts}
+    return parts + [
+        f"${sign}$: {meaning}"
+        for sign, meaning in MEANINGS.items()
+        if f"${sign}$" not in said and sign in used
+    ]
 
 
 def _meaning(array: DataArray) -> str:

@@ -100,7 +100,7 @@ def map_figure(
                 axes.set_ylabel("")
         for axes in panels.flat[len(columns) :]:
             axes.remove()
-        finish(figure, [*said, *explained(sweep, [*columns, x, y])])
+        finish(figure, [*said, *explained(sweep, [*columns, x, y, *["time"] * bool(when)], said)])
     return figure
 
 

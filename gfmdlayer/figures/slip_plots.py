@@ -70,7 +70,7 @@ def stick_figure(
             part, left_out = part_of(case, case.sizes["snapshot"] if every else MOST_MAPS)
             figure = _surface(part, Extremes.of([case]), style)
         figure.axes[0].set_title(f"{title}\n" if title and not is_line else title, loc="left")
-        finish(figure, [*explained(case, ["shear_x"]), *notes, *left_out])
+        finish(figure, [*explained(case, ["shear_x"], [title]), *notes, *left_out])
     return figure
 
 

@@ -253,7 +253,7 @@ def snapshots_figure(
             names = ["pressure"]
             figure = _maps(drawn, Extremes.of(cases.values()), style)
         left_out = dict.fromkeys(note for _, said in parts.values() for note in said)
-        finish(figure, [*explained(first, names), *notes, *left_out])
+        finish(figure, [*explained(first, names, cases), *notes, *left_out])
     return figure
 
 
@@ -623,7 +623,7 @@ def waterfall_figure(
         axes.set_ylabel(clock.label)
         axes.set_title(title, loc="left")
         _draw_scale(axes, up, peak, scale, count - 1)
-        finish(figure, [*explained(case, ["pressure"]), *notes, *more])
+        finish(figure, [*explained(case, ["pressure"], [title]), *notes, *more])
     return figure
 
 

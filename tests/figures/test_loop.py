@@ -56,6 +56,7 @@ def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) 
         np.testing.assert_array_equal(curve.get_xdata(), case.depth)
         np.testing.assert_array_equal(curve.get_ydata(), case.force)
         assert shown(case.attrs["work_of_separation"]) in texts(figure)
+    assert r"$W_\mathrm{sep}$: work of separation per area" in figure.get_supxlabel()
 
 
 def test_curves_over_depth_and_time_have_all_rows_of_each_case(results: Path) -> None:
@@ -101,6 +102,13 @@ def test_the_legend_of_a_loop_over_two_keys_has_the_looks_of_its_curves(results:
     assert looks[0] == looks[1]
     speeds = {line.get_color() for line in loop.axes[0].lines[:4]}
     assert speeds == {colour for _, colour, _ in looks[0] if colour != "black"}
+
+
+def test_a_loop_of_an_isolated_contact_has_the_work_of_its_force(results: Path) -> None:
+    with open_case(results / "cases" / "0001.h5") as case:
+        cell, isolated = loop_figure(results, case), loop_figure(results, case.drop_vars("mean_stress"))
+    assert r"\oint\,\bar{p}" in cell.axes[0].get_title(loc="left")
+    assert r"\oint\,F" in isolated.axes[0].get_title(loc="left")
 
 
 def test_a_loop_leaves_out_the_depths_at_which_the_punch_is_away(results: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -80,8 +81,9 @@ def case(count: int, *, surface: bool = False, **attributes: Any) -> xarray.Data
 
 
 def said(figure: Figure) -> str:
-    """The notes below a figure."""
-    return figure.get_supxlabel().replace("\n", "; ")
+    """The notes below a figure, without the explanations of its symbols."""
+    parts = figure.get_supxlabel().replace("\n", "; ").split("; ")
+    return "; ".join(part for part in parts if not re.match(r"\$[^$]*\$: ", part))
 
 
 def legend(figure: Figure) -> list[str]:
@@ -402,8 +404,8 @@ def test_maps_of_any_column_over_any_two_keys_at_extremes() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == (r"$\nu$", "$d$")
     expected = 16 * whole["case"].sel(radius=2).transpose("thickness", "poisson").values
     np.testing.assert_array_equal(axes.images[0].get_array(), expected)
-    assert said(figure).startswith("fixed: $R$ = 2 (of 3 values); ")
-    assert "$d$: thickness of the layer" in said(figure)
+    assert figure.get_supxlabel().replace("\n", "; ").startswith("fixed: $R$ = 2 (of 3 values); ")
+    assert "$d$: thickness of the layer" in figure.get_supxlabel()
     assert axes.get_title(loc="left") == "(a)  max. over $t$"
     with pytest.raises(ResultsError, match="on both axes"):
         map_figure(whole, x="radius", y="punch.radius")

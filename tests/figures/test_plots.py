@@ -217,6 +217,9 @@ def test_the_symbols_of_curves_and_their_scales_are_explained(thicknesses: Path)
     assert r"$\tilde{p}$: mean contact pressure $\bar{p}/(2G_0)$" in words
     assert r"$t$: time" in words
     assert r"$\tau$: relaxation time" in words
+    assert r"$G_0$: relaxed shear modulus" in words  # of the mean pressure
+    assert r"$d$: thickness of the layer" in words  # of the legend
+    assert r"$L$" not in words  # nothing is divided by it
 
 
 @pytest.mark.parametrize(("longest", "scale"), [(50.0, "linear"), (70.0, "log")])
