@@ -3,11 +3,17 @@
 Numba keeps compiled code beside the module that defines a function and compares only this module.
 A kernel that calls one of another module, or uses a constant of it, would keep the old one after an edit.
 Here the cache compares the contents of the module and of all modules of the package that it imports.
+
+Numba also turns each function into machine code as soon as another one calls it, and all functions of one
+name in a process then run the code that was loaded first: the last bits of a result could depend on what the
+process had compiled. Here an inner kernel becomes machine code only as a part of the kernels that call it,
+and each of these keeps its own copy.
 """
 
 from __future__ import annotations
 
 import fcntl
+import gc
 import hashlib
 import inspect
 import re
@@ -15,11 +21,17 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TypeVar, overload
 
 import numba as nb
+from llvmlite.binding import Linkage
+from numba.core import cgutils
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.dispatcher import Dispatcher
+from numba.extending import intrinsic
 
 from gfmdlayer.files.cache import is_writable, user_cache
 
@@ -32,6 +44,11 @@ FASTMATH = {"reassoc", "contract"}
 # Maxima are kept side by side for this many numbers: vector units compare them at once, while a single one
 # would wait for each comparison in turn.
 LANES = 256
+
+# The first and the last version of Numba whose compiler is known to take other kinds of libraries, which are
+# no part of its interface. With others, inner kernels are compiled like all functions.
+_KNOWN = (0, 60), (0, 68)
+_OWN_LIBRARIES = _KNOWN[0] <= nb.version_info.short <= _KNOWN[1]
 
 _PACKAGE = Path(__file__).parent
 _IMPORT = re.compile(rb"^from gfmdlayer((?:\.\w+)*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
@@ -50,9 +67,9 @@ def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False, 
 
     `reorder` allows to reorder sums (`FASTMATH`), as vector units need it, and gives a division by zero its
     limit, as the check of each would keep loops from them. An `inner` kernel is called only by other kernels:
-    it has no entry for Python, which takes longer to compile than a short kernel where many arrays come in
-    groups. A kernel that `borrows` makes no array and returns none. It does not count who holds the parts
-    that it takes of arrays: for short rows that took as long as their numbers.
+    it has no entry for Python and no machine code of its own, which take longer to compile than a short
+    kernel where many arrays come in groups. A kernel that `borrows` makes no array and returns none. It does
+    not count who holds the parts that it takes of arrays: for short rows that took as long as their numbers.
     """
     if function is None:
         return lambda decorated: _compiled(decorated, reorder, inner, borrows)
@@ -63,13 +80,114 @@ def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
     fastmath = FASTMATH if reorder else False
     options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "no_cpython_wrapper": inner}
     options |= {"error_model": "numpy" if reorder else "python", "_nrt": not borrows}
-    options["no_cfunc_wrapper"] = True  # no library calls a kernel by its address
+    options["no_cfunc_wrapper"] = True  # `call_at` uses the kernel itself
+    if _OWN_LIBRARIES:
+        options["pipeline_class"] = _Inner if inner else _Outer
     dispatcher = nb.njit(**options)(function)
-    if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
+    cached = not (inner and _OWN_LIBRARIES)
+    if isinstance(dispatcher, Dispatcher) and cached:  # not where Numba is switched off
         _choose_place()
         with suppress(RuntimeError):  # there is no place: each process compiles
             dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined]  # as cache=True does
     return dispatcher
+
+
+class _OuterCode(JITCodeLibrary):
+    """Code of a kernel with its own copies of the kernels that it calls."""
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if function.linkage == Linkage.linkonce_odr:
+                function.linkage = Linkage.internal
+        super()._optimize_final_module()  # type: ignore[no-untyped-call]
+
+
+class _InnerCode(JITCodeLibrary):
+    """Code that becomes machine code only as a part of the kernels that call it."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Leave that to the kernels that call this one."""
+        module.data_layout = self._codegen._data_layout
+
+    def finalize(self) -> None:
+        """Join the code of all inner kernels that this one calls."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+    def get_pointer_to_function(self, _name: str) -> int:
+        """Return no address."""
+        self._ensure_finalized()  # type: ignore[no-untyped-call]
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        """Return a generator of code for which the kernel has no constants to be set in machine code."""
+        return SimpleNamespace(set_env=lambda *_: None)
+
+
+class _Outer(CompilerBase):
+    """Numba's compiler with another kind of library."""
+
+    _library: type[JITCodeLibrary] = _OuterCode
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile without Python's search for cycles, which took a seventh of the time."""
+        searching = gc.isenabled()
+        gc.disable()
+        try:
+            return super().compile_extra(function)  # type: ignore[no-untyped-call]
+        finally:
+            if searching:
+                gc.enable()
+
+    def define_pipelines(self) -> list[Any]:
+        """Begin the code, and return Numba's passes."""
+        state = self.state
+        state.library = self._library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return [DefaultPassBuilder.define_nopython_pipeline(state)]  # type: ignore[no-untyped-call]
+
+
+class _Inner(_Outer):
+    _library = _InnerCode
+
+
+def call_at(called: Any) -> Any:
+    """Return a function, for kernels, that calls another kernel at an address with a tuple of arguments.
+
+    Then its code is not compiled once more as a part of the caller. `address_of` gives the address.
+    """
+    if not _OWN_LIBRARIES:
+        return kernel(inner=True)(lambda _address, arguments: called(*arguments))
+
+    @intrinsic
+    def call(context: Any, address: Any, arguments: Any) -> tuple[Any, Any]:
+        found = context.resolve_function_type(nb.typeof(called), tuple(arguments), {})  # type: ignore[no-untyped-call]
+        kinds = found.return_type, tuple(arguments)
+
+        def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+            convention = context.call_conv
+            function = builder.inttoptr(values[0], convention.get_function_type(*kinds).as_pointer())
+            each = cgutils.unpack_tuple(builder, values[1], len(kinds[1]))  # type: ignore[no-untyped-call]
+            status, result = convention.call_function(builder, function, *kinds, each)
+            with cgutils.if_unlikely(builder, status.is_error):  # type: ignore[no-untyped-call]
+                convention.return_status_propagate(builder, status)
+            return result
+
+        return found.return_type(address, arguments), generate
+
+    return call
+
+
+def address_of(called: Any, *arguments: Any) -> int:
+    """Return the address of a kernel for arguments of these types, compiled or from the cache."""
+    if not _OWN_LIBRARIES:
+        return 1  # `call_at` needs none
+    kinds = tuple(map(nb.typeof, arguments))
+    called.compile(kinds)
+    found = called.overloads[kinds]
+    return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
 
 
 @cache
@@ -132,3 +250,21 @@ def _imported(path: Path) -> tuple[Path, ...]:
         found.append(module.with_suffix(".py"))
         found += [module / f"{name}.py" for name in re.findall(r"\w+", names.decode())]
     return tuple(found)
+
+
+@kernel(inner=True)
+def maximum(lanes: Any) -> Any:
+    """Largest number of an array without NaN; Numba's own method takes most of a second to compile."""
+    found = lanes[0]
+    for i in range(lanes.size):
+        found = lanes[i] if lanes[i] > found else found
+    return found
+
+
+@kernel(inner=True)
+def minimum(lanes: Any) -> Any:
+    """Smallest number of an array without NaN."""
+    found = lanes[0]
+    for i in range(lanes.size):
+        found = lanes[i] if lanes[i] < found else found
+    return found

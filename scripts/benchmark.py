@@ -32,6 +32,7 @@ NAMES = (
     "pairs",
     "whole_run",
     "overhead",
+    "first_use",
     "ranks",
     "slabs",
     "roofline",
@@ -42,7 +43,16 @@ NAMES = (
     "adhesion",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("ranks", "slabs", "roofline", "peer", "rough", "ablation", "adhesion")  # --quick omits them
+OPTIONAL = (
+    "first_use",
+    "ranks",
+    "slabs",
+    "roofline",
+    "peer",
+    "rough",
+    "ablation",
+    "adhesion",
+)  # --quick omits them
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

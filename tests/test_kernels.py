@@ -7,13 +7,60 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer.kernels import source_digest
+from gfmdlayer.kernels import address_of, call_at, kernel, maximum, source_digest
 
 PACKAGE = Path(gfmdlayer.__file__).parent
+
+
+@kernel(inner=True)
+def half(x: Any) -> Any:
+    """An inner kernel, which two others call."""
+    return 0.5 * x
+
+
+@kernel
+def inverse_of_half(x: Any, count: int) -> Any:
+    """A kernel that fails for x = 0."""
+    return count / half(x)
+
+
+_inverse_of_half = call_at(inverse_of_half)
+
+
+@kernel
+def at_an_address(address: int, x: Any) -> Any:
+    """Call the kernel at an address, with a number of another type too, and an inner one."""
+    values = np.array([half(x), _inverse_of_half(address, (x, 3))])
+    return maximum(values)
+
+
+def test_a_kernel_calls_another_one_at_its_address_and_passes_on_its_error() -> None:
+    address = address_of(inverse_of_half, 1.0, 1)
+    assert at_an_address(address, 0.5) == inverse_of_half(0.5, 3) == 12.0
+    assert at_an_address(address, 100.0) == 50.0
+    with pytest.raises(ZeroDivisionError):
+        at_an_address(address, 0.0)
+
+
+@pytest.mark.slow
+def test_numba_of_an_unknown_version_compiles_the_same_kernels(tmp_path: Path) -> None:
+    program = "import numba; numba.version_info = numba.version_info._replace(short=(99, 0));"
+    program += "from test_kernels import address_of, at_an_address, half, inverse_of_half;"
+    program += "print(at_an_address(address_of(inverse_of_half, 1.0, 1), 0.5), len(half.overloads));"
+    paths = f"{PACKAGE.parent}{os.pathsep}{Path(__file__).parent}"
+    environment = os.environ | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["12.0", "1"]
+    assert list(tmp_path.rglob("*half*.nbc"))  # as all functions
+
+
 PROGRAM = """
 import numpy as np
 from gfmdlayer.contact.pressure_form import System, satisfies_kkt

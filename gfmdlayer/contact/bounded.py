@@ -46,7 +46,7 @@ from gfmdlayer.contact.pressure_form import (
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.contact.residual import residual_scales
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, compiling, kernel
+from gfmdlayer.kernels import LANES, compiling, kernel, maximum
 from gfmdlayer.resumable import Stateless
 
 _ROUNDING = 1e-14  # part of a pressure that is left where it was to vanish
@@ -327,5 +327,5 @@ def _reach(p: FloatArray, step: FloatArray) -> float:
         for i in range(ps.size):
             falls = -steps[i] / ps[i] if ps[i] > 0.0 else 0.0
             fastest[i] = falls if falls > fastest[i] else fastest[i]
-    most = fastest.max()
+    most = maximum(fastest)
     return 1.0 / most if most > 0.0 else np.inf

@@ -17,7 +17,7 @@ from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, v
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.sums import mean
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.kernels import LANES, kernel, minimum
 
 _ROUNDING = 1e-12  # part of the height of the punch
 # Heights, as part of the depth at which the lowest mode carries the load, that no tolerance above 1e-8 tells
@@ -283,7 +283,7 @@ def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArra
             us[i] = h[i] - (0.0 if opening < 0.0 else opening)  # NaN stays
     for i in range(n):
         pressure[i] = (1.0 + lift) * at.p[i]
-    return lift, -clamped.min()
+    return lift, -minimum(clamped)
 
 
 @kernel(reorder=True)

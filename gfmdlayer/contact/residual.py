@@ -16,7 +16,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.ranks import Ranks
-from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.kernels import LANES, kernel, maximum, minimum
 
 # Pressures count against at least this part of what the lowest mode carries at the depth of the surface.
 # Without it a surface out of contact would compare rounding errors with rounding errors: those reach
@@ -72,7 +72,7 @@ def _extrema(pressure: FloatArray, u: FloatArray) -> tuple[float, float, float]:
             largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
             lowest[i] = us[i] if us[i] < lowest[i] else lowest[i]
             total += us[i]
-    return largest.max(), lowest.min(), total
+    return maximum(largest), minimum(lowest), total
 
 
 def scales_over(
@@ -130,7 +130,7 @@ def _violations(
             touching += 1.0 if ps[i] * per_pressure > gap * per_gap else 0.0
             total += ps[i]
             gaps += gap
-    return worst.max(), touching, total, gaps
+    return maximum(worst), touching, total, gaps
 
 
 @kernel(reorder=True)

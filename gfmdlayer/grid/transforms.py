@@ -181,6 +181,7 @@ def truncated(
     """`Transforms.truncated`, between two shapes."""
     modes = spectrum.reshape(*shape[:-1], -1)[..., : coarser[-1] // 2 + 1]
     for axis, points in enumerate(coarser[:-1]):
-        positive, negative = np.arange((points + 1) // 2), np.arange(-(points // 2), 0)
-        modes = np.take(modes, np.concatenate((positive, negative)), axis=axis)
-    return np.ravel(modes).copy()
+        ends = (points + 1) // 2, modes.shape[axis] - points // 2
+        positive, _, negative = np.split(modes, ends, axis)
+        modes = np.concatenate((positive, negative), axis)
+    return modes.flatten() if len(shape) == 1 else np.ravel(modes)

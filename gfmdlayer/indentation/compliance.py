@@ -47,7 +47,7 @@ class Compliance(NamedTuple):
     q: FloatArray  # (nq,), nodes of the integral over q; none for a halfspace
     weights: FloatArray  # (nq,), weights of the nodes
     instant: FloatArray  # (nq,), C against sudden pressures
-    modes: FloatArray  # (nm, nq), retarded parts of C, of either sign
+    modes: FloatArray  # (nm, nq), retarded parts of C, of either sign; the last nb of them are those of -D
     times: FloatArray  # (nm, nq), their times
 
 

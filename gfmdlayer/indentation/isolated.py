@@ -23,7 +23,7 @@ from gfmdlayer.indentation.solve import (
     find_space,
     follow,
     in_growing_space,
-    on_halved_steps,
+    on_quartered_steps,
     on_steps,
     work_done,
 )
@@ -189,13 +189,13 @@ class IsolatedIndentation:
         """Take equal steps of at most this length between breakpoints and snapshots, and their halves."""
         knots = np.unique(np.array([*self.history.time, *self.snapshots, *self.stops]))
         parts = [
-            np.linspace(begin, end, max(1, math.ceil((end - begin) / step - 1e-6)) + 1)[:-1]
+            np.linspace(begin, end, max(1, math.ceil((end - begin) / (2 * step) - 1e-6)) + 1)[:-1]
             for begin, end in pairwise(knots.tolist())
         ]
         time = np.append(np.concatenate(parts), knots[-1])
         kept = np.unique(np.array(self.snapshots, dtype=float))
         return in_growing_space(
-            lambda space: on_halved_steps(self.body, space, self.profile, self.history, time, kept),
+            lambda space: on_quartered_steps(self.body, space, self.profile, self.history, time, kept)[0],
             self._space,
             self.profile,
             self.tolerance,

@@ -6,13 +6,16 @@ transform of the profile,
 
     D*chi(x) + (2/pi) int_0^inf cos(qx) C(q)*X(q) dq = depth(t) - H(x),   x < a(t);      chi = 0,   x > a(t)
 
-holds in loading and unloading alike. chi(a) = 0 at the edge of a smooth profile, and
-chi(a) = -(pi a w/J0)^(1/2) with a work of adhesion w (JKR). Internal variables eta_k(x) and zeta_m(q) follow
-chi and X with the retardation times, exactly for chi and X that are linear over a step; a point that the edge
-sweeps is loaded for its part of the step. The past is kept on a fixed grid in x, and at the radii where the
-edge was at the end of each step. For the past bends at the edge: inside, the variables of short times follow
-chi within a width T da/dt, which a slow contact makes narrower than any grid. Interpolation in x does not
-cross the edge, nor radii where it turned. The equation of a step is solved at Gauss nodes in [0, a].
+holds in loading and unloading alike. chi(a) = 0 at the edge of a smooth profile, and chi(a) = -(pi a
+w/J0)^(1/2) with a work of adhesion w (JKR). With u = D*chi, the points in contact have relaxing variables
+of G = 1/D that follow u, and the others retarded ones of D, which fade; both are exact for u that is linear
+over a step. (Retarded variables in contact, which follow a linear chi, ring like the rule of Crank and
+Nicolson.) C holds the modes of -D; in a step it takes u for them. Its other variables zeta_m(q) follow X. A
+point that the edge sweeps is in contact for its part of the step. The past is kept on a fixed grid in x,
+and at the radii where the edge was at the end of each step. For the past bends at the edge: the variables
+of short times follow within a width T da/dt, which a slow contact makes narrower than any grid. The point
+at the edge has an inside and an outside; interpolation in x does not cross it, nor radii where the edge
+turned. The equation of a step is solved at Gauss nodes in [0, a].
 
 Sizes: nt times, nb retardation times of D, nq nodes in q, nm modes of C.
 """
@@ -20,7 +23,7 @@ Sizes: nt times, nb retardation times of D, nq nodes in q, nm modes of C.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,7 +35,7 @@ from gfmdlayer.punch.revolution import Revolution, abel_transform
 # Outcomes of a run.
 COMPLETE, LEFT_GRID, NOT_CONVERGED = 0, 1, 2
 
-_MARKS = 3  # radii that are remembered, where the slope of chi may jump
+_MARKS = 3  # radii that are remembered, where the slope of chi may jump; most knots of a profile among them
 _APART = 0.02  # part of a by which they differ
 _GENTLE = 0.05  # h/T below which Simpson's rule has the energy lost in a step to 1e-9
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
@@ -42,7 +45,17 @@ _INSTANT = 1e-9  # part of a step at whose ends a change of contact is not insid
 _CLOSING = 12  # points that close in on the edge at a breakpoint, where it may turn
 _SUBSTEPS = 12  # of one step: contact found and lost
 _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
-_ONE_POINT = 1e-4  # distance of a point to the next, over the spacing, below which they are one
+_ONE_POINT = 1e-9  # distance of a point to the next, over the spacing, below which they are one
+
+
+class Branches(NamedTuple):
+    """The compliance D as the modulus G = 1/D = glassy - sum_r moduli_r/(1 + s times_r)."""
+
+    glassy: float
+    moduli: FloatArray  # (nb,)
+    times: FloatArray  # (nb,)
+    of_retarded: FloatArray  # (nb, nb), relaxing variables from retarded ones
+    to_retarded: FloatArray  # (nb, nb), and back
 
 
 class Nodes(NamedTuple):
@@ -80,44 +93,53 @@ class Points(NamedTuple):
     order: IntArray  # (np,), the numbers of the points by their x
     filled: IntArray  # (1,), number of points so far
     bent: BoolArray  # (np,), whether the past bends at a point: interpolation does not cross it
+    edge: IntArray  # (1,), number of the point at the edge of the contact; -1 without one
     near: IntArray  # (4,), the places that an interpolation takes
+
+
+class Surface(NamedTuple):
+    """Stress and past at the points."""
+
+    chi: FloatArray  # (np,), continued beyond a
+    sunk: FloatArray  # (np,), D*chi
+    memory: FloatArray  # (nb, np), in the contact relaxing variables, outside of it retarded ones
 
 
 class State(NamedTuple):
     """State of a run between two steps."""
 
     points: Points
-    chi: FloatArray  # (np,), at the points, continued beyond a
-    eta: FloatArray  # (nb, np), internal variables of D
+    surface: Surface
     X: FloatArray  # (nq,), cosine transform of chi
     zeta: FloatArray  # (nm, nq), internal variables of C
-    marks: FloatArray  # radii where the slope of chi may jump
+    marks: FloatArray  # radii where the slope of chi may jump: knots of the profile, and _MARKS of the edge
 
 
-class Loss(NamedTuple):
-    """Factors of y^2, y c and c^2 in int (chi - eta)^2/T dt, for chi that changes linearly by c over a step.
+class Weights(NamedTuple):
+    """Of variables that follow a quantity y, which is linear over a time h.
 
-    y is chi - eta at the beginning of the step.
+    A variable becomes fade old + before y(0) + after y(h). It loses int (y - variable)^2/T dt, with
+    the factors dd, dc and cc of d^2, d c and c^2 for d = y(0) - old and c = y(h) - y(0).
     """
 
-    yy: FloatArray
-    yc: FloatArray
+    fade: FloatArray
+    before: FloatArray
+    after: FloatArray
+    dd: FloatArray
+    dc: FloatArray
     cc: FloatArray
 
 
 class Step(NamedTuple):
-    """Weights of a step of one length: a variable becomes fade old + before chi(0) + after chi(h)."""
+    """A step of one length."""
 
-    fade: FloatArray  # (nb,)
-    before: FloatArray
-    after: FloatArray
-    loss: Loss
-    fade_q: FloatArray  # (nm, nq)
-    before_q: FloatArray
-    after_q: FloatArray
-    loss_q: Loss
+    near: Weights  # (nb,), of relaxing variables and the displacement
+    part: Weights  # (nb,), of a part of the step
+    free: FloatArray  # (nb,), part of retarded variables that a free surface keeps
+    far: Weights  # (nm, nq), of C and X
     effective: FloatArray  # (nq,), C of the step
     table: FloatArray  # (2 n + 3,), kernel of the step: (1/pi) int effective cos(q z) dq
+    local_table: FloatArray  # (2 n + 3,), kernel of what C lacks of D: (1/pi) int share cos(q z) dq
 
 
 class Work(NamedTuple):
@@ -125,20 +147,25 @@ class Work(NamedTuple):
 
     x: FloatArray  # nodes
     root: FloatArray  # roots of their weights
+    local: FloatArray  # D at the nodes
     matrix: FloatArray
     unit: FloatArray  # right-hand side, then solution, of a unit depth; at last the weights times chi
     rest: FloatArray  # right-hand side, then solution, of all else
     edges: FloatArray  # ends of the parts
-    past: FloatArray  # (np,), part of D*chi at the end of the step that the past leaves, without chi(0)
+    past: FloatArray  # (np,), part of D*chi at the end of the step that the past leaves
     far_past: FloatArray  # (n + 2,), and the part of the integral of C
     transform: FloatArray  # (nq,)
+    spectrum: FloatArray  # (nq,)
     far: FloatArray  # (n + 2,)
+    variables: FloatArray  # (nb,)
+    free: FloatArray  # (nb,)
 
 
 class Run(NamedTuple):
     """The parts of a run."""
 
     body: Compliance
+    branches: Branches
     profile: Revolution
     nodes: Nodes
     drive: Drive
@@ -146,13 +173,8 @@ class Run(NamedTuple):
     step: Step
     work: Work
     stop: float  # largest radius: the rim of the indenter, or the reach of the nodes
-
-
-class Weights(NamedTuple):
-    """Weights of chi(h) and chi(0) in D*chi at the end of a step."""
-
-    after: float
-    before: float
+    covered: FloatArray  # (1,), the largest contact radius so far
+    share: FloatArray  # (nq,), part of D that C lacks: 1, or 0 in the node of a spring
 
 
 class Trial(NamedTuple):
@@ -194,7 +216,7 @@ class Marched(NamedTuple):
     stopped: int  # the step at which it ended
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
     """Weights of the old value, chi(0) and chi(h), for chi linear over the step."""
     z = h / T
@@ -205,9 +227,9 @@ def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
     return 1 - m, f - 1 + m, 1 - f
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _loss_weights(z: float, fade: float, after: float) -> tuple[float, float, float]:
-    """Return the factors of `Loss` for z = h/T, with fade and after of `_linear_weights`."""
+    """Return the factors of loss in `Weights` for z = h/T, with fade and after of `_linear_weights`."""
     if z < _GENTLE:
         # Simpson's rule, from chi - eta = fade y + mean c at the middle and the end.
         end, half = 1 - after, math.sqrt(fade)
@@ -219,15 +241,6 @@ def _loss_weights(z: float, fade: float, after: float) -> tuple[float, float, fl
     return twice, 2 * (once - twice) / z, (z - 2 * once + twice) / (z * z)
 
 
-@kernel(inner=True)
-def _loss(h: float, T: float, old: float, before: float, after: float) -> float:
-    """Int (chi - eta)^2/T dt over a step in which chi is linear and eta begins as `old`."""
-    fade, _, late = _linear_weights(h, T)
-    yy, yc, cc = _loss_weights(h / T, fade, late)
-    y, c = before - old, after - before
-    return yy * y * y + yc * y * c + cc * c * c
-
-
 class EdgeMotion(NamedTuple):
     """A moving edge: the coordinate H + slope x, in which it moves evenly through a step, at either end."""
 
@@ -236,7 +249,7 @@ class EdgeMotion(NamedTuple):
     large: float
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _sweep(profile: Revolution, small: float, large: float) -> EdgeMotion:
     """Return how the edge moves between two radii; a flat end comes into contact at once."""
     slope = _FRONT if small > 0 else 0.0
@@ -244,7 +257,7 @@ def _sweep(profile: Revolution, small: float, large: float) -> EdgeMotion:
     return EdgeMotion(slope, H_small, abel_transform(profile, large) + slope * large)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _swept(sweep: EdgeMotion, x: float, H: float) -> float:
     """Part of the step for which a growing contact has covered x, or a shrinking one will."""
     if sweep.large == sweep.small:
@@ -253,14 +266,14 @@ def _swept(sweep: EdgeMotion, x: float, H: float) -> float:
     return float(min(max(part, 0.0), 1.0))
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _lagrange(y: float) -> tuple[float, float, float, float]:
     """Weights of the values at -1, 0, 1 and 2 for the value at y."""
     left, right = (y + 1) * y / 2, (y - 1) * (y - 2) / 2
     return -y * right / 3, (y + 1) * right, -left * (y - 2), left * (y - 1) / 3
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _cubic(f: FloatArray, s: float) -> float:
     """Value at s grid spacings, by four points, of an even function."""
     i = int(s)
@@ -269,7 +282,7 @@ def _cubic(f: FloatArray, s: float) -> float:
     return value
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _place(points: Points, x: float) -> int:
     """Return the place in order of the last point at or below x, of those that have a next one."""
     low, high = 0, points.filled[0] - 1
@@ -282,14 +295,14 @@ def _place(points: Points, x: float) -> int:
     return low
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _position(points: Points, place: int) -> float:
     """Return x at a place in the order; places below 0 are the mirror images of points."""
     x = points.x[points.order[abs(place)]]
     return float(x if place >= 0 else -x)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _further(points: Points, place: int, way: int, apart: float) -> int:
     """Return the next place that is so far apart; the same place where the past bends before it."""
     at = place
@@ -300,53 +313,52 @@ def _further(points: Points, place: int, way: int, apart: float) -> int:
     return place
 
 
-@kernel(inner=True)
-def _at(x: float, f: FloatArray, edge: float, points: Points) -> float:
-    """Value at x of an even function that bends at the edge, by up to four points on the side of x.
+@kernel(inner=True, borrows=True)
+def _at(x: float, f: FloatArray, points: Points) -> float:
+    """Value at x of an even function, by up to four points between which it does not bend.
 
-    They are not closer to each other than half of the cell around x. Where the edge is no point, the value
-    is extrapolated to it from its side.
+    They are not closer to each other than half of the cell around x.
     """
     low = _place(points, x)
-    high, other = low + 1, _ONE_POINT * points.x[1]
+    high, n, near = low + 1, 2, points.near
+    near[0], near[1] = low, high
     apart = (_position(points, high) - _position(points, low)) / 2
-    if x < edge < _position(points, high) - other and not points.bent[points.order[low]]:
-        high = low
-    elif _position(points, low) + other < edge <= x and not points.bent[points.order[high]]:
-        low = high
-    inside, outside = high == low and x < edge, high == low and x >= edge
-    near, n = points.near, 0
-    for place in range(low, high + 1):
-        near[n] = place
-        n += 1
     for _ in range(3):
-        new = high if inside or n == 4 else _further(points, high, 1, apart)
+        new = high if n == 4 else _further(points, high, 1, apart)
         if new != high:
             high = near[n] = new
             n += 1
-        new = low if outside or n == 4 else _further(points, low, -1, apart)
+        new = low if n == 4 else _further(points, low, -1, apart)
         if new != low:
             low = near[n] = new
             n += 1
-    value = 0.0
+    edge, value = points.edge[0], 0.0
     for i in range(n):
         y, weight = _position(points, near[i]), 1.0
         for j in range(n):
             if j != i:
                 z = _position(points, near[j])
                 weight *= (x - z) / (y - z)
-        value += weight * f[points.order[abs(near[i])]]
+        number = points.order[abs(near[i])]
+        if number == edge and x < y:
+            number = -1  # its values of the inside
+        value += weight * f[number]
     return value
 
 
-@kernel(inner=True)
-def _add_point(x: float, profile: Revolution, points: Points) -> int:
-    """Make x a point of a surface at rest, unless there is one; return its number."""
+@kernel(inner=True, borrows=True)
+def _add_point(x: float, run: Run) -> int:
+    """Make x a point, with the past between its neighbours, unless there is one; return its number."""
+    points, surface, work = run.state.points, run.state.surface, run.work
     low, new = _place(points, x), points.filled[0]
     for place in (low, low + 1):
         if abs(_position(points, place) - x) <= _ONE_POINT * points.x[1]:
             return int(points.order[place])
-    points.x[new], points.obstacle[new] = x, abel_transform(profile, x)
+    surface.chi[new], surface.sunk[new] = _at(x, surface.chi, points), _at(x, surface.sunk, points)
+    work.past[new] = _at(x, work.past, points)
+    for k in range(run.body.local_times.size):
+        surface.memory[k, new] = _at(x, surface.memory[k], points)
+    points.x[new], points.obstacle[new] = x, abel_transform(run.profile, x)
     for i in range(new, low + 1, -1):
         points.order[i] = points.order[i - 1]
     points.order[low + 1] = new
@@ -354,7 +366,7 @@ def _add_point(x: float, profile: Revolution, points: Points) -> int:
     return int(new)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _transform(n: int, nodes: Nodes, work: Work) -> None:
     """Cosine transform of chi at n nodes, with cosines by four points of the fixed grid."""
     out = work.transform
@@ -369,7 +381,7 @@ def _transform(n: int, nodes: Nodes, work: Work) -> None:
             out[j] += value * (a * w[j] + b * x[j] + c * y[j] + d * z[j])
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _multiply(matrix: FloatArray, vector: FloatArray, out: FloatArray) -> None:
     """Out = matrix vector, for as many rows as out has."""
     for i in range(out.size):
@@ -379,54 +391,66 @@ def _multiply(matrix: FloatArray, vector: FloatArray, out: FloatArray) -> None:
         out[i] = s
 
 
-@kernel(reorder=True, inner=True)
-def _cholesky(M: FloatArray, n: int) -> bool:
-    """Put the Cholesky factor of M into its lower triangle; return False if M is not positive definite."""
+@kernel(reorder=True, inner=True, borrows=True)
+def _solve_linear(M: FloatArray, b: FloatArray, c: FloatArray, n: int) -> bool:
+    """Solve M x = b and M x = c in place by Gauss's elimination; return False if a pivot is not positive."""
     for j in range(n):
-        s = M[j, j]
-        for k in range(j):
-            s -= M[j, k] * M[j, k]
-        if s <= 0:
+        if M[j, j] <= 0:
             return False
-        s = math.sqrt(s)
-        M[j, j] = s
         for i in range(j + 1, n):
-            v = M[i, j]
-            for k in range(j):
-                v -= M[i, k] * M[j, k]
-            M[i, j] = v / s
+            factor = M[i, j] / M[j, j]
+            for k in range(j + 1, n):
+                M[i, k] -= factor * M[j, k]
+            b[i] -= factor * b[j]
+            c[i] -= factor * c[j]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= M[i, k] * b[k]
+            c[i] -= M[i, k] * c[k]
+        b[i] /= M[i, i]
+        c[i] /= M[i, i]
     return True
 
 
-@kernel(reorder=True, inner=True)
-def _back_substitute(L: FloatArray, b: FloatArray, n: int) -> None:
-    """Solve L L^T x = b in place."""
-    for i in range(n):
-        v = b[i]
-        for k in range(i):
-            v -= L[i, k] * b[k]
-        b[i] = v / L[i, i]
-    for i in range(n - 1, -1, -1):
-        v = b[i] / L[i, i]
-        b[i] = v
-        for k in range(i):
-            b[k] -= L[i, k] * v
+@kernel(inner=True, borrows=True)
+def _set_weights(h: float, branches: Branches, weights: Weights) -> float:
+    """Set the weights of a surface in contact for a time h; return D = displacement/chi, from rest."""
+    modulus = branches.glassy
+    for r in range(branches.times.size):
+        T = branches.times[r]
+        fade, before, after = _linear_weights(h, T)
+        weights.fade[r], weights.before[r], weights.after[r] = fade, before, after
+        weights.dd[r], weights.dc[r], weights.cc[r] = _loss_weights(h / T, fade, after)
+        modulus -= branches.moduli[r] * after
+    return 1 / modulus
 
 
-@kernel(inner=True)
-def _set_step(h: float, run: Run) -> Weights:
-    """Set the weights of a step of length h; return the weights in D."""
-    body, step, work = run.body, run.step, run.work
-    after, before = body.local, 0.0
+@kernel(inner=True, borrows=True)
+def _covered(x: float, h: float, part: float, run: Run) -> tuple[float, float]:
+    """D of a point that the contact covers in the last part of a step, and the part of the past in D*chi."""
+    body, branches, state, weights, past = run.body, run.branches, run.state, run.step.part, 0.0
+    D = _set_weights(part * h, branches, weights)
+    if run.covered[0] <= x:
+        return D, 0.0
     for k in range(body.local_times.size):
-        T = body.local_times[k]
-        step.fade[k], step.before[k], step.after[k] = _linear_weights(h, T)
-        loss = _loss_weights(h / T, step.fade[k], step.after[k])
-        step.loss.yy[k], step.loss.yc[k], step.loss.cc[k] = loss
-        after += body.local_modes[k] * step.after[k]
-        before += body.local_modes[k] * step.before[k]
+        rest = math.exp(-(1 - part) * h / body.local_times[k])
+        retarded = rest * _at(x, state.surface.memory[k], state.points)
+        for r in range(branches.times.size):
+            kept = weights.fade[r] * branches.of_retarded[r, k] + weights.before[r] * body.local_modes[k]
+            past += branches.moduli[r] * kept * retarded
+    return D, past * D
+
+
+@kernel(inner=True, borrows=True)
+def _set_step(h: float, run: Run) -> float:
+    """Set the weights of a step of length h; return the compliance D of the step."""
+    body, step, work = run.body, run.step, run.work
+    D = _set_weights(h, run.branches, step.near)
+    for k in range(body.local_times.size):
+        step.free[k] = math.exp(-h / body.local_times[k])
     for j in range(body.q.size):  # array expressions would take seconds to compile
-        step.effective[j] = body.instant[j]
+        step.effective[j] = body.instant[j] + run.share[j] * (body.local - D)
+    coupled = body.times.shape[0] - body.local_times.size
     for m in range(body.times.shape[0]):
         last, linear, loss = -1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for j in range(body.q.size):
@@ -434,88 +458,35 @@ def _set_step(h: float, run: Run) -> Weights:
                 last = body.times[m, j]
                 linear = _linear_weights(h, last)
                 loss = _loss_weights(h / last, linear[0], linear[2])
-            step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = linear
-            step.loss_q.yy[m, j], step.loss_q.yc[m, j], step.loss_q.cc[m, j] = loss
-            step.effective[j] += body.modes[m, j] * linear[2]
+            step.far.fade[m, j], step.far.before[m, j], step.far.after[m, j] = linear
+            step.far.dd[m, j], step.far.dc[m, j], step.far.cc[m, j] = loss
+            if m < coupled:
+                step.effective[j] += body.modes[m, j] * linear[2]
     for j in range(body.q.size):
         work.transform[j] = body.weights[j] * step.effective[j] / math.pi
     if body.q.size:
         _multiply(run.nodes.cosines, work.transform, step.table)
-    return Weights(after, before)
+    return D
 
 
-@kernel(inner=True)
-def _find_past(run: Run) -> None:
-    """Find the part of the past at the end of the step: of D without chi(0), and of C."""
-    body, state, step, work = run.body, run.state, run.step, run.work
-    for i in range(state.points.filled[0]):
-        s = 0.0
-        for k in range(body.local_times.size):
-            s += body.local_modes[k] * step.fade[k] * state.eta[k, i]
-        work.past[i] = s
-    for j in range(body.q.size):
-        s = 0.0
-        for m in range(body.times.shape[0]):
-            s += body.modes[m, j] * (step.fade_q[m, j] * state.zeta[m, j] + step.before_q[m, j] * state.X[j])
-        work.transform[j] = s * body.weights[j] * (2 / math.pi)
-    if body.q.size:
-        _multiply(run.nodes.cosines, work.transform, work.far_past)
+@kernel(inner=True, borrows=True)
+def _inside(x: float, a: float, stop: float) -> bool:
+    """Whether a contact of radius a covers x; at and beyond a rim chi is continued."""
+    return a > 0 and (x < a or a >= stop)
 
 
-@kernel(inner=True)
-def _apex(h: float, body: Compliance, state: State, released: bool) -> float:
-    """Displacement of the surface at x = 0 after a time h without contact, or in which chi falls to 0."""
-    s = 0.0
-    for k in range(body.local_times.size):
-        fade, before, _ = _linear_weights(h, body.local_times[k])
-        s += body.local_modes[k] * (fade * state.eta[k, 0] + (before * state.chi[0] if released else 0.0))
-    far = 0.0
-    for j in range(body.q.size):
-        for m in range(body.times.shape[0]):
-            fade, before, _ = _linear_weights(h, body.times[m, j])
-            value = fade * state.zeta[m, j] + (before * state.X[j] if released else 0.0)
-            far += body.modes[m, j] * value * body.weights[j]
-    return s + far * (2 / math.pi)
-
-
-@kernel(inner=True)
-def _event(
-    h: float, start: float, end: float, by_force: bool, body: Compliance, state: State, released: bool
-) -> float:
-    """Return the part of a step after which contact begins, or with `released` ends.
-
-    The depth grows linearly from `start` to `end`. Contact begins where it reaches the displacement of the
-    free surface, and ends where it falls below the displacement of a surface from which chi has vanished.
-    """
-    low, high = 0.0, 1.0
-    sign = -1.0 if released else 1.0
-    if by_force:
-        return min(max(start / (start - end), 0.0), 1.0) if start != end else 0.0
-    gap_low = sign * (start - _apex(0.0, body, state, False)) if not released else -1.0
-    gap_high = sign * (end - _apex(h, body, state, released))
-    for _ in range(_MOST_ITERATIONS):
-        part = 0.5 * (low + high)
-        if gap_low < 0 < gap_high and high - low < 0.2:
-            part = low + (high - low) * gap_low / (gap_low - gap_high)
-            part = min(max(part, low + 0.02 * (high - low)), high - 0.02 * (high - low))
-        gap = sign * (start + part * (end - start) - _apex(part * h, body, state, released))
-        if gap < 0:
-            low, gap_low = part, gap
-        else:
-            high, gap_high = part, gap
-        if high - low < 1e-12:
-            break
-    return high
-
-
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
     """Put Gauss nodes into [0, a], in parts that end where the contact has turned; return their number."""
     parts = 1
     work.edges[0] = 0.0
-    for m in np.sort(state.marks):
-        if work.edges[parts - 1] + _APART * a < m < (1 - _APART) * a:
-            work.edges[parts] = m
+    for _ in range(state.marks.size):
+        end = (1 - _APART) * a
+        for m in state.marks:
+            if work.edges[parts - 1] + _APART * a < m < end:
+                end = m
+        if end < (1 - _APART) * a:
+            work.edges[parts] = end
             parts += 1
     work.edges[parts] = a
     if parts == 1:
@@ -533,15 +504,130 @@ def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
     return n
 
 
-@kernel(inner=True)
-def _past_at(x: float, edge: float, run: Run) -> float:
-    """Part of the past at x, without chi(0)."""
-    near = _at(x, run.work.past, edge, run.state.points) if run.body.local_times.size else 0.0
-    return near + _cubic(run.work.far_past, x / run.nodes.spacing)
+@kernel(inner=True, borrows=True)
+def _transform_of(f: FloatArray, a: float, run: Run) -> None:
+    """Cosine transform of an even function at the points, which may jump at the edge a of the contact."""
+    nodes, work, covered = run.nodes, run.work, run.covered[0]
+    n = _place_nodes(a, nodes, run.state, work) if a > 0 and run.body.local_times.size else 0
+    if covered > a and run.body.local_times.size:
+        for i in range(nodes.part.size):
+            work.x[n] = a + (covered - a) * nodes.part[i]
+            work.root[n] = math.sqrt((covered - a) * nodes.part_weights[i])
+            n += 1
+    for i in range(n):
+        work.unit[i] = work.root[i] ** 2 * _at(work.x[i], f, run.state.points)
+    _transform(n, nodes, work)
 
 
-@kernel(inner=True)
-def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Trial:
+@kernel(inner=True, borrows=True)
+def _kept_in_contact(i: int, weights: Weights, moduli: FloatArray, surface: Surface) -> float:
+    """Part of chi, with the sign changed, that the past of a point leaves at the end of a time in contact."""
+    s = 0.0
+    for r in range(moduli.size):
+        s += moduli[r] * (weights.fade[r] * surface.memory[r, i] + weights.before[r] * surface.sunk[i])
+    return s
+
+
+@kernel(inner=True, borrows=True)
+def _find_past(a_old: float, D: float, run: Run) -> None:
+    """Find the part of the past at the end of the step: of D where the contact stays or stays away; of C."""
+    body, state, step, work, moduli = run.body, run.state, run.step, run.work, run.branches.moduli
+    for i in range(state.points.filled[0]):
+        s = 0.0
+        if _inside(state.points.x[i], a_old, run.stop):
+            s = D * _kept_in_contact(i, step.near, moduli, state.surface)
+        else:
+            for k in range(body.local_times.size):
+                s += body.local_modes[k] * step.free[k] * state.surface.memory[k, i]
+        work.past[i] = s
+    work.past[-1] = D * _kept_in_contact(-1, step.near, moduli, state.surface)
+    _transform_of(work.past, a_old, run)
+    for j in range(body.q.size):
+        s = -run.share[j] * work.transform[j]
+        for m in range(body.times.shape[0] - body.local_times.size):
+            kept = step.far.fade[m, j] * state.zeta[m, j] + step.far.before[m, j] * state.X[j]
+            s += body.modes[m, j] * kept
+        work.transform[j] = s * body.weights[j] * (2 / math.pi)
+    if body.q.size:
+        _multiply(run.nodes.cosines, work.transform, work.far_past)
+
+
+@kernel(inner=True, borrows=True)
+def _apex_locally(h: float, run: Run, released: bool) -> float:
+    """Part of D in `_apex`."""
+    if released:
+        D = _set_weights(h, run.branches, run.step.part)
+        return D * _kept_in_contact(0, run.step.part, run.branches.moduli, run.state.surface)
+    body, s = run.body, 0.0
+    for k in range(body.local_times.size):
+        s += body.local_modes[k] * math.exp(-h / body.local_times[k]) * run.state.surface.memory[k, 0]
+    return s
+
+
+@kernel(inner=True, borrows=True)
+def _apex(h: float, run: Run, released: bool) -> float:
+    """Displacement of the surface at x = 0 after a time h without contact, or in which chi falls to 0."""
+    body, state, s = run.body, run.state, _apex_locally(h, run, released)
+    far = 0.0
+    for j in range(body.q.size):
+        for m in range(body.times.shape[0]):
+            fade, before, _ = _linear_weights(h, body.times[m, j])
+            value = fade * state.zeta[m, j] + (before * state.X[j] if released else 0.0)
+            far += body.modes[m, j] * value * body.weights[j]
+    return s + far * (2 / math.pi)
+
+
+@kernel(inner=True, borrows=True)
+def _event(h: float, start: float, end: float, by_force: bool, run: Run, released: bool) -> float:
+    """Return the part of a step after which contact begins, or with `released` ends.
+
+    The depth grows linearly from `start` to `end`. Contact begins where it reaches the displacement of the
+    free surface, and ends where it falls below the displacement of a surface from which chi has vanished.
+    """
+    low, high = 0.0, 1.0
+    sign = -1.0 if released else 1.0
+    if by_force:
+        return min(max(start / (start - end), 0.0), 1.0) if start != end else 0.0
+    gap_low = sign * (start - _apex(0.0, run, False)) if not released else -1.0
+    gap_high = sign * (end - _apex(h, run, released))
+    for _ in range(_MOST_ITERATIONS):
+        part = 0.5 * (low + high)
+        if gap_low < 0 < gap_high and high - low < 0.2:
+            part = low + (high - low) * gap_low / (gap_low - gap_high)
+            part = min(max(part, low + 0.02 * (high - low)), high - 0.02 * (high - low))
+        gap = sign * (start + part * (end - start) - _apex(part * h, run, released))
+        if gap < 0:
+            low, gap_low = part, gap
+        else:
+            high, gap_high = part, gap
+        if high - low < 1e-12:
+            break
+    return high
+
+
+@kernel(inner=True, borrows=True)
+def _kernel(table: FloatArray, x: float, y: float, spacing: float) -> float:
+    """Kernel of a table between x and y, and between x and -y."""
+    return _cubic(table, abs(x - y) / spacing) + _cubic(table, (x + y) / spacing)
+
+
+@kernel(inner=True, borrows=True)
+def _fill(n: int, D: float, run: Run) -> None:
+    """Fill the matrix with C and D of the step, and with the other D of nodes that the edge sweeps."""
+    work, step, spacing = run.work, run.step, run.nodes.spacing
+    x, root, matrix = work.x, work.root, work.matrix
+    for i in range(n):
+        for j in range(i + 1):
+            matrix[i, j] = matrix[j, i] = root[i] * root[j] * _kernel(step.table, x[i], x[j], spacing)
+    for j in range(n):
+        matrix[j, j] += work.local[j]
+        for i in range(n if work.local[j] != D else 0):
+            lacking = root[i] * root[j] * _kernel(step.local_table, x[i], x[j], spacing)
+            matrix[i, j] += (D - work.local[j]) * lacking
+
+
+@kernel(inner=True, borrows=True)
+def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
     """Solve the step for a trial radius."""
     body, profile, nodes, state, step, work = run.body, run.profile, run.nodes, run.state, run.step, run.work
     n = _place_nodes(a, nodes, state, work)
@@ -550,56 +636,39 @@ def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Tria
     for i in range(n):
         x = work.x[i]
         H = abel_transform(profile, x)
-        diagonal, past = weights.after, _past_at(x, a_old, run)
+        work.local[i], past = D, _cubic(work.far_past, x / nodes.spacing)
         if x < a_old:
-            past += weights.before * _at(x, state.chi, a_old, state.points)
-        elif a > a_old and body.local_times.size:
-            part = _swept(sweep, x, H)
-            diagonal = body.local
-            for k in range(body.local_times.size):
-                diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
+            past += _at(x, work.past, state.points) if body.local_times.size else 0.0
+        elif body.local_times.size:
+            work.local[i], before = _covered(x, h, _swept(sweep, x, H), run)
+            past += before
         work.unit[i] = root[i]
         work.rest[i] = -(H + past) * root[i]
-        if coupled:
-            for j in range(i + 1):
-                y = work.x[j]
-                near, far = _cubic(step.table, (x - y) / nodes.spacing), (x + y) / nodes.spacing
-                work.matrix[i, j] = root[i] * root[j] * (near + _cubic(step.table, far))
-            work.matrix[i, i] += diagonal
-        else:
-            work.unit[i] /= diagonal
-            work.rest[i] /= diagonal
+        if not coupled:
+            work.unit[i] /= work.local[i]
+            work.rest[i] /= work.local[i]
     if coupled:
-        if not _cholesky(work.matrix, n):
+        _fill(n, D, run)
+        if not _solve_linear(work.matrix, work.unit, work.rest, n):
             return Trial(0.0, 0.0, 0.0, 0.0, -1)
-        _back_substitute(work.matrix, work.unit, n)
-        _back_substitute(work.matrix, work.rest, n)
-    past = _past_at(a, a_old, run)
-    if a < a_old:
-        past += weights.before * _at(a, state.chi, a_old, state.points)
+    past = _cubic(work.far_past, a / nodes.spacing)
+    past += _at(a, work.past, state.points) if body.local_times.size else 0.0
     edge, rest, unit, other = 1.0, -abel_transform(profile, a) - past, 0.0, 0.0
     for i in range(n):
         if coupled:
-            y = work.x[i]
-            near = _cubic(step.table, (a - y) / nodes.spacing)
-            k0 = root[i] * (near + _cubic(step.table, (a + y) / nodes.spacing))
-            edge -= k0 * work.unit[i]
-            rest -= k0 * work.rest[i]
+            k0 = _kernel(step.table, a, work.x[i], nodes.spacing)
+            if work.local[i] != D:
+                k0 += (D - work.local[i]) * _kernel(step.local_table, a, work.x[i], nodes.spacing)
+            edge -= root[i] * k0 * work.unit[i]
+            rest -= root[i] * k0 * work.rest[i]
         unit += 4 * root[i] * work.unit[i]
         other += 4 * root[i] * work.rest[i]
     return Trial(edge, rest, unit, other, n)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _find_radius(
-    h: float,
-    target: float,
-    by_force: bool,
-    guess: float,
-    a_old: float,
-    weights: Weights,
-    slope: float,
-    run: Run,
+    h: float, target: float, by_force: bool, guess: float, a_old: float, D: float, slope: float, run: Run
 ) -> Radius:
     """Find the contact at the end of a step whose prescribed depth or force is `target`.
 
@@ -611,7 +680,7 @@ def _find_radius(
     last_a, last_r, last_error = -1.0, 0.0, 1.0
     falling = False  # with adhesion: towards the stable radius from above, along a concave residual
     for trial in range(1, _MOST_ITERATIONS):
-        edge, rest, unit, other, n = _solve(a, a_old, h, weights, run)
+        edge, rest, unit, other, n = _solve(a, a_old, h, D, run)
         if n < 0:
             return Radius(0.0, 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED)
         depth = (target - other) / unit if by_force else target
@@ -653,101 +722,135 @@ def _find_radius(
     return Radius(0.0, 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED)
 
 
-@kernel(inner=True)
-def _close(h: float, found: Radius, a_old: float, weights: Weights, run: Run) -> float:
+@kernel(inner=True, borrows=True)
+def _change_form(i: int, to: FloatArray, memory: FloatArray, scratch: FloatArray) -> None:
+    """Change the internal variables of a point from relaxing to retarded ones, or back."""
+    for k in range(scratch.size):
+        scratch[k] = 0.0
+        for r in range(scratch.size):
+            scratch[k] += to[k, r] * memory[r, i]
+    for k in range(scratch.size):
+        memory[k, i] = scratch[k]
+
+
+@kernel(inner=True, borrows=True)
+def _press(i: int, end: float, weights: Weights, branches: Branches, surface: Surface) -> float:
+    """Move a point in contact to a displacement; return the energy that is lost."""
+    begin, chi, lost = surface.sunk[i], branches.glassy * end, 0.0
+    for r in range(branches.times.size):
+        m, G = surface.memory[r, i], branches.moduli[r]
+        d, c = begin - m, end - begin
+        lost += G * (weights.dd[r] * d * d + weights.dc[r] * d * c + weights.cc[r] * c * c)
+        m = weights.fade[r] * m + weights.before[r] * begin + weights.after[r] * end
+        surface.memory[r, i] = m
+        chi -= G * m
+    surface.sunk[i], surface.chi[i] = end, chi
+    return lost
+
+
+@kernel(inner=True, borrows=True)
+def _rest(i: int, free: FloatArray, modes: FloatArray, surface: Surface) -> float:
+    """Leave a point free, so that its variables fade; return the energy that is lost."""
+    lost, sunk = 0.0, 0.0
+    for k in range(free.size):
+        old = surface.memory[k, i]
+        surface.memory[k, i] = free[k] * old
+        lost += modes[k] * old * old / 2 * (1 - free[k] * free[k])
+        sunk += modes[k] * free[k] * old
+    surface.sunk[i] = sunk
+    return lost
+
+
+@kernel(inner=True, borrows=True)
+def _pass(i: int, end: float, h: float, part: float, was_inside: bool, run: Run) -> float:
+    """Advance a point that the edge passes, in contact for a part of the step; return the energy lost."""
+    branches, weights, surface, scratch = run.branches, run.step.part, run.state.surface, run.work.variables
+    times, modes, free, lost = run.body.local_times, run.body.local_modes, run.work.free, 0.0
+    D = _set_weights(part * h, branches, weights)
+    for k in range(times.size):
+        free[k] = math.exp(-(1 - part) * h / times[k])
+    if was_inside:  # to the displacement at which chi = 0
+        kept = _kept_in_contact(i, weights, branches.moduli, surface)
+        lost += _press(i, D * kept, weights, branches, surface)
+        _change_form(i, branches.to_retarded, surface.memory, scratch)
+        return lost + _rest(i, free, modes, surface)
+    lost += _rest(i, free, modes, surface)
+    _change_form(i, branches.of_retarded, surface.memory, scratch)
+    return lost + _press(i, end, weights, branches, surface)
+
+
+@kernel(inner=True, borrows=True)
+def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
     """Advance the state over a step that is solved; return the energy dissipated in it."""
-    body, nodes, state, step, work, stop = run.body, run.nodes, run.state, run.step, run.work, run.stop
-    a, depth, nb, nm = found.a, found.depth, body.local_times.size, body.times.shape[0]
-    touches = a > 0
-    n = found.nodes if touches else 0
+    body, nodes, state, step, work = run.body, run.nodes, run.state, run.step, run.work
+    surface = state.surface
+    a, depth, nm, far = found.a, found.depth, body.times.shape[0], run.step.far
+    n = found.nodes if a > 0 else 0
     for i in range(n):
         work.unit[i] = work.root[i] * (depth * work.unit[i] + work.rest[i])
     lost = 0.0
     _transform(n, nodes, work)
     for j in range(body.q.size):
-        s, part = work.transform[j], 0.0
+        work.spectrum[j] = work.transform[j]
+    for i in range(n):
+        work.rest[i], work.unit[i] = work.unit[i], (work.local[i] - D) * work.unit[i]
+    _transform(n, nodes, work)
+    for i in range(n):
+        work.unit[i] = work.rest[i]
+    for j in range(body.q.size):
+        s, part = work.spectrum[j], 0.0
         for m in range(nm):
-            y, c = state.X[j] - state.zeta[m, j], s - state.X[j]
-            yy, yc, cc = step.loss_q.yy[m, j], step.loss_q.yc[m, j], step.loss_q.cc[m, j]
-            part += body.modes[m, j] * (yy * y * y + yc * y * c + cc * c * c)
+            d, c = state.X[j] - state.zeta[m, j], s - state.X[j]
+            quadratic = far.dd[m, j] * d * d + far.dc[m, j] * d * c + far.cc[m, j] * c * c
+            part += body.modes[m, j] * quadratic
             state.zeta[m, j] = (
-                step.fade_q[m, j] * state.zeta[m, j]
-                + step.before_q[m, j] * state.X[j]
-                + step.after_q[m, j] * s
+                far.fade[m, j] * state.zeta[m, j] + far.before[m, j] * state.X[j] + far.after[m, j] * s
             )
         lost += part * body.weights[j] * (2 / math.pi)
         state.X[j] = s
-        work.transform[j] = s * step.effective[j] * body.weights[j] * (2 / math.pi)
+        both = step.effective[j] * s - run.share[j] * work.transform[j]
+        work.transform[j] = both * body.weights[j] * (2 / math.pi)
     if body.q.size:
         _multiply(nodes.cosines, work.transform, work.far)
     sweep = _sweep(run.profile, min(a, a_old), max(a, a_old))
     fixed = work.far.size
     for i in range(state.points.filled[0]):
         x, H = state.points.x[i], state.points.obstacle[i]
-        inside = touches and (x < a or a >= stop)  # at and beyond a rim chi is continued
-        was_inside = a_old > 0 and (x < a_old or a_old >= stop)
-        before = state.chi[i] if was_inside else 0.0
-        far = work.far_past[i] + work.far[i] if i < fixed else _cubic(work.far_past, x / nodes.spacing)
-        if i >= fixed:
-            far += _cubic(work.far, x / nodes.spacing)
-        value = depth - H - work.past[i] - far
-        diagonal, part = weights.after, 1.0
-        growing = inside and not was_inside
-        if touches and a > a_old and not was_inside:
-            part = _swept(sweep, x, H)
-            diagonal = body.local
-            for k in range(nb):
-                diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
+        inside, was_inside = _inside(x, a, run.stop), _inside(x, a_old, run.stop)
+        end = depth - H
+        if i < fixed:
+            end -= work.far_past[i] + work.far[i]
         else:
-            value -= weights.before * before
-        leaving = was_inside and not inside
-        if leaving:
-            part = _swept(sweep, x, H)
-        value /= diagonal
-        after = value if inside else 0.0
-        weight = nodes.spacing * (0.5 if i in (0, fixed - 3) else 1.0)
-        if i > fixed - 3:
-            weight = 0.0
-        for k in range(nb):
-            T, J, old = body.local_times[k], body.local_modes[k], state.eta[k, i]
-            if growing:
-                rest = math.exp(-(1 - part) * h / T)
-                lost += (
-                    weight
-                    * J
-                    * (old * old / 2 * (1 - rest * rest) + _loss(part * h, T, old * rest, 0.0, after))
-                )
-                e, _, late = _linear_weights(part * h, T)
-                state.eta[k, i] = e * rest * old + late * after
-            elif leaving:
-                e, early, _ = _linear_weights(part * h, T)
-                middle, rest = e * old + early * before, math.exp(-(1 - part) * h / T)
-                lost += (
-                    weight
-                    * J
-                    * (_loss(part * h, T, old, before, 0.0) + middle * middle / 2 * (1 - rest * rest))
-                )
-                state.eta[k, i] = rest * middle
-            else:
-                y, c = before - old, after - before
-                quadratic = step.loss.yy[k] * y * y + step.loss.yc[k] * y * c + step.loss.cc[k] * c * c
-                lost += weight * J * quadratic
-                state.eta[k, i] = step.fade[k] * old + step.before[k] * before + step.after[k] * after
-        state.chi[i] = value
+            end -= _cubic(work.far_past, x / nodes.spacing) + _cubic(work.far, x / nodes.spacing)
+        continued = (end - work.past[i]) / (D if was_inside else body.local)
+        if inside != was_inside:
+            change = _pass(i, end, h, _swept(sweep, x, H), was_inside, run)
+        elif inside:
+            change = _press(i, end, step.near, run.branches, surface)
+        else:
+            change = _rest(i, step.free, body.local_modes, surface)
+        if not inside:
+            surface.chi[i] = continued
+        if i < fixed - 2:
+            lost += nodes.spacing * (0.5 if i in (0, fixed - 3) else 1.0) * change
     return 4 * lost
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _stored(found: Radius, run: Run) -> float:
     """Elastic energy of the body."""
-    body, nodes, state, work = run.body, run.nodes, run.state, run.work
-    s = 0.0
+    body, branches, nodes, state, work = run.body, run.branches, run.nodes, run.state, run.work
+    s, nb = 0.0, body.local_times.size
     for i in range(found.nodes if found.a > 0 else 0):
         s += body.local * (work.unit[i] / work.root[i]) ** 2
-    for k in range(body.local_times.size):
-        for i in range(work.far.size - 2):
-            weight = 0.5 if i in (0, work.far.size - 3) else 1.0
-            s += weight * nodes.spacing * body.local_modes[k] * state.eta[k, i] ** 2
+    for i in range(work.far.size - 2):
+        weight = nodes.spacing * (0.5 if i in (0, work.far.size - 3) else 1.0)
+        inside = _inside(state.points.x[i], found.a, run.stop)
+        for k in range(nb):
+            retarded = 0.0 if inside else state.surface.memory[k, i]
+            for r in range(nb if inside else 0):
+                retarded += branches.to_retarded[k, r] * state.surface.memory[r, i]
+            s += weight * body.local_modes[k] * retarded**2
     for j in range(body.q.size):
         part = body.instant[j] * state.X[j] ** 2
         for m in range(body.times.shape[0]):
@@ -756,11 +859,11 @@ def _stored(found: Radius, run: Run) -> float:
     return 2 * s
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _remember(marks: FloatArray, a: float) -> None:
     """Put the radius a in place of a close one, or else of the oldest; the last is the latest."""
-    oldest = 0
-    for i in range(marks.size):
+    first = oldest = marks.size - _MARKS
+    for i in range(first, marks.size):
         if abs(marks[i] - a) < _APART * a:
             oldest = i
     for i in range(oldest, marks.size - 1):
@@ -768,10 +871,10 @@ def _remember(marks: FloatArray, a: float) -> None:
     marks[-1] = a
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _rise(a: float, run: Run) -> float:
     """Largest increase of chi inside the contact, and largest chi outside: with neither p, gap >= 0."""
-    largest, chi, spacing = 0.0, run.state.chi, run.nodes.spacing
+    largest, chi, spacing = 0.0, run.state.surface.chi, run.nodes.spacing
     for i in range(run.work.far.size - 2):
         x = i * spacing
         if x + spacing <= a:
@@ -782,65 +885,80 @@ def _rise(a: float, run: Run) -> float:
 
 
 @kernel(inner=True)
-def _begin(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> Run:
+def _empty_weights(shape: Any) -> Weights:
+    """Return weights without values."""
+    zeros = np.zeros(shape)
+    return Weights(zeros, zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
+
+
+@kernel(inner=True)
+def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nodes, drive: Drive) -> Run:
     """Return a run of a body at rest."""
     size, nq = nodes.cosines.shape[0] // 2 + 1, body.q.size
     nb, nm = body.local_times.size, body.times.shape[0]
+    knots = profile.knots.size - 1 if profile.knots.size <= _MARKS else 0  # those of a table bend little
     places = size
     if nb:
-        places += drive.time.size + _CLOSING
+        places += drive.time.size + _CLOSING + 1  # the last: the inside of the edge
         for each in drive.breakpoints:
-            places += _CLOSING * each
+            places += 2 * _CLOSING * each
     points = Points(
         np.zeros(places), np.zeros(places), np.arange(places), np.array([size]), np.zeros(places, np.bool_),
-        np.zeros(4, np.int64),
+        np.array([-1]), np.zeros(4, np.int64),
     )  # fmt: skip
     for i in range(size):
         points.x[i] = i * nodes.spacing
         points.obstacle[i] = abel_transform(profile, points.x[i])
     points.bent[0] = True  # under a cone
     state = State(
-        points, np.zeros(places), np.zeros((nb, places)),
-        np.zeros(nq), np.zeros((nm, nq)), np.full(_MARKS, np.inf),
+        points, Surface(np.zeros(places), np.zeros(places), np.zeros((nb, places))),
+        np.zeros(nq), np.zeros((nm, nq)), np.full(knots + _MARKS, np.inf),
     )  # fmt: skip
-    loss = Loss(np.zeros(nb), np.zeros(nb), np.zeros(nb))
-    loss_q = Loss(np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)))
     step = Step(
-        np.zeros(nb), np.zeros(nb), np.zeros(nb), loss,
-        np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)), loss_q,
-        np.zeros(nq), np.zeros(2 * size - 1),
+        _empty_weights((nb,)), _empty_weights((nb,)), np.zeros(nb), _empty_weights((nm, nq)),
+        np.zeros(nq), np.zeros(2 * size - 1), np.zeros(2 * size - 1),
     )  # fmt: skip
-    most = max(nodes.gauss.size, (_MARKS + 1) * nodes.part.size)
+    for i in range(knots):
+        state.marks[i] = profile.knots[i + 1]
+    most = max(nodes.gauss.size, (state.marks.size + 1) * nodes.part.size) + nodes.part.size
     work = Work(
-        np.zeros(most), np.zeros(most), np.zeros((most, most)), np.zeros(most), np.zeros(most),
-        np.zeros(_MARKS + 2), np.zeros(places), np.zeros(size), np.zeros(nq), np.zeros(size),
+        np.zeros(most), np.zeros(most), np.zeros(most),
+        np.zeros((most, most)), np.zeros(most), np.zeros(most),
+        np.zeros(state.marks.size + 2), np.zeros(places), np.zeros(size),
+        np.zeros(nq), np.zeros(nq), np.zeros(size),
+        np.zeros(nb), np.zeros(nb),
     )  # fmt: skip
-    return Run(body, profile, nodes, drive, state, step, work, min(profile.rim, nodes.reach))
+    stop, share = min(profile.rim, nodes.reach), np.ones(nq)
+    for j in range(nq if nb else 0):
+        share[j] = -body.modes[nm - nb, j] / body.local_modes[0]
+    if nq:
+        _multiply(nodes.cosines, share * body.weights / math.pi, step.local_table)
+    return Run(body, branches, profile, nodes, drive, state, step, work, stop, np.zeros(1), share)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _keep_fields(a: float, run: Run, chi: FloatArray, local: FloatArray, spectrum: FloatArray) -> None:
     """Write the fields of a snapshot: chi, D*chi and C*X."""
     body, state = run.body, run.state
     for i in range(chi.size):
-        x = i * run.nodes.spacing
-        inside = a > 0 and (x < a or a >= run.stop)
-        chi[i] = state.chi[i]
-        local[i] = body.local * (state.chi[i] if inside else 0.0)
-        for k in range(body.local_times.size):
-            local[i] += body.local_modes[k] * state.eta[k, i]
+        chi[i] = state.surface.chi[i]
+        local[i] = state.surface.sunk[i]
+    _transform_of(state.surface.sunk, a, run)
     for j in range(spectrum.size):
-        s = body.instant[j] * state.X[j]
-        for m in range(body.times.shape[0]):
+        s = (body.instant[j] + run.share[j] * body.local) * state.X[j]
+        for m in range(body.times.shape[0] - body.local_times.size):
             s += body.modes[m, j] * state.zeta[m, j]
-        spectrum[j] = s
+        elastic = body.local * state.X[j] if not body.local_times.size else 0.0
+        spectrum[j] = s - run.share[j] * (run.work.transform[j] + elastic)
 
 
 @kernel
-def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> Marched:  # noqa: C901
+def march(  # noqa: C901
+    body: Compliance, branches: Branches, profile: Revolution, nodes: Nodes, drive: Drive
+) -> Marched:
     """Follow an indentation of a body at rest over given times, on nodes in x for its largest contact."""
-    nt, run = drive.time.size, _begin(body, profile, nodes, drive)
-    state, work, stop = run.state, run.work, run.stop
+    nt, run = drive.time.size, _begin(body, branches, profile, nodes, drive)
+    state, surface, work, stop = run.state, run.state.surface, run.work, run.stop
     size, kept = work.far.size, 0
     for each in drive.snapshots:
         kept += each
@@ -850,9 +968,9 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
     )  # fmt: skip
     a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
     bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
-    weights, stopped = Weights(0.0, 0.0), nt
-    # The point of the edge, -1 without one; whether the past stays bent there; the largest radius so far.
-    edge, bent, stays, largest = -1, state.points.bent, False, 0.0
+    D, stopped = 0.0, nt
+    # The point of the edge, -1 without one; whether the past stays bent there.
+    edge, bent, stays = -1, state.points.bent, False
     found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE)
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
@@ -867,16 +985,16 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
             now = begin + done * (drive.value[at] - begin)
             target = now + piece * (drive.value[at] - now)
             if h != h_old:
-                weights, h_old = _set_step(h, run), h
-            _find_past(run)
-            free = work.past[0] + work.far_past[0] + (weights.before * state.chi[0] if a_old > 0 else 0.0)
+                D, h_old = _set_step(h, run), h
+            _find_past(a_old, D, run)
+            free = work.past[0] + work.far_past[0]
             touches = target > 0 if by_force else target > free
             starts = touches and a_old == 0 and not met and at > 0
             ends = not touches and a_old > 0 and drive.adhesion == 0
             if piece < 1:
                 touches = False
             elif starts or ends:
-                part = _event(h, now, target, by_force, body, state, ends)
+                part = _event(h, now, target, by_force, run, ends)
                 if _INSTANT < part < 1 - _INSTANT:
                     piece, met = part, starts
                     continue
@@ -888,7 +1006,7 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
                 if a_old > 0:
                     guess = a_old + h * (rate + bend * (h + since)) if drive.adhesion == 0 else a_old
                     guess = min(stop, max(0.2 * a_old, guess))
-                found = _find_radius(h, target, by_force, guess, a_old, weights, slope, run)
+                found = _find_radius(h, target, by_force, guess, a_old, D, slope, run)
                 taken += found.solutions
                 slope, status = found.slope, found.status
                 if status != COMPLETE:
@@ -899,16 +1017,28 @@ def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> 
             turned = rate * change < 0 and at > 1 and a_old > 0
             if turned:
                 _remember(state.marks, a_old)
-            new, fresh = -1, largest < found.a < stop
-            if fresh and body.local_times.size:
+            new = -1
+            if 0 < found.a < stop and body.local_times.size:
                 for k in range(1, _CLOSING + 1 if begins else 0):
-                    _add_point(found.a - (found.a - largest) * 0.5**k, profile, state.points)
-                new = _add_point(found.a, profile, state.points)
-            largest = max(largest, found.a)
-            lost += _close(h, found, a_old, weights, run)
+                    _add_point(found.a - (found.a - a_old) * 0.5**k, run)
+                for k in range(1, _CLOSING + 1 if at and drive.breakpoints[at - 1] else 0):
+                    _add_point(a_old + (found.a - a_old) * 0.5**k, run)
+                new = _add_point(found.a, run)
+                a = state.points.x[new]  # the same within rounding: the edge is a point
+                found = Radius(
+                    a, found.force, found.depth, found.slope, found.nodes, found.solutions, found.status
+                )
+            run.covered[0] = max(run.covered[0], found.a)
+            lost += _close(h, found, a_old, D, run)
             if edge >= 0:
-                bent[edge] = stays or turned or not fresh
+                bent[edge] = stays or turned or new < 0
+            state.points.edge[0] = new
+            for k in range(body.local_times.size if found.a == 0 and a_old > 0 else 0):
+                _transform_of(state.surface.memory[k], 0.0, run)
+                state.zeta[k - body.local_times.size] = work.transform
             if new >= 0:
+                surface.memory[:, -1], surface.sunk[-1] = surface.memory[:, new], surface.sunk[new]
+                _change_form(-1, run.branches.of_retarded, surface.memory, work.variables)
                 stays = bent[new] or begins
                 bent[new] = True
             edge = new

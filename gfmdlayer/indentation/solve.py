@@ -1,10 +1,10 @@
 """Force, depth and contact radius of an isolated indentation over time; arrays in, arrays out.
 
-`follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts. A `Space` depends only
-on lengths: it serves all bodies that differ in their moduli. `on_steps` follows a history on given times in
-some 30 us a step. `on_halved_steps` follows it also on half steps, which removes the error of second order in
-the step and estimates it. With space and times fixed the results are smooth functions of the moduli, the
-relaxation times and the history.
+`follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts. A `Space` depends
+only on lengths: it serves all bodies that differ in their moduli. `on_steps` follows a history on given
+times in some 30 us a step. `on_halved_steps` follows it also on half steps, which removes the error of
+second order in the step, and `on_quartered_steps` also on quarters, which estimates what is left. With
+space and times fixed the results are smooth functions of the moduli, the relaxation times and the history.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.body.body import Body
+from gfmdlayer.body.creep import relaxation
 from gfmdlayer.indentation.compliance import (
     Compliance,
     Features,
@@ -27,7 +28,7 @@ from gfmdlayer.indentation.compliance import (
     gauss_rule,
     panels,
 )
-from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Drive, Marched, Nodes, march
+from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Branches, Drive, Marched, Nodes, march
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
@@ -41,7 +42,7 @@ class History(NamedTuple):
 
 
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
-_EDGE = 1e-10
+_EDGE = 1e-13
 
 # Change of the rate, relative to the largest, from which a time of the history is a breakpoint.
 _JUMP = 1e-3
@@ -151,13 +152,26 @@ def march_on(
     pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
     by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
     drive = Drive(time, value, by_force, breakpoints, kept, adhesion, _EDGE)
-    found = march(body, profile, space.nodes, drive)
+    found = march(body, _branches(body), profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
     when = f"t = {time[found.stopped]:.6g}"
     if found.status == LEFT_GRID:
         raise LeftGridError(f"{when}: the contact grows beyond the radius {space.nodes.reach:.6g}")
     raise ArithmeticError(f"{when}: no contact radius found")
+
+
+def _branches(body: Compliance) -> Branches:
+    """Return the modulus of the surface's material.
+
+    With the modes of D and of G = 1/D, D/(1 + s t) = sum_k [J_k T_k/(T_k - t)]/(1 + s T_k) for a time t of G,
+    where D(-1/t) = 0; and the way back likewise.
+    """
+    J, T = body.local_modes, body.local_times
+    moduli, times = relaxation(body.local, J, T)
+    apart = T[:, np.newaxis] - times
+    of_retarded = np.ascontiguousarray((J * T) / apart.T)  # one layout, one compilation
+    return Branches(1 / body.local, moduli, times, of_retarded, moduli * times / apart)
 
 
 def breakpoints_of(history: History) -> FloatArray:
@@ -287,8 +301,13 @@ def corners(t: FloatArray, values: FloatArray, within: float) -> list[int]:
 
 
 # Order of the extrapolated results in the step: 4 for a smooth motion of the edge, less where it turns or
-# starts; measured, 2.4 to 3.
-_ORDER = 2.0
+# starts; measured, 2.4 to 3. Between, where the gain of the extrapolation is interpolated, the first steps
+# have the order 4/3: the radius grows like the third root of a force.
+_ORDER, _ORDER_BETWEEN = 2.0, 4 / 3
+
+# New steps: part of the tolerance to reach; power of the step in the growth of the error; least and largest
+# number of them in place of one.
+_SAFE, _GROWTH_ORDER, _LEAST_PARTS, _MOST_PARTS = 0.8, 4.0, 0.5, 3.0
 
 # Spread of `even_steps` for the first mesh, over the root of the tolerance; measured, mostly enough.
 _FIRST_SPREAD = 45.0
@@ -347,35 +366,97 @@ def on_halved_steps(
 ) -> Indentation:
     """Follow a history on given times and their middles, without the error of second order in the step.
 
-    The arguments are those of `on_steps`. The result has 2 nt - 1 times, and the estimated error of the
-    shorter steps.
+    The arguments are those of `on_steps`. The result has 2 nt - 1 times, and no estimate of its error.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
+    coarse = on_steps(made, space, profile, history, time)
+    fine = on_steps(made, space, profile, history, halved(time), 0.0, snapshots)
+    return _extrapolated(coarse, fine, history)
+
+
+def on_quartered_steps(
+    body: Body | Compliance,
+    space: Space,
+    profile: Revolution,
+    history: History,
+    time: FloatArray,
+    snapshots: FloatArray | None = None,
+) -> tuple[Indentation, FloatArray]:
+    """Follow a history on the quarters of given steps, like `on_halved_steps`, with an estimate of its error.
+
+    The result has 4 nt - 3 times. The estimates of force, depth and radius, relative to the largest of each,
+    have the shape (3, 2 nt - 1): they are for the times of half steps.
+    """
+    made = body if isinstance(body, Compliance) else space.compliance(body)
+    whole, half = (on_steps(made, space, profile, history, each) for each in (time, halved(time)))
+    quarter = on_steps(made, space, profile, history, halved(half.time), 0.0, snapshots)
+    rough, fine = _extrapolated(whole, half, history), _extrapolated(half, quarter, history)
+    # Where contact is lost the radius falls like a root of time: then the error of its square counts.
+    small = _SMALL * fine.radius.max() + 1e-300
+    share = np.minimum(1.0, np.minimum(rough.radius, fine.radius[::2]) / small)
+    errors = np.zeros((3, rough.time.size))
+    for row, name in zip(errors, ("force", "depth", "radius"), strict=True):
+        values = getattr(fine, name)
+        row[:] = (values[::2] - getattr(rough, name)) / max(float(np.abs(values).max()), 1e-300)
+    errors[2] *= share
+    errors[:, ::2] /= 2**_ORDER - 1
+    errors[:, 1::2] /= 2**_ORDER_BETWEEN - 1
+    solutions = whole.solutions + half.solutions + quarter.solutions
+    return fine._replace(error=float(np.abs(errors).max()), solutions=solutions), errors
+
+
+def halved(time: FloatArray) -> FloatArray:
+    """Times and their middles."""
     both = np.empty(2 * time.size - 1)
     both[::2], both[1::2] = time, (time[1:] + time[:-1]) / 2
-    fine = on_steps(made, space, profile, history, both, 0.0, snapshots)
-    coarse = on_steps(made, space, profile, history, time)
-    gains = {
-        name: np.interp(both, time, (getattr(fine, name)[::2] - getattr(coarse, name)) / 3)
-        for name in ("force", "depth", "radius", "stored", "dissipated")
-    }
-    touching = (fine.radius > 0) & (np.interp(both, time, coarse.radius) > 0)
-    # Where contact is lost the radius falls like a root of time: its error is weighted by the force.
-    share = np.where(touching, np.abs(fine.force) / max(np.abs(fine.force).max(), 1e-300), 0.0)
-    error = max(
-        _relative(gains["force"], fine.force),
-        _relative(gains["depth"], fine.depth),
-        _relative(gains["radius"] * share, fine.radius),
+    return both
+
+
+def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> Indentation:
+    """Return a run on halved steps without its error of second order, by the run on the steps.
+
+    The gain is known where both runs touch, or both do not; between these times it is a parabola, and beyond
+    them constant. For the runs lose contact at other times. The gain of the radius is that of its square:
+    where contact is lost the radius falls like a root of time.
+    """
+    t, breaks = coarse.time, np.isin(coarse.time, breakpoints_of(history))
+    cases = []
+    for touching in (True, False):
+        rows = ((fine.radius[::2] > 0) == touching) & ((coarse.radius > 0) == touching)
+        if rows.any():
+            rows[:-1] |= rows[1:] & (fine.radius[:-2:2] == coarse.radius[:-1])  # where contact begins
+            smooth = rows[:-2] & rows[1:-1] & rows[2:] & ~breaks[1:-1]
+            cases.append(((fine.radius > 0) == touching, rows, smooth))
+
+    def better(of_fine: FloatArray, of_coarse: FloatArray) -> FloatArray:
+        """Return the extrapolated values."""
+        found = of_fine.copy()
+        for at, rows, smooth in cases:
+            known = np.interp(t, t[rows], ((of_fine[::2] - of_coarse) / 3)[rows])
+            gain = halved(known)
+            gain[1::2] -= _bends(t, known, smooth) * np.diff(t) ** 2 / 4
+            found[at] += gain[at]
+        return found
+
+    return fine._replace(
+        force=np.maximum(better(fine.force, coarse.force), 0.0),
+        depth=better(fine.depth, coarse.depth),
+        radius=np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)),
+        stored=better(fine.stored, coarse.stored),
+        dissipated=better(fine.dissipated, coarse.dissipated),
+        solutions=fine.solutions + coarse.solutions,
     )
-    better = {name: getattr(fine, name) + gain for name, gain in gains.items()}
-    for name in ("force", "radius"):
-        better[name] = np.where(touching, np.maximum(better[name], 0.0), getattr(fine, name))
-    return fine._replace(**better, error=error, solutions=fine.solutions + coarse.solutions)
 
 
-def _relative(error: FloatArray, values: FloatArray) -> float:
-    largest = float(np.abs(values).max())
-    return float(np.abs(error).max()) / largest if largest > 0 else 0.0
+def _bends(x: FloatArray, y: FloatArray, smooth: BoolArray) -> FloatArray:
+    """Second divided differences in the intervals, as the mean of those at the ends that are smooth."""
+    slope = np.divide(np.diff(y), np.diff(x), out=np.zeros(y.size - 1), where=np.diff(x) != 0)
+    bend = np.diff(slope) / np.where(smooth, x[2:] - x[:-2], 1.0) * smooth
+    total, number = np.zeros(slope.size), np.zeros(slope.size)
+    for part in (slice(None, -1), slice(1, None)):
+        total[part] += bend
+        number[part] += smooth
+    return total / np.maximum(number, 1)
 
 
 def follow(
@@ -444,38 +525,55 @@ def _to_tolerance(
     if math.isinf(shortest):
         time = even_steps(first, knots, 0.1)
         return on_steps(body, space, profile, history, time, adhesion, kept)._replace(error=0.0)
-    spread, found = _FIRST_SPREAD * tolerance ** (1 / _ORDER), first
-    for _ in range(_MOST_MESHES):
-        time = even_steps(found, knots, spread)
-        rough = on_halved_steps(body, space, profile, history, time)
-        found = on_halved_steps(body, space, profile, history, rough.time, kept)
-        error = _remaining_error(rough, found)
-        found = found._replace(error=error, solutions=rough.solutions + found.solutions)
-        if error <= tolerance or found.time.size > _MOST_STEPS:
+    time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
+    solutions = 0
+    for mesh in range(_MOST_MESHES):
+        found, errors = on_quartered_steps(body, space, profile, history, time, kept)
+        solutions += found.solutions
+        if found.error <= tolerance or found.time.size > _MOST_STEPS:
             break
-        spread *= min(max(0.65, 0.95 * (tolerance / error) ** (1 / 3)), 0.95)
-    return found
+        everywhere = (mesh + 1) / _MOST_MESHES
+        parts = _parts(found.radius[::4], errors, everywhere, tolerance)
+        time = _refined(time, np.maximum(parts, 1.0) if mesh else parts, knots)
+    return found._replace(solutions=solutions)
 
 
-def _remaining_error(rough: Indentation, fine: Indentation) -> float:
-    """Estimate the error of a run from one on double steps, both extrapolated by `on_halved_steps`.
+def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance: float) -> FloatArray:
+    """Number of steps in place of each, so that the error grows equally, in all by less than the tolerance.
 
-    Their difference at common times shows the error that the extrapolation leaves. Between these times the
-    extrapolation interpolates its gain: a quarter of the change of the gain is uncertain.
+    The growth of the error in a step is taken as a power of its length. Steps of large growth share the part
+    of the whole growth that the tolerance leaves. An error may show later than it arises: where the edge
+    passes a radius again, and, for the part `everywhere` of the growth, anywhere.
     """
-    # Where contact is lost the radius falls like a root of time: then the error of its square counts.
-    share = np.minimum(
-        1.0, np.minimum(rough.radius, fine.radius[::2]) / (_SMALL * fine.radius.max() + 1e-300)
-    )
-    largest = 0.0
-    for name in ("force", "depth", "radius"):
-        found = getattr(fine, name)
-        weight = share if name == "radius" else np.ones(share.size)
-        off = (getattr(rough, name) - found[::2]) / (2**_ORDER - 1)
-        gain = (found - getattr(fine.fields, name))[::2]
-        between = np.diff(gain) / 4 * np.minimum(weight[1:], weight[:-1])
-        largest = max(largest, _relative(off * weight, found), _relative(between, found))
-    return largest
+    growth = np.abs(np.diff(errors)).max(axis=0)
+    growth = growth[::2] + growth[1::2] + 1e-300
+    growth += np.bincount(_passed_before(radius), growth, minlength=growth.size)
+    growth += everywhere * (growth.mean() - growth)
+    whole, wanted = growth.sum(), _SAFE * tolerance / np.abs(errors).max()
+    levels = np.sort(growth)
+    below = np.cumsum(levels) + levels * np.arange(levels.size - 1, -1, -1)
+    level = float(np.interp(wanted * whole, below, levels, left=wanted * whole / levels.size))
+    return np.asarray(np.clip((growth / level) ** (1 / _GROWTH_ORDER), _LEAST_PARTS, _MOST_PARTS))
+
+
+def _refined(time: FloatArray, parts: FloatArray, knots: FloatArray) -> FloatArray:
+    """Times with so many steps in place of each; the knots stay."""
+    count = np.concatenate(([0.0], np.cumsum(parts)))
+    at = np.interp(knots, time, count)
+    found = []
+    for begin, end in pairwise(at.tolist()):
+        steps = max(1, math.ceil(end - begin - 1e-9))
+        found.append(np.interp(np.linspace(begin, end, steps + 1)[:-1], count, time))
+    return np.append(np.concatenate(found), knots[-1])
+
+
+def _passed_before(radius: FloatArray) -> IntArray:
+    """Number of the latest step before each in which the edge passed the same radius; its own without one."""
+    low, high = np.minimum(radius[1:], radius[:-1]), np.maximum(radius[1:], radius[:-1])
+    middle = ((low + high) / 2)[:, np.newaxis]
+    steps = np.arange(low.size)
+    before = np.tril((low < middle) & (middle < high), -1)
+    return np.where(before.any(axis=1), steps.size - 1 - before[:, ::-1].argmax(axis=1), steps)
 
 
 def work_done(force: FloatArray, depth: FloatArray, start: float) -> FloatArray:
@@ -487,16 +585,6 @@ def work_done(force: FloatArray, depth: FloatArray, start: float) -> FloatArray:
     if force.size < 2:
         return np.full(force.size, start)
     width = np.diff(depth)
-    slope = np.divide(np.diff(force), width, out=np.zeros_like(width), where=width != 0)
-    areas = width * (force[1:] + force[:-1]) / 2
-    if width.size > 1:
-        smooth = width[1:] * width[:-1] > 0
-        span = np.where(smooth, depth[2:] - depth[:-2], 1.0)
-        bend = np.where(smooth, np.diff(slope) / span, 0.0)  # divided difference at the inner points
-        number = np.zeros(width.size)
-        total = np.zeros(width.size)
-        for part in (slice(None, -1), slice(1, None)):
-            total[part] += bend
-            number[part] += smooth
-        areas -= np.divide(total, number, out=np.zeros_like(total), where=number > 0) * width**3 / 6
+    bend = _bends(depth, force, width[1:] * width[:-1] > 0)
+    areas = width * (force[1:] + force[:-1]) / 2 - bend * width**3 / 6
     return start + np.concatenate(([0.0], np.cumsum(areas)))

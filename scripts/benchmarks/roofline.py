@@ -1,26 +1,35 @@
-"""What the memory allows: bytes of an FFT pair, against what the machine streams.
+"""What the memory allows: bytes of an FFT pair and of each pass of a solve, against what the machine streams.
 
 The stream is a triad a = b + s c over arrays far larger than the caches, which moves 24 bytes a number
 (McCalpin's STREAM). A two-dimensional pair moves at least 64 bytes a point in double precision: along rows
 and along columns, forward and back, it reads and writes each number once. A part of the stream near 1 says
 that the memory is the limit, and more threads bring no more than the stream gains by them.
 
+The passes are those of a first solve of a rough surface, on its finest grid; their bytes are the arrays that
+they read and those that they write. What is left of the solve is on one thread.
+
 OpenMP starts no more threads than OMP_NUM_THREADS allowed when the process began.
 """
 
 from __future__ import annotations
 
+import inspect
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
+from unittest.mock import patch
 
 import numba as nb
 import numpy as np
 from benchmarks.common import bare_pairs
+from benchmarks.slabs import configuration
 from benchmarks.tables import Cell, Effort, Table
 
+from gfmdlayer.contact.nested.passes import ParallelPasses
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(512, 1024, 2048), repetitions=5)
 QUICK = Effort(points=(512,), repetitions=2)
@@ -28,6 +37,24 @@ QUICK = Effort(points=(512,), repetitions=2)
 _THREADS = (1, 2)
 _STREAMED = 1 << 23  # numbers of each of the three arrays of a thread, 64 MiB
 _NUMBERS_OF_A_PAIR = 8  # read or written at each point, at least
+# Arrays that a pass reads and writes, where the load is given and there is no hardness.
+_ARRAYS = {
+    "advance": (("p", "gap", "step", "change"), ("p", "gap", "r")),
+    "precondition": (("r", "z", "d"), ("z",)),
+    "direct": (("p", "r", "z", "d"), ("d", "step")),
+    "project": (("p", "r", "d"), ("step",)),
+    "respond": (("p", "step", "change"), ()),
+    "release": (("p", "r", "d"), ("r",)),
+    "extent": (("h", "p", "gap"), ("gap",)),
+    "press": (("gap0",), ("p",)),
+    "times": (("field",), ("field",)),
+    "lowered": (("field",), ("target",)),
+    "add_response": (("gap0", "change"), ("gap",)),
+    "comply": (("compliance", "spectrum"), ("spectrum",)),
+    "displace": (("stiffness", "intercept", "pressure"), ("u", "pressure")),
+    "settle": (("h", "p", "gap"), ("gap", "u")),
+}
+_COARSER = "on coarser grids, and between grids"
 
 
 @nb.njit(nogil=True, fastmath={"contract"})
@@ -72,8 +99,96 @@ def measure(effort: Effort) -> Iterator[Table]:
                             "part of the stream": moved / streamed,
                         }
                     )
-    note = "Parts above 1: the fields stay in the cache between passes."
-    yield Table("roofline", "FFT pairs against the memory", rows, note)
+        note = "Parts above 1: the fields stay in the cache between passes."
+        yield Table("roofline", "FFT pairs against the memory", rows, note)
+        yield _passes(max(effort.points), effort.repetitions, stream)
+
+
+def _passes(points: int, repetitions: int, stream: Callable[[int], None]) -> Table:
+    """Time the passes of a solve on one and on two threads, in turns; the fastest solve of each counts."""
+    least: dict[int, tuple[float, dict[str, list[float]]]] = {}
+    streamed = dict.fromkeys(_THREADS, 0.0)
+    solves = {threads: _solve(points, threads) for threads in _THREADS}
+    for _ in range(repetitions):
+        for threads, solve in solves.items():
+            found = _clocked(points, solve)
+            least[threads] = min(least.get(threads, found), found, key=lambda each: each[0])
+            moved = 24 * _STREAMED * threads
+            streamed[threads] = max(streamed[threads], moved / _seconds(lambda t=threads: stream(t)))
+    rows: list[dict[str, Cell]] = []
+    for threads, (whole, clocks) in least.items():
+        clocks["the rest"] = [whole - sum(clock[0] for clock in clocks.values()), np.nan, 1]
+        clocks["the solve"] = [whole, np.nan, 1]
+        for name, (seconds, moved, calls) in clocks.items():
+            alone = least[1][1].get(name, [np.nan])[0]
+            rows.append(
+                {
+                    "pass": name,
+                    "threads": threads,
+                    "calls": int(calls),
+                    "time [ms]": 1e3 * seconds,
+                    "share of the solve": seconds / whole,
+                    "times faster": alone / seconds,
+                    "GB/s": None if np.isnan(moved) else moved / seconds / 1e9,
+                    "part of the stream": None if np.isnan(moved) else moved / seconds / streamed[threads],
+                }
+            )
+    title = f"Passes of a first solve of a rough surface, {points} x {points} points"
+    note = "The rest: coarser transfers, sums and copies by NumPy, new arrays, the interpreter."
+    return Table("roofline-passes", title, rows, note)
+
+
+def _solve(points: int, threads: int) -> Callable[[], object]:
+    """A solve from rest; the first one compiles and plans."""
+    case = Case(configuration(points), threads=threads)
+    problem = case.loading.problem(*case.integrator.terms(0.0), 1.0)
+    case.solve(problem, 0.0)
+    return lambda: case.solve(problem, 0.0)
+
+
+def _clocked(points: int, solve: Callable[[], object]) -> tuple[float, dict[str, list[float]]]:
+    """Seconds of a solve; seconds, bytes and calls of its passes, those on coarser grids together."""
+    clocks: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0, 0])
+
+    def timed(method: Callable[..., Any], describe: Callable[..., tuple[str, float]]) -> Callable[..., Any]:
+        def call(self: Any, *arguments: Any) -> Any:
+            begun = time.perf_counter()
+            answer = method(self, *arguments)
+            seconds = time.perf_counter() - begun
+            name, moved = describe(*arguments)
+            for i, some in enumerate((seconds, moved, 1)):
+                clocks[name][i] += some
+            return answer
+
+        return call
+
+    def of_pass(kernel: Any, *arguments: Any) -> tuple[str, float]:
+        name, names = kernel.py_func.__name__, [*inspect.signature(kernel.py_func).parameters][2:]
+        if name not in _ARRAYS:
+            return _COARSER, np.nan
+        of = dict(zip(names, arguments, strict=True))
+        moved = sum(of[each].nbytes for each in sum(_ARRAYS[name], ()))
+        first = of[_ARRAYS[name][0][0]]
+        single = first.dtype.itemsize == (8 if first.dtype.kind == "c" else 4)
+        return _named(name, single, first.size, moved)
+
+    def of_transform(source: Any, target: Any) -> tuple[str, float]:
+        field = source if source.dtype.kind == "f" else target
+        return _named("transform", field.itemsize == 4, field.size, field.nbytes * _NUMBERS_OF_A_PAIR / 2)
+
+    def _named(name: str, single: bool, size: int, moved: float) -> tuple[str, float]:
+        if size < points**2 / 2:
+            return _COARSER, np.nan
+        return f"{name}, {'single' if single else 'double'}", moved
+
+    with (
+        patch.object(ParallelPasses, "__call__", timed(ParallelPasses.__call__, of_pass)),
+        patch.object(ParallelPasses, "only", timed(ParallelPasses.only, of_pass)),
+        patch.object(Transforms, "transform", timed(Transforms.transform, of_transform)),
+        patch.object(Transforms, "transform_back", timed(Transforms.transform_back, of_transform)),
+    ):
+        whole = _seconds(solve)
+    return whole, dict(sorted(clocks.items(), key=lambda each: -each[1][0]))
 
 
 def _transforms(points: int, threads: int, single: bool) -> Transforms:

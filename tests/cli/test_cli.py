@@ -49,7 +49,7 @@ LAST_FAILS = TINY.replace(
 )
 # The first case is complete at once; the second takes seconds, long enough for a signal to arrive in it.
 SECOND_TAKES_LONG = TINY.replace(
-    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {time.end: [0.03, 240]}"
+    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {time.end: [0.03, 80]}"
 )
 
 
@@ -379,7 +379,7 @@ def test_status_needs_no_file_but_the_results() -> None:
 
 def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
     Path("tiny.yaml").write_text(
-        TINY.replace("[0.02, 0.1, .inf]}", "[0.02, 0.1, 0.2, 0.3, .inf]}").replace("0.03", "20")
+        TINY.replace("[0.02, 0.1, .inf]}", "[0.02, 0.1, 0.2, 0.3, .inf]}").replace("0.03", "10")
     )
     command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

@@ -130,6 +130,10 @@ def test_order_in_time_is_two_and_more_after_extrapolation(name: str) -> None:
     }
     exact = on_halved_steps(body, space, indenter, history, np.linspace(0, 2, 513)).force[-1]
     errors = [abs(force / exact - 1) for force in forces.values()]
+    # On a halfspace the hereditary integral of a depth that is linear over the steps is exact.
+    if name == "halfspace":
+        assert max(errors) < 1e-11
+        return
     # Halving the steps divides the error by 4, less what the higher orders bring at the coarsest.
     assert all(coarse / fine > 3.3 for coarse, fine in pairwise(errors))
     halved = on_halved_steps(body, space, indenter, history, np.linspace(0, 2, 65)).force[-1]
@@ -275,3 +279,51 @@ def test_depth_and_radius_creep_under_a_held_force_to_the_tolerance_in_a_hundred
     growth = np.diff(run.radius[run.time >= 0.1][::4]) / np.diff(run.time[run.time >= 0.1][::4])
     assert (growth > 0).all()
     assert (np.diff(growth[: growth.size // 2]) < 0).all()
+
+
+def test_steps_of_any_length_have_ting_s_force_without_extrapolation() -> None:
+    """In the contact of a halfspace the displacement is linear over a step: the relaxing form is exact."""
+    body, t = layer(ZENER, math.inf, NU, 1.0), np.array([0, 3e-4, 0.2, 0.6, 1, 1.0002, 1.1, 1.35, 1.5])
+    history = History(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.1, 0.0]))
+    indenter = revolution.cone(0.3)
+    run = on_steps(body, find_space(body, indenter, history), indenter, history, t)
+    expected = ting(ZENER, 4 / (math.pi * 0.3) * 0.1**2 / (1 - NU), 2.0, t[1:])
+    np.testing.assert_allclose(run.force[1:], expected, rtol=0, atol=1e-9 * expected.max())
+
+
+@pytest.mark.parametrize("name", ["held twice", "half taken back"])
+def test_a_force_that_is_held_or_taken_back_gives_depth_and_radius_to_the_tolerance(name: str) -> None:
+    """Against a thirtieth of the tolerance. The edge turns, rests, and passes radii again."""
+    body, indenter, time, force = {
+        "held twice": (
+            layer(Zener(1.0, 18.0, 0.3), 1.0, 0.3, 0.5), revolution.sphere(3.0),
+            [1, 3, 3.3, 5], [1, 1, 3, 3],
+        ),
+        "half taken back": (
+            layer(Prony(1.0, [(1.2, 0.03), (1.2, 2.0)]), 1.0, 0.5, 0.11), revolution.paraboloid(5.0),
+            [0.1, 0.9, 1.0, 2.5, 3.3], [1, 0.4, 0.8, 0.3, 0.6],
+        ),
+    }[name]  # fmt: skip
+    history = History(np.array([0.0, *time]), 0.1 * np.array([0.0, *force]), True)
+    run = follow(body, indenter, history)
+    finer = follow(body, indenter, history, tolerance=1e-4 / 30, stops=run.time.tolist())
+    assert run.error <= 1e-4
+    assert finer.error <= 1e-4 / 30
+    at = np.isin(finer.time, run.time)
+    for column in ("depth", "radius"):
+        found, exact = getattr(run, column), getattr(finer, column)
+        np.testing.assert_allclose(found, exact[at], rtol=0, atol=1e-4 * exact.max(), err_msg=column)
+
+
+def test_depth_creeps_evenly_while_the_contact_passes_the_end_of_a_blunted_cone() -> None:
+    """The nodes change where the edge leaves behind the radius of the last turn. The depth must not jump.
+
+    The rate of creep changes by a part h/tau = 1e-2 in a step; a jump J changes it by J/h.
+    """
+    body, indenter = layer(Zener(1.0, 2.0, 1.0), 1.0, 0.45, math.inf), made("blunted")
+    history = History(np.array([0.0, 0.4, 1.4]), np.array([0.0, 0.25, 0.25]), True)
+    time = np.concatenate((np.linspace(0, 0.4, 41), np.linspace(0.4, 1.4, 101)[1:]))
+    run = on_steps(body, find_space(body, indenter, history), indenter, history, time)
+    rate = np.diff(run.depth[42:]) / np.diff(time[42:])
+    assert 0.2 < run.radius[42] < 0.98 * run.radius[-1]
+    assert np.abs(np.diff(rate)).max() < 0.02 * rate.max()

@@ -12,7 +12,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.contact.pressure_form import Iterate, System
 from gfmdlayer.contact.residual import scales
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.kernels import LANES, kernel, maximum, minimum
 
 _LINES = 2  # on either side that are close to a contact on a surface
 _REACH = 16  # points at least on either side of the contact where the gap is kept up to date
@@ -213,7 +213,11 @@ def set_guess(system: System, at: Iterate, contact: ContactSet, guess: FloatArra
     if system.load_given:
         if not (0.0 < total < np.inf and load * p.size / total < np.inf):
             p[:] = 0.0
-            p[np.argmin(system.gap0)] = total = 1.0
+            deepest = 0
+            for i in range(p.size):
+                if system.gap0[i] < system.gap0[deepest]:
+                    deepest = i
+            p[deepest] = total = 1.0
         share = load * p.size / total
         for i in range(p.size):
             p[i] *= share
@@ -510,4 +514,4 @@ def _outside(system: System, at: Iterate, contact: ContactSet, shift: float) -> 
             overlap[i] = outside if outside < overlap[i] else overlap[i]
             depth = gap[i] - h[i]
             below[i] = depth if depth > below[i] else below[i]
-    return overlap.min(), below.max()
+    return minimum(overlap), maximum(below)

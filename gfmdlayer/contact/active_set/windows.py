@@ -26,7 +26,7 @@ from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.grid import NOWHERE, Stretch, parts, periodic_extent
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.kernels import LANES, address_of, call_at, kernel, minimum
 
 
 @kernel(inner=True)
@@ -102,7 +102,7 @@ def _clamp(surface: WholeSurface, rigid_shift: float, state: SurfaceState) -> tu
             lowest[i] = us[i] if us[i] < lowest[i] else lowest[i]
             apart[i] = 0.0 if apart[i] < 0.0 else apart[i]
             gaps += apart[i]
-    return -overlap.min(), lowest.min(), gaps
+    return -minimum(overlap), minimum(lowest), gaps
 
 
 @kernel(reorder=True, inner=True)
@@ -166,8 +166,12 @@ _WELL_WITHIN = 0.95  # part of the tolerance within which a state is handed on
 _MARGIN, _MARGIN_OF_TOLERANCE = 1e-12, 0.01  # least gap that is left, as part of depth and tolerance
 
 
+_iterate = call_at(iterate)  # most of the code of `solve`, and the whole surface uses it too
+
+
 @kernel
 def solve(
+    iterate_at: int,
     window: Window,
     origin: Pair,
     surface: WholeSurface,
@@ -199,9 +203,8 @@ def solve(
     for attempt in range(2):
         if not found or clear:
             break
-        found, more, done = iterate(
-            window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
-        )
+        arguments = window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
+        found, more, done = _iterate(iterate_at, arguments)
         transforms, iterations = transforms + more, iterations + done
         found = found and (attempt > 0 or contact.counts[0].points > 0)
         clear = found and _raise_clear(window, tolerance)
@@ -355,7 +358,7 @@ class Windows:
         self._parts = parts(self._shape) if used else ()
         self._made: dict[int, tuple[Transforms, Window]] = {}
         self._current: set[int] = set()  # parts whose window has the present stiffness
-        self._work = work
+        self._work, self._iterate_at = work, 0
         self._kernel = transforms.empty_field()
 
     def set_system(self, system: System) -> None:
@@ -394,7 +397,7 @@ class Windows:
             spent, window = self._window(part)
             arguments = window, _origin(extent, window), surface, guess, problem.applied_pressure
             done, whole, inside, more, overlap, assessment, state = solve(
-                *arguments, tolerance, rounds, limit - result.iterations
+                self._iterate_at, *arguments, tolerance, rounds, limit - result.iterations
             )
             taken = result.transforms + spent + whole + inside / part ** len(self._shape)
             result = WindowResult(taken, result.iterations + more)
@@ -434,6 +437,8 @@ class Windows:
         shared = {name: getattr(self._system, name) for name in ("floor", "load_given", "mean_compliance")}
         window = window._replace(system=window.system._replace(**shared))
         self._made[part] = transforms, window
+        if not self._iterate_at:
+            self._iterate_at = address_of(iterate, *window[:5], 0.0, 0.0, 0, 0, False)
         restrict(window, self._kernel, self._system.stiffness)
         self._current.add(part)
         return taken, window

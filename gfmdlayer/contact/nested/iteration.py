@@ -190,8 +190,7 @@ class Search:
 
     def __init__(self, level: Level, at: Fields) -> None:
         self._on, self.at = level, at
-        for stale in (level.d, level.z, level.r, level.step, level.change):
-            stale[:] = 0.0
+        level.parallel.only(passes.clear, level.d, level.z, level.r, level.step, level.change)
         self._alpha, self._shift = 1.0, 0.0
         self._product = 0.0  # z.r of the last iteration; 0 where directions begin anew
         self._move(0.0, 1.0)

@@ -27,7 +27,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.stencil import apply_to_row
 from gfmdlayer.grid.fftw import WORTH_THREADS
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.kernels import LANES, kernel, maximum
 
 _GONE = 1e-6  # part of a pressure that is left by rounding in single precision where it was to vanish
 _MEMBER = np.float32(1e-37)  # r of a point of C whose gap is exactly right
@@ -98,8 +98,8 @@ def advance(
             deeper[i] = rs[i] if rs[i] > below[i] else below[i]
         opened, below, wider, deeper = wider, deeper, opened, below
     return (load, weighted, free, load if cap is None else inner), (
-        float(max(opened.max(), wider.max())),
-        max(below.max(), deeper.max()) * move.per_gap,
+        float(max(maximum(opened), maximum(wider))),
+        max(maximum(below), maximum(deeper)) * move.per_gap,
     )
 
 
@@ -233,7 +233,7 @@ def respond(
             faster[i] = fall if fall > falls[i] else falls[i]
         curvature, across = curvature + float(along), across + float(aside)
         falls, faster = faster, falls
-    return (curvature, across), (float(max(falls.max(), faster.max())),)
+    return (curvature, across), (float(max(maximum(falls), maximum(faster))),)
 
 
 @kernel(reorder=True)
@@ -284,10 +284,10 @@ def extent(
         largest, depth, overlap, larger, deeper, lower = larger, deeper, lower, largest, depth, overlap
         widest, wider = wider, widest
     return (load, weighted, total), (
-        max(largest.max(), larger.max()),
-        max(depth.max(), deeper.max()),
-        max(overlap.max(), lower.max()),
-        max(widest.max(), wider.max()),
+        max(maximum(largest), maximum(larger)),
+        max(maximum(depth), maximum(deeper)),
+        max(maximum(overlap), maximum(lower)),
+        max(maximum(widest), maximum(wider)),
     )
 
 
@@ -302,6 +302,14 @@ def press(
         ps[i] = stiffness * pull if pull > 0.0 else 0.0
         total += ps[i]
     return (total,), (0.0,)
+
+
+@kernel
+def clear(first: int, end: int, a: Any, b: Any, c: Any, d: Any, e: Any) -> tuple[tuple[float], tuple[float]]:
+    """Set fields to zero."""
+    for i in range(first, end):
+        a[i] = b[i] = c[i] = d[i] = e[i] = 0.0
+    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
@@ -395,8 +403,8 @@ def settle(
             touching += 1.0 if press > opening else 0.0
         worst, overlap, worse, deeper = worse, deeper, worst, overlap
     return (touching, load, gaps, mean), (
-        max(worst.max(), worse.max()),
-        max(overlap.max(), deeper.max()),
+        max(maximum(worst), maximum(worse)),
+        max(maximum(overlap), maximum(deeper)),
     )
 
 

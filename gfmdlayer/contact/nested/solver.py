@@ -55,18 +55,15 @@ def prolong(coarse: Level, at: Fields, fine: Level, target: FloatArray) -> None:
     (inside, pressed, outside, apart), _ = coarse.parallel(_at_edges, p, *coarse.grid.halo(p, 1, 1), gap)
     squares, openings = inside / max(pressed, 1.0), apart / max(outside, 1.0)
     mu = squares / openings if openings > 0 else 0.0
-    smooth, deep = np.empty_like(p), np.empty_like(p)
+    fields = [np.empty((_BEFORE + len(p) + _AFTER, p.shape[1])) for _ in range(3)]
+    pressure, smooth, deep = inner = [field[_BEFORE:-_AFTER] for field in fields]
+    pressure[:] = p
     coarse.parallel.only(_smooth, p, *coarse.grid.halo(p, 1, 1), gap, mu, smooth, deep)
-    fields = [_extended(coarse.grid, field) for field in (p, smooth, deep)]
+    for field, part in zip(fields, inner, strict=True):
+        field[:_BEFORE], field[-_AFTER:] = coarse.grid.halo(part, _BEFORE, _AFTER)
     place = fine.grid.first_row, _BEFORE - coarse.grid.first_row
     rows = (1, 1) if len(fine.grid.points) == 1 else (fine.grid.points[0], coarse.grid.points[0])
     fine.parallel.only(_interpolate, fine.grid.shape[-1], place, rows, *fields, target)
-
-
-def _extended(grid: Grid, field: FloatArray) -> FloatArray:
-    """The rows of a field and those beside it."""
-    before, after = grid.halo(field, _BEFORE, _AFTER)
-    return np.vstack((before, field, after))
 
 
 @kernel(reorder=True)
