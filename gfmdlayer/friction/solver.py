@@ -514,8 +514,11 @@ def _solution(problem: Problem, at: State, steps: int, pairs: float, tolerance: 
     reason = ""
     if not converged:
         reason = f"residual {at.residual:.2e} after {steps} steps; the tolerance is {tolerance:.2e}"
-        if stick.sum() == np.count_nonzero(at.x[0] > 0):
-            reason += "; where friction is so large that nothing slips, a step need not have a solution"
+        if np.max(problem.law.coefficient) > (critical := problem.response.critical_coefficient):
+            reason += (
+                f"; a step need not have a solution with a coefficient of friction above {critical:.3g}, "
+                "where shear moves the surface up and down by more than pressure does"
+            )
     return Solution(
         pressure=at.x[0],
         traction=traction,

@@ -245,6 +245,14 @@ def test_limits_of_the_coefficient(on_a_surface: tuple[FrictionSolver, Problem, 
     assert np.abs(stuck.slip[:, stuck.contact]).max() < 1e-7 * stuck.displacement[0].max() * 2
 
 
+def test_the_critical_coefficient_of_a_halfspace_is_that_of_its_poisson_ratio() -> None:
+    grid, *_ = setting((16, 16))
+    for poisson in (0.0, 0.3):
+        critical = Response.of_halfspace(grid, 2.0, poisson).critical_coefficient
+        assert critical == pytest.approx((2 - 2 * poisson) / (1 - 2 * poisson), rel=1e-14)
+    assert Response.of_halfspace(grid, 2.0, 0.5).critical_coefficient == np.inf
+
+
 def test_a_shear_strength_ends_the_traction(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
     """At full slip the traction is min(mu p, tau_0) in the direction of the path."""
     solver, problem, _ = on_a_surface
