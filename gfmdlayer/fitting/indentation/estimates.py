@@ -186,7 +186,7 @@ def conclude(
     fitted = tuple(_curve_fits(problem, u, t * t * spread))
     correlation = on_scale / np.outer(errors, errors)
     notes += _doubts(estimates, correlation, fitted, factor if known else 1.0)
-    aic, bic = _criteria(problem, fitted, u.size)
+    aic, bic = _criteria(problem, fitted, u.size, residuals[problem.rows :])
     return IndentationFit(
         estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u),
         start, options, problem.adhesion(u),
@@ -252,9 +252,11 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
         yield replace(found, noise=noise[0], depth_noise=noise[1])
 
 
-def _criteria(problem: LeastSquares, fitted: Sequence[CurveFit], parameters: int) -> tuple[float, float]:
-    """Return AIC and BIC; an estimated noise counts as a parameter."""
-    twice, count = 0.0, parameters
+def _criteria(
+    problem: LeastSquares, fitted: Sequence[CurveFit], parameters: int, further: FloatArray
+) -> tuple[float, float]:
+    """Return AIC and BIC; an estimated noise counts as a parameter. `further`: residuals beside rows."""
+    twice, count = float(np.sum(further**2)), parameters
     for i, each in enumerate(fitted):
         twice += problem.log_determinant(i) + problem.predictions[i].doubt
         for k, given in enumerate(problem.noise_is_given(i)):
