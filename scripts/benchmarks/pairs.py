@@ -68,7 +68,8 @@ def measure(effort: Effort) -> Iterator[Table]:
     rows = [
         _frictional(name, *of) for name, of in _FRICTIONAL.items() if of[0] ** of[1] <= max(effort.points)
     ]
-    yield Table("friction", "FFT pairs with friction, mu = 0.4, residual 1e-7", rows, note)
+    if rows:
+        yield Table("friction", "FFT pairs with friction, mu = 0.4, residual 1e-7", rows, note)
 
 
 def _row(method: str, points: int, steps: int) -> dict[str, Cell]:
