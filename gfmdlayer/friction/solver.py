@@ -83,6 +83,10 @@ class FrictionSolver:
         Where the interface attracts, the path of the surface begins at the `gap` of the last step.
         """
         self._spent.pairs = 0.0
+        if not problem.is_finite:
+            raise ValueError("heights, loads or displacements of the frictional contact are not finite")
+        if start is not None and not np.isfinite(start).all():
+            start = None
         if reason := problem.why_not_solvable():
             raise ValueError(reason)
         self._forget_windows(problem.response)

@@ -313,6 +313,19 @@ def test_impossible_friction_is_refused(on_a_surface: tuple[FrictionSolver, Prob
         Law(-0.1)
 
 
+@pytest.mark.parametrize("where", ["heights", "offset", "before", "depth", "path"])
+def test_what_is_not_a_number_is_refused_and_as_a_guess_decides_nothing(where: str) -> None:
+    grid, response, solver = setting((16, 16), poisson=0.3)
+    problem = Problem(response, parabola(grid, 0.25), Law(0.4), depth=0.02, path=np.array([1e-3, 0.0]))
+    given = {"heights": problem.heights, "path": problem.path, "depth": 0.02, "offset": np.zeros((3, 256))}
+    spoilt = np.array(given.get(where, np.zeros((2, 256))))
+    spoilt.flat[-1] = np.nan  # a corner, which stays apart
+    with pytest.raises(ValueError, match="not finite"):
+        solver.solve(replace(problem, **{where: float(spoilt) if where == "depth" else spoilt}))
+    found = solver.solve(problem, np.full((3, 256), np.nan))
+    np.testing.assert_array_equal(found.traction, solver.solve(problem).traction)
+
+
 def test_a_solve_that_does_not_end_says_so(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
     solver, problem, _ = on_a_surface
     found = solver.solve(problem, limit=1)
