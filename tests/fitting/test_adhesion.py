@@ -17,6 +17,7 @@ from gfmdlayer import ConfigError, ForceCurve, Parabola, design_indentation, fit
 from gfmdlayer.cli import main
 from gfmdlayer.fitting.indentation.elastic import measured_contact
 from gfmdlayer.fitting.indentation.estimates import preference
+from gfmdlayer.fitting.indentation.report import as_data
 from gfmdlayer.fitting.measurement import FitError
 
 TIME = np.linspace(0.0, 2.0, 301)
@@ -183,6 +184,25 @@ def test_a_retraction_is_seen_beside_a_hold_of_large_forces() -> None:
     assert fit["work"].value == pytest.approx(scale * WORK, rel=0.05)
 
 
+def test_a_curve_may_begin_at_its_largest_depth() -> None:
+    curve = afm("jkr")
+    rows = slice(int(np.argmax(curve.position_of_drive)), None)
+    facts = {"prescribed": "base", "stiffness": STIFFNESS}
+    part = ForceCurve("retract", TIME[rows], curve.depth[rows], curve.force[rows], **facts)
+    fit = fit_indentation(part, MODEL, FREE, adhesion="jkr")
+    for key, truth in (("G", G), ("work", WORK)):
+        assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error)
+
+
+def test_forces_of_the_wrong_sign_leave_every_parameter_open() -> None:
+    curve = afm("none")
+    facts = {"prescribed": "base", "stiffness": STIFFNESS}
+    wrong = ForceCurve("wrong", TIME, curve.depth, -curve.force, **facts)
+    fit = fit_indentation(wrong, MODEL, FREE, adhesion="none")
+    assert all(each.is_open for each in fit.parameters)
+    json.dumps(as_data(fit), allow_nan=False)
+
+
 def test_the_radius_of_an_indenter_is_found_on_an_elastic_body() -> None:
     depth = np.linspace(0.0, 0.1, 50)
     force = 16 / 3 * 7.0 * 5.0**0.5 * depth**1.5  # Hertz, nu = 1/2
@@ -244,6 +264,7 @@ def test_a_planned_pull_off_is_worth_more_than_an_approach_for_the_work() -> Non
         ),
         ({}, {"free": ["adhesion.force"], "adhesion": "jkr"}, "free: adhesion.force: unknown key"),
         ({}, {"free": ["adhesion.work"]}, "free: adhesion.work: the model has no adhesion; give its section"),
+        ({}, {"adhesion": ["jkr"]}, "must be one of none, jkr, dmt, choose"),
         ({}, {"adhesion": "maugis"}, "got 'maugis'; must be one of none, jkr, dmt, choose"),
         (
             {},
