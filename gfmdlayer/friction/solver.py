@@ -270,8 +270,8 @@ class FrictionSolver:
             released, steps, gap = released + normal.released_energy, steps + normal.iterations, normal.gap
             attraction = law.traction(gap)
             p = _of_the_wall(normal.pressure, attraction, gap)
-            if normal.converged and shear.any() and not p.any():
-                shear, mixing = np.zeros_like(shear), Mixing()
+            if normal.converged and not p.any() and (shear.any() or normal.residual > tolerance):
+                shear, mixing, off = np.zeros_like(shear), Mixing(), 0.0
                 continue
             if not normal.converged or not p.any():
                 apart = self._smooth(problem, given, normal, tolerance)

@@ -414,6 +414,16 @@ def test_friction_beside_attraction_obeys_all_conditions(
     assert obeys_coulomb(problem, found, 1e-6)
 
 
+def test_a_punch_that_attracts_without_contact_is_solved_to_the_tolerance() -> None:
+    solver, problem = attracted((256,), 0.3, Exponential(work=1e-4, range=2e-3))
+    apart = replace(problem, load=None, depth=-0.004, force=None, path=np.zeros(1))
+    found = solver.solve(apart)
+    assert found.converged
+    assert not found.contact.any()
+    assert found.attraction.any()  # type: ignore[union-attr]
+    assert found.residual < 1e-7
+
+
 def test_limits_of_an_attraction_beside_friction() -> None:
     """Without work of adhesion the contact is that of the hard wall; without friction the adhesive one.
 
