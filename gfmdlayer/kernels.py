@@ -163,6 +163,8 @@ def call_at(called: Any) -> Any:
 
     @intrinsic
     def call(context: Any, address: Any, arguments: Any) -> tuple[Any, Any]:
+        if tuple(map(nb.types.unliteral, arguments)) not in called.overloads:
+            raise nb.TypingError(f"no address was taken for arguments of the types {arguments}")
         found = context.resolve_function_type(nb.typeof(called), tuple(arguments), {})  # type: ignore[no-untyped-call]
         kinds = found.return_type, tuple(arguments)
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba import TypingError
 
 import gfmdlayer
 from gfmdlayer.kernels import address_of, call_at, kernel, maximum, source_digest
@@ -46,6 +47,8 @@ def test_a_kernel_calls_another_one_at_its_address_and_passes_on_its_error() -> 
     assert at_an_address(address, 100.0) == 50.0
     with pytest.raises(ZeroDivisionError):
         at_an_address(address, 0.0)
+    with pytest.raises(TypingError, match="no address was taken"):  # which would read other numbers
+        at_an_address(address, np.float32(0.5))
 
 
 @pytest.mark.slow

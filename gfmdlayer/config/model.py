@@ -163,7 +163,7 @@ def problems_of_the_interface(config: Any) -> Iterator[Problem]:
     for at, law in sections_in(config):
         if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
             yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
-    if config.solver.method != AUTO and not SOLVERS[config.solver.method].adhesive:
+    if config.solver.method != AUTO and not (config.friction or SOLVERS[config.solver.method].adhesive):
         able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
         message = f"got {config.solver.method}, which cannot solve for attraction; must be {able}"
         yield Problem(("solver", "method"), message, ("interface",))

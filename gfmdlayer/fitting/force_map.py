@@ -40,7 +40,7 @@ from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
 from gfmdlayer.fitting.indentation.problem import Correction, Free, Model, Prediction
 from gfmdlayer.fitting.indentation.report import COLUMNS, SCALARS, add_estimates
-from gfmdlayer.fitting.indentation.starts import with_adhesion
+from gfmdlayer.fitting.indentation.starts import keys_with_adhesion
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
@@ -262,8 +262,7 @@ class ForceMap:
                 [f"adhesion: got choose, and a map has one set of parameters; must be one of {allowed}"]
             )
         if options.adhesion is not None:
-            self._model, asked = with_adhesion(self._model, self.keys, options.adhesion)
-            self.keys = list(asked)
+            self.keys = list(keys_with_adhesion(self._model, self.keys, options.adhesion))
         if options.stiffness_error is not None and "stiffness" not in self.keys:
             self.keys.append("stiffness")
         self.folder = Folder(directory)

@@ -127,6 +127,12 @@ class Problem:
         """Whether the tangential path is an unknown."""
         return self.force is not None
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether all that is given is a number."""
+        given = self.gap_at_rest, self.slip_at_rest, self.load, self.depth, self.force, self.path
+        return all(np.isfinite(each).all() for each in given if each is not None)
+
     def why_not_solvable(self) -> str:
         """Return why no state satisfies the conditions: the punch slides away; else nothing.
 

@@ -80,6 +80,12 @@ class Response:
         """Whether shear moves the surface up and down."""
         return bool(self.coupling.any())
 
+    @cached_property
+    def critical_coefficient(self) -> float:
+        """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
+        found = self.coupling != 0
+        return float(np.min(self.normal[found] / np.abs(self.coupling[found]), initial=np.inf))
+
     def on(self, fine: Transforms, coarse: Transforms) -> Response:
         """Response at the modes of a coarser grid of the same cell."""
         parts = self.normal, self.coupling, self.along, self.across

@@ -83,6 +83,10 @@ class FrictionSolver:
         Where the interface attracts, the path of the surface begins at the `gap` of the last step.
         """
         self._spent.pairs = 0.0
+        if not problem.is_finite:
+            raise ValueError("heights, loads or displacements of the frictional contact are not finite")
+        if start is not None and not np.isfinite(start).all():
+            start = None
         if reason := problem.why_not_solvable():
             raise ValueError(reason)
         self._forget_windows(problem.response)
@@ -266,8 +270,8 @@ class FrictionSolver:
             released, steps, gap = released + normal.released_energy, steps + normal.iterations, normal.gap
             attraction = law.traction(gap)
             p = _of_the_wall(normal.pressure, attraction, gap)
-            if normal.converged and shear.any() and not p.any():
-                shear, mixing = np.zeros_like(shear), Mixing()
+            if normal.converged and not p.any() and (shear.any() or normal.residual > tolerance):
+                shear, mixing, off = np.zeros_like(shear), Mixing(), 0.0
                 continue
             if not normal.converged or not p.any():
                 apart = self._smooth(problem, given, normal, tolerance)
@@ -514,8 +518,11 @@ def _solution(problem: Problem, at: State, steps: int, pairs: float, tolerance: 
     reason = ""
     if not converged:
         reason = f"residual {at.residual:.2e} after {steps} steps; the tolerance is {tolerance:.2e}"
-        if stick.sum() == np.count_nonzero(at.x[0] > 0):
-            reason += "; where friction is so large that nothing slips, a step need not have a solution"
+        if np.max(problem.law.coefficient) > (critical := problem.response.critical_coefficient):
+            reason += (
+                f"; a step need not have a solution with a coefficient of friction above {critical:.3g}, "
+                "where shear moves the surface up and down by more than pressure does"
+            )
     return Solution(
         pressure=at.x[0],
         traction=traction,

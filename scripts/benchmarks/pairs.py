@@ -1,16 +1,24 @@
-"""FFT pairs per time step: of each solver on growing grids; of FIRE by inertia and first guess."""
+"""FFT pairs per time step: of each solver on growing grids; of FIRE by inertia and guess; with friction."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 
+import numpy as np
 from benchmarks.common import METHODS, STEP, default_case, run
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.prediction import DisplacementPrediction
+from gfmdlayer.friction.problem import Law, Problem
+from gfmdlayer.friction.response import Response
+from gfmdlayer.friction.solver import FrictionSolver
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate, warm_up
+from gfmdlayer.punch.self_affine import SelfAffine
 from gfmdlayer.resumable import Stateless
 from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
@@ -21,6 +29,15 @@ LARGE = 1 << 20  # only for the active set
 
 _INGREDIENTS_AT = 1 << 14
 _STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps
+# Frictional contacts on a halfspace of nu = 0.3: points, axes, pairs that a first solve and a step may take.
+_FRICTIONAL = {
+    "cylinder": (1 << 12, 1, 80, 40),
+    "rolling cylinder": (1 << 10, 1, None, 30),
+    "sphere": (256, 2, 150, 60),
+    "rough surface": (256, 2, 200, 100),
+    "rough line": (1 << 14, 1, 250, None),
+}
+_FRICTION, _LOAD, _COURSE = 0.4, 0.01, 20
 
 
 def measure(effort: Effort) -> Iterator[Table]:
@@ -44,6 +61,15 @@ def measure(effort: Effort) -> Iterator[Table]:
         for past, start in _STARTS.items()
     ]
     yield Table("ingredients", f"FIRE by inertia and first guess: FFT pairs per step, n = {at}", ingredients)
+    note = (
+        "Steps: twentieths of the tangential force up to 0.95 of the largest, or rolling by a spacing with "
+        "a creepage of 0.005. Each component counts; pairs in single precision count half."
+    )
+    rows = [
+        _frictional(name, *of) for name, of in _FRICTIONAL.items() if of[0] ** of[1] <= max(effort.points)
+    ]
+    if rows:
+        yield Table("friction", "FFT pairs with friction, mu = 0.4, residual 1e-7", rows, note)
 
 
 def _row(method: str, points: int, steps: int) -> dict[str, Cell]:
@@ -73,6 +99,43 @@ def _counts(trace: Recording) -> dict[str, Cell]:
 
 def _mean(values: FloatArray) -> float | None:
     return float(values.mean()) if values.size else None
+
+
+def _frictional(
+    name: str, points: int, axes: int, first_target: int | None, step_target: int | None
+) -> dict[str, Cell]:
+    """Count the pairs of a first solve and of the steps from it."""
+    grid, rolls = Grid((points,) * axes, (1.0,) * axes), name.startswith("rolling")
+    if name.startswith("rough"):
+        shape = SelfAffine(hurst=0.8, short_cutoff=2.5 / points, rms_height=0.003, seed=1)
+        h = np.ravel(shape.heights(grid))
+    else:
+        h = np.ravel(sum(x**2 for x in np.meshgrid(*grid.coordinates, indexing="ij"))) / 0.5
+    solver, most = FrictionSolver(grid, Transforms(grid.points)), 0.95 * _FRICTION * _LOAD
+    problem = Problem(Response.of_halfspace(grid, 1.0, 0.3), h - h.min(), Law(_FRICTION), load=_LOAD)
+    first = found = solver.solve(replace(problem, force=np.zeros(axes)))
+    pairs, done = [], first.converged
+    for i in range(1, 1 + _COURSE):
+        u = found.displacement[1:]
+        if rolls:
+            step = replace(problem, path=np.array([0.005 / points]), before=np.roll(u, -1, axis=-1))
+        else:
+            force = np.eye(axes)[0] * most * i / _COURSE
+            step = replace(problem, force=force, before=u)
+        found = solver.solve(step, found.tractions)
+        pairs.append(found.pairs)
+        done &= found.converged
+    return {
+        "contact": name,
+        "grid": "×".join(map(str, grid.points)),
+        "in contact": float(first.contact.mean()),
+        "first solve": first.pairs,
+        "target": first_target,
+        "step": float(np.mean(pairs)),
+        "most": max(pairs),
+        "step's target": step_target,
+        "converged": str(done),
+    }
 
 
 class _Polynomial(Stateless):

@@ -91,6 +91,11 @@ def test_the_solver_is_one_for_attraction_unless_another_is_named() -> None:
                 ConfigError, match=r"solver.method: .*cannot solve for attraction; must be fire or newton"
             ):
                 Config(name="a", interface=LAW, solver={"method": method})
+    sticky = {"name": "a", "interface": [LAW, {"law": "coulomb", "coefficient": 0.4}]}
+    for method in SOLVERS:  # with friction no word is right, so that none is named
+        with pytest.raises(ConfigError) as refused:
+            Config(**sticky | {"solver": {"method": method}})
+        assert str(refused.value).count("must be") == 1, refused.value
     swept = Config(name="a", interface=LAW, sweep={"interface": [LAW, {"law": "hard_wall"}]})
     assert [case.config.contact_solver.method for case in cases(swept)] == ["newton", "active_set"]
 

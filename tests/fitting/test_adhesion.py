@@ -17,6 +17,7 @@ from gfmdlayer import ConfigError, ForceCurve, Parabola, design_indentation, fit
 from gfmdlayer.cli import main
 from gfmdlayer.fitting.indentation.elastic import measured_contact
 from gfmdlayer.fitting.indentation.estimates import preference
+from gfmdlayer.fitting.indentation.report import as_data
 from gfmdlayer.fitting.measurement import FitError
 
 TIME = np.linspace(0.0, 2.0, 301)
@@ -105,6 +106,114 @@ def test_only_the_pull_off_tells_the_work_under_a_flat_punch() -> None:
     assert abs(fit["work"].value - WORK) < 4 * fit["work"].standard_error
 
 
+def test_a_jump_far_from_its_place_counts_in_the_information_criterion() -> None:
+    # The forces under a flat punch do not tell the work: two given works differ by the squares of the
+    # distance of their pull-off from the measured one, over spacing/12^(1/2).
+    depth = np.interp(TIME, [0, 1, 2], [-0.1, 0.2, -0.3])
+    spacing, ends = 0.5 / 150, [-((2 * math.pi * 0.5 * work / 4.0) ** 0.5) for work in (WORK, 1.2 * WORK)]
+    touching = (depth >= 0) | ((TIME > 1) & (depth >= ends[0]))
+    force = np.where(touching, 4.0 * depth, 0.0) + 1e-3 * np.random.default_rng(2).standard_normal(TIME.size)
+    curve = ForceCurve("flat", TIME, depth, force, prescribed="depth", noise=1e-3)
+    place = float(depth[TIME > 1][(depth >= ends[0])[TIME > 1]][-1]) - spacing / 2
+    flat = {
+        "layer": MODEL["layer"] | {"thickness": math.inf},
+        "punch": {"shape": "flat_punch", "radius": 0.5},
+    }
+    near, far = (
+        fit_indentation(curve, flat | {"adhesion": {"model": "jkr", "work": work}}, ["layer.material.G"]).bic
+        for work in (WORK, 1.2 * WORK)
+    )
+    squares = [(12**0.5 * (end - place) / spacing) ** 2 for end in ends]
+    assert squares[1] > 20
+    assert far - near == pytest.approx(squares[1] - squares[0], rel=0.05)  # the drive has an error, too
+
+
+@pytest.mark.parametrize("kind", ["jkr", "dmt"])
+def test_adhesion_is_found_in_any_units(kind: str) -> None:
+    curve, key = afm(kind), {"jkr": "work", "dmt": "force"}[kind]
+    length, stress = 1e-6, 1e-3
+    force = stress * length**2
+    depth = curve.depth * length
+    facts = {"prescribed": "base", "stiffness": STIFFNESS * stress * length}
+    scaled = ForceCurve("scaled", TIME, depth, curve.force * force, **facts)
+    model = {
+        "layer": MODEL["layer"]
+        | {"thickness": THICKNESS * length, "material": {"model": "elastic", "G": 2e-3}},
+        "halfspace": MODEL["halfspace"],
+        "punch": {"shape": "parabola", "radius": 5.0 * length},
+    }
+    size, truth = {"jkr": (stress * length, WORK), "dmt": (force, ATTRACTION)}[kind]
+    free: dict[str, Any] = dict.fromkeys(FREE) | {f"adhesion.{key}": [truth * size / 9, truth * size * 11]}
+    for keys in (FREE, free):
+        fit = fit_indentation(scaled, model, keys, adhesion=kind)
+        assert fit[key].value / size == pytest.approx(truth, abs=4 * fit[key].standard_error / size)
+        assert fit[key].error < 0.1
+
+
+def test_a_jump_into_contact_that_noise_hides_does_not_stop_the_search() -> None:
+    # a cantilever of a tenth of the stiffness: the tip dives in, and its pull at the first touch is small
+    depth, force = held("jkr")
+    stiffness = 0.1 * STIFFNESS
+    base = depth + force / stiffness
+    last = int(np.argmin(base))
+    drive = np.interp(TIME, [0, 1, 2], [-0.6, 0.98 * base.max(), -4.0])
+    touching = (drive >= 0) | ((TIME > 1) & (drive >= base[last]))
+    found = np.where(touching, np.interp(drive, base[last::-1], force[last::-1]), 0.0)
+    found += 0.04 * found.max() * np.random.default_rng(0).standard_normal(TIME.size)
+    facts = {"prescribed": "base", "stiffness": stiffness}
+    curve = ForceCurve("soft", TIME, drive - found / stiffness, found, **facts)
+    fit = fit_indentation(curve, MODEL, FREE[:1], contact="detect", adhesion="jkr")
+    for key, truth in (("work", WORK), ("contact_point", 0.0)):
+        assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error)
+
+
+def test_a_retraction_is_seen_beside_a_hold_of_large_forces() -> None:
+    # forces 1000 times larger than lengths: a range over both would hide the retraction
+    curve, scale = afm("jkr"), 1e3
+    top = int(np.argmax(curve.position_of_drive))
+    rows = np.concatenate((np.arange(top + 1), np.full(20, top), np.arange(top + 1, TIME.size)))
+    prescribed = np.array(["base"] * (top + 1) + ["force"] * 20 + ["base"] * (TIME.size - top - 1))
+    names = np.where(
+        prescribed == "force", "hold", np.where(np.arange(rows.size) <= top, "approach", "retract")
+    )
+    time = np.arange(rows.size) * (TIME[1] - TIME[0])
+    facts = {"prescribed": prescribed.tolist(), "segment": names.tolist(), "stiffness": scale * STIFFNESS}
+    data = {"time": time, "depth": curve.depth[rows], "force": scale * curve.force[rows], **facts}
+    model = MODEL | {"layer": MODEL["layer"] | {"material": {"model": "elastic", "G": scale}}}
+    fit = fit_indentation(data, model, FREE, adhesion="jkr", stiffness=scale * STIFFNESS)
+    assert fit["work"].value == pytest.approx(scale * WORK, rel=0.05)
+
+
+def test_a_curve_may_begin_at_its_largest_depth() -> None:
+    curve = afm("jkr")
+    rows = slice(int(np.argmax(curve.position_of_drive)), None)
+    facts = {"prescribed": "base", "stiffness": STIFFNESS}
+    part = ForceCurve("retract", TIME[rows], curve.depth[rows], curve.force[rows], **facts)
+    fit = fit_indentation(part, MODEL, FREE, adhesion="jkr")
+    for key, truth in (("G", G), ("work", WORK)):
+        assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error)
+
+
+def test_forces_of_the_wrong_sign_leave_every_parameter_open() -> None:
+    curve = afm("none")
+    facts = {"prescribed": "base", "stiffness": STIFFNESS}
+    wrong = ForceCurve("wrong", TIME, curve.depth, -curve.force, **facts)
+    fit = fit_indentation(wrong, MODEL, FREE, adhesion="none")
+    assert all(each.is_open for each in fit.parameters)
+    json.dumps(as_data(fit), allow_nan=False)
+
+
+def test_the_radius_of_an_indenter_is_found_on_an_elastic_body() -> None:
+    depth = np.linspace(0.0, 0.1, 50)
+    force = 16 / 3 * 7.0 * 5.0**0.5 * depth**1.5  # Hertz, nu = 1/2
+    model = {
+        "layer": {"thickness": math.inf, "material": {"model": "elastic", "G": 7.0}},
+        "punch": {"shape": "parabola", "radius": 3.0},
+    }
+    curve = ForceCurve("hertz", depth, depth, force, prescribed="depth")
+    assert fit_indentation(curve, model, ["punch.radius"])["radius"].value == pytest.approx(5.0, rel=1e-6)
+
+
 def test_rows_in_contact_are_those_whose_residuals_are_smaller_in_contact() -> None:
     value = np.array([-2.0, -1, 0.5, 2, 3, 2, 1, -1, -2, -3, -1, 1, 2, 1, -1, -2])
     worse = np.where([0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0, 1, 1, 1, 1, 0], -1.0, 1.0)
@@ -148,6 +257,14 @@ def test_a_planned_pull_off_is_worth_more_than_an_approach_for_the_work() -> Non
     [
         ({"adhesion": {"model": "jkr", "work": -1.0}}, {}, r"adhesion.work: got -1.0; must be a number > 0"),
         ({"adhesion": {"model": "jrk", "work": 1.0}}, {}, "must be jkr or dmt; did you mean 'jkr'"),
+        (
+            {},
+            {"free": ["adhesion.wrk"], "adhesion": "jkr"},
+            r"free: adhesion.wrk: unknown key.* 'adhesion.work'",
+        ),
+        ({}, {"free": ["adhesion.force"], "adhesion": "jkr"}, "free: adhesion.force: unknown key"),
+        ({}, {"free": ["adhesion.work"]}, "free: adhesion.work: the model has no adhesion; give its section"),
+        ({}, {"adhesion": ["jkr"]}, "must be one of none, jkr, dmt, choose"),
         ({}, {"adhesion": "maugis"}, "got 'maugis'; must be one of none, jkr, dmt, choose"),
         (
             {},
@@ -166,6 +283,7 @@ def test_impossible_adhesion_is_named(change: dict[str, Any], options: dict[str,
     if model.pop("viscoelastic", False):
         zener = {"model": "zener", "G0": 1.0, "Ginf": 2.0, "tau": 1.0}
         model, free = model | {"layer": model["layer"] | {"material": zener}}, ["layer.material.G0"]
+    free = options.pop("free", free)
     with pytest.raises((ConfigError, FitError), match=message):
         fit_indentation(replace(afm("jkr")), model, free, **options)
 

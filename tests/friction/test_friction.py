@@ -245,6 +245,14 @@ def test_limits_of_the_coefficient(on_a_surface: tuple[FrictionSolver, Problem, 
     assert np.abs(stuck.slip[:, stuck.contact]).max() < 1e-7 * stuck.displacement[0].max() * 2
 
 
+def test_the_critical_coefficient_of_a_halfspace_is_that_of_its_poisson_ratio() -> None:
+    grid, *_ = setting((16, 16))
+    for poisson in (0.0, 0.3):
+        critical = Response.of_halfspace(grid, 2.0, poisson).critical_coefficient
+        assert critical == pytest.approx((2 - 2 * poisson) / (1 - 2 * poisson), rel=1e-14)
+    assert Response.of_halfspace(grid, 2.0, 0.5).critical_coefficient == np.inf
+
+
 def test_a_shear_strength_ends_the_traction(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
     """At full slip the traction is min(mu p, tau_0) in the direction of the path."""
     solver, problem, _ = on_a_surface
@@ -303,6 +311,19 @@ def test_impossible_friction_is_refused(on_a_surface: tuple[FrictionSolver, Prob
         solver.solve(replace(problem, force=np.array([0.01, 0.0074])))  # 0.0124 > 0.6 * 0.02
     with pytest.raises(ValueError, match=r"coefficient of friction: got -0\.1; must be >= 0"):
         Law(-0.1)
+
+
+@pytest.mark.parametrize("where", ["heights", "offset", "before", "depth", "path"])
+def test_what_is_not_a_number_is_refused_and_as_a_guess_decides_nothing(where: str) -> None:
+    grid, response, solver = setting((16, 16), poisson=0.3)
+    problem = Problem(response, parabola(grid, 0.25), Law(0.4), depth=0.02, path=np.array([1e-3, 0.0]))
+    given = {"heights": problem.heights, "path": problem.path, "depth": 0.02, "offset": np.zeros((3, 256))}
+    spoilt = np.array(given.get(where, np.zeros((2, 256))))
+    spoilt.flat[-1] = np.nan  # a corner, which stays apart
+    with pytest.raises(ValueError, match="not finite"):
+        solver.solve(replace(problem, **{where: float(spoilt) if where == "depth" else spoilt}))
+    found = solver.solve(problem, np.full((3, 256), np.nan))
+    np.testing.assert_array_equal(found.traction, solver.solve(problem).traction)
 
 
 def test_a_solve_that_does_not_end_says_so(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
@@ -391,6 +412,16 @@ def test_friction_beside_attraction_obeys_all_conditions(
     )
     assert found.stress.mean() == pytest.approx(problem.load, rel=1e-9)
     assert obeys_coulomb(problem, found, 1e-6)
+
+
+def test_a_punch_that_attracts_without_contact_is_solved_to_the_tolerance() -> None:
+    solver, problem = attracted((256,), 0.3, Exponential(work=1e-4, range=2e-3))
+    apart = replace(problem, load=None, depth=-0.004, force=None, path=np.zeros(1))
+    found = solver.solve(apart)
+    assert found.converged
+    assert not found.contact.any()
+    assert found.attraction.any()  # type: ignore[union-attr]
+    assert found.residual < 1e-7
 
 
 def test_limits_of_an_attraction_beside_friction() -> None:

@@ -76,6 +76,13 @@ def test_counts_of_each_solver_lie_between_the_floor_and_the_iteration_limit(
         assert row["run / bare pairs"] > 0
 
 
+def test_contacts_with_friction_are_counted_on_grids_of_their_own(tables: Callable[[str], Tables]) -> None:
+    (row,) = tables("--only pairs --points 1024 --steps 1")["friction"]
+    assert row["contact"] == "rolling cylinder"
+    assert row["converged"] == "True"
+    assert 0 < row["step"] <= row["most"] < row["first solve"]
+
+
 def test_a_rough_surface_is_run_on_each_grid(tables: Callable[[str], Tables]) -> None:
     found = tables("--only rough --points 32 64 --steps 3 --repetitions 1")
     assert [row["grid"] for row in found["rough-layer"]] == ["32 x 32", "64 x 64"]

@@ -135,7 +135,7 @@ def measured_contact(
     stretches = np.split(above, np.flatnonzero(np.diff(above) > 1) + 1)
     peaks = [int(each[np.argmax(value[each])]) for each in stretches]
     valleys = [
-        first + int(np.argmin(value[first:last]))
+        first + int(np.argmin(value[first : max(last, first + 1)]))
         for first, last in zip([0, *peaks], [*peaks, value.size], strict=True)
     ]
     worse = np.where(by_force, -np.inf, worse)

@@ -32,6 +32,7 @@ WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their or
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
 ADHESIONS = (NO_ADHESION, *KINDS, CHOOSE)
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
+NOTHING = 1e-100  # derivative to a parameter on which nothing depends: its square has an inverse
 STIFF = 1e3  # of the further residual, over its standard error
 ROUNDS = 5  # of the search for an end of a profile
 CLOSE = 0.02  # an end is found when the root of the growth is this close to t, relative to t
@@ -62,9 +63,9 @@ class FitOptions:
             problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(LOSSES)}")
         if self.contact not in {"given", "detect"}:
             problems.append(f"contact: got {self.contact!r}; must be given or detect")
-        if self.prescribed not in {None, *PRESCRIBED}:
+        if self.prescribed not in (None, *PRESCRIBED):
             problems.append(f"prescribed: got {self.prescribed!r}; must be one of {', '.join(PRESCRIBED)}")
-        if self.adhesion not in {None, *ADHESIONS}:
+        if self.adhesion not in (None, *ADHESIONS):  # also of a list, which a set would not take
             problems.append(f"adhesion: got {self.adhesion!r}; must be one of {', '.join(ADHESIONS)}")
         for key in ("stiffness", "stiffness_error"):
             value = getattr(self, key)
@@ -186,7 +187,7 @@ def conclude(
     fitted = tuple(_curve_fits(problem, u, t * t * spread))
     correlation = on_scale / np.outer(errors, errors)
     notes += _doubts(estimates, correlation, fitted, factor if known else 1.0)
-    aic, bic = _criteria(problem, fitted, u.size)
+    aic, bic = _criteria(problem, fitted, u.size, residuals[problem.rows :])
     return IndentationFit(
         estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u),
         start, options, problem.adhesion(u),
@@ -252,9 +253,11 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
         yield replace(found, noise=noise[0], depth_noise=noise[1])
 
 
-def _criteria(problem: LeastSquares, fitted: Sequence[CurveFit], parameters: int) -> tuple[float, float]:
-    """Return AIC and BIC; an estimated noise counts as a parameter."""
-    twice, count = 0.0, parameters
+def _criteria(
+    problem: LeastSquares, fitted: Sequence[CurveFit], parameters: int, further: FloatArray
+) -> tuple[float, float]:
+    """Return AIC and BIC; an estimated noise counts as a parameter. `further`: residuals beside rows."""
+    twice, count = float(np.sum(further**2)), parameters
     for i, each in enumerate(fitted):
         twice += problem.log_determinant(i) + problem.predictions[i].doubt
         for k, given in enumerate(problem.noise_is_given(i)):
@@ -399,9 +402,9 @@ def variance(residuals: FloatArray, parameters: int, loss: str, known: bool) -> 
 def covariance(jacobian: FloatArray, factor: float) -> FloatArray:
     """Return factor (J^T J)^-1; directions that the data do not determine get a huge variance."""
     scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0] = np.finfo(float).tiny ** 0.5
+    scale[scale == 0] = NOTHING
     _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
-    inverse = np.maximum(singular, 1e-12 * singular.max()) ** -2.0
+    inverse = np.maximum(singular, 1e-12 * (singular.max() or 1.0)) ** -2.0
     return np.asarray(factor * (directions.T * inverse) @ directions / np.outer(scale, scale))
 
 

@@ -166,7 +166,7 @@ def fit_curves(
     if options.adhesion == CHOOSE:
         return _best_adhesion(curves, model, free, options, advise)
     if options.adhesion is not None:
-        model, free = with_adhesion(model, free, options.adhesion)
+        model, free = with_adhesion(model, free, options.adhesion, curves)
     names = [curve.name for curve in curves]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise FitError(f"curve {', '.join(twice)}: this name is given twice; give each curve its own name")
@@ -198,16 +198,21 @@ def _best_adhesion(
     curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool
 ) -> IndentationFit:
     """Fit without adhesion, with JKR and with DMT, and return the fit of the least BIC."""
-    bare = fit_curves(curves, model, free, replace(options, adhesion=NO_ADHESION), advise)
-    fits = {NO_ADHESION: bare}
-    for kind, name in KINDS.items():
-        own = replace(options, adhesion=kind)
-        found = fit_curves(curves, model, free, own)
-        if found.bic > bare.bic + WORSE:  # without adhesion is a limit of it: the search went astray
+    asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    names = {kind: f"{STICKING}{name}" for kind, name in KINDS.items()}
+
+    def fitted(kind: str, begin: Mapping[str, float] | None = None) -> IndentationFit:
+        foreign = {name for other, name in names.items() if other != kind}
+        own = {key: bounds for key, bounds in asked.items() if key not in foreign}
+        return fit_curves(curves, model, own, replace(options, adhesion=kind), advise, begin)
+
+    fits = {kind: fitted(kind) for kind in (*KINDS, NO_ADHESION)}  # adhesion is refused before any fit
+    bare = fits[NO_ADHESION]
+    for kind, name in names.items():
+        if fits[kind].bic > bare.bic + WORSE:  # without adhesion is a limit of it: the search went astray
             begin = {each.name: each.value for each in bare.parameters}
-            begin[f"{STICKING}{name}"] = FAINT * found[name].value
-            found = min(found, fit_curves(curves, model, free, own, begin=begin), key=lambda fit: fit.bic)
-        fits[kind] = found
+            begin[name] = FAINT * fits[kind][name].value
+            fits[kind] = min(fits[kind], fitted(kind, begin), key=lambda fit: fit.bic)
     best = min(fits.values(), key=lambda fit: fit.bic)
     return replace(best, alternatives={kind: fit.bic for kind, fit in fits.items()})
 

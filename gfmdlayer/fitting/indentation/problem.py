@@ -325,11 +325,12 @@ class Prediction:
         return found
 
     def _equilibria(self, body: Body, profile: Revolution) -> Equilibria:
-        """Return the contacts of an elastic body; the last ones are kept for all bodies that are similar."""
+        """Return the contacts of an elastic body; the last ones serve similar bodies."""
         assert self._nodes is not None
         local, C = self._nodes.compliance(body)
         for nodes, known, found in self._tables:
-            if nodes is self._nodes and np.allclose(C, known, rtol=1e-12, atol=1e-14):
+            similar = nodes is self._nodes and np.allclose(C, known, rtol=1e-12, atol=1e-14)
+            if similar and np.array_equal(np.hstack(found.profile), np.hstack(profile)):
                 return replace(found, local=local)
         found = equilibria(local, C, self._nodes, profile)
         self._tables = [(self._nodes, C, found), *self._tables[:KEPT_TABLES]]
@@ -350,11 +351,11 @@ class Prediction:
     @property
     def retracts(self) -> bool:
         """Whether a row of a retraction counts."""
-        drive = np.where(self.curve.by_force, self.curve.force, self.curve.position_of_drive)
         found = False
         for part in self.curve.segments:
             rows = np.flatnonzero(self.used[part.first : part.end]) + part.first
             if rows.size > 1:
+                drive = self.curve.force if part.prescribed == FORCE else self.curve.position_of_drive
                 top = rows[0] + int(np.argmax(drive[rows[0] : rows[-1] + 1]))
                 found |= bool(drive[top] - drive[rows[-1]] > RETRACTED * np.ptp(drive))
         return found
@@ -391,7 +392,7 @@ class Prediction:
         ends = np.array([0.0, contacts.position.end])
         noise = max(noise_of(self.curve.force), 1e-12 * float(np.ptp(self.curve.force)))
         sizes = (np.abs(own * contacts.position(ends)[1]) / noise).tolist()
-        hidden = [at if size < LEAST_JUMP else None for at, size in zip(ends.tolist(), sizes, strict=True)]
+        hidden = [end if size < LEAST_JUMP else None for end, size in zip(ends.tolist(), sizes, strict=True)]
         self._touching = measured_contact(value, by_force, squares[0] - squares[1], hidden)
         found = jumps_between(self._touching, by_force, self.used, value, sizes)
         self._jumps = [
@@ -747,6 +748,11 @@ def free_parameters(
                 wrong.append(f"free: {key}: got a curve without a prescribed base; only such curves have it")
                 continue
             found += [Parameter(key, 0.0, _bounds(bounds, spans[key]), owner) for owner in owners]
+        elif key.startswith(STICKING) and model.adhesion is None:
+            wrong.append(
+                f"free: {key}: the model has no adhesion; give its section, such as "
+                "adhesion: {model: jkr, work: ...}, or its kind by the option adhesion"
+            )
         elif key not in model.keys:
             wrong.append(f"free: {key}: {unknown_key(key, [*model.keys, *OF_A_CURVE], model.keys)}")
         else:

@@ -155,10 +155,10 @@ def model_yaml(fit: IndentationFit, name: str) -> str:
 
 
 def as_data(fit: IndentationFit) -> dict[str, Any]:
-    """Return a fit as plain data; null for an end of a profile interval that was not found."""
+    """Return a fit as plain data; null for numbers that the data leave open."""
     return {
         "parameters": [_estimate(each) for each in fit.parameters],
-        "correlation": fit.correlation.tolist(),
+        "correlation": [[_known(value) for value in row] for row in fit.correlation.tolist()],
         "aic": fit.aic,
         "bic": fit.bic,
         "curves": [_curve_data(each) for each in fit.curves],
@@ -198,8 +198,8 @@ def _estimate(each: Estimate) -> dict[str, Any]:
         "key": each.key,
         "curve": each.curve or None,
         "value": each.value,
-        "standard_error": each.standard_error,
-        "interval_95": list(each.interval),
+        "standard_error": _known(each.standard_error),
+        "interval_95": [_known(end) for end in each.interval],
         "profile_95": ends,
         "bounds": list(each.bounds),
     }

@@ -16,11 +16,12 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
 from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve, noise_of
 from gfmdlayer.fitting.indentation.elastic import KINDS, NO_ADHESION
-from gfmdlayer.fitting.indentation.estimates import ContactPoint, FitOptions, detect
+from gfmdlayer.fitting.indentation.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
 from gfmdlayer.fitting.indentation.problem import (
     MODULI,
     SECTIONS,
     STICKING,
+    WIDE,
     Free,
     LeastSquares,
     Model,
@@ -32,6 +33,7 @@ from gfmdlayer.fitting.indentation.problem import (
 )
 from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.indent import as_revolution
+from gfmdlayer.punch.revolution import abel_transform
 from gfmdlayer.validation.problems import location_of_key, shown, unknown_key
 
 TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
@@ -145,22 +147,43 @@ def curve_parameters(
     ]
     if options.contact == "given":
         return found
-    sticks = model.adhesion is not None
+    sticks = model.adhesion is not None or options.adhesion is not None
     points = {name: _touch(curve) if sticks else detect(curve) for name, curve in starts.items()}
     return [_from_detection(each, points[each.curve]) if each.key in spans else each for each in found]
 
 
 def _touch(curve: ForceCurve) -> ContactPoint:
-    """Find the contact point of a curve with adhesion: where the force falls below its noise, if it does."""
+    """Find the contact point of a curve that may stick: where the force falls below its noise, if it does."""
     end = int(np.argmax(curve.force)) + 1
     force, noise = curve.force[:end], noise_of(curve.force)
     lowest = int(np.argmin(force))
     before = force[: max(lowest - FEWEST_BEFORE, 1)]
     if lowest <= FEWEST_BEFORE or float(np.median(before)) - force[lowest] < SEEN * noise:
-        return detect(curve)
+        return _change(curve) if curve.by_base else detect(curve)
     offset = float(np.median(before))
     row = int(np.argmax(force < (offset + force[lowest]) / 2))
     return ContactPoint(float(curve.position_of_drive[row]), noise, offset)
+
+
+def _change(curve: ForceCurve) -> ContactPoint:
+    """Find where an approach leaves its baseline: the force is constant before, and a parabola after it.
+
+    The depth of a soft cantilever, which dives in, has the noise of the force and goes back and forth.
+    """
+    end = int(np.argmax(curve.force)) + 1
+    end = int(np.argmax(curve.force[:end] > PART * curve.force[end - 1])) + 1
+    position, force = curve.position_of_drive[:end], curve.force[:end]
+    last = end - FEWEST_BEFORE
+    if last <= FEWEST_BEFORE:
+        return detect(curve)  # which names the missing rows
+    squares = {}
+    for row in np.unique(np.linspace(FEWEST_BEFORE, last, CANDIDATES).astype(int)).tolist():
+        powers = np.vander(position[row:] - position[row], 3)
+        rest = force[row:] - powers @ np.linalg.lstsq(powers, force[row:], rcond=None)[0]
+        squares[row] = force[:row].var() * row + float(rest @ rest)
+    row = min(squares, key=lambda each: squares[each])
+    offset = float(np.mean(force[:row]))
+    return ContactPoint(float(position[row]), abs(float(position[row] - position[row - 1])), offset)
 
 
 def _from_detection(parameter: Parameter, point: Any) -> Parameter:
@@ -256,14 +279,43 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
     return shifted, float(np.sum((factor * x - y) ** 2)), factor
 
 
-def with_adhesion(model: Model, free: Free, kind: str) -> tuple[Model, Free]:
+def with_adhesion(model: Model, free: Free, kind: str, curves: Sequence[ForceCurve]) -> tuple[Model, Free]:
     """Return a model with adhesion of a kind whose work or force is free, or without adhesion."""
-    asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    others = {key: bounds for key, bounds in asked.items() if not key.startswith(STICKING)}
+    asked = keys_with_adhesion(model, free, kind)
     if kind == NO_ADHESION:
-        return model.sticking(None), others
+        return model.sticking(None), asked
     name = KINDS[kind]
-    given = {"model": kind, name: 1.0} | (model.adhesion or {})
-    section = given if given["model"] == kind else {"model": kind, name: 1.0}
     key = f"{STICKING}{name}"
-    return model.sticking(section), others | {key: asked.get(key)}
+    if model.adhesion is not None and model.adhesion["model"] == kind:
+        return model, asked
+    start, bounds = _size(model, kind, curves), asked[key]
+    if bounds is None:
+        asked[key] = [start / WIDE**2, start * WIDE]
+    elif 0 < bounds[0] < bounds[1] and not bounds[0] <= start <= bounds[1]:
+        start = math.sqrt(bounds[0] * bounds[1])
+    return model.sticking({"model": kind, name: start}), asked
+
+
+def keys_with_adhesion(model: Model, free: Free, kind: str) -> dict[str, Sequence[float] | None]:
+    """Return the free parameters with adhesion of a kind, in place of those of the model's."""
+    asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    own = "" if kind == NO_ADHESION else f"{STICKING}{KINDS[kind]}"
+    others = {
+        key: bounds
+        for key, bounds in asked.items()
+        if key != own and not (key.startswith(STICKING) and key in model.keys)
+    }
+    return others | ({own: asked.get(own)} if own else {})
+
+
+def _size(model: Model, kind: str, curves: Sequence[ForceCurve]) -> float:
+    """Return the size that adhesion may have: the largest force, or its energy over the area of contact."""
+    force = max(float(np.ptp(curve.force)) for curve in curves)
+    if kind == "dmt":
+        return force
+    depth = max(float(np.ptp(curve.depth)) for curve in curves)
+    profile = as_revolution(model.config.punch)
+    radius = depth
+    while radius < profile.rim and abel_transform(profile, radius) < depth:
+        radius *= 2
+    return force * depth / min(radius, profile.rim) ** 2
