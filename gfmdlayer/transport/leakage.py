@@ -210,7 +210,7 @@ def bruggeman(gap: FloatArray, threshold: float = THRESHOLD) -> float:
     return largest * math.exp(brentq(excess, -690.0, 0.0, xtol=1e-10))
 
 
-FEWEST_POINTS = 6  # across a throat; below, K is an order of magnitude
+FEWEST_POINTS = 6  # across a throat; below, K is only an estimate
 ALLOWED = 0.01  # relative error of K by the solution of the contact
 
 
@@ -225,7 +225,7 @@ def doubts(axis: str, throat: Throat, depth: float, residual: float) -> Iterator
     if throat.points < FEWEST_POINTS:
         yield (
             f"the throat along {axis} has {throat.points:.2g} points across it, below {FEWEST_POINTS}: the "
-            "flow is an order of magnitude; take more grid.points"
+            "flow is right only to an order of magnitude; take more grid.points"
         )
     enough = ALLOWED * throat.gap / (3 * depth) if depth > 0 else math.inf
     if residual > enough:
