@@ -35,6 +35,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
+from gfmdlayer.kernels import kernel
 from gfmdlayer.model import ConvergenceError, simulate, warm_up
 from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
@@ -336,17 +337,18 @@ def _without_coarser_grids(*arguments: Any) -> float:
         return nest(*arguments)
 
 
-def _in_windows(iterate: object) -> Patches:
-    return [(windows, "solve", with_globals(windows.solve, {"iterate": iterate}))]
+def _in_windows(iterate: Any) -> Patches:
+    at_no_address = kernel(inner=True)(lambda _address, arguments: iterate(*arguments))
+    return [(windows, "solve", with_globals(windows.solve, {"_iterate": at_no_address}))]
 
 
-def with_globals(kernel: Any, replaced: Mapping[str, object]) -> Any:
-    """Compile a kernel anew with other functions or constants."""
-    function = kernel.py_func
+def with_globals(compiled: Any, replaced: Mapping[str, object]) -> Any:
+    """Compile a kernel anew, by the same compiler, with other functions or constants."""
+    function = compiled.py_func
     if unknown := replaced.keys() - function.__globals__.keys():
         raise NameError(f"{function.__name__} uses no {', '.join(sorted(unknown))}")
     changed = FunctionType(function.__code__, {**function.__globals__, **replaced}, function.__name__)
-    return nb.jit(**kernel.targetoptions)(changed)
+    return nb.jit(pipeline_class=compiled._compiler.pipeline_class, **compiled.targetoptions)(changed)
 
 
 def _solver(case: Case, kind: Any, **options: bool) -> dict[str, Any]:
