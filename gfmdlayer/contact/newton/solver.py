@@ -236,7 +236,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             0.0 if now and exact else _OF_SINGLE * abs(elastic)
         )
         uphill = not first < 0.0 or change > rounding
-        if done == target and lack == 0.0 and (uphill or way < _TOO_FAR) and not exact:
+        hidden = way < _TOO_FAR and abs(change) <= _OF_SINGLE * abs(elastic)
+        if done == target and lack == 0.0 and (uphill or hidden) and not exact:
             # First rule out that single precision hides the descent, as it does on a body so stiff that it
             # deforms by 1e-7 of what it moves.
             set_stress(plans, system, at, fields.spectrum, step.spectrum)
@@ -249,7 +250,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             pairs, now, exact = pairs + 2.0, True, True
             change = elastic + after - energy
             uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
-            if uphill or way < _TOO_FAR:  # the step is taken once more, from the state in double precision
+            if hidden:  # the step is taken once more, from the state in double precision
                 evaluated = True
                 continue
         if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
