@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import random
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -74,8 +75,9 @@ class InTurn(Sequence[Item]):
             raise IndexError(place)
         return self._at(place)
 
+    @abstractmethod
     def _at(self, place: int) -> Item:
-        raise NotImplementedError
+        """Make an item."""
 
 
 class Cases(InTurn[SweepCase]):

@@ -59,15 +59,8 @@ def flow_figure(flow: Dataset, title: str = "", style: Style = PAPER, notes: Seq
         for axes in panels[:, 0]:
             name_axes(axes, y=quantity(case["y"], case.attrs))
         panels[0, 0].set_title(f"{title}\n" if title else "", loc="left")
-        finish(
-            figure,
-            [
-                *explained(case, ["fluid_pressure"], [title]),
-                *notes,
-                "black: contact, and fluid at rest",
-                *more,
-            ],
-        )
+        said = [*notes, "black: contact, and fluid at rest", *more]
+        finish(figure, [*explained(case, ["fluid_pressure"], [title]), *said])
     return figure
 
 

@@ -76,15 +76,13 @@ def solve(
     return solver.solve(problem, np.zeros(size) if start is None else start, tolerance, limit)
 
 
-def assert_consistent(
-    found: Solution, problem: Problem, shape: tuple[int, ...] | None = None, part: float = 1e-12
-) -> None:
+def assert_consistent(found: Solution, problem: Problem, shape: tuple[int, ...] | None = None) -> None:
     """Everything in a solution, converged or not, follows from its displacement."""
     u, h, size = found.displacement, problem.obstacle, problem.obstacle.size
     gap = h - u
     spectrum = np.fft.rfftn(u.reshape(shape or (size,)))
     # Solvers in pressures divide by kappa and this multiplies by it: rounding is that of the stiffest mode.
-    rounding = part * max(np.abs(problem.stiffness * spectrum.ravel()).max(), np.abs(found.pressure).max())
+    rounding = 1e-12 * max(np.abs(problem.stiffness * spectrum.ravel()).max(), np.abs(found.pressure).max())
     rounding += 1e-15 * problem.stiffness.max() * np.abs(h).max()
     lowest = problem.stiffness[problem.stiffness > 0].min()
     assert (gap >= 0).all()
@@ -175,10 +173,9 @@ def test_all_solvers_agree_at_equal_residual(dense_contact, shape, condition) ->
 @pytest.mark.parametrize("shape", [(64,), (45,), (6, 7)], ids=str)
 def test_what_is_returned_belongs_together(dense_contact, shape, condition, method) -> None:  # type: ignore[no-untyped-def]
     problem = dense_contact(shape).problem(1, condition)
-    part = 1e-14 if isinstance(method, partial) else 1e-12  # FIRE divides by no stiffness
     for limit in (1, 2, 7, 40, 20_000):
         found = solve(method, problem, shape, TOLERANCE, limit)
-        assert_consistent(found, problem, shape, part)
+        assert_consistent(found, problem, shape)
         assert found.iterations <= min(limit, found.transforms)
         assert found.converged == (found.residual <= TOLERANCE)
     assert found.converged
@@ -206,6 +203,39 @@ def test_fire_on_rough_contact(dense_contact, seed, shape, condition, mass_weigh
     assert np.abs(found.pressure - pressure).max() <= off * stiffest
     np.testing.assert_allclose(found.mean_pressure, pressure.mean(), rtol=1e-7)
     assert found.contact_area == np.count_nonzero(pressure > 1e-9 * pressure.max()) / u.size
+
+
+@pytest.mark.parametrize("mass_weighted", [True, False])
+@each_condition
+def test_fire_divides_by_no_stiffness(dense_contact, condition, mass_weighted) -> None:  # type: ignore[no-untyped-def]
+    """Stress, mean and residual follow from the displacement to rounding."""
+    dense = dense_contact((64,))
+    problem = dense.problem(1, condition)
+    for limit in (1, 2, 7, 40, 20_000):
+        found = solve(partial(Fire, mass_weighted=mass_weighted), problem, (64,), TOLERANCE, limit)
+        u, gap = found.displacement, problem.obstacle - found.displacement
+        rounding = 1e-14 * np.abs(problem.stiffness * dense.transform(u)).max()
+        np.testing.assert_allclose(found.spectrum, dense.transform(u), atol=rounding)
+        multiplier = found.pressure - dense.force(problem, u)
+        assert np.ptp(multiplier) <= rounding
+        np.testing.assert_allclose(found.mean_pressure, found.pressure.mean(), rtol=1e-13)
+        if problem.mean_is_fixed:
+            assert abs(u.mean()) <= 1e-15 * np.abs(u).max()
+        else:
+            np.testing.assert_allclose(multiplier, problem.mean_pressure or 0.0, atol=rounding)
+        violations = np.minimum(found.pressure / found.pressure.max(), gap / -u.min())
+        np.testing.assert_allclose(found.residual, np.abs(violations).max(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("mass_weighted", [True, False])
+def test_fire_leaves_the_surface_flat_under_a_punch_out_of_reach(mass_weighted: bool) -> None:
+    grid = Grid((128,), (1.0,))
+    problem = Problem(2 * grid.wavenumbers, np.zeros(65, complex), 0.1 + grid.coordinates[0] ** 2)
+    found = solve(partial(Fire, mass_weighted=mass_weighted), problem)
+    assert found.converged
+    assert found.contact_area == 0
+    np.testing.assert_allclose(found.displacement, 0, atol=1e-15)
+    np.testing.assert_allclose(found.pressure, 0, atol=1e-12)
 
 
 @each_solver

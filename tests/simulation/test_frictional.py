@@ -99,10 +99,12 @@ def test_rolling_with_creepage_is_carters() -> None:
     found = run(config)
     assert float(found.friction[-1]) / 0.3 == pytest.approx(0.2736, rel=0.01)
     assert float(found.creepage[-1]) == pytest.approx(0.005, rel=1e-9)
-    given = trajectory | {"tangential": {"control": "force", "force": 0.01 * 0.3 * 0.2736, "ramp_time": 0.1}}
+    coarse = {"grid.points": 512, "time.step": 1 / 512 / 0.2}
+    force = 0.01 * float(run(config, coarse).friction[-1])
+    given = trajectory | {"tangential": {"control": "force", "force": force, "ramp_time": 0.1}}
     del given["creepage"]
-    back = run(config, {"trajectory": given, "grid.points": 512, "time.step": 1 / 512 / 0.2})
-    assert float(back.creepage[-1]) == pytest.approx(0.005, rel=1 / 29)  # the same curve, by the other side
+    back = run(config, coarse | {"trajectory": given})
+    assert float(back.creepage[-1]) == pytest.approx(0.005, rel=0.02)  # the same curve, by the other side
 
 
 @pytest.mark.parametrize(("thickness", "poisson"), [(0.06, 0.5), (math.inf, 0.2)])
