@@ -49,6 +49,40 @@ solver: {{tolerance: 1.0e-9}}""",
     "a geometry": f"grid: {{geometry: spring}}\nsweep: {{layer.material.G0: [1.0, 3.0]}}\n{STEPS}",
     "an observable": f"{GRID}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
 }
+# What an example refuses besides: method, line of a configuration, and the message with its place.
+REFUSALS = {
+    "a punch shape": (
+        """
+    def misfit(self, extent):
+        from gfmdlayer.validation.problems import Problem
+
+        if self.flat >= extent.length / 2:
+            return Problem(("flat",), f"got {self.flat!r}; must be below half {extent.words}")
+""",
+        "punch: {shape: frustum, slope: 1, flat: 0.5}",
+        ":2:41: punch.flat: got 0.5; must be below half the period in x, 1.0",
+    ),
+    "a material law": (
+        """
+    def problems(self):
+        from gfmdlayer.validation.problems import Problem
+
+        if self.G < self.G0:
+            yield Problem(("G",), f"got {self.G!r}; must be a number >= G0", ("G0",))
+""",
+        "layer: {material: {model: rouse, G0: 2.0, G: 1.0, tau: 1.0}}",
+        ":2:46: layer.material.G: got 1.0; must be a number >= G0",
+    ),
+    "a geometry": (
+        """
+    def problems(self):
+        if self.config.trajectory.control == "load":
+            yield "trajectory.control", "got 'load'; must be depth or force"
+""",
+        "grid: {geometry: spring}\ntrajectory: {control: load, load: 1.0}",
+        ":3:23: trajectory.control: got 'load'; must be depth or force",
+    ),
+}
 SCRIPT = "import sys; from gfmdlayer.cli import main; print([main(each.split()) for each in sys.argv[1:]])"
 VERBS = (
     "check a-geometry.yaml",
@@ -63,11 +97,11 @@ def sections() -> dict[str, str]:
     return dict(zip(parts[::2], parts[1::2], strict=True))
 
 
-def add(section: str, copy: Path) -> None:
-    """Write the file of a section into a copy of the package, and its line into the table."""
+def add(section: str, copy: Path, method: str = "") -> None:
+    """Write the file of a section, with a further method, into a copy of the package, and its line."""
     code = FILE.search(section)
     assert code is not None
-    (copy / code[2]).write_text(code[1], encoding="utf-8")
+    (copy / code[2]).write_text(code[1] + method, encoding="utf-8")
     rest = section[code.end() :]
     table, line = TABLE.search(rest), LINE.search(rest)
     assert table is not None
@@ -92,11 +126,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(Path(gfmdlayer.__file__).parent, copy / "gfmdlayer")  # with the compiled kernels
     every = sections()
     for title, values in CASES.items():
-        add(every[title], copy)
+        method, refused, _ = REFUSALS.get(title, ("", "", ""))
+        add(every[title], copy, method)
         name = title.replace(" ", "-")
+        (folder / f"{name}.bad").write_text(f"name: {name}\n{refused}\n")
         (folder / f"{name}.yaml").write_text(f"name: {name}\n{values}\n")
     commands = [f"run {path.name}" for path in sorted(folder.glob("*.yaml"))]
     commands += [*VERBS, "new", "schema"]
+    ends = [0] * len(commands) + [2] * len(REFUSALS)
+    commands += [f"check {title.replace(' ', '-')}.bad" for title in REFUSALS]
     ran = subprocess.run(
         [sys.executable, "-c", SCRIPT, *commands],
         cwd=folder,
@@ -105,8 +143,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         text=True,
         check=False,
     )
-    assert ran.stdout.split("\n")[-2:-1] == [str([0] * len(commands))], ran.stdout + ran.stderr
-    (folder / "said").write_text(ran.stdout)
+    assert ran.stdout.split("\n")[-2:-1] == [str(ends)], ran.stdout + ran.stderr
+    (folder / "said").write_text(ran.stdout + ran.stderr)
     return folder
 
 
@@ -136,6 +174,11 @@ def test_a_frustum_is_a_wedge_or_a_flat_punch_and_an_element_of_an_array(folder:
     # The gap is zero in contact, where the displacement meets the punch to the solver's tolerance.
     within = 1e-6 * float(top["depth"][-1])
     np.testing.assert_allclose(heights, 50 * np.maximum(np.abs(top["x"]) - 0.125, 0), atol=within)
+
+
+@pytest.mark.parametrize("title", REFUSALS)
+def test_what_an_addition_refuses_is_named_with_its_place(folder: Path, title: str) -> None:
+    assert f"{title.replace(' ', '-')}.bad{REFUSALS[title][2]}" in (folder / "said").read_text()
 
 
 def test_templates_and_the_schema_offer_what_is_added(folder: Path) -> None:
