@@ -131,7 +131,7 @@ def test_rough_contact_of_a_body_with_a_history(dense_contact, shape, condition,
 
 @each_condition
 @pytest.mark.parametrize("size", [16, 17, 20, 27, 32, 33, 48, 50, 63, 64])
-@pytest.mark.parametrize("number", [34, pytest.param(134, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [34, pytest.param(334, marks=pytest.mark.slow)])
 def test_small_problems_need_no_safeguard(dense_contact, number, size, condition, monkeypatch) -> None:  # type: ignore[no-untyped-def]
     monkeypatch.setattr(ActiveSet, "_save", None)
     dense = dense_contact((size,))

@@ -109,10 +109,10 @@ def test_random_rough_problems_are_solved(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 100, 25))
-def test_a_hundred_random_rough_problems_are_solved(first: int) -> None:
+@pytest.mark.parametrize("first", range(0, 200, 50))
+def test_two_hundred_random_rough_problems_are_solved(first: int) -> None:
     """`scripts/soak.py` makes more."""
-    for seed in range(first, first + 25):
+    for seed in range(first, first + 50):
         check(*problem_of(seed))
 
 
