@@ -106,11 +106,9 @@ def assert_consistent(found: Solution, problem: Problem, shape: tuple[int, ...] 
 
 
 def assert_solved(dense: Any, method: Method, condition: str, seed: int) -> None:
-    """From a random start, to the dense solution.
-
-    Stray gaps of TOLERANCE in the contact, times at most sqrt(n) for their sum and 64 x 1.6 for the stiffest
-    mode: under 1e3 TOLERANCE = 1e-8 for the worst, and 1e-9 for any that do not conspire.
-    """
+    """From a random start, to the dense solution."""
+    # Stray gaps of TOLERANCE in the contact, times at most sqrt(n) for their sum and 64 x 1.6 for the
+    # stiffest mode: under 1e3 TOLERANCE = 1e-8 for the worst, and 1e-9 for any that do not conspire.
     problem = dense.problem(seed, condition)
     u, pressure = dense.solution(problem)
     rng, largest = np.random.default_rng(seed), pressure.max()

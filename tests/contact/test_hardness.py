@@ -102,11 +102,9 @@ def test_pressures_below_the_hardness_are_elastic() -> None:
 
 
 def test_a_dense_bounded_problem_has_the_same_pressures() -> None:
-    """On a line with springs: min |B p - d|^2/2 over 0 <= p <= H with A = B'B, by SciPy's active sets.
-
-    No value of A is below 1/max(kappa), so that pressures differ by max(kappa) D tolerance a point at most,
-    times the square root of the points that press (test_nested_gradient derives it).
-    """
+    """On a line with springs: min |B p - d|^2/2 over 0 <= p <= H with A = B'B, by SciPy's active sets."""
+    # No value of A is below 1/max(kappa), so that pressures differ by max(kappa) D tolerance a point at most,
+    # times the square root of the points that press (test_nested_gradient derives it).
     n, hardness = 64, 0.1
     x = np.arange(n) / n - 0.5
     kappa = 5.0 + np.arange(n // 2 + 1, dtype=float)
@@ -197,11 +195,9 @@ def test_the_plastic_work_is_the_hardness_times_the_imprint(step: Any) -> None:
 
 
 def test_the_balance_of_energy_holds_over_jumps_of_a_depth() -> None:
-    """Where all points in contact yield, the depth jumps until the next ones touch.
-
-    Over a jump the work is known to half the step of the load times the jump. The jumps add up to the depth
-    at most, and the work is half the load times the depth: a part `step` of it for a ramp of duration 1.
-    """
+    """Where all points in contact yield, the depth jumps until the next ones touch."""
+    # Over a jump the work is known to half the step of the load times the jump. The jumps add up to the depth
+    # at most, and the work is half the load times the depth: a part `step` of it for a ramp of duration 1.
     step, grid = 1 / 80, {"points": [32, 32], "period": 1.2}
     load, time = {"control": "load", "load": 0.007}, {"step": step, "end": 1.0}
     found = run(config(0.12, grid=grid, layer=RUBBER, punch=SPHERE, trajectory=load, time=time))
@@ -290,11 +286,9 @@ def test_a_moving_punch_satisfies_the_conditions_of_plasticity(attracts: bool) -
     ids=["exponential", "lennard_jones"],
 )
 def test_with_attraction_it_is_the_minimum_over_gaps_and_flows(law: Any) -> None:
-    """Of elastic energy, interface and flow stress times flow: no lower one, by another method.
-
-    The energy is convex, as no curvature of the law exceeds kappa, 5 at least. Rounding of the energies, of
-    1e-15, and SciPy's tolerance of them leave 1e-13; their root is the error of a displacement.
-    """
+    """Of elastic energy, interface and flow stress times flow: no lower one, by another method."""
+    # The energy is convex, as no curvature of the law exceeds kappa, 5 at least. Rounding of the energies, of
+    # 1e-15, and SciPy's tolerance of them leave 1e-13; their root is the error of a displacement.
     n, law = 64, law.interaction()
     x = np.arange(n) / n - 0.5
     kappa, h = 5.0 + 0.5 * np.arange(n // 2 + 1), 0.3 * x**2 + 0.005 * np.cos(38 * x) - 0.03
@@ -326,10 +320,8 @@ def test_with_attraction_it_is_the_minimum_over_gaps_and_flows(law: Any) -> None
 
 
 def test_flat_summits_stick_better_and_the_balance_of_energy_closes() -> None:
-    """The wall carries the hardness, the flow stress works on the imprint, and the pull-off grows.
-
-    The balance closes at least in proportion to the steps.
-    """
+    """The wall carries the hardness, the flow stress works on the imprint, and the pull-off grows."""
+    # The balance closes at least in proportion to the steps.
     law, speed = {"law": "exponential", "work": 0.02, "range": 0.01}, 0.05
     path = {"kind": "approach_retract", "start": -0.05, "depth": 0.03, "final": -0.1}
     keys: dict[str, Any] = {

@@ -40,11 +40,9 @@ def settled(
 
 
 def hertz(load: float) -> tuple[float, float]:
-    """Radius and largest pressure under a sphere of R = 1 in a cell of 1 x 1.
-
-    The neighbours' displacement around the middle, F/(pi E*) LATTICE_3 r^2/4, acts like a curvature of the
-    sphere. The next term is of the order (a/L)^5.
-    """
+    """Radius and largest pressure under a sphere of R = 1 in a cell of 1 x 1."""
+    # The neighbours' displacement around the middle, F/(pi E*) LATTICE_3 r^2/4, acts like a curvature of the
+    # sphere. The next term is of the order (a/L)^5.
     R = 1 / (1 + 2 * LATTICE_3 * load / (4 * np.pi * E))
     a = (3 * load * R / (4 * E)) ** (1 / 3)
     return a, 1.5 * load / (np.pi * a**2)
