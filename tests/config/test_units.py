@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.config import Config, digest
 from gfmdlayer.validation.units import Units
+from tests.config.reading import problems
 
 
 @pytest.mark.parametrize(
@@ -41,7 +42,7 @@ def test_words_become_labels_and_stay_without_units() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("units", "message"),
     [
         ("{length: m, stress: Pa}", "units.time: missing; must be a unit of time, such as s, ms, min or h"),
         ("{length: Pa, stress: Pa, time: s}", "units.length: got the text 'Pa'; must be a unit of length"),
@@ -53,21 +54,11 @@ def test_words_become_labels_and_stay_without_units() -> None:
         ),
         ("{lenght: m, stress: Pa, time: s}", "units.lenght: unknown key; allowed: length, stress, time"),
         ("SI", "units: got the text 'SI'; must be a mapping"),
+        ("{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}", "units.length: cannot be swept"),
     ],
 )
-def test_other_names_are_refused(tmp_path: Path, text: str, message: str) -> None:
-    path = tmp_path / "a.yaml"
-    path.write_text(f"name: a\nunits: {text}\n")
-    with pytest.raises(ConfigError) as error:
-        load(path)
-    assert message in str(error.value)
-
-
-def test_labels_are_not_swept(tmp_path: Path) -> None:
-    path = tmp_path / "a.yaml"
-    path.write_text("name: a\nunits: {length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}\n")
-    with pytest.raises(ConfigError, match=r"sweep\.units\.length: cannot be swept"):
-        load(path)
+def test_other_names_and_sweeps_of_labels_are_refused(tmp_path: Path, units: str, message: str) -> None:
+    assert message in "\n".join(problems(tmp_path, f"name: a\nunits: {units}\n"))
 
 
 def test_configurations_without_units_keep_their_digest() -> None:
