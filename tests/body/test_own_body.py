@@ -180,13 +180,10 @@ FILE = "{file: winkler.py, k: 1}"
         ("{file: winkler.py, k: 1, kk: 1}", "body.kk: unknown key; allowed: kind, k, tau, file; did"),
         ("{file: nothing.py, k: 1}", "nothing.py does not exist; must be the name of a readable file,"),
         (FILE + "\nlayer: {}", "case.yaml:4:1: layer: not available with body: {kind: winkler}; remove it"),
-        (
-            FILE + "\nhalfspace: {}",
-            "case.yaml:4:1: halfspace: not available with body: {kind: winkler}",
-        ),
+        (FILE + "\nhalfspace: {}", "case.yaml:4:1: halfspace: not available with body: {kind: winkler}"),
         (FILE + "\ngrid: {geometry: axisymmetric}", "axisymmetric, which this body does not allow; must be"),
     ],
-)
+)  # fmt: skip
 @pytest.mark.usefixtures("here")
 def test_impossible_keys_are_refused_with_their_place(text: str, expected: str) -> None:
     grid = "" if "grid:" in text else "grid: {points: 16}"

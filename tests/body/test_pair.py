@@ -121,14 +121,11 @@ def test_deep_bodies_keep_one_time_at_all_waves() -> None:
 
 
 TWO = {
-    "name": "two",
-    "grid": {"points": 256},
-    "layer": {"thickness": 0.1, "material": {"tau": 0.5}},
+    "name": "two", "grid": {"points": 256}, "layer": {"thickness": 0.1, "material": {"tau": 0.5}},
     "halfspace": {"shear_modulus": float("inf")},
     "trajectory": {"control": "load", "kind": "ramp_hold", "load": 0.01, "ramp_time": 0.5},
-    "time": {"end": 2.0, "step": 0.1, "integrator": "exponential"},
-    "output": {"snapshots": [2.0]},
-}
+    "time": {"end": 2.0, "step": 0.1, "integrator": "exponential"}, "output": {"snapshots": [2.0]},
+}  # fmt: skip
 
 
 def run(**keys: Any) -> Any:
@@ -172,43 +169,20 @@ def test_a_stiff_counterbody_approaches_the_rigid_punch() -> None:
 @pytest.mark.parametrize(
     ("counterbody", "keys", "message"),
     [
-        (
-            {"halfspace": {"shear_modulus": 0}},
-            {},
-            "counterbody.halfspace.shear_modulus: got 0 without a layer: the counterbody carries no load",
-        ),
-        (
-            {"layer": {}, "layers": [{"thickness": 1}]},
-            {},
-            "counterbody.layers: given beside layer; remove one of the two",
-        ),
+        ({"halfspace": {"shear_modulus": 0}}, {},
+         "counterbody.halfspace.shear_modulus: got 0 without a layer: the counterbody carries no load"),
+        ({"layer": {}, "layers": [{"thickness": 1}]}, {},
+         "counterbody.layers: given beside layer; remove one of the two"),
         ({"thickness": 1}, {}, "counterbody.thickness: unknown key"),
-        (
-            {"layer": {}, "velocity_ratio": 1.0},
-            {},
-            "counterbody.velocity_ratio: only for a punch that moves; remove it or set trajectory.velocity",
-        ),
-        (
-            {"layer": {}, "velocity_ratio": 1.0},
-            {
-                "trajectory": {"velocity": 1.0},
-                "punch": {
-                    "shape": "self_affine",
-                    "hurst": 0.8,
-                    "rms_slope": 0.1,
-                    "short_cutoff": 0.01,
-                    "seed": 1,
-                },
-            },
-            "counterbody.velocity_ratio: got 1.0 with a rough punch, whose heights would pass the contact",
-        ),
-        (
-            {"layer": {}},
-            {"grid": {"geometry": "axisymmetric"}},
-            "counterbody: not available with grid.geometry: axisymmetric",
-        ),
+        ({"layer": {}, "velocity_ratio": 1.0}, {},
+         "counterbody.velocity_ratio: only for a punch that moves; remove it or set trajectory.velocity"),
+        ({"layer": {}, "velocity_ratio": 1.0}, {"trajectory": {"velocity": 1.0},
+         "punch": {"shape": "self_affine", "hurst": 0.8, "rms_slope": 0.1, "short_cutoff": 0.01, "seed": 1}},
+         "counterbody.velocity_ratio: got 1.0 with a rough punch, whose heights would pass the contact"),
+        ({"layer": {}}, {"grid": {"geometry": "axisymmetric"}},
+         "counterbody: not available with grid.geometry: axisymmetric"),
     ],
-)
+)  # fmt: skip
 def test_impossible_counterbodies_are_refused(
     counterbody: dict[str, Any], keys: dict[str, Any], message: str
 ) -> None:

@@ -202,17 +202,11 @@ FIGURES: dict[str, tuple[dict[str, list[float]], float, float]] = {
 def test_shipped_configurations_contain_the_papers_cases(name: str, quick: bool) -> None:
     sweep, Ginf, bulk = FIGURES[name]
     config = load(CONFIGS / f"{name}{'-quick' if quick else ''}.yaml")
-    expected = Config(name=config.name).with_values(
-        {
-            "layer.material.Ginf": Ginf,
-            "halfspace.shear_modulus": bulk,
-            "grid.points": 1024 if quick else 2**14,
-            "time.step": 0.05 if quick else 0.005,
-            "time.integrator": "backward_euler",
-            "solver.method": "fire",
-            "output.snapshots": [] if name == "indentation" else [0.5, 1.0, 2.0, 8.0],
-        }
-    )
+    expected = Config(name=config.name).with_values({
+        "layer.material.Ginf": Ginf, "halfspace.shear_modulus": bulk, "grid.points": 1024 if quick else 2**14,
+        "time.step": 0.05 if quick else 0.005, "time.integrator": "backward_euler", "solver.method": "fire",
+        "output.snapshots": [] if name == "indentation" else [0.5, 1.0, 2.0, 8.0],
+    })  # fmt: skip
     assert config.name == name + ("-quick" if quick else "")
     assert config.sweep == sweep
     assert config.with_values({}) == expected

@@ -41,15 +41,12 @@ def run(config: Config, **values: object) -> list[dict[str, float]]:
 
 @pytest.mark.parametrize("control", ["depth", "load"])
 def test_a_case_takes_an_interface_law_and_its_energy_balances(control: str) -> None:
-    config = Config(name="adhesion").with_values(
-        {
-            "grid.points": 512,
-            "halfspace.shear_modulus": 1.0,
-            "layer.material": {"model": "zener", "G0": 1.0, "Ginf": 3.0, "tau": 1.0},
-            "trajectory": {"control": control, control: 0.01},
-            "time": {"end": 2.0, "step": 0.02, "integrator": "exponential"},
-        }
-    )
+    config = Config(name="adhesion").with_values({
+        "grid.points": 512, "halfspace.shear_modulus": 1.0,
+        "layer.material": {"model": "zener", "G0": 1.0, "Ginf": 3.0, "tau": 1.0},
+        "trajectory": {"control": control, control: 0.01},
+        "time": {"end": 2.0, "step": 0.02, "integrator": "exponential"},
+    })  # fmt: skip
     adhesive = run(config, interface={"work": 1e-3, "range": 4e-3})
     hard = run(config)
     assert all(row["residual"] <= 1e-6 for row in adhesive)

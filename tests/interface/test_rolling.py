@@ -10,13 +10,10 @@ import pytest
 import gfmdlayer
 
 ROLLING: dict[str, Any] = {
-    "grid": {"points": 512},
-    "layer": {"thickness": 0.1},
-    "punch": {"shape": "cylinder", "radius": 0.5},
+    "grid": {"points": 512}, "layer": {"thickness": 0.1}, "punch": {"shape": "cylinder", "radius": 0.5},
     "interface": {"law": "exponential", "work": 1e-3, "range": 2e-3},
-    "trajectory": {"control": "load", "load": 0.005, "ramp_time": 1.0},
-    "output": {"snapshots": "every"},
-}
+    "trajectory": {"control": "load", "load": 0.005, "ramp_time": 1.0}, "output": {"snapshots": "every"},
+}  # fmt: skip
 
 
 def edges(speed: float, **values: Any) -> tuple[float, float, float]:

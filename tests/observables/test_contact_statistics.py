@@ -19,15 +19,11 @@ from gfmdlayer.observables.contact_statistics import histogram
 Run = Callable[[dict[str, object]], Any]
 
 BUMPS: dict[str, object] = {
-    "punch": {"shape": "sinusoid", "amplitude": 0.01, "wavelength": 0.25},
-    "solver": {"method": "active_set"},
-    "trajectory.depth": 0.005,
-    "time.end": 2.0,
-    "time.step": 0.5,
-    "output.patches": True,
+    "punch": {"shape": "sinusoid", "amplitude": 0.01, "wavelength": 0.25}, "solver": {"method": "active_set"},
+    "trajectory.depth": 0.005, "time.end": 2.0, "time.step": 0.5, "output.patches": True,
     "output.histograms.pressure": {"max": 8.0, "bins": 40},
     "output.histograms.gap": {"scale": "log", "min": 1e-5, "max": 0.1, "bins": 40},
-}
+}  # fmt: skip
 
 
 def count_patches(touching: NDArray[np.bool_]) -> int:
@@ -113,18 +109,13 @@ def test_pressures_of_full_contact_with_a_wave_follow_the_arcsine_law(run: Run) 
     n, amplitude = 4096, 0.01
     star = 4.0 * np.pi * amplitude  # p* = E* q A/2 with E* = 4 G, on a punch A (1 - cos q x), q = 2 pi
     load = 1.5 * star
-    found = run(
-        {
-            "grid.points": n,
-            "layer.thickness": 0,
-            "punch": {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0},
-            "trajectory": {"control": "load", "load": load},
-            "solver": {"method": "active_set", "tolerance": 1e-9},
-            "time.end": 2.0,
-            "time.step": 1.0,
-            "output.histograms.pressure": {"max": 3 * star, "bins": 30},
-        }
-    )
+    found = run({
+        "grid.points": n, "layer.thickness": 0,
+        "punch": {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0},
+        "trajectory": {"control": "load", "load": load},
+        "solver": {"method": "active_set", "tolerance": 1e-9}, "time.end": 2.0, "time.step": 1.0,
+        "output.histograms.pressure": {"max": 3 * star, "bins": 30},
+    })  # fmt: skip
     assert found["contact_area"][-1] == 1
     edges = np.append(np.linspace(0, 3 * star, 31), np.inf)
     law = 0.5 + np.arcsin(np.clip((edges - load) / star, -1, 1)) / np.pi

@@ -75,16 +75,10 @@ def test_heat_only_grows_and_no_spring_stores_less_than_nothing(
 @pytest.mark.parametrize("Ginf", [1.0, 10.0])
 def test_a_cycle_costs_work_unless_the_body_is_elastic(run: Run, tmp_path: Path, Ginf: float) -> None:
     (tmp_path / "cycle.txt").write_text("time depth\n0 0\n1 0.01\n1.4 0.006\n")
-    recording = run(
-        {
-            "grid.points": 1024,
-            "time.end": 1.4,
-            "time.step": 0.01,
-            "solver.tolerance": 1e-8,
-            "layer.material.Ginf": Ginf,
-            "trajectory": {"kind": "table", "file": str(tmp_path / "cycle.txt")},
-        }
-    )
+    recording = run({
+        "grid.points": 1024, "time.end": 1.4, "time.step": 0.01, "solver.tolerance": 1e-8,
+        "layer.material.Ginf": Ginf, "trajectory": {"kind": "table", "file": str(tmp_path / "cycle.txt")},
+    })  # fmt: skip
     there, back = recording.at("work", [0.6, 1.4])  # at the same depth
     if Ginf == 1.0:
         # What is left is the quadrature of the work, of second order at least: (dt/ramp)^2 = 1e-4 at most.
@@ -99,15 +93,10 @@ def test_the_stored_energy_is_that_of_the_pressure_on_the_surface(
     run: Run, points: tuple[int, ...], tmp_path: Path
 ) -> None:
     (tmp_path / "jump.txt").write_text("time depth\n0 0.004\n1 0.004\n")
-    recording = run(
-        {
-            "grid.points": points,
-            "grid.period": 1.0,
-            "time.end": 0.05,
-            "trajectory": {"kind": "table", "file": str(tmp_path / "jump.txt")},
-            "output.snapshots": [0.0],
-        }
-    )
+    recording = run({
+        "grid.points": points, "grid.period": 1.0, "time.end": 0.05,
+        "trajectory": {"kind": "table", "file": str(tmp_path / "jump.txt")}, "output.snapshots": [0.0],
+    })  # fmt: skip
     _, u, p = recording.snapshots[0]
     assert recording["stored"][0] == pytest.approx(-np.mean(u * p) / 2, rel=1e-9)
     assert recording["work"][0] == recording["stored"][0] > 0

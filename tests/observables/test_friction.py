@@ -63,16 +63,13 @@ def full_contact(name: str, velocity: float) -> dict[str, object]:
         {"G": G, "tau": tau} for G, tau in zip(material.branch_moduli, material.branch_times, strict=True)
     ]
     return {
-        "grid.points": 16,
-        "layer.thickness": body.thickness,
-        "layer.poisson": body.poisson,
+        "grid.points": 16, "layer.thickness": body.thickness, "layer.poisson": body.poisson,
         "layer.material": {"model": "prony", "G0": material.relaxed, "branches": branches},
         "halfspace": {"shear_modulus": body.bulk_modulus, "poisson": body.bulk_poisson},
         "punch": {"shape": "sinusoid", "amplitude": AMPLITUDE, "wavelength": 1.0},
         "trajectory": {"control": "load", "load": 1.0, "velocity": velocity},
-        "time": {"end": 300.0, "step": 5.0},
-        "solver": SOLVER,
-    }
+        "time": {"end": 300.0, "step": 5.0}, "solver": SOLVER,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BODIES)

@@ -74,28 +74,18 @@ def test_a_large_cylinder_keeps_its_digits() -> None:
         (Wedge(slope=0.3, along="x"), lambda x, y: 0.3 * np.abs(y) + 0 * x),
         (Parabola(radius=(0.2, 0.5)), lambda x, y: x**2 / 0.4 + y**2),
         (Parabola(radius=(0.2, np.inf)), lambda x, y: x**2 / 0.4 + 0 * y),
-        (
-            Flat(width=(0.4, 0.6), edge_radius=0.1),
-            lambda x, y: (np.maximum(np.abs(x) - 0.2, 0) ** 2 + np.maximum(np.abs(y) - 0.3, 0) ** 2) / 0.2,
-        ),
-        (
-            Flat(width=(0.4, np.inf), edge_radius=0.1),
-            lambda x, y: np.maximum(np.abs(x) - 0.2, 0) ** 2 / 0.2 + 0 * y,
-        ),
-        (
-            Sinusoid(amplitude=(0.02, 0.0), wavelength=(0.5, np.inf)),
-            lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0 * y,
-        ),
-        (
-            Sinusoid(amplitude=0.02, wavelength=0.5),
-            lambda x, y: 0.02 * (2 - np.cos(4 * np.pi * x) - np.cos(4 * np.pi * y)),
-        ),
-        (
-            Sinusoid(amplitude=(0.02, 0.01), wavelength=(0.5, 1.5)),
-            lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0.01 * (1 - np.cos(4 * np.pi / 3 * y)),
-        ),
+        (Flat(width=(0.4, 0.6), edge_radius=0.1),
+         lambda x, y: (np.maximum(np.abs(x) - 0.2, 0) ** 2 + np.maximum(np.abs(y) - 0.3, 0) ** 2) / 0.2),
+        (Flat(width=(0.4, np.inf), edge_radius=0.1),
+         lambda x, y: np.maximum(np.abs(x) - 0.2, 0) ** 2 / 0.2 + 0 * y),
+        (Sinusoid(amplitude=(0.02, 0.0), wavelength=(0.5, np.inf)),
+         lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0 * y),
+        (Sinusoid(amplitude=0.02, wavelength=0.5),
+         lambda x, y: 0.02 * (2 - np.cos(4 * np.pi * x) - np.cos(4 * np.pi * y))),
+        (Sinusoid(amplitude=(0.02, 0.01), wavelength=(0.5, 1.5)),
+         lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0.01 * (1 - np.cos(4 * np.pi / 3 * y))),
     ],
-)
+)  # fmt: skip
 def test_shapes_of_two_directions_follow_their_closed_form(
     shape: Shape, closed_form: Callable[[FloatArray, FloatArray], FloatArray]
 ) -> None:

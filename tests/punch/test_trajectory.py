@@ -50,12 +50,8 @@ def test_the_ramp_as_a_table_is_the_ramp(tmp_path: Path) -> None:
 
 
 BACK = {
-    "kind": "approach_retract",
-    "start": -0.01,
-    "approach_speed": 0.02,
-    "dwell": 0.5,
-    "retract_speed": 0.1,
-}
+    "kind": "approach_retract", "start": -0.01, "approach_speed": 0.02, "dwell": 0.5, "retract_speed": 0.1,
+}  # fmt: skip
 
 
 def test_a_punch_approaches_dwells_and_retracts() -> None:
