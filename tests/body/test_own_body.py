@@ -14,11 +14,25 @@ import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer import Case, Config, ConfigError, Wavevectors, Zener, load, simulate
+from gfmdlayer import (
+    Case,
+    Config,
+    ConfigError,
+    Layer,
+    LayeredHalfspace,
+    LayerStack,
+    ViscoelasticLayer,
+    Wavevectors,
+    Zener,
+    load,
+    simulate,
+)
+from gfmdlayer.body.body import Body
 from gfmdlayer.body.solid import fault
 from gfmdlayer.config import digest
 from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.figures.body_plot import body_figure
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.journal import Recording
 
 ROOT = Path(__file__).parents[2]
@@ -127,13 +141,6 @@ def test_layers_by_name_are_the_default() -> None:
     keys: dict[str, Any] = {"name": "a", "layer": {"thickness": 0.1}}
     assert digest(Config(**keys, body={"kind": "layers"})) == digest(Config(**keys))
     assert Config(**keys, body={"kind": "layers"}).solid == Config(**keys).solid
-
-
-@pytest.mark.usefixtures("here")
-def test_a_written_configuration_reads_back() -> None:
-    config = configured(BED, **{"body.tau": 3.0})
-    assert load("again.yaml", content=config.dump()).dump() == config.dump()
-    assert digest(load("again.yaml", content=config.dump())) == digest(config)
 
 
 def test_a_configuration_reaches_other_processes_when_the_file_is_gone(here: Path) -> None:
@@ -265,3 +272,40 @@ def test_a_body_names_what_it_lacks() -> None:
         simulate(case, Recording())
     with pytest.raises(TypeError, match=r"float has no .*; no spectrum.*must be a body, such as halfspace"):
         gfmdlayer.solve(1.0, punch, depth=0.01)  # type: ignore[arg-type]
+
+
+# --- wavevectors ---
+
+LAYER = ViscoelasticLayer(LayeredHalfspace(0.1, 0.4, 2.0), Zener())
+STACK = LayerStack((Layer(0.1, 0.4, Zener()), Layer(0.2, 0.5, Zener(tau=3.0))), rigid=True)
+
+
+@pytest.mark.parametrize("grid", [Grid((9,), (2.0,)), Grid((8, 6), (1.0, 3.0))])
+def test_the_grid_gives_the_wavevector_of_each_mode(grid: Grid) -> None:
+    waves = grid.waves
+    assert waves.qx.shape == waves.qy.shape == waves.magnitude.shape == waves.shape == grid.spectral_shape
+    np.testing.assert_array_equal(waves.magnitude, grid.wavenumbers)
+    np.testing.assert_allclose(np.hypot(waves.qx, waves.qy), waves.magnitude, rtol=1e-15)
+    # A wave exp(i q.x) on the grid has its transform at its own mode.
+    wave = np.unravel_index(3, grid.spectral_shape)
+    points = np.meshgrid(*grid.coordinates, indexing="ij")
+    phase = sum(q[wave] * x for q, x in zip((waves.qx, waves.qy), points, strict=False))
+    assert np.unravel_index(np.abs(np.fft.rfftn(np.cos(phase))).argmax(), grid.spectral_shape) == wave
+
+
+def test_plain_magnitudes_are_waves_along_x() -> None:
+    waves = Wavevectors.of([[0.0, 1.0], [2.0, 3.0]])
+    np.testing.assert_array_equal(waves.qx, [[0.0, 1.0], [2.0, 3.0]])
+    np.testing.assert_array_equal(waves.qy, 0.0)
+    assert Wavevectors.of(waves) is waves
+    assert np.shape(waves) == (2, 2)
+    np.testing.assert_array_equal(2 * np.asarray(waves), 2 * waves.magnitude)
+
+
+@pytest.mark.parametrize("body", [LAYER, STACK])
+def test_isotropic_bodies_answer_to_the_magnitude(body: Body) -> None:
+    grid = Grid((8, 6), (1.0, 3.0))
+    found, expected = body.spectrum(grid.waves), body.spectrum(grid.wavenumbers)
+    for name in ("relaxed", "weights", "times"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    np.testing.assert_array_equal(body.stiffness(grid.waves, 1j), body.stiffness(grid.wavenumbers, 1j))
