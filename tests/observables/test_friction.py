@@ -86,21 +86,20 @@ def test_friction_in_full_contact_is_the_closed_form_over_six_decades_of_speed(r
         assert power == pytest.approx(velocity * expected, rel=1e-6)  # what is asked is 1e-3
 
 
-@pytest.mark.parametrize("points", [[12, 9], [9, 12]])
-def test_a_wave_across_the_motion_rubs_nothing(run: Run, points: list[int]) -> None:
-    # The punch is the sum of a wave along x and one along y.
-    recording = run(full_contact("default layer", 0.3) | {"grid.points": points, "grid.period": 1.0})
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        ("default layer", {"grid.points": [12, 9], "grid.period": 1.0}),  # a wave along x and one along y
+        ("default layer", {"grid.points": [9, 12], "grid.period": 1.0}),
+        ("thin on a rigid base", {"trajectory": {"depth": 0.01, "velocity": 0.3}}),
+    ],
+)
+def test_a_wave_across_the_motion_and_a_given_depth_change_no_friction(
+    run: Run, name: str, more: dict[str, object]
+) -> None:
+    recording = run(full_contact(name, 0.3) | more)
     assert recording["contact_area"][-1] == 1
-    expected = closed_form(*BODIES["default layer"], 0.3)
-    assert recording["tangential_force"][-1] == pytest.approx(expected, rel=1e-6)
-
-
-def test_at_a_given_depth_a_compressible_layer_rubs_alike(run: Run) -> None:
-    case = full_contact("thin on a rigid base", 0.3)
-    recording = run(case | {"trajectory": {"depth": 0.01, "velocity": 0.3}})
-    assert recording["contact_area"][-1] == 1
-    expected = closed_form(*BODIES["thin on a rigid base"], 0.3)
-    assert recording["tangential_force"][-1] == pytest.approx(expected, rel=1e-6)
+    assert recording["tangential_force"][-1] == pytest.approx(closed_form(*BODIES[name], 0.3), rel=1e-6)
 
 
 def test_friction_peaks_where_a_wave_passes_in_a_relaxation_time_and_vanishes_far_from_there(

@@ -15,8 +15,6 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.model import simulate
 from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
@@ -25,6 +23,7 @@ from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.resumable import State
 from gfmdlayer.verification.runs import Recording
+from tests.observables.conftest import RunUpTo
 
 CONFIG = Config(name="rms").with_values(
     {"grid.points": 32, "time": {"end": 1.5, "step": 0.125}, "output.snapshots": [0.5, 1.0, 1.5]}
@@ -54,29 +53,15 @@ class RmsPressure(Observable):
         self._largest = float(state["largest"])
 
 
-def stop_at(time: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the next run stop after a simulated time, as a signal does."""
-    advance = StatusFile.advance
-
-    def stopping(self: StatusFile, simulated_time: float) -> None:
-        advance(self, simulated_time)
-        if simulated_time >= time:
-            raise Stopped
-
-    monkeypatch.setattr(StatusFile, "advance", stopping)
-
-
 def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_up_to: RunUpTo
 ) -> None:
     before = estimate(CONFIG).storage
     monkeypatch.setitem(OBSERVABLES, "pressure_rms", RmsPressure)
     assert estimate(CONFIG).storage - before == 2 * 8 * 512  # a block of rows for each column
     folder, case = Folder(tmp_path), SweepCase(0, CONFIG, {})
     folder.cases.mkdir()
-    with monkeypatch.context() as once:
-        stop_at(1.25, once)  # after the largest pressure, at the end of the ramp
-        assert run_case(case, folder).state == "stopped"
+    run_up_to(1.25, case, folder)  # after the largest pressure, at the end of the ramp
     assert run_case(case, folder).state == "complete"
     with open_case(folder.case(0)) as found:
         rms = found["pressure_rms"]
