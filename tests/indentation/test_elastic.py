@@ -9,7 +9,7 @@ import pytest
 
 from gfmdlayer import Elastic, FlatPunch, Layer, LayeredHalfspace, LayerStack, Prony, indent
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.indentation.solve import History, Indentation, follow
+from gfmdlayer.indentation.solve import Edge, History, Indentation, follow
 from gfmdlayer.punch import revolution
 from gfmdlayer.punch.revolution import Revolution
 
@@ -110,7 +110,7 @@ def test_jkr_sphere_on_a_halfspace() -> None:
     """Depth = a^2/R - (2 pi a w/E*)^(1/2) and F = 4 E* a^3/(3 R) - (8 pi w E* a^3)^(1/2) on either path."""
     R, w, E = 1.0, 1e-3, 2 / (1 - NU)
     history = History(np.array([0.0, 1.0, 3.0]), np.array([-0.01, 0.02, -0.05]))
-    run = follow(HALFSPACE, revolution.paraboloid(R), history, adhesion=w)
+    run = follow(HALFSPACE, revolution.paraboloid(R), history, adhesion=Edge(w))
     a = run.radius[run.radius > 0]
     np.testing.assert_allclose(
         run.depth[run.radius > 0], a**2 / R - np.sqrt(2 * np.pi * a * w / E), atol=1e-9
@@ -131,7 +131,7 @@ def test_adhesive_contact_under_a_tensile_force() -> None:
     history = History(
         np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.02, -0.99 * 1.5 * np.pi * w * R]), by_force=True
     )
-    run = follow(HALFSPACE, revolution.paraboloid(R), history, adhesion=w)
+    run = follow(HALFSPACE, revolution.paraboloid(R), history, adhesion=Edge(w))
     P = run.force[-1]
     apparent = P + 3 * np.pi * w * R + np.sqrt(6 * np.pi * w * R * P + (3 * np.pi * w * R) ** 2)
     assert run.radius[-1] == pytest.approx((3 * R * apparent / (4 * E)) ** (1 / 3), rel=1e-6)
