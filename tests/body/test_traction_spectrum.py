@@ -25,12 +25,9 @@ LAYERS = (
 )
 BASE = Layer(math.inf, 0.3, Prony(5.0, [(2.0, 0.05)]))
 STACKS = {
-    "halfspace": LayerStack((*LAYERS, BASE)),
-    "rigid": LayerStack(LAYERS, rigid=True),
-    "free": LayerStack(LAYERS),
-    "bare": LayerStack((BASE,)),
-    "one": LayerStack(LAYERS[:1], rigid=True),
-}
+    "halfspace": LayerStack((*LAYERS, BASE)), "rigid": LayerStack(LAYERS, rigid=True),
+    "free": LayerStack(LAYERS), "bare": LayerStack((BASE,)), "one": LayerStack(LAYERS[:1], rigid=True),
+}  # fmt: skip
 Q = np.array([0.4, 3.0, 12.0, 60.0, 239.0, 241.0, 5e3])
 FREQUENCIES = (0.0, 1e-3, 0.3, 10.0, 1e4)
 

@@ -179,14 +179,9 @@ def test_partial_slip_on_a_relaxing_layer() -> None:
         response, offset = history.terms(dt)
         load = 0.02 * min(t, 1.0)
         problem = Problem(
-            response,
-            heights,
-            Law(mu),
-            load=load,
-            path=np.array([displaced(t) - displaced(t - dt)]),
-            offset=fields_of(offset, grid),
-            before=before[1:],
-        )
+            response, heights, Law(mu), load=load, path=np.array([displaced(t) - displaced(t - dt)]),
+            offset=fields_of(offset, grid), before=before[1:],
+        )  # fmt: skip
         solution = solver.solve(problem, start)
         assert solution.converged, f"t = {t}: {solution.reason}"
         start = solution.tractions
