@@ -353,10 +353,7 @@ class FrictionalCase(Case):
     def _coefficients(
         self, pressure: FloatArray, speed: FloatArray, last: FloatArray, unit: float
     ) -> FloatArray:
-        """Return the coefficients of speeds that yield: mu = f(speed - unit p/p_s (mu - last)) at each point.
-
-        The unit is the largest displacement in the step. There is one mu if f does not fall steeply.
-        """
+        """Coefficients mu = f(speed - unit p/p_s (mu - last)); one if f falls less steeply than 1/unit."""
         per = pressure * (unit / max(float(pressure.max()), 1e-300))
         low, high = (np.full(speed.shape, each) for each in self.programme.coefficients)
         for _ in range(_HALVINGS):

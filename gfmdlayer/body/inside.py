@@ -141,10 +141,7 @@ class Inside:
     def of_internal(
         self, waves: IntArray, u: ComplexArray, xi: ComplexArray
     ) -> tuple[ComplexArray, ComplexArray]:
-        """Return strains and forces of all springs but the first for internal vectors xi, (n, internal).
-
-        `waves` are the numbers of their q, and u the displacement of the surface, both (n,).
-        """
+        """Return strains and forces of all springs but the first, for u, (n,), and xi, (n, internal)."""
         of = self._network
         w, P = of.stiffness[waves], of.projection[waves]
         stretched = np.zeros(w.shape, dtype=np.complex128)
@@ -159,10 +156,7 @@ class Inside:
         return distinct_branches(self.stack.present[0].material)
 
     def transfer(self, depth: FloatArray, number: int) -> FloatArray:
-        """Return the fields at a depth, in the layer of this number, for each of its springs.
-
-        W and U for a strain of one, s_zz, S, s_nn and s_tt for a force of one: (6, springs, nq).
-        """
+        """Return W, U for strains, s_zz, S, s_nn, s_tt for forces of one of each spring: (6, springs, nq)."""
         layer, own = self.stack.present[number], np.flatnonzero(self.layer == number)
         z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
         form = _uppermost if not number else _below if math.isinf(layer.thickness) else _between

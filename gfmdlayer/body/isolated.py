@@ -147,22 +147,7 @@ class Isolated:
 
 
 def isolated(body: Body, period: tuple[float, ...], datum: float | None = None) -> Isolated:
-    """Return a body for a periodic cell, whose response within reach has no periodic images.
-
-    Parameters
-    ----------
-    body : Body
-        A body that carries an isolated load, the same in all directions.
-    period : tuple of float
-        Period along each axis, of a line or a surface.
-    datum : float, optional
-        Of a line: distance from a load at which the surface counts as at rest, at least the period.
-
-    Raises
-    ------
-    ValueError
-        If the body has no isolated state, or no reach has an error within `TOLERANCE`; with what would do.
-    """
+    """Return a body for a cell of this period; ValueError without an isolated state within `TOLERANCE`."""
     lengths = tuple(map(float, period))
     if isinstance(body, ViscoelasticLayer | LayerStack):  # which never change
         return _kept(body, lengths, datum)

@@ -98,10 +98,7 @@ def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray
 
 
 def _levers(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> tuple[NDArray[Any], FloatArray]:
-    """Return the roots v_j of the weights, (modes,) or (n, modes), and the times of the modes, fastest first.
-
-    `force` has the shape (redundant,) or (redundant, n).
-    """
+    """Return the roots of the weights, (modes,) or (n, modes), and the times of the modes, fastest first."""
     if not times.size or not len(force):
         return np.zeros((*force.shape[1:], 0)), np.zeros(0)
     vectors, times_of_modes = mode_vectors(coupling, times)
@@ -120,10 +117,7 @@ def mode_vectors(coupling: FloatArray, times: FloatArray) -> tuple[FloatArray, F
 
 
 def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:
-    """Singular values, from the largest, and right singular vectors or left ones, by Jacobi rotations.
-
-    They are of high relative accuracy for a matrix of columns of any lengths, well conditioned but for those.
-    """
+    """Singular values, falling, of high relative accuracy, and right or left vectors, by Jacobi rotations."""
     from scipy.linalg.lapack import dgejsv
 
     wanted = {"joba": 0, "jobu": 0, "jobv": 3} if left else {"joba": 2, "jobu": 3, "jobv": 0}
@@ -214,10 +208,7 @@ def _kelvin(material: Material) -> tuple[FloatArray, FloatArray]:
 def redundants(
     strains: FloatArray, weights: FloatArray, from_below: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return g and L^-1 (-M, 1) for strains over (surface, interfaces) and roots of the springs' stiffnesses.
-
-    `from_below` are the displacements to be eliminated, in this order; those of the surface come first.
-    """
+    """Return g and L^-1 (-M, 1) of strains over (surface, interfaces), eliminated in this order."""
     table, (count, springs, columns) = strains.copy(), strains.shape
     each = np.arange(count)
     free = np.ones((count, springs), dtype=bool)

@@ -276,11 +276,7 @@ def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
 def retardation_spectrum(
     moduli: FloatArray, times: FloatArray, relaxed: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compliances J_k > 0 and times theta_k > tau_k, (n, m), of Prony solids of relaxed moduli A, (m,).
-
-    All have the same moduli G_k > 0 and ascending, distinct times tau_k. sum_k J_k = 1/A - 1/(A + sum_k G_k).
-    Raises ArithmeticError if the iteration does not converge.
-    """
+    """J_k > 0 and theta_k > tau_k, (n, m), of solids of one G_k, ascending tau_k, and relaxed A, (m,)."""
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
     for part in columns_at_once(moduli.size, relaxed.size):
         compliances[:, part], thetas[:, part], _ = solve_secular(moduli * times, times, relaxed[part])
@@ -343,11 +339,7 @@ def solve_secular(
 
 
 def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """sum_k G_k tau_k/(theta - tau_k) over the poles below and above a root, and minus its derivative.
-
-    `offsets` holds origin - tau_k, shape (n, m, n), and y theta - origin, shape (n, m); `sides` the strengths
-    on either side, shape (n, n, 2), or (n, m, n, 2) where columns differ. Both results have shape (n, m, 2).
-    """
+    """Sums below and above a root y from its origin, and their slopes, (n, m, 2); offsets, (n, m, n)."""
     inverse = 1 / (offsets + y[..., np.newaxis])
     if sides.ndim == 3:
         return inverse @ sides, (inverse * inverse) @ sides
@@ -358,11 +350,7 @@ def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tupl
 def _next_distance(
     distance: FloatArray, gap: FloatArray, residual: FloatArray, near_slope: FloatArray, far_slope: FloatArray
 ) -> FloatArray:
-    """Distance m from the nearer pole where s/m - u/(gap - m) = C.
-
-    The sum over either side is replaced by its nearest pole and a constant: s and u match its derivative and
-    C its value; `residual` is the relaxed modulus minus both sums.
-    """
+    """Distance m where s/m - u/(gap - m) = C; s, u match the derivatives and C the value of both sums."""
     s, u = near_slope * distance**2, far_slope * (gap - distance) ** 2
     C = (residual + s / distance - u / (gap - distance)) * gap
     b, root = C + s + u, np.hypot(C - s + u, 2 * np.sqrt(s * u))

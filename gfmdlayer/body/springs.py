@@ -78,10 +78,7 @@ def surface_springs(x: FloatArray, poisson: float) -> tuple[Springs, FloatArray]
 
 
 def shear_springs(x: FloatArray) -> Springs:
-    """Three springs of a layer in shear across the wave, over the displacements (V_t, V_b) of its faces.
-
-    Its tractions are coth(x) V_t - V_b/sinh(x) and so on, in units of q.
-    """
+    """Three springs of a layer in shear across the wave: coth(x) V_t - V_b/sinh(x) and so on, over q."""
     x = np.minimum(x, HALFSPACE_DEPTH)
     between = 2 * np.exp(-x) / -np.expm1(-2 * x)
     each, one, none = np.tanh(x / 2), np.ones(x.shape), np.zeros(x.shape)

@@ -31,10 +31,7 @@ from gfmdlayer.resumable import State
 
 
 class Imprint:
-    """The height W that punch and surface have lost, one value a point; accepted steps change it.
-
-    With an infinite hardness nothing yields, and it has no points.
-    """
+    """The height W that punch and surface have lost, one value a point; none with an infinite hardness."""
 
     def __init__(self, size: int, hardness: float) -> None:
         self.hardness, self.yields = hardness, hardness < math.inf

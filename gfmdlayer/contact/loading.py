@@ -179,11 +179,7 @@ class LoadControl(Loading):
 
 
 def pulled_off(problem: Problem, solution: Solution) -> bool:
-    """Whether the given load pulls the punch away: it is out of range, and no traction is as large any more.
-
-    Further away the traction is less still, so that there is no equilibrium left to find. The state is the
-    last one of the solver, which need not have converged.
-    """
+    """Whether the given load pulls the punch away: out of range, where no traction is as large any more."""
     load, gap = problem.mean_pressure, solution.gap
     if load is None or load >= 0 or not problem.interface.attracts:
         return False

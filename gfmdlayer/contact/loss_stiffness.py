@@ -114,10 +114,7 @@ class Pivoting:
         return self._free_gap.size <= _MOST_FOLLOWED
 
     def pressed_in(self) -> BoolArray:
-        """Contact set at the given depth or load, followed from first touch.
-
-        With the punch lowered by z its pressure is linear in z until a point joins or leaves.
-        """
+        """Contact set from first touch on: the pressure is linear in the depth until a point changes."""
         load, size = self._problem.mean_pressure, self._free_gap.size
         self._influence = self._field(self._compliance.copy())
         lowered, last = float(self._free_gap.min()), int(self._free_gap.argmin())
@@ -238,10 +235,7 @@ _MIXED = 6  # surfaces at most
 
 
 class LossStiffnessSolver:
-    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance.
-
-    `weights` are those of each mode in the mean over the surface.
-    """
+    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance."""
 
     def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:
         self.starts_from = solver.starts_from

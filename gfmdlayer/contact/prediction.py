@@ -30,10 +30,7 @@ LastThree = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class DisplacementPrediction:
-    """The parabola in time through the last three accepted displacements (fewer where there are fewer).
-
-    `size` is the number of points of this process; before the first step the guess is zero.
-    """
+    """The parabola in time through the last three accepted displacements (fewer where there are fewer)."""
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         self._ranks = ranks
@@ -219,10 +216,7 @@ def _two_thirds(gap: float) -> float:
 
 
 class LastGap(DisplacementPrediction):
-    """The gap of the last accepted step, infinite before the first.
-
-    An interface that attracts has instabilities, which no extrapolation may run past.
-    """
+    """The gap of the last accepted step, or infinite: nothing may be extrapolated past instabilities."""
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         super().__init__(size, ranks)

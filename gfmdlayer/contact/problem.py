@@ -130,10 +130,7 @@ class Solution:
 
 
 class Solver(Resumable, Protocol):
-    """A method for `Problem`; one object serves all steps of a run.
-
-    A solve that does not converge leaves the resumable state as it was.
-    """
+    """A method for `Problem`, for all steps of a run; a failed solve leaves the resumable state as it was."""
 
     @property
     def starts_from(self) -> Literal["displacement", "pressure", "gap"]:
@@ -207,11 +204,7 @@ def make_solution(
     gap: FloatArray | None = None,
     flow: FloatArray | None = None,
 ) -> Solution:
-    """Return a state with its residual and means; it converged if its residual is `within` a bound.
-
-    `spent` are FFT pairs and iterations, `assessment` the result of `residual.assess`, `gap` is h - u; the
-    last two where they are known.
-    """
+    """Return a state that converged if its residual is `within` a bound; `spent`: pairs, iterations."""
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)
     if assessment is None:
@@ -260,10 +253,7 @@ _ROUNDING = 2.3e-16
 
 
 def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = ALONE) -> None:
-    """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well.
-
-    ValueError if both are impossible: the punch is too deep, mean(h) < 0.
-    """
+    """Project u in place onto u <= h and perhaps mean(u) = 0; ValueError for mean(h) < 0: too deep."""
     np.minimum(u, h, out=u)
     if mean_is_fixed and not _zero_mean(u, h, ranks):
         raise ValueError(

@@ -106,11 +106,7 @@ def assess_over(
 
 @kernel
 def residual_scales(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
-    """Scales (P, D) of the residual of a state: pressure and displacement, one value a point.
-
-    Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
-    at any height.
-    """
+    """Scales (P, D) of a state; depths count from zero, or the mean of u where the load shifts it higher."""
     largest, lowest, total = _extrema(pressure, u)
     return scales(largest, max(total / u.size, 0.0) - lowest, floor)
 

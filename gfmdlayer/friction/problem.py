@@ -38,10 +38,7 @@ from gfmdlayer.interface.law import HARD_WALL, Interaction
 
 @dataclass(frozen=True)
 class Law:
-    """Largest shear traction min(mu p, tau_0) of a point in contact.
-
-    Both infinite: the surfaces stick where they touch. The coefficient may differ from point to point.
-    """
+    """Largest shear traction min(mu p, tau_0) of a point in contact; both infinite: the surfaces stick."""
 
     coefficient: float | FloatArray = math.inf  # mu >= 0
     strength: float = math.inf  # tau_0 >= 0, pressure
@@ -92,10 +89,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Problem:
-    """The frictional contact of one step, in flat arrays over the points.
-
-    Of load and depth, and of force and path, one is given.
-    """
+    """The frictional contact of a step; of load and depth, and of force and path, one is given."""
 
     response: Response  # to tractions of this step
     heights: FloatArray  # h of the punch above its lowest point; length
@@ -134,10 +128,7 @@ class Problem:
         return all(np.isfinite(each).all() for each in given if each is not None)
 
     def why_not_solvable(self) -> str:
-        """Return why no state satisfies the conditions: the punch slides away; else nothing.
-
-        The pressure of a wall beside an attraction is not known beforehand.
-        """
+        """Return why the punch slides away, if so; unknown beforehand beside an attraction."""
         if self.force is None:
             return ""
         size = float(np.linalg.norm(self.force))
@@ -303,10 +294,7 @@ def _in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatArray
 
 @dataclass(frozen=True)
 class State:
-    """Tractions, their displacements and multipliers, and how far they are from a solution.
-
-    Values at the points `near`, which carry tractions or overlap the punch, are in units of p_s and W_s.
-    """
+    """Tractions, displacements, multipliers and errors; near the contact in units of p_s and W_s."""
 
     x: FloatArray  # p, t_x[, t_y]
     Cx: FloatArray  # W, u_x[, u_y] under them

@@ -43,19 +43,7 @@ _OF_A_ROUND, _FINER, _LEAST_TOLERANCE = 0.01, 0.1, 1e-9
 
 
 class FrictionSolver:
-    """Frictional contact of the steps of a run on one grid.
-
-    Parameters
-    ----------
-    grid : Grid
-        Of one or two axes.
-    transforms : Transforms
-        Plans for its shape, in double precision.
-    rough : bool
-        Whether the punch is rough, for the choice of the solver without friction.
-    attracts : bool
-        Whether problems may have an interface that attracts.
-    """
+    """Frictional contact of the steps of a run on one grid; `attracts`: an interface may attract."""
 
     starts_from: ClassVar[Literal["pressure"]] = "pressure"
 
@@ -78,10 +66,7 @@ class FrictionSolver:
         tolerance: float = 1e-7,
         limit: int = LIMIT,
     ) -> Solution:
-        """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing.
-
-        Where the interface attracts, the path of the surface begins at the `gap` of the last step.
-        """
+        """Solve from a guess of (p, t_x[, t_y]), or none; attracted surfaces begin at the last `gap`."""
         self._spent.pairs = 0.0
         if not problem.is_finite:
             raise ValueError("heights, loads or displacements of the frictional contact are not finite")
@@ -118,10 +103,7 @@ class FrictionSolver:
         return at, steps
 
     def compile(self) -> None:
-        """Compile the kernels of the solver without friction, where the interface attracts.
-
-        Else only a failed solve calls them.
-        """
+        """Compile the solver without friction, where the interface attracts; else few steps need it."""
         if SOLVERS[self._choice.method].adhesive:
             self._frictionless.compile()
 

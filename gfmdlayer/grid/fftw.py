@@ -101,10 +101,7 @@ def _taken(text: int) -> str:
 
 
 class PlanPair:
-    """A forward and a backward plan, destroyed when neither the cache nor a `Transforms` holds them.
-
-    Transforms of `WORTH_THREADS` points or more use the threads. RuntimeError if FFTW makes no plan.
-    """
+    """A forward and a backward plan, destroyed with the last user; RuntimeError if FFTW makes no plan."""
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
         size, modes = math.prod(shape), math.prod(shape[:-1]) * (shape[-1] // 2 + 1)
@@ -132,11 +129,7 @@ class PlanPair:
 
 
 class SlabPlans(PlanPair):
-    """Plans of a rank that holds some rows of a surface and some columns of its transform.
-
-    The shape is (rows, n) and (n, columns), one after the other. `forward` and `backward` act along the rows,
-    `columns_forward` and `columns_backward` along the columns, complex and in place.
-    """
+    """Plans along the rows (rows, n) of a rank, and along its columns (n, columns), complex and in place."""
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
         count, length, height, width = shape

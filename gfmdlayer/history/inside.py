@@ -49,10 +49,7 @@ class Springs(NamedTuple):
 
 
 class Interior:
-    """The fields below the surface of a stack, on a grid.
-
-    `modes` is the function `spectrum` of the body whose modes an integrator has; none of them is merged.
-    """
+    """The fields below the surface of a stack; `modes` is the `spectrum` of the integrator's body."""
 
     def __init__(
         self,

@@ -47,10 +47,7 @@ class Changes:
     def over(
         self, prescribed: float, problem: Problem, solution: Solution, *, lost: bool = False
     ) -> Change | None:
-        """Return the change since the last accepted step; None under a hard wall, and at the first step.
-
-        `prescribed` is the depth or load at the end of the step; `lost` says whether the punch is pulled off.
-        """
+        """Return the change since the last accepted step, if any; `lost`: the punch is pulled off."""
         if self._gap is None:
             return None
         drive, reach = (prescribed, problem.interface.strength), self._interface.range

@@ -270,10 +270,7 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """The relaxing modes of a surface: their history, stiffness and energy; see `error_control.Integrator`.
-
-    Energies are means over the surface of the grid. Without `sums` every wave has weight one.
-    """
+    """Relaxing modes of a surface: their history, stiffness and energy; see `error_control.Integrator`."""
 
     stiffness: FloatArray
     loss_stiffness: FloatArray | None = None
@@ -345,10 +342,7 @@ class Modes:
         return found
 
     def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b of the last `terms` with the curvature, which is linear in u.
-
-        `ratio` is the step over the last two; `velocity` belongs to the last step.
-        """
+        """Return kappa and b with the curvature, linear in u; `ratio` is the step over the last two."""
         gain = self.curvature_stress(np.full(self.u.shape, ratio, dtype=np.complex128)).real
         return self.stiffness + gain, self._b + gain * (self.u + self.step * velocity)
 

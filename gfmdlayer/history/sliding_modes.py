@@ -197,10 +197,7 @@ class SlidingModes(Modes):
 
 
 def phi_functions(z: ComplexArray) -> ComplexArray:
-    """phi_n(z) = sum_k (-z)^k/(k + n)! for n = 0 ... 5 along the first axis; Re z >= 0.
-
-    phi_0 is exp(-z), and phi_n = 1/n! - z phi_(n+1): upwards where |z| >= 1, else downwards from a series.
-    """
+    """phi_n(z) for n = 0 ... 5, Re z >= 0: phi_n = 1/n! - z phi_(n+1) upwards, or downwards where |z| < 1."""
     small, large = np.abs(z) < 1, np.where(np.abs(z) < 1, 1.0, z)
     near = np.where(small, z, 0.0)
     up, down = [np.exp(-large)], [np.polynomial.polynomial.polyval(near, _SERIES)]

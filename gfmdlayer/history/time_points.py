@@ -77,10 +77,7 @@ class Steps(Resumable, Protocol):
 
 
 class FixedSteps:
-    """Steps that are known before the run; each is accepted.
-
-    Between two of the `stops` all steps have the length of the later one, at most `step`.
-    """
+    """Steps that are known before the run, at most `step` and equal between two stops; all are accepted."""
 
     def __init__(self, instants: Iterable[Instant], stops: Sequence[Instant], step: float) -> None:
         self._instants, self._stops = instants, stops
@@ -180,10 +177,7 @@ def number_of_steps(stops: Sequence[Instant]) -> int:
 def stops(
     end: float, snapshots: Iterable[float], breakpoints: Iterable[float], times: Iterable[float] = ()
 ) -> list[Instant]:
-    """Return start, end and all times to land on between them, in order, without the lengths of the steps.
-
-    Times that differ by rounding are one. Start and end are no breakpoints.
-    """
+    """Return start, end and all times to land on between them, in order, without the lengths of the steps."""
     same = SAME_TIME * end
     found = [0.0]
     at_snapshot, at_breakpoint = [False], [False]

@@ -84,12 +84,7 @@ class TractionControl:
         deep: bool,
         attracted: bool = False,
     ) -> tuple[float, float]:
-        """Estimate the error of the step of the last `terms`, which ends with these tractions.
-
-        Returns the relative error of pressure and tangential force (of the stress, where the interface
-        attracts), and the root mean square error of the
-        displacement.
-        """
+        """Estimate the errors of forces and of the displacement, see `ErrorControl.error`."""
         modes, loads = self._modes, self._modes.loads(tractions)
         now = modes.under(loads)
         change = [x - part.begun for x, part in zip(now, modes.parts, strict=True)]

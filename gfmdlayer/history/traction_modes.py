@@ -39,17 +39,7 @@ _NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
 
 
 class VectorModes:
-    """Relaxing modes of n components at waves: their history, stiffness and energy.
-
-    Parameters
-    ----------
-    spectrum : VectorSpectrum
-        Modes at waves of shape (nq,).
-    scheme : Scheme
-        `exponential` or `backward_euler` of `modes`.
-    weights : ndarray, shape (nq,), optional
-        Of the waves in a mean over the surface; by default one.
-    """
+    """Relaxing modes of n components at waves; `weights` of these in a mean over the surface."""
 
     def __init__(
         self, spectrum: VectorSpectrum, scheme: Scheme = exponential, weights: FloatArray | None = None
@@ -132,25 +122,10 @@ class VectorModes:
 
 
 class TractionModes:
-    """The history of a surface on a grid, from tractions (p, t_x[, t_y]) to displacements (W, u_x[, u_y]).
+    """The history of a surface: displacements (W, u_x[, u_y]) = C tractions (p, t_x[, t_y]) + offset.
 
-    Both are transforms of shape (1 + axes, modes), one row below the other. A step of length dt has
-
-        displacements = C tractions + offset
-
-    with the compliance C and the offset of `terms`, which are those of a `friction.problem.Problem`. Energies
-    are means over the surface: stored + dissipated is the work of the tractions.
-
-    Parameters
-    ----------
-    grid : Grid
-        Of one or two axes.
-    spectrum : TractionSpectrum
-        Of the body at the wavenumbers of the grid.
-    scheme : Scheme
-        `exponential` or `backward_euler` of `modes`.
-    velocity : float
-        Of the contact along x at the end of the run, for `slowest`.
+    All are transforms, (1 + axes, modes). stored + dissipated is the work per area. `velocity` of the contact
+    along x at the end of the run serves `slowest`.
     """
 
     def __init__(
@@ -197,10 +172,7 @@ class TractionModes:
         return self._seen([part.begun for part in self.parts])
 
     def terms(self, step: float) -> tuple[Response, ComplexArray]:
-        """Return the response to tractions at the end of a step, and the displacements without tractions.
-
-        The response is the same object for steps of equal length.
-        """
+        """Return the response at the end of a step, one object for equal steps, and the offset."""
         known = self._response is not None and step == self.parts[0].step
         found = [part.terms(step) for part in self.parts]
         if not known:
@@ -228,10 +200,7 @@ class TractionModes:
         return self.moved([b + load for b, load in zip(self._b, loads, strict=True)])
 
     def advance(self, tractions: ComplexArray, curvatures: list[ComplexArray] | None = None) -> None:
-        """Advance the history over the step of the last `terms`, at whose end these tractions act.
-
-        `curvatures` are dt^2 x''/2 of the waves, where they are known.
-        """
+        """Advance the history over the step of the last `terms`; `curvatures` are dt^2 x''/2, if known."""
         every, given = self.under(self.loads(tractions)), curvatures or (None,) * self._axes
         for part, x, c in zip(self.parts, every, given, strict=True):
             part.advance(x, c)
@@ -253,11 +222,7 @@ class TractionModes:
         return spectrum * self.phases[: spectrum.shape[-1]]
 
     def slowest(self, tolerance: float) -> float:
-        """Return the longest time on the way to the steady state of a moving contact.
-
-        That is the time of one passage over the period, or the longest relaxation time with more than the
-        part `tolerance` of the loss of the longest waves, as in `SlidingModes.slowest`.
-        """
+        """Return the longest time on the way to the steady state, see `SlidingModes.slowest`."""
         q, speed = np.abs(self._vectors[0]), abs(self._velocity)
         longest = q[q > 0].min()
         chosen = (q > 0) & (q < 1.5 * longest)
@@ -302,10 +267,7 @@ class TractionModes:
 
 
 def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-    """Return wavevectors, (axes, waves), with the mode of the grid and the share in it of each.
-
-    The first waves are the modes in their order.
-    """
+    """Return wavevectors, (axes, waves), the modes first; the mode of each, and its share in it."""
     vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
     mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
     for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):

@@ -22,10 +22,7 @@ Smoothing = Annotated[float, strict, Field(ge=0.01, le=1), MustBe("a number from
 
 
 class HardWall(Interface):
-    """The paper's contact: the surface cannot pass through the punch, and there is no attraction.
-
-    With a hardness, pressures end there, and the surfaces keep an imprint.
-    """
+    """The paper's contact, without attraction; a hardness ends pressures, and leaves an imprint."""
 
     attracts: ClassVar[bool] = False
 

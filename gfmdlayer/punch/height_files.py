@@ -18,10 +18,7 @@ from gfmdlayer.grid.grid import Grid
 
 
 class Heights(NamedTuple):
-    """Heights, and the lengths of the cell that they fill along each axis if the file holds them.
-
-    Where a process reads some rows, values has these only; shape counts all.
-    """
+    """Heights, perhaps of some rows; lengths of their cell, where known; the shape of all rows."""
 
     values: FloatArray
     lengths: tuple[float, ...] | None = None
@@ -29,11 +26,7 @@ class Heights(NamedTuple):
 
 
 def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid | None = None) -> Heights:
-    """Read heights on so many axes by the ending of a file's name; TableError if there are none.
-
-    `dataset` is the name in an HDF5 or netCDF file with several, behind those of its groups and /. Where
-    several processes hold the grid, the rows of this one are read.
-    """
+    """Read heights, a process its own rows, by the ending of a file's name; TableError if there are none."""
     rows = slice(None)
     if grid is not None and not grid.is_whole:
         rows = slice(grid.first_row, grid.first_row + grid.shape[0])
@@ -55,11 +48,7 @@ def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid |
 
 
 def read_profile(file: Path, grid: Grid, *, outward: bool = False) -> FloatArray:
-    """Read one height for each grid point, above the first touch; TableError unless they fit the grid.
-
-    The file is .npy of the grid's shape, or text with a row, x and height, for each point of a line, spaced
-    by L/n. The lowest height touches first, or the highest where heights are counted outward.
-    """
+    """Read a height for each grid point, above the first touch; TableError unless they fit."""
     if grid.is_whole:
         found = load_array(file) if file.suffix == ".npy" else _read_line(file, grid)
     else:

@@ -173,11 +173,7 @@ def _lengths(lengths: tuple[float, ...]) -> str:
 
 
 def outward_heights(punch: ArrayLike | Callable[..., ArrayLike], grid: Grid) -> FloatArray:
-    """Return heights at the points of a grid, outward from the punch; ConfigError unless they fit it.
-
-    `punch` has the heights, or is a function of x, or of x and y, which takes and returns arrays of the
-    grid's shape.
-    """
+    """Return heights on a grid, of an array or a function of x[, y], outward; or a ConfigError."""
     if callable(punch):
         heights = numbers(punch(*np.meshgrid(*grid.coordinates, indexing="ij")))
         heights = np.broadcast_to(heights, grid.shape) if heights.ndim == 0 else heights  # flat

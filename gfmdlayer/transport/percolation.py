@@ -51,10 +51,7 @@ def clusters(is_open: BoolArray) -> Clusters:
 
 
 def throats(gap: FloatArray, spacing: tuple[float, float]) -> tuple[Throat, Throat]:
-    """Return the throats along x and y of a gap (nx, ny), 0 in contact.
-
-    Points join in the order of their gaps, the widest first, until a cluster winds.
-    """
+    """Return the throats along x and y of a gap (nx, ny): the widest points join until a cluster winds."""
     flat = np.ravel(gap)
     candidates = np.flatnonzero(flat > 0)
     order = candidates[np.argsort(-flat[candidates], kind="stable")]

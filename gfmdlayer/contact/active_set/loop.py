@@ -186,10 +186,7 @@ def begin(  # groups of arrays; one call takes less time than two
     guess: FloatArray,
     load: float,
 ) -> None:
-    """Write the surface without pressure, a guess of the pressure, and the contact set where it is positive.
-
-    ``load`` is the mean pressure where it is given. Half a pair of transforms.
-    """
+    """Write u without pressure, a guess, and the set where it is positive; half a pair of transforms."""
     now = work.now[0]
     for k in range(free.size):
         free[k] = system.compliance[k] * b[k]
@@ -336,10 +333,7 @@ def _restore_load(system: System, at: Iterate, contact: ContactSet, carried: flo
 
 @kernel(inner=True)
 def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: float, everywhere: bool) -> bool:
-    """Let points under tension leave and overlapping ones join; return whether the pressure changed.
-
-    The gap is known ``everywhere``, or near the contact.
-    """
+    """Let points under tension leave and overlapping ones join; return whether the pressure changed."""
     changed, runs, near, member = False, contact.runs, contact.near, contact.member
     for k in range(1 if everywhere else contact.counts[0].near):
         first, end = (0, p.size) if everywhere else (near[k, 0], near[k, 1])
@@ -357,10 +351,7 @@ def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: floa
 
 @kernel(reorder=True, inner=True)
 def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: Work, shift: float) -> bool:
-    """Scale the pressure so that the energy is least, and keep it for conjugacy; return whether that is done.
-
-    It needs no transform. Under a given load the pressure cannot be scaled.
-    """
+    """Scale the pressure to the least energy and keep it, unless the load is given; no transform."""
     now, counts = work.now[0], contact.counts[0]
     now.energy = 0.0
     if system.load_given or counts.points == 0:
@@ -402,10 +393,7 @@ def _precondition(
 def _next_direction(
     system: System, at: Iterate, contact: ContactSet, work: Work, shift: float, memory: float
 ) -> tuple[float, float]:
-    """Write the next direction of conjugate gradients; return r.z and r.d.
-
-    ``memory`` is 1/(r.z) of the last iteration, or 0. Under a given load directions have no mean.
-    """
+    """Write the next direction; return r.z and r.d. `memory` is 1/(r.z) of the last iteration, or 0."""
     z, d, now = work.z, work.direction, work.now[0]
     runs, count = contact.runs, contact.counts[0].runs
     if system.load_given:

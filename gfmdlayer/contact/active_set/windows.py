@@ -33,10 +33,7 @@ from gfmdlayer.kernels import LANES, address_of, call_at, kernel, minimum
 def extend_to_surface(
     window: Window, origin: Pair, surface: WholeSurface, state: SurfaceState
 ) -> tuple[float, tuple[float, float, float, float]]:
-    """Write the state of the whole surface; two transforms.
-
-    Returns the overlap that was cut off, as part of the depth, and the result of `assess`.
-    """
+    """Write the whole surface; return the overlap cut off, over the depth, and `assess`; two transforms."""
     largest, total = _scatter(window, origin, state.p)
     forward(surface.plans, state.p, surface.spectrum)
     _deform(surface, state.spectrum)
@@ -117,11 +114,7 @@ Pair = tuple[int, int]
 
 
 class Window(NamedTuple):
-    """A window and the problem in it.
-
-    Axes are two, the first of one point where the surface is a line. The window is the first points of its
-    transforms, along each axis.
-    """
+    """A window, the first points of its transforms, and its problem; a line has one point along x."""
 
     plans: Plans
     system: System
@@ -291,11 +284,7 @@ def _gather(window: Window, origin: Pair, surface: WholeSurface, guess: FloatArr
 
 @kernel(reorder=True, inner=True)
 def _raise_clear(window: Window, tolerance: float) -> bool:
-    """Raise the pressure until nothing in the window overlaps, by a little more than rounding.
-
-    Under a given load the punch is shifted instead. Return whether the contact stays within the tolerance;
-    else nothing is changed.
-    """
+    """Raise the pressure, or the punch, until nothing overlaps; return whether the tolerance is kept."""
     at, gap0, contact, now = window.at, window.system.gap0, window.contact, window.work.now[0]
     depth, lift, lowest, widest = now.depth_scale, 0.0, 0.0, 0.0
     margin = min(_MARGIN, _MARGIN_OF_TOLERANCE * tolerance) * depth

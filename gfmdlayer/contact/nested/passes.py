@@ -118,10 +118,7 @@ def _scale(factor: Any, p: Any, gap: Any, gap0: Any) -> Any:
 def precondition(
     first: int, end: int, weights: Any, r: Any, before: Any, after: Any, z: Any, d: Any
 ) -> tuple[tuple[float, ...], tuple[float]]:
-    """Apply the stencil M to r, shape (rows, columns), and write z = M r on C in the place of the last r.
-
-    `d` is the last direction. Returns the sums over C of 1, z, r, z r, z r_last, r_last, r d and d.
-    """
+    """Write z = M r on C over the last r; sums over C of 1, z, r, z r, z r_last, r_last, r d and d."""
     columns = r.shape[1]
     row, work = np.empty(columns, np.float32), np.empty(columns, np.float32)
     sums = np.zeros(8)
@@ -212,10 +209,7 @@ def _project(
 def respond(
     first: int, end: int, cap: Any, p: Any, step: Any, change: Any
 ) -> tuple[tuple[float, float], tuple[float]]:
-    """Return the sums of step A step and p A step; the fastest relative fall of a pressure along the step.
-
-    With a cap, a pressure's distance from the cap falls too.
-    """
+    """Return sums of step A step and p A step; the fastest relative fall of p, or towards a cap."""
     none, one = p.dtype.type(0.0), p.dtype.type(1.0)
     most = p.dtype.type(0.0 if cap is None else cap)
     curvature, across, falls, faster = 0.0, 0.0, np.zeros(LANES, p.dtype), np.zeros(LANES, p.dtype)
@@ -353,10 +347,7 @@ def comply(first: int, end: int, compliance: Any, spectrum: Any) -> tuple[tuple[
 def displace(
     first: int, end: int, stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray
 ) -> tuple[tuple[float], tuple[float]]:
-    """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too.
-
-    Spectra are given as real numbers, real and imaginary parts in turn.
-    """
+    """Write u = (b - p)/kappa, or 0, in the place of p too; spectra as alternating real numbers."""
     for k in range(first, end):
         per = 1.0 / stiffness[k] if stiffness[k] > 0.0 else 0.0
         for i in range(2 * k, 2 * k + 2):

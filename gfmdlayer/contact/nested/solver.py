@@ -93,10 +93,7 @@ def _smooth(
     first: int, end: int, p: FloatArray, before: FloatArray, after: FloatArray, gap: FloatArray, mu: float,
     smooth: FloatArray, deep: FloatArray,
 ) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
-    """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too.
-
-    Far from the contact any negative value does.
-    """
+    """Write the field smooth across the edge, below 0 far away, and 1 inside the contact."""
     rows, n = p.shape
     for i in range(first // n, end // n):
         up = p[i - 1] if i > 0 else before[0]
@@ -240,11 +237,7 @@ _AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the 
 
 
 class NestedGradient:
-    """The solver for the steps of one run, on a grid or else on the grid of the transforms, of period 1.
-
-    `spent` counts the FFT pairs of the last step in double and in single precision, those of coarser grids as
-    parts.
-    """
+    """The solver of a run; `spent`: pairs of the last step in double and in single precision."""
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
