@@ -25,8 +25,7 @@ from gfmdlayer.friction.problem import Law
 from gfmdlayer.friction.solver import LIMIT, FrictionSolver, Mixing
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.history.time_points import Instant
-from gfmdlayer.history.traction_control import TractionControl
-from gfmdlayer.history.traction_modes import TractionModes
+from gfmdlayer.history.traction_modes import TractionControl, TractionModes
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import AcceptedStep

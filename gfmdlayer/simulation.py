@@ -33,16 +33,14 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
 from gfmdlayer.grid.slabs import SlabGrid, transforms_of
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.history.adaptive_steps import AdaptiveSteps
+from gfmdlayer.history.adaptive_steps import AdaptiveSteps, Changes, Steps
 from gfmdlayer.history.error_control import ErrorControl, Integrator
 from gfmdlayer.history.inside import Interior, Springs
-from gfmdlayer.history.instabilities import Changes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
-from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import Interaction
 from gfmdlayer.model import ConvergenceError, make_body, series_of
 from gfmdlayer.observables import AcceptedStep, Observable, observables, totals

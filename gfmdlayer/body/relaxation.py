@@ -40,9 +40,6 @@ from gfmdlayer.body.materials import Material
 # Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
 NEGLIGIBLE = 1e-15
 
-# Rounding of an entry of K_0, relative to the largest.
-_ASYMMETRIC = 1e-12
-
 # Beyond this x = q d the surface does not feel the base: R_i and b are some x^2 exp(-2x) = 1e-40 of the rest.
 _DEEP = 50.0
 
@@ -152,16 +149,6 @@ class VectorSpectrum:
     def stiffness(self, s: ArrayLike) -> NDArray[Any]:
         """K(q, s), shape (*q.shape, n, n), at the Laplace variable s, a number or of the shape of q."""
         return self.entries.stiffness(np.asarray(s)[..., np.newaxis, np.newaxis])
-
-    def fault(self) -> str:
-        """Return which promise the modes do not keep, if any: K_0 Hermitian and not negative, times > 0."""
-        adjoint = np.swapaxes(self.relaxed, -1, -2).conj()
-        size = np.abs(self.relaxed).max(axis=(-1, -2))
-        if (np.abs(self.relaxed - adjoint).max(axis=(-1, -2)) > _ASYMMETRIC * size).any():
-            return "relaxed: must be Hermitian"
-        if (np.linalg.eigvalsh(self.relaxed).min(axis=-1) < -_ASYMMETRIC * size).any():
-            return "relaxed: has a negative eigenvalue; must be >= 0"
-        return "" if (self.times > 0).all() else "times: must be > 0"
 
 
 @dataclass(frozen=True)

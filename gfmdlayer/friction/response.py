@@ -42,14 +42,6 @@ class Response:
     across: FloatArray  # C_VV; without a meaning on a line
 
     @classmethod
-    def of_halfspace(cls, grid: Grid, modulus: float, poisson: float) -> Response:
-        """Response of an elastic halfspace of fixed mean displacement."""
-        q = grid.wavenumbers
-        with np.errstate(divide="ignore"):
-            unit = np.where(q > 0, 1 / (modulus * q), 0.0)
-        return cls((1 - poisson) * unit, 0.5 * (1 - 2 * poisson) * unit, (1 - poisson) * unit, unit)
-
-    @classmethod
     def of_stiffness(cls, in_plane: FloatArray, across: FloatArray) -> Response:
         """Response of K over (W, U), (*modes, 2, 2), and over V; K = 0 at q = 0 fixes the mean."""
         normal, coupling, along = in_plane[..., 0, 0], in_plane[..., 0, 1], in_plane[..., 1, 1]
@@ -60,7 +52,8 @@ class Response:
             whole = normal * along - coupling**2
             found = along / whole, -coupling / whole, normal / whole, 1 / across
             alone = 1 / normal, np.zeros(normal.shape), 1 / along, 1 / across
-        return cls(*(_finite(np.where(mean, one, other)) for one, other in zip(alone, found, strict=True)))
+        parts = (np.where(mean, one, other) for one, other in zip(alone, found, strict=True))
+        return cls(*(np.where(np.isfinite(part), part, 0.0) for part in parts))
 
     @cached_property
     def digest(self) -> str:
@@ -100,10 +93,6 @@ class Response:
         if len(grid.points) > 1:  # the mean has no direction
             found[1].flat[0] = 2 / (1 / found[1].flat[0] + 1 / found[2].flat[0])
         return Response(found[0], np.zeros_like(found[0]), found[1], found[2])
-
-
-def _finite(values: FloatArray) -> FloatArray:
-    return np.where(np.isfinite(values), values, 0.0)
 
 
 @dataclass

@@ -4,7 +4,7 @@ Rank r of R holds the rows from n r/R to n (r+1)/R of every field, and of a spec
 rows of the columns from m r/R to m (r+1)/R: the transform along the first axis is the last one of a forward
 transform, and its result stays in place. The first rank holds the wave q = 0.
 
-Between the two transforms each rank hands every other one a block of its rows (`Transposition`):
+Between the two transforms each rank hands every other one a block of its rows (`transposition`):
 
     rows (n/R, m)        <->        columns (n, m/R)
 
@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -44,20 +44,6 @@ _ALIGNED = 64  # bytes
 Array = npt.NDArray[Any]
 
 
-class Transposition(Protocol):
-    """The exchange for one shape and type; `rows`, (rows of this rank, columns), are whole rows."""
-
-    rows: Array
-
-    def to_columns(self, columns: Array) -> None:
-        """Fill an array of this rank's columns, shape (rows, columns of this rank), from the rows."""
-        ...
-
-    def to_rows(self, columns: Array) -> None:
-        """Fill the rows from each rank's columns."""
-        ...
-
-
 def edges(number: int, count: int) -> list[int]:
     """Return where the parts of a number of rows or columns begin and end, one for each of `count` ranks."""
     return [number * i // count for i in range(count + 1)]
@@ -65,19 +51,21 @@ def edges(number: int, count: int) -> list[int]:
 
 def transposition(
     ranks: MpiRanks, shape: tuple[int, int], dtype: npt.DTypeLike = np.complex128, shared: bool = True
-) -> Transposition:
+) -> _SharedMemory | _Messages:
     """Return the exchange for a shape; rows are valid until the next exchange of any shape."""
     kind = np.dtype(dtype)
     key = shape, kind, shared
     if key not in ranks.exchanges:
         sharing = shared and _can_share(ranks, shape[0] * shape[1] * kind.itemsize)
         ranks.exchanges[key] = (_SharedMemory if sharing else _Messages)(ranks, shape, kind)
-    found: Transposition = ranks.exchanges[key]
+    found: _SharedMemory | _Messages = ranks.exchanges[key]
     return found
 
 
 class _Blocks:
-    """Which rows and columns each rank has."""
+    """Which rows and columns each rank has; `rows`, (rows of this rank, columns), are whole rows."""
+
+    rows: Array
 
     def __init__(self, ranks: MpiRanks, shape: tuple[int, int], dtype: np.dtype[Any]) -> None:
         self._ranks, self._dtype = ranks, dtype

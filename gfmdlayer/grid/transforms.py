@@ -107,7 +107,7 @@ class Transforms:
         return self.of_shape(tuple(points // divisor for points in self.shape))
 
     def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
-        """Transforms of another shape or precision; runs repeat their bits if their wisdom has all measured."""
+        """Return transforms of another shape or precision; what their wisdom lacks is measured or not."""
         return Transforms(shape, self._wisdom, self._time_limit if measured else 0.0, self.threads, single)
 
     @property

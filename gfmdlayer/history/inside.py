@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.depths import Place
 from gfmdlayer.body.inside import Inside, Readout, alike
-from gfmdlayer.body.relaxation import Spectrum
+from gfmdlayer.body.relaxation import Spectrum, distinct_branches
 from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.error_control import Integrator
@@ -95,7 +95,7 @@ class Interior:
         found = Springs(*(each[:, self._where] * -u for each in inside.relaxed))
         scale, every = (inside.q * inside.stiffness[0])[self._where], np.arange(u.size)
         network = isinstance(integrator, StackModes)
-        moduli, taus = inside.of_uppermost
+        moduli, taus = distinct_branches(inside.stack.present[0].material)
         for k, (G, tau) in enumerate(zip(moduli, taus, strict=True)):
             each = np.full((inside.q.size, 1), tau)
             rows = np.full(each.shape, k) if network else self._nearest.rows(np.arange(len(each)), each)

@@ -270,11 +270,11 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """Relaxing modes of a surface: their history, stiffness and energy; see `error_control.Integrator`."""
+    """Relaxing modes of a surface: their history, stiffness and energy."""
 
-    stiffness: FloatArray
-    loss_stiffness: FloatArray | None = None
-    slope: ComplexArray | None = None
+    stiffness: FloatArray  # kappa of the last `terms`, (nq,)
+    loss_stiffness: FloatArray | None = None  # its imaginary part under a moving punch
+    slope: ComplexArray | None = None  # factors i q of the slope along the motion of the punch, (nq,)
 
     def __init__(self, spectrum: Spectrum, scheme: Scheme, sums: Sums | None = None) -> None:
         self.relaxed = np.ravel(spectrum.relaxed)
