@@ -128,7 +128,6 @@ class PeriodicContact(Model):
 
         from gfmdlayer.files.tables import TableError
         from gfmdlayer.grid.grid import Grid
-        from gfmdlayer.grid.sums import mean
         from gfmdlayer.time_functions import Table
 
         config = self.config
@@ -185,7 +184,7 @@ class PeriodicContact(Model):
             return
         if config.grid.isolated:
             return
-        deepest, height = float(values.max()), mean(heights, self.case.grid.ranks)
+        deepest, height = float(values.max()), self.case.grid.ranks.mean(heights)
         if message := too_deep(deepest, height, config.solid.mean_stiffness):
             yield key_of_drive, message
 

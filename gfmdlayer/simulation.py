@@ -21,8 +21,7 @@ from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.config import Config
-from gfmdlayer.contact.imprint import Imprint
-from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
+from gfmdlayer.contact.loading import CONTROLS, Imprint, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged

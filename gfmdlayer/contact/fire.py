@@ -145,9 +145,8 @@ def iterate(
                 real, imaginary = inverse_mass[k] * work[k].real, inverse_mass[k] * work[k].imag
                 work[k] = complex(real, imaginary)
                 pull += real * real + imaginary * imaginary
-            pull *= (
-                2.0 * u.size
-            )  # Parseval, but for the weight of two modes, which does not matter to a norm that only steers
+            # Parseval, but for the weight of two modes, which does not matter to a norm that only steers.
+            pull *= 2.0 * u.size
             backward(plans, work, acceleration)
             pairs += 1
         if power > 0.0:
@@ -336,16 +335,14 @@ class Fire(Stateless):
             problem.residual_floor,
             problem.interface.terms,
         )
-        inertia = self._inertia(problem)
+        if self._mass_weighted:
+            inverse = 1.0 / ((problem.stiffness + problem.kappa_1) * self._fields.u.size)
+            if problem.mean_is_fixed:
+                inverse[0] = 0.0
+            inertia = Inertia(inverse, 1.0, True)
+        else:
+            inertia = Inertia(problem.stiffness, 1.0 / float(problem.stiffness.max()), False)
         outcome: tuple[Motion, bool, int, int] = iterate(
             self._transforms.plans, system, self._fields, inertia, constants, state, tolerance, limit
         )
         return outcome
-
-    def _inertia(self, problem: Problem) -> Inertia:
-        if not self._mass_weighted:
-            return Inertia(problem.stiffness, 1.0 / float(problem.stiffness.max()), False)
-        inverse = 1.0 / ((problem.stiffness + problem.kappa_1) * self._fields.u.size)
-        if problem.mean_is_fixed:
-            inverse[0] = 0.0
-        return Inertia(inverse, 1.0, True)

@@ -1,4 +1,4 @@
-"""Depth and load control: the contact problem of a step, and the depth that belongs to its solution.
+"""Depth and load control: the contact problem of a step, the depth of its solution, and the imprint left.
 
 A solver finds a surface of zero mean, or under a given mean pressure p any surface w below the punch. The
 mean of w is the depth plus u_0, the displacement at q = 0, which is zero unless a compressible layer lies on
@@ -9,6 +9,26 @@ a rigid base. There kappa_0 u_0 = b_0/n - p, and
 A load that pulls more than the interface holds has no equilibrium, and the punch detaches (`pulled_off`).
 Until the load presses again it lies out of reach. The surface is free of stress, and the depth of the punch
 counts as the depth at which it would just touch.
+
+Hardness: contact pressures end at H, and the surfaces lose height there.
+
+Perfect plasticity in series with the body, along the normal, without hardening. The pressure of the wall
+satisfies 0 <= p <= H, and the imprint W >= 0 is the height lost so far at each point. A step finds
+
+    min over p of p.A p/2 + (gap0 + W).p        0 <= p <= H, of the given load where there is one
+
+with gap0 the gap without pressure, and A the compliance. With g = gap0 + W + A p,
+
+    p = 0: g >= 0,        0 < p < H: g = 0,        p = H: g <= 0, and then W grows by -g.
+
+-g is the multiplier of p <= H. The dual problem is the least sum of elastic energy and H (W' - W) over
+displacements u <= h + W' and W' >= W: an implicit step of flow, of which H times the growth of W is the work.
+With attraction the pressure of the wall, p + tau(g), ends at H; the flow leaves no gap, and its work is that
+of the stress H - tau(0).
+So W does not depend on the number of steps as long as no point leaves the hardness.
+
+W belongs to punch and body together: it adds to the height of the punch, and is no displacement of the body.
+So it leaves no stress in the body's memory.
 """
 
 from __future__ import annotations
@@ -16,15 +36,16 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeVar
 
+import numpy as np
+
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.grid.sums import mean
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.resumable import Resumable, State
 from gfmdlayer.time_functions import Trajectory
@@ -164,7 +185,7 @@ class LoadControl(Loading):
         stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
         if stiffness > 0:
             height = (history.real / self.size - self._load(time)) / stiffness
-        shift = mean(solution.displacement, ranks) - height
+        shift = ranks.mean(solution.displacement) - height
         depth, spectrum = shift + self.lowest, solution.spectrum.copy()
         ranks.set_mean_wave(spectrum, height * self.size)
         return Surface(solution.displacement, spectrum, depth, depth, shift)
@@ -185,6 +206,34 @@ def pulled_off(problem: Problem, solution: Solution) -> bool:
         return False
     nearest, strongest = problem.ranks.minimum(gap.min()), problem.interface.traction(gap).max()
     return bool(nearest > problem.interface.range and problem.ranks.maximum(strongest) < -load)
+
+
+class Imprint:
+    """The height W that punch and surface have lost, one value a point; none with an infinite hardness."""
+
+    def __init__(self, size: int, hardness: float) -> None:
+        self.hardness, self.yields = hardness, hardness < math.inf
+        self.depth = np.zeros(size if self.yields else 0)
+
+    def under(self, problem: Problem) -> Problem:
+        """Return the problem of a step with the height lost so far, and with pressures up to the hardness."""
+        if not self.yields:
+            return problem
+        return replace(problem, obstacle=problem.obstacle + self.depth, hardness=self.hardness)
+
+    def remember(self, solution: Solution) -> None:
+        """Add the flow of an accepted step."""
+        if solution.flow is not None:
+            self.depth = self.depth + solution.flow
+
+    def state(self) -> State:
+        """Return the height lost."""
+        return {"depth": self.depth} if self.yields else {}
+
+    def restore(self, state: State) -> None:
+        """Continue from there."""
+        if self.yields:
+            self.depth = np.asarray(state["depth"])
 
 
 # A prescribed force is a prescribed mean pressure, force over cell.

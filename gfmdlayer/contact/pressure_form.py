@@ -15,7 +15,6 @@ from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
 from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, violation
 from gfmdlayer.grid.ranks import Ranks
-from gfmdlayer.grid.sums import mean
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import LANES, kernel, minimum
 
@@ -111,13 +110,12 @@ def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | Non
 
 def _full_contact(problem: Problem, transforms: Transforms) -> Solution | None:
     """The state that touches the punch everywhere, where the load presses everywhere."""
-    u = problem.obstacle.copy()
+    u, ranks = problem.obstacle.copy(), problem.ranks
     spectrum = transforms.forward(u)
     pressure = transforms.backward((problem.intercept - problem.stiffness * spectrum) / transforms.size)
     pressure += problem.applied_pressure
-    if not problem.ranks.minimum(float(pressure.min())) >= 0.0:
-        return None
-    if not problem.ranks.maximum(float(pressure.max())) <= problem.hardness:
+    presses = ranks.minimum(float(pressure.min())) >= 0.0
+    if not presses or not ranks.maximum(float(pressure.max())) <= problem.hardness:
         return None
     return make_solution(problem, u, pressure, spectrum, spent=(1, 0), within=0.0)
 
@@ -148,7 +146,7 @@ def _free_surface(problem: Problem, transforms: Transforms) -> Solution:
     if ranks.first:
         spectrum[0] -= n * shift
     u = np.minimum(u - shift, h)
-    none, assessment = np.zeros(h.size), (0.0, 0.0, 0.0, mean(h - u, ranks))
+    none, assessment = np.zeros(h.size), (0.0, 0.0, 0.0, ranks.mean(h - u))
     return make_solution(problem, u, none, spectrum, spent=(1, 0), within=0.0, assessment=assessment)
 
 

@@ -15,7 +15,7 @@ g = h - u is open. lambda is the multiplier of the first constraint, the given p
 zero in the third. The mean pressure is mean(f) + lambda in each.
 
 With a hardness H the pressure of the wall ends there: p_c <= H, and where p_c = H the surface may overlap the
-punch, u > h. The overlap is the height that the surfaces lose in the step, see `imprint`; it leaves no gap.
+punch, u > h. The overlap is the height that the surfaces lose in the step, see `loading`; it leaves no gap.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ import numpy as np
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.grid.sums import mean
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import Resumable
@@ -215,7 +214,7 @@ def make_solution(
         pressure=pressure,
         gap=gap,
         spectrum=spectrum,
-        mean_pressure=found.mean_pressure if wall is pressure else mean(pressure, problem.ranks),
+        mean_pressure=found.mean_pressure if wall is pressure else problem.ranks.mean(pressure),
         mean_gap=found.mean_gap,
         contact_area=found.contact_area,
         residual=found.residual,

@@ -163,15 +163,8 @@ def _planning(fftw: Any, time_limit: float, threads: int) -> Iterator[None]:
 Made = TypeVar("Made", bound=PlanPair)
 
 
-class _Cache:
-    """The plans of this process, and the wisdom that they were made from."""
-
-    def __init__(self) -> None:
-        self.wisdom: str | None = None
-        self.pairs: dict[tuple[Any, ...], Any] = {}
-
-
-_cache = _Cache()
+# The plans of this process, and the wisdom that they were made from.
+_cache: Any = SimpleNamespace(wisdom=None, pairs={})
 
 
 def plan_pair(

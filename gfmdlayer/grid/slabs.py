@@ -186,6 +186,10 @@ class SlabGrid(Grid):
     """A grid in two dimensions over several ranks; ValueError for a line, or too few rows for so many."""
 
     members: MpiRanks = field(kw_only=True)
+    _functions: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _halos: dict[Any, tuple[Places, Places]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         if reason := refused(self.points, self.members.count):
@@ -330,10 +334,6 @@ class SlabGrid(Grid):
             self._functions[key] = callable_by_address(self.ranks, called)
         return address(self._functions[key])
 
-    @cached_property
-    def _functions(self) -> dict[Any, Any]:
-        return {}
-
     def _neighbours(self, before: int, after: int) -> tuple[Places, Places]:
         """Places in the halo of the rows from each rank, and among the own rows of those for each rank."""
         if (before, after) not in self._halos:
@@ -348,10 +348,6 @@ class SlabGrid(Grid):
             send = {rank: each - self.rows.start for rank, each in enumerate(own) if each.size}
             self._halos[before, after] = receive, send
         return self._halos[before, after]
-
-    @cached_property
-    def _halos(self) -> dict[tuple[int, int], tuple[Places, Places]]:
-        return {}
 
     def coarser(self, fewest: int) -> Grid | None:
         """Return a coarser grid over the same ranks, see `Grid.coarser`; None where it has too few rows."""
@@ -459,7 +455,9 @@ class SlabTransforms(Transforms):
         """Return the modes that a coarser grid of the same cell has too, see `Transforms.truncated`."""
         assert isinstance(coarser, SlabTransforms)
         ranks, grid = self._grid.ranks, coarser._grid
-        modes = np.ascontiguousarray(self._rows_of_coarser(spectrum, grid.points[0]).T)  # a row a column
+        n = grid.points[0]
+        rows = np.concatenate((np.arange((n + 1) // 2), np.arange(-(n // 2), 0)))
+        modes = np.ascontiguousarray(spectrum.reshape(self.spectral_shape)[rows].T)  # a row a column
         fine, coarse = (edges(each.points[1] // 2 + 1, ranks.count) for each in (self._grid, grid))
         found = np.empty((grid.spectral_shape[1], grid.points[0]), modes.dtype)
 
@@ -477,10 +475,6 @@ class SlabTransforms(Transforms):
         for request in requests:
             wait(request)
         return np.ascontiguousarray(found.T).ravel()
-
-    def _rows_of_coarser(self, spectrum: NDArray[Any], points: int) -> NDArray[Any]:
-        positive, negative = np.arange((points + 1) // 2), np.arange(-(points // 2), 0)
-        return spectrum.reshape(self.spectral_shape)[np.concatenate((positive, negative))]
 
     def _forward(self, source: int, target: int) -> None:
         """Transform the rows at an address into columns at another."""

@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.grid.sums import mean
 from gfmdlayer.punch.height_files import fitting, times
 from gfmdlayer.validation.problems import ConfigError
 
@@ -71,7 +70,7 @@ def tapered(heights: FloatArray, part: float, grid: Grid) -> tuple[FloatArray, s
 
     each = grid.own_rows([tukey(n, part, sym=False) for n in grid.points])
     windows = np.meshgrid(*each, indexing="ij", sparse=True)
-    faded = heights - mean(heights, grid.ranks)
+    faded = heights - grid.ranks.mean(heights)
     for window in windows:
         faded = faded * window
     return faded, f"heights fade out over {part:g} of the cell; {_change(heights, faded)}"
@@ -119,13 +118,13 @@ def without_trend(heights: FloatArray, grid: Grid, *, curved: bool) -> FloatArra
 
     def average(values: FloatArray) -> float:
         """Mean over the surface; of values along the last axis alone every rank has all."""
-        return float(np.mean(values)) if values.shape[0] == 1 else mean(values, grid.ranks)
+        return float(np.mean(values)) if values.shape[0] == 1 else grid.ranks.mean(values)
 
     if curved:
         shapes += [x**2 - average(x**2) for x in axes] + [axes[0] * y for y in axes[1:]]
-    rest = heights - mean(heights, grid.ranks)
+    rest = heights - grid.ranks.mean(heights)
     for shape in shapes:
-        rest -= shape * (mean(rest * shape, grid.ranks) / average(shape**2))
+        rest -= shape * (grid.ranks.mean(rest * shape) / average(shape**2))
     return np.asarray(rest)
 
 

@@ -231,15 +231,6 @@ def respond(
 
 
 @kernel(reorder=True)
-def release(first: int, end: int, length: float, p: Any, r: Any, d: Any) -> tuple[tuple[float], tuple[float]]:
-    """Drop from C the points whose pressure a step would end and whose gap is open."""
-    ps, rs, ds = p[first:end], r[first:end], d[first:end]
-    for i in range(ps.size):
-        rs[i] = _NONE if (ps[i] + length * ds[i] <= 0.0) & (rs[i] < _NONE) else rs[i]
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
 def extent(
     first: int, end: int, per_point: float, cap: Any, h: Any, p: Any, gap: Any
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
@@ -283,55 +274,6 @@ def extent(
         max(maximum(overlap), maximum(lower)),
         max(maximum(widest), maximum(wider)),
     )
-
-
-@kernel(reorder=True)
-def press(
-    first: int, end: int, level: float, stiffness: float, gap0: Any, p: Any
-) -> tuple[tuple[float], tuple[float]]:
-    """Write a first guess of the pressure: where the punch overlaps, lowered by a level."""
-    total, ps, gaps = 0.0, p[first:end], gap0[first:end]
-    for i in range(ps.size):
-        pull = level - gaps[i]
-        ps[i] = stiffness * pull if pull > 0.0 else 0.0
-        total += ps[i]
-    return (total,), (0.0,)
-
-
-@kernel
-def clear(first: int, end: int, a: Any, b: Any, c: Any, d: Any, e: Any) -> tuple[tuple[float], tuple[float]]:
-    """Set fields to zero."""
-    for i in range(first, end):
-        a[i] = b[i] = c[i] = d[i] = e[i] = 0.0
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
-def times(first: int, end: int, factor: float, field: Any) -> tuple[tuple[float], tuple[float]]:
-    """Multiply a field."""
-    part = field[first:end]
-    for i in range(part.size):
-        part[i] *= factor
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
-def lowered(first: int, end: int, level: float, field: Any, target: Any) -> tuple[tuple[float], tuple[float]]:
-    """Write a field less a level, in another precision."""
-    source, found = field[first:end], target[first:end]
-    less = field.dtype.type(level)
-    for i in range(found.size):
-        found[i] = source[i] - less
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
-def add_response(first: int, end: int, gap0: Any, change: Any, gap: Any) -> tuple[tuple[float], tuple[float]]:
-    """Write the gap gap0 + A p."""
-    free, changes, gaps = gap0[first:end], change[first:end], gap[first:end]
-    for i in range(gaps.size):
-        gaps[i] = free[i] + changes[i]
-    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)

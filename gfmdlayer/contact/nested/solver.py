@@ -219,7 +219,7 @@ def _press(level: Level, at: Fields) -> None:
     lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
     # Where the load is given, half way up to the mean height.
     height = 0.0 if at.load is None else 0.5 * (lowest + mean)
-    level.parallel.only(passes.press, height, level.stiffest, at.gap0, at.p)
+    np.multiply(level.stiffest, np.fmax(height - at.gap0, 0.0), out=at.p)
     if not level.set_load(at) and at.load is not None:
         at.p[:] = at.load / level.grid.size  # the punch lies equally low everywhere
 
@@ -274,7 +274,7 @@ class NestedGradient:
             left = min(_LIMIT, limit - iterations)
             iterations += search.run(CLOSE * tolerance, left)
             if search.at is not at:
-                fine.parallel.only(passes.lowered, 0.0, search.at.p, at.p)
+                np.copyto(at.p, search.at.p)
                 if at.cap is not None:  # exactly, as it was in single precision
                     at.p[search.at.p >= np.float32(at.cap)] = at.cap
             spectrum, extent = self._evaluate(problem, fine, at)
@@ -314,7 +314,6 @@ class NestedGradient:
         single = np.zeros(1, np.float32)
         for p in (single, np.zeros(1)):
             passes.project(0, 1, 1.0, 0.0, None, p, single, single, single)
-            passes.release(0, 1, 1.0, p, single, single)
 
     def _level_of(self, problem: Problem) -> Level:
         """The operators of the grid, made anew only where the stiffness has changed."""
@@ -361,7 +360,7 @@ class NestedGradient:
             self._narrow.append(fine.transforms.empty_field())
         shift = at.level if given else 0.0  # gaps then count from the level
         for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
-            fine.parallel.only(passes.lowered, less, field, narrowed)
+            np.subtract(field, less, out=narrowed, casting="same_kind")
         p, gap = self._narrow[:2]
         gap0 = gap if given else self._narrow[2]
         now = Fields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)
