@@ -22,7 +22,7 @@ from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
-    from gfmdlayer.body.depths import Place
+    from gfmdlayer.body.solid import Place
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.interface.law import Interaction

@@ -22,7 +22,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points
 from gfmdlayer.history.time_points import Instant
-from gfmdlayer.interface.friction import Coulomb
+from gfmdlayer.interface.interface import Coulomb
 from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, Trajectory
 
 if TYPE_CHECKING:

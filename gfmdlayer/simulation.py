@@ -45,7 +45,7 @@ from gfmdlayer.model import ConvergenceError, make_body, series_of
 from gfmdlayer.observables import AcceptedStep, Observable, observables, totals
 from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
-from gfmdlayer.punch.height_files import fitting
+from gfmdlayer.punch.topography import fitting
 from gfmdlayer.results.journal import Recorder
 from gfmdlayer.results.schema import in_order
 from gfmdlayer.resumable import CompositeState

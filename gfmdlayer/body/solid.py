@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.validation.problems import Problem
@@ -191,3 +192,44 @@ def _close(one: Any, other: Any) -> bool:
 
     size = np.abs(other)
     return bool((np.abs(one - other) <= 1e-6 * size + 1e-12 * np.max(size)).all())
+
+
+# Depths below the surface of layers, and the layers that they are in.
+
+_SAME = 1e-12  # relative: a depth this close to an interface is on it
+
+
+class Place(NamedTuple):
+    """A depth, and the number of its layer from the surface; a depth at an interface has two places."""
+
+    depth: float
+    layer: int
+
+
+def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[Place]:
+    """Return the places at increasing depths in layers of these thicknesses, at most their sum."""
+    faces, last = list(accumulate(thicknesses)), len(thicknesses) - 1
+    found = []
+    for depth in depths:
+        at = next((i for i, face in enumerate(faces) if abs(face - depth) <= _SAME * depth), None)
+        if at is None:
+            found.append(Place(depth, next(i for i, face in enumerate(faces) if depth < face)))
+        else:
+            found += [Place(faces[at], number) for number in (at, at + 1) if number <= last]
+    return found
+
+
+def beyond(thicknesses: Sequence[float], depths: Sequence[float]) -> tuple[int, float] | None:
+    """Return the number of the first depth below all layers, and their thickness; None without one."""
+    whole = sum(thicknesses)
+    return next(((i, whole) for i, depth in enumerate(depths) if depth > whole * (1 + _SAME)), None)
+
+
+def between_faces(thicknesses: Sequence[float], number: int, reach: float) -> list[float]:
+    """Return depths from face to face of each layer; a halfspace ends as deep as its layers, or at reach."""
+    found, top = [0.0], 0.0
+    for thickness in thicknesses:
+        size = thickness if math.isfinite(thickness) else top or reach
+        found += [top + size * i / (number - 1) for i in range(1, number)]
+        top += size
+    return found

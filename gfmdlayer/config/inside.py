@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from gfmdlayer.body.depths import Place, between_faces, beyond, places
+from gfmdlayer.body.solid import Place, between_faces, beyond, places
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.validation.fields import Count, MustBe, NotNegative, given
 from gfmdlayer.validation.problems import Problem

@@ -34,9 +34,8 @@ from gfmdlayer.config.sweeps import unswept
 from gfmdlayer.config.tangential import problems_of_the_friction
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
-from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
-from gfmdlayer.interface.friction import Friction
-from gfmdlayer.interface.interface import Interface
+from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
+from gfmdlayer.interface.interface import Friction, Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES

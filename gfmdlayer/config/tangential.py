@@ -16,7 +16,7 @@ from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.contact.solvers import AUTO
-from gfmdlayer.interface.friction import Friction
+from gfmdlayer.interface.interface import Friction
 from gfmdlayer.validation.fields import File, Finite, NotNegative, Optional, Word, given
 from gfmdlayer.validation.problems import Location, Problem, dotted
 from gfmdlayer.validation.sections import Section, sections_in

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.body.depths import Place
 from gfmdlayer.body.inside import Inside, Readout, alike
 from gfmdlayer.body.relaxation import Spectrum, distinct_branches
+from gfmdlayer.body.solid import Place
 from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.error_control import Integrator

@@ -38,9 +38,8 @@ from gfmdlayer.observables.contact_statistics import (
 )
 from gfmdlayer.periodic import too_deep, weak
 from gfmdlayer.programme import Programme
-from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.shape import Cell, Shape
-from gfmdlayer.punch.topography import numbers, outward_heights
+from gfmdlayer.punch.topography import fitting, numbers, outward_heights
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant
 from gfmdlayer.validation.problems import nearest, shown

@@ -31,7 +31,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.transport.memory import LARGEST_DIRECT
+from gfmdlayer.transport import LARGEST_DIRECT
 from gfmdlayer.transport.percolation import Clusters, Throat, clusters
 
 Mean = Literal["harmonic", "linear"]
