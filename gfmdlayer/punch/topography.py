@@ -1,7 +1,7 @@
 """Heights from files and arrays, and the steps that make a measured surface periodic and complete.
 
-Files are NumPy arrays, text, HDF5 and netCDF, and the formats of SurfaceTopography. The first axis of an array
-is x, the second y. In text each line is one value of x. Points that were not measured are NaN.
+Files are NumPy arrays, text, HDF5 and netCDF, and the formats of SurfaceTopography. The first axis of an
+array is x, the second y. In text each line is one value of x. Points that were not measured are NaN.
 
 A measurement neither joins up with itself at the edges nor is it free of holes. The steps that the user asks
 for are taken in this order, and each describes its change:
