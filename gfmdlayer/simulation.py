@@ -355,8 +355,7 @@ class Case:
         loading, history, steps, solver, guess = (
             self.loading, self.history, self.steps, self.solver, self.guess,
         )  # fmt: skip
-        observables = tuple(self.observables.values())
-        keeps_all, ended = self.config.output.snapshots == "every", ""
+        observables, ended = tuple(self.observables.values()), ""
         if resume is not None:
             resume(self.resumable)
 
@@ -372,9 +371,7 @@ class Case:
             if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
                 if lost:
                     if not loading.detach(instant.time, self.config.time.end):
-                        at = f"PULLED OFF at t = {instant.time:.6g}"
-                        ended = f"{at}: no contact carries the load of {prescribed:.6g}"
-                        recorder.note(ended=ended, pull_off_time=instant.time)
+                        ended = self._pulled_off(recorder, instant.time, prescribed)
                         break
                     problem, solution = self._solved(kappa, b, instant.time)
                     surface = loading.surface(solution, kappa, b, instant.time)
@@ -389,21 +386,35 @@ class Case:
                 self.imprint.remember(solution)
                 if self.reach is not None:
                     self.reach.remember(solution.pressure)
-                row: dict[str, float | FloatArray] = {}
-                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
-                finished = False
-                for observable in observables:
-                    row |= observable.measure(step)
-                    finished = finished or observable.finished
-                recorder.row(**self._recorded(row))
-                if instant.snapshot or finished or keeps_all:
-                    self._snapshot(recorder, step)
-                if finished:
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, {})
+                if self._record(recorder, step, with_fields=instant.snapshot):
                     break
-                del step, row
+                del step
             del kappa, b, problem, solution, surface  # the next step needs their memory
             if progress is not None:
                 progress(instant.time)
+        return self._end(recorder, ended)
+
+    def _record(self, recorder: Recorder, step: AcceptedStep, *, with_fields: bool) -> bool:
+        """Record row and perhaps fields of an accepted step; return whether the run has settled."""
+        settled = False
+        for observable in self.observables.values():
+            step.row |= observable.measure(step)
+            settled = settled or observable.finished
+        recorder.row(**self._recorded(step.row))
+        if with_fields or settled or self.config.output.snapshots == "every":
+            self._snapshot(recorder, step)
+        return settled
+
+    def _pulled_off(self, recorder: Recorder, time: float, load: float) -> str:
+        """Note that the run ends since a load has pulled the punch off, and return the words."""
+        ended = f"PULLED OFF at t = {time:.6g}: no contact carries the load of {load:.6g}"
+        recorder.note(ended=ended, pull_off_time=time)
+        return ended
+
+    def _end(self, recorder: Recorder, ended: str) -> list[str]:
+        """Note the attributes of the observables; return why the run ended early, and their warnings."""
+        observables = self.observables.values()
         for observable in observables:
             if observable.attributes:
                 recorder.note(**self._recorded(observable.attributes))

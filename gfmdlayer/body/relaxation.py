@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -209,16 +209,8 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
     return Spectrum(relaxed, weights[kept].reshape(-1, *q.shape), thetas[kept].reshape(-1, *q.shape))
 
 
-class _PartialFractions(NamedTuple):
-    """K(q, G) = proportional G + const - sum_i strengths_i/(poles_i + G): shapes (nq,), (2, nq), (2, nq)."""
-
-    proportional: FloatArray
-    poles: FloatArray
-    strengths: FloatArray
-
-
-def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFractions:
-    """K(q, G) as a function of the layer's modulus, for q of shape (nq,) and a thickness above zero.
+def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a, (nq,), poles P and strengths R, (2, nq), of K = a G + const - sum_i R_i/(P_i + G).
 
     With g = G/G_bulk and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant of
     D is a sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with A = (g - 1)(1 + c g),
@@ -227,7 +219,7 @@ def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFracti
     """
     poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
     if layer.bulk_modulus in (0, math.inf):
-        return _PartialFractions(layer.stiffness(q, 1.0), poles, strengths)
+        return layer.stiffness(q, 1.0), poles, strengths
 
     near = np.flatnonzero((q > 0) & (layer.depths(q) < _DEEP))
     x = layer.depths(q[near])
@@ -249,7 +241,7 @@ def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFracti
     poles[:, near] = p * layer.bulk_modulus
     scale = q[near] * layer.bulk_modulus**2 / (1 - layer.poisson)
     strengths[:, near] = scale * p * N / (gap * np.array([[1.0], [-1.0]]))
-    return _PartialFractions(replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths)
+    return replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths
 
 
 def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:

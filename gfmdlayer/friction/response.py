@@ -292,9 +292,8 @@ class Operator:
                     kernel_there = work.points[0].reshape(shape)[np.ix_(*near)]
                     window.points[0][:] = kernel_there.ravel()
                     window.transform(0)
-                    made = (
-                        -window.waves[0].imag if number in odd else window.waves[0].real
-                    ) / window.plan.size
+                    spectrum = window.waves[0]
+                    made = (-spectrum.imag if number in odd else spectrum.real) / window.plan.size
                 found.append(np.ascontiguousarray(made, dtype=np.float32))
             self._single[part] = tuple(found)
             if part in self._counted:

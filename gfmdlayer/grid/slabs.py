@@ -19,7 +19,7 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -200,21 +200,6 @@ class SlabGrid(Grid):
         """The processes that hold the grid."""
         return self.members
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the part of a field that this rank holds."""
-        return self.rows.stop - self.rows.start, self.points[1]
-
-    @property
-    def spectral_shape(self) -> tuple[int, ...]:
-        """Shape of the part of a transform that this rank holds."""
-        return self.points[0], self.columns.stop - self.columns.start
-
-    @property
-    def first_row(self) -> int:
-        """Number of the first row that this rank holds."""
-        return int(self.rows.start)
-
     @cached_property
     def rows(self) -> slice:
         """Rows of the grid that this rank holds."""
@@ -224,20 +209,6 @@ class SlabGrid(Grid):
     def columns(self) -> slice:
         """Columns of a transform that this rank holds."""
         return self._part(self.points[1] // 2 + 1)
-
-    @property
-    def waves_y(self) -> range:
-        """Numbers of waves along the last axis of the modes that this rank holds."""
-        return range(self.columns.start, self.columns.stop)
-
-    @property
-    def coordinates(self) -> tuple[FloatArray, ...]:
-        """Coordinates along each axis of the points that this rank holds."""
-        return tuple(self.own_rows(super().coordinates))
-
-    def own_rows(self, axes: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the part of arrays along each axis that belongs to the points of this rank."""
-        return [axes[0][self.rows], axes[1]]
 
     def blocks(self, field: NDArray[Any], rows: int) -> Iterator[tuple[int, NDArray[Any]]]:
         """Bring a field together, see `Grid.blocks`."""
@@ -353,15 +324,6 @@ class SlabGrid(Grid):
         """Return a coarser grid over the same ranks, see `Grid.coarser`; None where it has too few rows."""
         points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
         return None if refused(points, self.ranks.count) else super().coarser(fewest)
-
-    @property
-    def wavevectors(self) -> list[FloatArray]:
-        """Components of the wavevector of each mode that this rank holds."""
-        along_x, along_y = super().wavevectors
-        return [along_x, along_y[:, self.columns]]
-
-    def _waves_of_modes(self) -> FloatArray:
-        return super()._waves_of_modes()[self.columns]
 
     def _part(self, number: int) -> slice:
         return slice(*edges(number, self.ranks.count)[self.ranks.number : self.ranks.number + 2])

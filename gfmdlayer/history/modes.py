@@ -366,9 +366,8 @@ class Modes:
         np.add.at(glassy, local.position, local.weights)
         some = self.relaxed > 0
         contrast = (glassy[some] / self.relaxed[some]).max(initial=1.0)
-        heaviest = np.outer(branches.moduli, branches.shape[::2][some] / glassy[some]).max(
-            axis=1, initial=0.0
-        )
+        shares = np.outer(branches.moduli, branches.shape[::2][some] / glassy[some])
+        heaviest = shares.max(axis=1, initial=0.0)
         parts = np.concatenate((heaviest, local.weights / glassy[local.position]))
         longest = self._times[parts > tolerance].max(initial=0.0)
         return self._sums.maximum(float(contrast)) * self._sums.maximum(float(longest))

@@ -44,25 +44,17 @@ _STRONG = ("symmetric", {"theta": 0.08})
 
 @dataclass(frozen=True)
 class Flow:
-    """Flow through a gap.
+    """Flow through a gap; the last two fields are empty for a line."""
 
-    Attributes
-    ----------
-    tensor : ndarray, shape (2, 2)
-        K [length^3].
-    imbalance : ndarray, shape (2,)
-        Spread of the flow through the cross-sections, relative to their mean; 0 without a flow.
-    pressure : ndarray, shape (2, nx, ny)
-        Pressure of the fluid under a drop along x, and along y, over the drop across the cell; 0 in the
-        middle of the cell on average. NaN in contact and where nothing flows. Empty for a line.
-    flow : ndarray, shape (2, 2, nx, ny)
-        Components along x and y of 12 eta q/G under a drop along x, and along y [length^3]; their means are
-        the columns of K. Empty for a line.
-    """
-
-    tensor: FloatArray
-    imbalance: FloatArray
+    tensor: FloatArray  # K, (2, 2) [length^3]
+    imbalance: (
+        FloatArray  # (2,), spread of the flow through the cross-sections over their mean; 0 without one
+    )
+    # Pressure under a drop along x, and along y, over the drop across the cell, (2, nx, ny); 0 in the middle
+    # of the cell on average, NaN in contact and where nothing flows.
     pressure: FloatArray
+    # Components along x and y of 12 eta q/G under a drop along x, and along y, (2, 2, nx, ny) [length^3]; their
+    # means are the columns of K.
     flow: FloatArray
 
 
@@ -78,18 +70,14 @@ def flow_through(gap: FloatArray, period: Sequence[float], mean: Mean = "harmoni
     """Return the flow through a gap (nx,) or (nx, ny), 0 in contact, over a cell of these lengths."""
     gap = np.asarray(gap, dtype=float)
     if gap.ndim == 1:
-        return _of_a_line(gap)
+        across = 0.0 if gap.min() <= 0 else 1.0 / float(np.mean(gap**-3.0))
+        tensor = np.diag([across, float(np.mean(gap**3))])
+        return Flow(tensor, np.zeros(2), np.empty((2, 0, 0)), np.empty((2, 2, 0, 0)))
     found = clusters(gap > 0)
     if not found.winds.any():
         nowhere = np.full((2, *gap.shape), np.nan)
         return Flow(np.zeros((2, 2)), np.zeros(2), nowhere, np.zeros((2, *nowhere.shape)))
     return _of_clusters(gap, (period[0], period[1]), mean, found)
-
-
-def _of_a_line(gap: FloatArray) -> Flow:
-    across = 0.0 if gap.min() <= 0 else 1.0 / float(np.mean(gap**-3.0))
-    empty = np.empty((2, 0, 0))
-    return Flow(np.diag([across, float(np.mean(gap**3))]), np.zeros(2), empty, np.empty((2, 2, 0, 0)))
 
 
 def _of_clusters(gap: FloatArray, period: tuple[float, float], mean: Mean, found: Clusters) -> Flow:

@@ -349,21 +349,17 @@ class Windows:
         self._current: set[int] = set()  # parts whose window has the present stiffness
         self._work, self._iterate_at = work, 0
         self._kernel = transforms.empty_field()
+        self.kernel_is_known = False  # whether it is that of the present compliance
 
     def set_system(self, system: System) -> None:
         """Take over stiffness and floor, which stay the same for several steps."""
-        self._system, self._kernel_is_known = system, False
+        self._system, self.kernel_is_known = system, False
         self._current.clear()
-
-    @property
-    def kernel_is_known(self) -> bool:
-        """Whether the kernel of the present compliance has been made."""
-        return self._kernel_is_known
 
     def make_kernel(self) -> None:
         """Make the kernel: the displacement of all points by a pressure at one. A transform."""
         respond(self._transforms.plans, self._system.compliance, self._work.spectrum, self._kernel)
-        self._kernel_is_known = True
+        self.kernel_is_known = True
 
     def solve(
         self, problem: Problem, guess: FloatArray, tolerance: float, rounds: int, limit: int
@@ -420,7 +416,7 @@ class Windows:
             transforms = self._transforms.for_window(part)
             self._made[part] = transforms, _make_window(transforms, _two(self._shape))
         transforms, window = self._made[part]
-        taken = 0 if self._kernel_is_known else 1
+        taken = 0 if self.kernel_is_known else 1
         if taken:
             self.make_kernel()
         shared = {name: getattr(self._system, name) for name in ("floor", "load_given", "mean_compliance")}
