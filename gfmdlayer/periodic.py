@@ -213,7 +213,7 @@ class PeriodicContact(Model):
         import numpy as np
 
         from gfmdlayer.body.isolated import period_for
-        from gfmdlayer.contact.loading import CONTROLS
+        from gfmdlayer.contact.loading import Loading
         from gfmdlayer.contact.nested.solver import NestedGradient
         from gfmdlayer.contact.reach import Reach
         from gfmdlayer.grid.grid import Grid
@@ -230,7 +230,7 @@ class PeriodicContact(Model):
         each = [max(1, n // _COARSE) if n % max(1, n // _COARSE) == 0 else 1 for n in fine.shape]
         coarse = Grid(tuple(n // k for n, k in zip(fine.shape, each, strict=True)), fine.period)
         heights = np.ravel(case.punch.reshape(fine.shape)[tuple(slice(None, None, k) for k in each)])
-        loading = CONTROLS[config.trajectory.control](heights, Constant(most))
+        loading = Loading(heights, Constant(most), by_depth=config.trajectory.control == "depth")
         solver, spectrum, widths = (
             NestedGradient(Transforms(coarse.shape), coarse),
             body.spectrum(coarse.waves),

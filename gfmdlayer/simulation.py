@@ -21,7 +21,7 @@ from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.config import Config
-from gfmdlayer.contact.loading import CONTROLS, Imprint, Loading, pulled_off
+from gfmdlayer.contact.loading import Imprint, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
@@ -205,9 +205,8 @@ class Case:
     @cached_property
     def loading(self) -> Loading:
         """The punch under its prescribed depth or load."""
-        return CONTROLS[self.config.trajectory.control](
-            self.punch, self.trajectory, self.interface, self.grid.ranks
-        )
+        by_depth = self.config.trajectory.control == "depth"
+        return Loading(self.punch, self.trajectory, self.interface, self.grid.ranks, by_depth)
 
     @cached_property
     def imprint(self) -> Imprint:

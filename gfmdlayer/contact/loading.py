@@ -34,8 +34,6 @@ So it leaves no stress in the body's memory.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -90,15 +88,46 @@ class Loading(Resumable):
     interface: Interaction = HARD_WALL
     ranks: Ranks = ALONE
 
-    @abstractmethod
+    by_depth: bool = True  # else the mean pressure is prescribed, and with it the force over the cell
+
     def problem(
         self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
     ) -> Problem:
-        """Return the contact problem at the end of a step, from slopes, intercepts and loss stiffness."""
+        """Return the contact problem at the end of a step; that of a load has no mean."""
+        if self.by_depth:
+            obstacle, load, interface = self.punch - self.trajectory(time), None, self.interface.at(time)
+        else:
+            obstacle, load = self.obstacle, self._load(time)
+            kappa, b = self._without_mean(kappa), self._without_mean(b)
+            interface = HARD_WALL if self.detached.covers(time) else self.interface.at(time)
+        return Problem(kappa, b, obstacle, load, loss_stiffness, self.height, interface, self.ranks)
 
-    @abstractmethod
-    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
-        """Return surface and depth that belong to a solution."""
+    @cached_property
+    def obstacle(self) -> FloatArray:
+        """Height above the lowest point of the grid, beside which first depths are not lost to rounding."""
+        return self.punch - self.lowest if self.lowest else self.punch
+
+    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float) -> Surface:
+        """Return the surface as the solver found it, or with the mean that the load gives it."""
+        if self.by_depth:
+            depth, response = self.trajectory(time), solution.mean_pressure
+            return Surface(solution.displacement, solution.spectrum, depth, response)
+        ranks, height = self.ranks, 0.0
+        stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
+        if stiffness > 0:
+            height = (history.real / self.size - self._load(time)) / stiffness
+        shift = ranks.mean(solution.displacement) - height
+        depth, spectrum = shift + self.lowest, solution.spectrum.copy()
+        ranks.set_mean_wave(spectrum, height * self.size)
+        return Surface(solution.displacement, spectrum, depth, depth, shift)
+
+    def _load(self, time: float) -> float:
+        return 0.0 if self.detached.covers(time) else self.trajectory(time)
+
+    def _without_mean(self, values: Values) -> Values:
+        rest = values.copy()
+        self.ranks.set_mean_wave(rest, 0.0)
+        return rest
 
     @cached_property
     def height(self) -> float:
@@ -142,63 +171,6 @@ class Loading(Resumable):
         return self.ranks.total(self.punch.size)
 
 
-@dataclass(frozen=True)
-class DepthControl(Loading):
-    """The depth of the punch is prescribed."""
-
-    def problem(
-        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
-    ) -> Problem:
-        """Contact problem of a step."""
-        obstacle = self.punch - self.trajectory(time)
-        return Problem(
-            kappa, b, obstacle, None, loss_stiffness, self.height, self.interface.at(time), self.ranks
-        )
-
-    def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
-        """Surface as the solver found it."""
-        depth = self.trajectory(time)
-        return Surface(solution.displacement, solution.spectrum, depth, solution.mean_pressure)
-
-
-@dataclass(frozen=True)
-class LoadControl(Loading):
-    """The mean pressure is prescribed."""
-
-    def problem(
-        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
-    ) -> Problem:
-        """Contact problem of a step, without the mean."""
-        kappa, b = self._without_mean(kappa), self._without_mean(b)
-        interface = HARD_WALL if self.detached.covers(time) else self.interface.at(time)
-        others = self.height, interface, self.ranks
-        return Problem(kappa, b, self.obstacle, self._load(time), loss_stiffness, *others)
-
-    @cached_property
-    def obstacle(self) -> FloatArray:
-        """Height above the lowest point of the grid, beside which first depths are not lost to rounding."""
-        return self.punch - self.lowest if self.lowest else self.punch
-
-    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
-        """Surface with the mean that the load gives it."""
-        ranks, height = self.ranks, 0.0
-        stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
-        if stiffness > 0:
-            height = (history.real / self.size - self._load(time)) / stiffness
-        shift = ranks.mean(solution.displacement) - height
-        depth, spectrum = shift + self.lowest, solution.spectrum.copy()
-        ranks.set_mean_wave(spectrum, height * self.size)
-        return Surface(solution.displacement, spectrum, depth, depth, shift)
-
-    def _load(self, time: float) -> float:
-        return 0.0 if self.detached.covers(time) else self.trajectory(time)
-
-    def _without_mean(self, values: Values) -> Values:
-        rest = values.copy()
-        self.ranks.set_mean_wave(rest, 0.0)
-        return rest
-
-
 def pulled_off(problem: Problem, solution: Solution) -> bool:
     """Whether the given load pulls the punch away: out of range, where no traction is as large any more."""
     load, gap = problem.mean_pressure, solution.gap
@@ -234,11 +206,3 @@ class Imprint:
         """Continue from there."""
         if self.yields:
             self.depth = np.asarray(state["depth"])
-
-
-# A prescribed force is a prescribed mean pressure, force over cell.
-CONTROLS: dict[str, Callable[..., Loading]] = {
-    "depth": DepthControl,
-    "load": LoadControl,
-    "force": LoadControl,
-}

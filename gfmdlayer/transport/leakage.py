@@ -53,8 +53,8 @@ class Flow:
     # Pressure under a drop along x, and along y, over the drop across the cell, (2, nx, ny); 0 in the middle
     # of the cell on average, NaN in contact and where nothing flows.
     pressure: FloatArray
-    # Components along x and y of 12 eta q/G under a drop along x, and along y, (2, 2, nx, ny) [length^3]; their
-    # means are the columns of K.
+    # Components along x and y of 12 eta q/G under a drop along x, and along y, (2, 2, nx, ny) [length^3];
+    # their means are the columns of K.
     flow: FloatArray
 
 
