@@ -165,11 +165,8 @@ def assemble(
         strains[:, owner == i, first : first + inside] = of[:, :, :inside]
     glassy = np.array([member.material.glassy for member in members])[owner]
     stiffness = np.concatenate([member.springs.stiffness for member in members], axis=1)
-    from_below = [
-        first + i
-        for first in range(displacements - interface, surface - 1, -interface)
-        for i in range(interface)
-    ]
+    firsts = range(displacements - interface, surface - 1, -interface)
+    from_below = [first + i for first in firsts for i in range(interface)]
     weights = np.sqrt(stiffness * glassy * np.where(q > 0, q, 1)[:, None])
     force, projection = redundants(strains, weights, from_below)
     mean = q == 0

@@ -169,18 +169,16 @@ def fault(body: Body, waves: Wavevectors) -> str:
         q = waves.magnitude[1:][found.relaxed[1:] <= 0][0]
         return f"spectrum(waves).relaxed is not positive at |q| = {q:.6g}; must be"
     if not _close(found.relaxed[:1], mean):
-        return (
-            f"spectrum(waves).relaxed is {found.relaxed[0]:.6g} at q = 0; must be mean_stiffness, {mean:.6g}"
-        )
+        still = f"{found.relaxed[0]:.6g} at q = 0"
+        return f"spectrum(waves).relaxed is {still}; must be mean_stiffness, {mean:.6g}"
     back = Wavevectors.of_components(-waves.qx, -waves.qy)
     for s in (0.0, *(1 / np.unique(found.times)[:: max(1, found.times.size // 8)])):
         K = body.stiffness(waves, s)
         if np.shape(K) != waves.shape:
             return f"stiffness(waves, s) has the shape {np.shape(K)}; must be {waves.shape}"
         if not _close(K, found.stiffness(s)):
-            return (
-                f"stiffness(waves, s) is not the sum of the modes of spectrum(waves) at s = {s:.6g}; must be"
-            )
+            wrong = "is not the sum of the modes of spectrum(waves)"
+            return f"stiffness(waves, s) {wrong} at s = {s:.6g}; must be"
         if not _close(K, body.stiffness(back, s)):
             return "stiffness(waves, s) differs between q and -q; must be equal"
     return ""

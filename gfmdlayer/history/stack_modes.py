@@ -378,11 +378,11 @@ class StackModes(Modes):
 
     def _rates(self, begin: float, length: float) -> FloatArray:
         """Mean rate at which the reduced time of each layer elapses in a step; at its begin for length 0."""
-        if length == 0:
-            return np.array([1.0 if each is None else 1 / each.factor(begin) for each in self._reduced_times])
-        return np.array(
-            [1.0 if each is None else each.step(begin, length) / length for each in self._reduced_times]
-        )
+
+        def rate(of: ReducedTime) -> float:
+            return of.step(begin, length) / length if length else 1 / of.factor(begin)
+
+        return np.array([1.0 if each is None else rate(each) for each in self._reduced_times])
 
     def _factors_for(self, length: float, rates: FloatArray) -> Factors:
         """Return the factors of a step in which the reduced times elapse at these mean rates."""

@@ -171,9 +171,12 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     fine.displace(problem, free, np.empty_like(free))
     last, pairs = None, 0.0
     for grid in reversed(fine.grid.nested[1:]):
-        level, state = _coarse(fine, grid, transforms, problem, (surface, free))
-        state.load = None if at.load is None else at.load * grid.size / fine.grid.size
-        state.cap = at.cap
+        coarse = transforms.of_shape(grid.points, single=True)
+        level = Level(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
+        fields = (coarse.backward(transforms.truncated(each, coarse)) for each in (surface, free))
+        h, displaced = (field.astype(np.float64) / fine.grid.size for field in fields)
+        load = None if at.load is None else at.load * grid.size / fine.grid.size
+        state = Fields(h, h - displaced, np.zeros_like(h), np.zeros_like(h), load, at.cap)
         if not _prolonged(last, level, state):
             _press(level, state)
         level.add_response(state)
@@ -186,23 +189,6 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
             at.gap0[:] = problem.obstacle - transforms.backward(free) / fine.grid.size
         _press(fine, at)
     return pairs
-
-
-def _coarse(
-    fine: Level,
-    grid: Grid,
-    transforms: Transforms,
-    problem: Problem,
-    spectra: tuple[ComplexArray, ComplexArray],
-) -> tuple[Level, Fields]:
-    """The problem on a coarser grid: punch, gap without pressure, and stiffness."""
-    coarse = transforms.of_shape(grid.points, single=True)
-    level = Level(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
-    h, free = (
-        coarse.backward(transforms.truncated(each, coarse)).astype(np.float64) / fine.grid.size
-        for each in spectra
-    )
-    return level, Fields(h, h - free, np.zeros_like(h), np.zeros_like(h), None)
 
 
 def _prolonged(last: tuple[Level, Fields] | None, level: Level, at: Fields) -> bool:
