@@ -418,7 +418,7 @@ class Newton:
         if length.max(initial=0) > longest or first.size > _MOST:
             return None
         if not self._inverts:  # the two kernels count in each solve, which may be the first of a resumed run
-            self._C.spend(1.0)
+            self._C.work.spend(1.0)
             self._inverts = True
         if self._blocks is None:
             self._blocks = Blocks(self._C.kernel(0)), Blocks(self._C.kernel(2))

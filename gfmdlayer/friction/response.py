@@ -195,7 +195,7 @@ class Operator:
 
     def __init__(self, grid: Grid, response: Response, work: Work, counted: Collection[int] = ()) -> None:
         self.size, self.axes = grid.size, len(grid.points)
-        self._response, self._work, self._counted = response, work, counted
+        self._response, self.work, self._counted = response, work, counted
         self._double = self._parts(grid)
         self._single = {1: tuple(part.astype(np.float32) for part in self._double)}
         weights = np.ravel(grid.parseval_weights) * grid.size
@@ -231,7 +231,7 @@ class Operator:
 
     def __call__(self, x: NDArray[Any], *, single: bool = False) -> FloatArray:
         """Return the response to fields, as new fields in double precision."""
-        work = self._work.fields(single=single)
+        work = self.work.fields(single=single)
         for field, values in zip(work.points, x, strict=False):
             field[:] = values
         factors = self._single[1] if single else self._double
@@ -239,8 +239,8 @@ class Operator:
 
     def among(self, points: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
         """Return the response at points to fields at them, in single precision, by a window twice as wide."""
-        part, places = self._work.window(points)
-        work, factors = self._work.fields(part, single=True), self._in_window(part)
+        part, places = self.work.window(points)
+        work, factors = self.work.fields(part, single=True), self._in_window(part)
 
         def response(x: NDArray[Any]) -> NDArray[Any]:
             for field, values in zip(work.points, x, strict=False):
@@ -252,15 +252,11 @@ class Operator:
 
     def kernel(self, number: int) -> FloatArray:
         """Return the response to a load on the first point, of a component of `_parts`; not counted."""
-        work, before = self._work.fields(single=False), self._work.spent.pairs
+        work, before = self.work.fields(single=False), self.work.spent.pairs
         work.waves[0][:] = self._double[number]
         work.transform_back(0)
-        self._work.spent.pairs = before
+        self.work.spent.pairs = before
         return np.array(work.points[0])
-
-    def spend(self, pairs: float) -> None:
-        """Count FFT pairs of the grid of this operator."""
-        self._work.spend(pairs)
 
     @property
     def windows(self) -> list[int]:
@@ -269,7 +265,7 @@ class Operator:
 
     def shear_of(self, pressure: ComplexArray) -> FloatArray:
         """Return u_x[, u_y] under a pressure with this unnormalised transform."""
-        work, found = self._work.fields(single=False), np.zeros((self.axes, self.size))
+        work, found = self.work.fields(single=False), np.zeros((self.axes, self.size))
         for axis in range(self.axes if self._response.couples else 0):
             work.waves[axis][:] = 1j * self._double[1 + axis] * pressure
             work.transform_back(axis)
@@ -279,11 +275,11 @@ class Operator:
     def _in_window(self, part: int) -> tuple[NDArray[Any], ...]:
         """Return the factors on transforms of a window: of the kernel of the surface near its centre."""
         if part not in self._single:
-            work, window = self._work.fields(single=False), self._work.fields(part, single=True)
-            shape = self._work.shape
+            work, window = self.work.fields(single=False), self.work.fields(part, single=True)
+            shape = self.work.shape
             near = [np.fft.fftfreq(n // part, part / n).round().astype(int) for n in shape]
             odd = {1} if self.axes == 1 else {1, 2}
-            found, before = [], self._work.spent.pairs
+            found, before = [], self.work.spent.pairs
             for number, factor in enumerate(self._double):
                 made = np.zeros(window.waves[0].size, dtype=np.float32)
                 if factor.any():
@@ -297,7 +293,7 @@ class Operator:
                 found.append(np.ascontiguousarray(made, dtype=np.float32))
             self._single[part] = tuple(found)
             if part in self._counted:
-                self._work.spent.pairs = before
+                self.work.spent.pairs = before
         return self._single[part]
 
 

@@ -63,7 +63,7 @@ class VectorModes:
     def __init__(
         self, spectrum: VectorSpectrum, scheme: Scheme = exponential, weights: FloatArray | None = None
     ) -> None:
-        self._spectrum, self._scheme = spectrum, scheme
+        self.spectrum, self._scheme = spectrum, scheme
         count, components = spectrum.relaxed.shape[:2]
         self._weights = np.ones(count) if weights is None else weights
         self.step = math.nan
@@ -75,14 +75,9 @@ class VectorModes:
     @property
     def shortest_time(self) -> float:
         """Shortest relevant relaxation time; infinite for an elastic body."""
-        glassy = np.trace(self._spectrum.glassy, axis1=-2, axis2=-1).real
-        relevant = (np.abs(self._spectrum.vectors) ** 2).sum(axis=-1) > RELEVANT * glassy
-        return float(self._spectrum.times[relevant].min(initial=math.inf))
-
-    @property
-    def relaxing(self) -> tuple[FloatArray, NDArray[Any]]:
-        """Times, (modes, nq), and vectors, (modes, nq, n), of the modes."""
-        return self._spectrum.times, self._spectrum.vectors
+        glassy = np.trace(self.spectrum.glassy, axis1=-2, axis2=-1).real
+        relevant = (np.abs(self.spectrum.vectors) ** 2).sum(axis=-1) > RELEVANT * glassy
+        return float(self.spectrum.times[relevant].min(initial=math.inf))
 
     def terms(self, step: float) -> tuple[NDArray[Any], ComplexArray]:
         """Return kappa, (nq, n, n), and b, (nq, n), at the end of a step."""
@@ -97,10 +92,10 @@ class VectorModes:
         """Advance the history over the step of the last `terms` to the displacements x, (nq, n)."""
         bent = np.zeros_like(x) if curvature is None else curvature
         stored, heat = _advance(
-            self._spectrum.vectors, self._factors, x - self.begun, bent, self._phases, self._stretch
+            self.spectrum.vectors, self._factors, x - self.begun, bent, self._phases, self._stretch
         )
         self.x, self._phases = x.copy(), np.ones_like(self._phases)
-        elastic = np.einsum("qa,qab,qb->q", x.conj(), self._spectrum.relaxed, x).real
+        elastic = np.einsum("qa,qab,qb->q", x.conj(), self.spectrum.relaxed, x).real
         self.stored = float(self._weights @ (elastic + stored)) / 2
         self.dissipated += float(self._weights @ heat)
 
@@ -127,16 +122,16 @@ class VectorModes:
         """Compute the stiffness and the factors for the length of a step."""
         if step == self.step:
             return
-        self.step, times, v = step, self._spectrum.times, self._spectrum.vectors
+        self.step, times, v = step, self.spectrum.times, self.spectrum.vectors
         self._factors = Factors(*(each.reshape(times.shape) for each in self._scheme(step / times.ravel())))
-        self._stiffness = self._spectrum.relaxed.copy()
+        self._stiffness = self.spectrum.relaxed.copy()
         _stiffen(v, self._factors.gain, self._stiffness)
 
     def _pull(self, gain: FloatArray, x: ComplexArray, decay: FloatArray | None) -> ComplexArray:
         """Return sum_j v_j (gain_j v_j^H x - decay_j y_j), (nq, n); the second term with a decay."""
         found, past = np.zeros_like(self.x), decay is not None
         factors = gain, gain if decay is None else decay
-        _pull(self._spectrum.vectors, *factors, x, self._stretch, self._phases, past, found)
+        _pull(self.spectrum.vectors, *factors, x, self._stretch, self._phases, past, found)
         return found
 
 
@@ -245,7 +240,7 @@ class TractionModes:
         q, speed = np.abs(self._vectors[0]), abs(self._velocity)
         longest = q[q > 0].min()
         chosen = (q > 0) & (q < 1.5 * longest)
-        times, vectors = self.parts[0].relaxing
+        times, vectors = self.parts[0].spectrum.times, self.parts[0].spectrum.vectors
         cycles = q[chosen] * speed * times[:, chosen]
         loss = (np.abs(vectors[:, chosen]) ** 2).sum(axis=-1) * cycles / (1 + cycles**2)
         relevant = loss > tolerance * loss.sum()

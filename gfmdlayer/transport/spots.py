@@ -35,7 +35,7 @@ _MOST_ITERATIONS = 2000
 
 
 def impedance(q: FloatArray, films: Sequence[tuple[float, float]], base: float) -> FloatArray:
-    """Impedance of films (thickness, conductivity), from above, on a halfspace of a conductivity."""
+    """Impedance of films (thickness, conductivity), from above, on a conductor `base`, inf or 0 too."""
     q = np.asarray(q, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.zeros(q.shape) if math.isinf(base) else 1 / (base * q) if base else np.full(q.shape, np.inf)
