@@ -15,9 +15,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.materials import Material
+from gfmdlayer.body.materials import Material, shifts
 from gfmdlayer.body.shifts import Shift
-from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points

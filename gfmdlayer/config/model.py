@@ -20,9 +20,8 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
-from gfmdlayer.body.materials import Law
+from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.solid import Solid
-from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.bodies import BODY
 from gfmdlayer.config.counterbody import Counterbody, TwoBodies, problems_of_the_counterbody

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gfmdlayer.body.temperature import shifts
+from gfmdlayer.body.materials import shifts
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.contact.solvers import AUTO
