@@ -105,7 +105,7 @@ class Pivoting:
                 wrong[: np.flatnonzero(wrong)[-1]] = False
             contact = contact ^ wrong
         recomputed = self._state(gap, pressure, contact)
-        if -gap.min() > _LINEAR * self._tolerance * deepest:
+        if not -gap.min() <= _LINEAR * self._tolerance * deepest:
             return recomputed, recomputed
         u = np.minimum(self._problem.obstacle, self._problem.obstacle - gap)
         return recomputed, PivotedState(u, self._plans.forward(u), pressure, contact)
