@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import (
@@ -16,9 +17,9 @@ from gfmdlayer.cli.terminal import (
     STATUSES,
     add_config,
     add_out,
+    arguments,
     conclude,
     input_problems,
-    interval,
     read_config,
     refuse,
 )
@@ -35,36 +36,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     add_config(parser)
     add_out(parser)
-    parser.add_argument(
-        "--threads",
-        metavar="N",
-        type=int,
-        help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
-    )
-    parser.add_argument(
-        "--ranks-per-case",
-        metavar="N",
-        type=int,
-        default=1,
-        help="MPI ranks that share a case, each with a part of its surface (default: 1)",
-    )
-    parser.add_argument(
-        "--shard",
-        metavar="I/N",
-        type=shard,
-        help="run part I of N of the sweep; N runs share DIR (job arrays)",
-    )
-    parser.add_argument(
-        "--checkpoint-every",
-        metavar="SECONDS",
-        type=interval,
-        default=CHECKPOINT_EVERY,
-        help="time between checkpoints of a case; a killed run continues from the last (default: "
-        "%(default)g; 0: after every step; inf: only when a signal stops the run)",
-    )
-    either = parser.add_mutually_exclusive_group()
-    either.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
-    either.add_argument("--only-failed", action="store_true", help="run only the cases that failed before")
+    text = f"""
+    --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)
+    --ranks-per-case N = 1  MPI ranks that share a case, each with a part of its surface (default: 1)
+    --shard I/N  run part I of N of the sweep; N runs share DIR (job arrays)
+    --checkpoint-every SECONDS = {CHECKPOINT_EVERY}  time between checkpoints of a case; a killed run
+      continues from the last (default: %(default)g; 0: after every step; inf: only when a signal stops
+      the run)
+    """
+    arguments(parser, text, **{"I/N": shard})
+    text = """
+    --restart  remove earlier results in DIR and start over
+    --only-failed  run only the cases that failed before
+    """
+    arguments(parser.add_mutually_exclusive_group(), text)
 
 
 def shard(text: str) -> Shard:
@@ -124,14 +109,8 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
                 config = with_shared_solver(config)
         if options.only_failed:
             Folder(directory).must_hold_results()
-        chosen = RunOptions(
-            options.restart,
-            options.only_failed,
-            options.shard,
-            threads,
-            options.checkpoint_every,
-            options.ranks_per_case,
-        )
+        given = {each.name: getattr(options, each.name) for each in fields(RunOptions)} | {"threads": threads}
+        chosen = RunOptions(**given)
         summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
     except (ConfigError, FolderError) as error:  # caught here, since it would abort the ranks
         return refuse(*input_problems(error))
