@@ -169,10 +169,7 @@ class Model(ABC):
         *,
         plan: bool = True,  # noqa: ARG002
     ) -> str:
-        """Compile the kernels and `plan` the transforms; runs with the same FFTW wisdom agree in every bit.
-
-        Plans are in a `folder`, by default the user's cache; those of some `results` come first.
-        """
+        """Compile the kernels and `plan` the transforms, from `results` or a `folder`; return the wisdom."""
         return ""
 
     @abstractmethod
@@ -265,19 +262,13 @@ def simulate(
 
 
 def series_of(programme: Programme, wavenumber: float = 0.0) -> tuple[PronySeries, ...]:
-    """Return the laws of a case as series of Maxwell branches over the times of its run.
-
-    `wavenumber` [1/length] is the largest one along x that a moving punch drives.
-    """
+    """Return the laws as Maxwell branches over a run; `wavenumber` [1/length] is the largest along x."""
     every = zip(programme.config.laws, programme.reduced_times, strict=True)
     return tuple(law.prony(*programme.times_of_response(reduced, wavenumber)) for law, reduced in every)
 
 
 def make_body(config: Config, series: Sequence[PronySeries]) -> Body:
-    """Return the body with a series for each of its laws.
-
-    Modes merge to the solver's tolerance, but not for stresses below the surface, which need each of them.
-    """
+    """Return the body with a series for each law; modes merge, but not for stresses below the surface."""
     accuracy = 0.0 if config.output.inside else config.solver.tolerance
     return config.solid.with_series([each.material for each in series], accuracy)
 

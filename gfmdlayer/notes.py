@@ -33,14 +33,7 @@ _POINTS_PASSED = 2.0  # of the grid, by which material may move in a step throug
 
 
 def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
-    """Return notes on the cases, each once.
-
-    These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
-    tables that end before the run does, a ramp that is not completed, steps that are too long for the
-    relaxation, defaults beside numbers in other units, interface laws that the grid does not resolve, and
-    friction that the force exceeds or the steps do not resolve.
-    TableError if a file cannot be used.
-    """
+    """Return notes on the cases, each once; without `surfaces` measured ones are not read."""
     every = list(configs)
     measured = dict.fromkeys(
         (config.grid.cell, config.punch) for config in every if surfaces and config.geometry.on_grid

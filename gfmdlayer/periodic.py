@@ -120,10 +120,7 @@ class PeriodicContact(Model):
                 )
 
     def problems(self) -> Iterator[tuple[str, str]]:
-        """Yield files that cannot be used, negative loads without attraction, and impossible depths.
-
-        With a mean displacement of zero the punch cannot go deeper than the mean height of its surface.
-        """
+        """Yield files that cannot be used, negative loads without attraction, and impossible depths."""
         import numpy as np
 
         from gfmdlayer.files.tables import TableError
@@ -205,12 +202,7 @@ class PeriodicContact(Model):
             yield f"{holds} {unit * found:.6g}; must be below {limit}: more has no equilibrium"
 
     def _too_wide(self) -> str:
-        """Return why an isolated contact grows beyond its reach, or "".
-
-        An elastic contact without attraction, on a coarse grid, at the largest depth or force. Glassy or
-        relaxed, it has to be too wide by more than a tenth: a spacing of the grid at either edge. Between
-        these two is a body of which one material relaxes; of others nothing is known beforehand.
-        """
+        """Return why an elastic contact on a coarse grid grows beyond its reach, or ""."""
         import numpy as np
 
         from gfmdlayer.body.isolated import period_for
@@ -237,6 +229,7 @@ class PeriodicContact(Model):
             body.spectrum(coarse.waves),
             [],
         )
+        # Between these two is a body of which one material relaxes. A tenth is a spacing at either edge.
         for stiffness in (spectrum.glassy, spectrum.relaxed):
             kappa = np.ravel(stiffness)
             nothing = np.zeros(kappa.shape, dtype=np.complex128)
@@ -292,10 +285,7 @@ def weak(law: Interaction, hardness: float | None) -> str:
 
 
 def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
-    """Return why a punch cannot reach a depth, or "": the mean displacement of most bodies is zero.
-
-    `mean_height` belongs to the punch, above its lowest point, `mean_stiffness` to the `Body`.
-    """
+    """Return why a punch cannot reach a depth, or "": the mean displacement of most bodies is zero."""
     if mean_stiffness > 0 or depth < mean_height:
         return ""
     found = f"got {depth:.6g} with this punch and a body whose mean height cannot change"

@@ -48,10 +48,9 @@ def _growing(tolerance: float, factor: float = _GROWTH) -> Iterator[float]:
 
 
 class Programme:
-    """The imposed quantities of a case as functions of time.
+    """The imposed quantities of a case over time; `given` ones replace those of the configuration.
 
-    A `drive` (depth or mean pressure), `velocity`, `interface` or `reduced_time` replaces the one of the
-    configuration. TableError at the first use of a quantity whose file cannot be used.
+    TableError at the first use of a quantity whose file cannot be used.
     """
 
     def __init__(self, config: Config, drive: Trajectory | None = None, **given: object) -> None:
@@ -61,11 +60,7 @@ class Programme:
 
     @cached_property
     def drive(self) -> Trajectory:
-        """Depth or mean pressure over time, as `trajectory.control` says.
-
-        A force is divided by the area of the cell, by the length of a line's cell, or by 1 where the contact
-        is isolated.
-        """
+        """Depth, or mean pressure: a force over the area, or length, of the cell, or 1 if isolated."""
         given = self.config.trajectory
         unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
         if given.file is not None:
@@ -88,10 +83,7 @@ class Programme:
 
     @cached_property
     def tangential(self) -> Trajectory | None:
-        """Displacement of the punch along the surface, or mean shear traction, over time; None without one.
-
-        A force is divided by the area of the cell, or by the length of a line's cell.
-        """
+        """Displacement of the punch along the surface, or mean shear traction; None without one."""
         given, end = self.config.trajectory.tangential, self.config.time.end
         if given is None:
             return None
@@ -111,10 +103,7 @@ class Programme:
 
     @cached_property
     def friction(self) -> Law | None:
-        """Bound of the shear traction at rest, with the coefficient at no slip speed; None without friction.
-
-        TableError if a coefficient is negative.
-        """
+        """Bound of the shear traction, with the coefficient at no slip speed; None without friction."""
         from gfmdlayer.friction.problem import Law
 
         laws = {law.law: law for law in self.config.friction}
@@ -169,10 +158,7 @@ class Programme:
 
     @cached_property
     def temperature(self) -> Constant | Table | None:
-        """Temperature of the body in degrees Celsius; None without `temperature`.
-
-        TableError if a value of the file is outside of the range of a shift, or the file ends before the run.
-        """
+        """Temperature of the body in degrees Celsius; None without `temperature`."""
         given, end = self.config.temperature, self.config.time.end
         if given is None:
             return None
@@ -251,12 +237,7 @@ class Programme:
         return fixed(time.end, time.step, snapshots, self.breakpoints)
 
     def _resolving_slip(self) -> Iterator[float]:
-        """Yield times that adaptive steps do not pass over where surfaces slip: tractions depend on the path.
-
-        Each stretch between breakpoints in which the punch moves has some steps, more of them where contact
-        begins and before a swing ends. Material that moves through
-        the contact moves by at most one point of the grid.
-        """
+        """Yield times that adaptive steps meet where surfaces slip: tractions depend on the path."""
         time, grid = self.config.time, self.config.grid
         law = self.friction
         if law is None or (law.is_frictionless and not self.depends_on_speed):

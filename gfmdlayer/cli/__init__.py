@@ -70,10 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end_ranks() -> None:
-    """End by a signal under an MPI launcher, so that it ends the other ranks.
-
-    After a plain exit the other ranks would wait for this one in the start of MPI for ever.
-    """
+    """End by a signal under an MPI launcher: after a plain exit the other ranks would wait for ever."""
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # another one may follow
     from gfmdlayer.execution.preflight import launched_size
 

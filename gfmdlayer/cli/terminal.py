@@ -103,10 +103,7 @@ def refuse(*problems: str) -> int:
 
 
 def input_problems(error: Exception) -> Sequence[str]:
-    """Return the messages of an error in the input or the results; empty for any other error.
-
-    The error classes are imported only after an error, so that a verb loads no module for them.
-    """
+    """Return the messages of an error in the input or the results; empty for any other error."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution.folder import FolderError
     from gfmdlayer.execution.workers import LauncherError
@@ -121,10 +118,7 @@ def input_problems(error: Exception) -> Sequence[str]:
 
 
 def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> tuple[Config, Path]:
-    """Read the configuration on the command line, from YAML or from the result file of a case.
-
-    Also return the results folder: --out, or results/NAME; results/NAME-NNNN when a case is run again.
-    """
+    """Read the configuration on the command line; return it with the results folder."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import folder
     from gfmdlayer.execution.sweep import input_errors

@@ -412,11 +412,7 @@ class Config(Section):
         return finer(given, self.time.tolerance, self.contrast, attracts=attracts)
 
     def unit(self, words: str) -> str:
-        """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
-
-        Without `units` the words stay: "length", "pressure / time". A "drive" is what the trajectory
-        prescribes: a length, pressure or force.
-        """
+        """Return the label of a unit from its dimension in words; a drive is a length, pressure or force."""
         drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
         words = words.replace("drive", drive)
         if len(self.grid.points) == 1 and self.geometry.on_grid and words == "force":
@@ -437,10 +433,7 @@ class Config(Section):
         return with_hidden(data, explain(error))
 
     def dump(self) -> str:
-        """Return the configuration as YAML with every default written out, which `load` reads back.
-
-        A default that follows from a swept key of its section differs between the cases and is left out.
-        """
+        """Return the configuration as YAML with every default but those that differ between the cases."""
         data = self.model_dump(exclude_none=True)
         if not self.sweep:
             del data["sweep"]
@@ -468,11 +461,7 @@ def digest(config: Config) -> str:
 
 
 def stem(config: Config) -> str:
-    """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
-
-    A run with snapshots after every step begins like no run without them.
-    A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
-    """
+    """Return the hash without end, snapshots and rows: equal for runs that may begin alike."""
     kept = {"snapshots"} if config.output.snapshots == "every" else set()
     times = {"keep_state", "times", "snapshots"} - kept
     left_out: dict[str, Any] = {"name": True, "sweep": True, "output": times}

@@ -116,11 +116,7 @@ class Grid(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`.
-
-    For `kind: approach_retract` the default of `end` is the end of the path. With `steady` the run of a
-    moving punch ends when its relative change is smaller.
-    """
+    """The time axis from 0 to `end`, or to a relative change below `steady` of a moving punch."""
 
     end: Positive = 8.0
     """end of the run; default: the end of the approach_retract path: time"""
@@ -207,10 +203,7 @@ MOST_ROWS = 1_000_000  # of a case
 
 
 class Histogram(Section):
-    """Bins of a distribution: `bins` equal bins from 0 to `max`, or on a log scale from `min` to `max`.
-
-    One further bin at each end counts the values beyond.
-    """
+    """Equal bins from 0 to `max`, or on a log scale from `min`; one more at each end for values beyond."""
 
     max: Positive
     """end of the last bin: pressure or length"""
@@ -263,10 +256,7 @@ class Film(Section):
 
 
 class Conductor(Section):
-    """One of the two conductors: films, the uppermost first, on a halfspace of a resistivity.
-
-    With the resistivity .inf the back is insulated; with 0 it is a perfect conductor.
-    """
+    """Films, the uppermost first, on a halfspace; resistivity .inf: insulated back, 0: perfect conductor."""
 
     resistivity: Resistivity = 0.0
     """resistivity; 0: a perfect conductor, .inf: an insulated back: ohm length"""
@@ -275,10 +265,7 @@ class Conductor(Section):
 
 
 class Conductance(Section):
-    """The resistance of the contact spots as a column: constriction, and the films in series.
-
-    The two conductors are the body and the punch. Thermal conductors follow the same equations.
-    """
+    """The resistance of the contact spots, constriction and films in series; heat has the same equations."""
 
     body: Conductor = Field(default_factory=Conductor)
     """the conductor below the contact"""
@@ -304,11 +291,7 @@ class Stiffness(Section):
 
 
 class Output(Section):
-    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions.
-
-    Snapshots of every accepted step make a complete film, and need disk space for it. Without `times`
-    adaptive steps land only on the snapshots, the breakpoints of the trajectory and the end.
-    """
+    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions."""
 
     snapshots: Snapshots = ()
     """times at which the surface is written; every: after each step: time"""

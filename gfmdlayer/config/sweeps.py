@@ -344,11 +344,7 @@ Validate = Callable[[Row], list[Problem]]
 def conflicts(
     sweep: Mapping[str, Any], keys: Sequence[str], unswept: Sequence[Problem], validate: Validate
 ) -> Iterator[Problem]:
-    """Yield the problems of a sweep.
-
-    `keys` can be swept; `unswept` are the problems of the configuration with its own values of the swept
-    keys; `validate` returns the problems of the case with given values of dotted keys.
-    """
+    """Yield the problems of a sweep of `keys`; `unswept` are those with the configuration's own values."""
     wrong = list(_keys(sweep, keys)) or list(_lists(sweep))
     if not wrong and (size := count(sweep)) > MAX_CASES:
         wrong = [Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")]
@@ -495,11 +491,7 @@ def _rests_on(problem: Problem, key: str) -> bool:
 
 
 def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Problem]:
-    """Return the problems of the cases: those that differ from the first in one value, then all of them.
-
-    Only the cases count; the configuration's own value of a swept key may be impossible. Each problem is at
-    the swept value that causes it; for samples only the first is returned.
-    """
+    """Return the problems of the cases, each at the swept value that causes it; of samples only the first."""
     factors, places = list(left), list(left.values())
 
     def problems_of(at: Sequence[int]) -> list[Problem]:

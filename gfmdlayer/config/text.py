@@ -49,10 +49,7 @@ class Place:
 
 @dataclass
 class Document:
-    """Plain data with the places of its keys and values, and the errors in the text itself.
-
-    The places of the numbers in `lists` are not among `values`, but are found when they are asked for.
-    """
+    """Plain data with the places of keys and values, those in `lists` on request, and errors in the text."""
 
     data: Any = None
     keys: dict[Location, Place] = field(default_factory=dict)

@@ -44,12 +44,8 @@ _PART = 0.02  # of the time that checkpoints take, at most, unless one is asked 
 class Checkpoints:
     """Writes the checkpoints of a case, and lets it go on from the last one; each rank calls every method.
 
-    The case writes one every `interval` seconds (0: after every step; later where writing takes long), and
-    when the run is asked to stop. A case that fails leaves its last one, from which the next run goes on;
-    where a step does not converge, this is the state before the step. A case with a later end than a complete
-    one goes on from the state that the `earlier` one kept; `stem` is the configuration's where this
-    case keeps its own. `report_time` takes the simulated time after each attempt at a step and may raise
-    `Stopped`.
+    `stem` is given where this case keeps a state for a later end, `earlier` is a case that has kept one.
+    `report_time` takes the simulated time after each attempt at a step and may raise `Stopped`.
     """
 
     def __init__(
@@ -300,10 +296,7 @@ def run_case(
 
 
 def _wisdom_of(case: SweepCase, folder: Folder, wisdom: Wisdom, threads: int, ranks: Ranks) -> str | None:
-    """Return the plans of a case; those of a grid that no case had before the run are kept with the results.
-
-    So all processes agree, also where a sweep is too long for a look at all of its grids.
-    """
+    """Return the plans of a case; those of a grid new in this run are kept with the results."""
     points = case.config.grid.points
     if points in wisdom or ranks.count > 1 or not case.config.geometry.on_grid:
         return wisdom.get(points)
@@ -444,11 +437,7 @@ def attributes(model: Model, given: Config | None = None, *, surfaces: bool = Tr
 def warm_up(
     todo: Sequence[SweepCase], threads: int = 1, results: Path | None = None, *, plan: bool = True
 ) -> tuple[Wisdom, list[str]]:
-    """Compile kernels and plan transforms before the workers start, once for each kind of case.
-
-    Returns FFTW's wisdom for each shape of grid, and warnings where plans or kernels are not those of other
-    runs. No process plans transforms of whole grids (`plan`) where several ranks share them.
-    """
+    """Compile kernels and plan transforms for each kind of case; return wisdom by grid, and warnings."""
     from gfmdlayer.model import model_of
 
     wisdom: Wisdom = {}
@@ -474,11 +463,7 @@ class RankError(RuntimeError):
 
 @contextmanager
 def ending_together(ranks: Ranks) -> Iterator[None]:
-    """End a block on all ranks, or raise on all of them.
-
-    Most errors are found by all ranks alike. One that a single rank meets, such as a lack of memory, leaves
-    the others waiting for it: then the job is aborted, and the next run resumes from the last checkpoint.
-    """
+    """End a block on all ranks, or raise on all of them; a rank that waits too long aborts the job."""
     error: Exception | None = None
     try:
         yield

@@ -151,10 +151,9 @@ class Folder:
         write_text(self.config, stored.head(numbers) + config.dump())
 
     def keep_input(self, path: Path, changed: bool) -> Path:
-        """Copy a file that the configuration names; the cases read the copy, whatever becomes of the file.
+        """Copy a file that the configuration names to NAME-PLACE-CONTENTS.SUFFIX, which the cases read.
 
-        The copy is named by place and contents: NAME-PLACE-CONTENTS.SUFFIX. FolderError where the file has
-        changed since the results were begun, and the configuration has not.
+        FolderError where the file has changed since the results were begun, and the configuration has not.
         """
         try:
             content = path.read_bytes()

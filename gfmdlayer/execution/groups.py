@@ -43,16 +43,12 @@ class _Group:
         self._ranks = MpiRanks(communicator)
 
     def run(self, task: Callable[..., Result], *arguments: Any, **options: Any) -> Result:
-        """Run a task on all ranks of the group; called on the first of them, whose result is returned.
-
-        An interrupt ends the job: it comes before the first case alone (`interrupts.at_once`), and the other
-        ranks would wait for this one in the midst of the task.
-        """
+        """Run a task on all ranks of the group; return the result of this one, the first."""
         try:
             for rank in range(1, self._ranks.count):
                 self._ranks.control.send((task, arguments, options), rank)
             return task(*arguments, **options, ranks=self._ranks)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt:  # before the first case alone; the others would wait in the midst of it
             sys.stderr.write("gfmdlayer: stopped before the first case\n")
             self._ranks.control.Abort(os.EX_TEMPFAIL)
             raise

@@ -112,10 +112,7 @@ def _written(values: Mapping[str, object]) -> str:
 
 
 def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Change:
-    """Let a case read the folder's copies of its input files, which no one changes while cases run.
-
-    The files that `some` cases name are copied at once, others when the first case that names them is made.
-    """
+    """Let a case read the folder's copies of its input files; those of `some` cases are made at once."""
     files = {path for case in some for path in files_named(case.config).values()}
     kept = {path: folder.keep_input(path, changed).absolute() for path in sorted(files)}
 
@@ -131,10 +128,7 @@ def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Cha
 
 
 def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) -> Change:
-    """Give a case that has not begun the complete case from whose kept state it goes on, if any.
-
-    The states of the `omitted` cases are not looked at; `files` are those of `Folder.numbers`.
-    """
+    """Give a case that has not begun the complete case from whose kept state it goes on, if any."""
     states = [number for number in files["state"] & files["h5"] if number not in omitted]
     if not states:
         return lambda case: case
@@ -164,10 +158,7 @@ def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) 
 
 
 def lines(files: Numbers, growth: Growth, numbers: Sequence[int], made: Iterable[SweepCase]) -> list[str]:
-    """List in lines: the cases by state, why cases are computed again, and cases that the sweep has lost.
-
-    `numbers` are those of the cases. Only the `made` ones are known to go on from earlier cases.
-    """
+    """List the cases by state, why cases are computed again, and cases that the sweep has lost."""
     undone = [number for number in numbers if number not in files["h5"]]
     begun = sum(number in files["checkpoint"] for number in undone)
     earlier = {case.index: case.earlier.time for case in made if case.earlier is not None}
@@ -250,11 +241,7 @@ _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.turn|\.admission|\.collection")  # the 
 def claimed(
     folder: Folder, config: Config, restart: bool = False, own: Iterable[int] | None = None
 ) -> Iterator[Growth]:
-    """Hold the folder, or a shard's part of it, for a run of `config`; make the folder if there is none.
-
-    `restart` removes earlier results of gfmdlayer, and nothing else. `own` are the places of the shard's
-    cases in the sweep.
-    """
+    """Hold the folder, or the places `own` of a shard, for a run; `restart` removes earlier results."""
     with _as_folder_error(folder):
         refuse_foreign_folder(folder)
     if folder.is_results() and not restart:

@@ -123,15 +123,8 @@ class Screen:
 class Reporter:
     """Watches a run and updates a display; a context manager around the run, with a thread of its own.
 
-    `own` are the cases of this run, `complete` the number of those that were complete before. `seconds` are
-    expected for each case to be run, or of very many for those that are under way, and `whole` for all of
-    them; `workers` run at a time. Without a display nothing is shown.
-
-    Attributes
-    ----------
-    at_work : callable, optional
-        Returns the numbers of the cases whose status is shown; by default those with a status file, which
-        takes a listing of the folder.
+    `own` are the cases of this run, `complete` were so before; `seconds` are expected for each case, `whole`
+    for all; `workers` run at a time. `at_work` returns the numbers of the cases whose status is shown.
     """
 
     def __init__(

@@ -76,11 +76,7 @@ class Summary:
 
 
 class _Work:
-    """What is to be done of the cases of a run, from one listing of the folder.
-
-    The files of complete cases are read before the run. In a very long sweep a sample of them is, and the
-    others are after it, so that the first case begins soon.
-    """
+    """The cases of a run by state; of very many complete files some are read before it, the others after."""
 
     def __init__(self, folder: Folder, files: Numbers, own: OwnCases, only_failed: bool) -> None:
         self.own, self._folder, self._only_failed, self._found = own, folder, only_failed, files
@@ -135,7 +131,6 @@ def run_sweep(
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
-    `display` makes the display of progress once the folder is claimed; by default nothing is shown. Raises
     ConfigError for impossible values, FolderError where the folder or a file in it cannot be used, and
     ResultsError where the sweep file cannot be written.
     """
@@ -251,10 +246,7 @@ def _made_in_turn(
     pool: WorkerPool,
     options: RunOptions,
 ) -> Iterator[SweepCase | Outcome]:
-    """Yield the cases to be run, each made in its turn, until the run is asked to stop.
-
-    Those on the way are in `made` and `expected`. A case that is not possible yields its outcome.
-    """
+    """Yield the cases to be run, each made in its turn, or the outcome of an impossible one."""
     largest = 0.0
     for at in work.places():
         if interrupts.stop_requested():

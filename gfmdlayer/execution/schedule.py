@@ -96,11 +96,7 @@ class Labelled(Numbered, Protocol):
 
 
 class Schedule:
-    """Runs cases by a pool.
-
-    `task` runs one case; it never raises, and returns at once after a request to stop. `ended` gets each
-    outcome at once, possibly from another thread. A simulated clock brings its own queue of `outcomes`.
-    """
+    """Runs cases by a pool; `task`, which never raises, runs one, and `ended` gets each outcome at once."""
 
     def __init__(
         self,

@@ -34,11 +34,7 @@ RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
 
 
 class StatusFile:
-    """Status file of a case, and its requests to stop; a context manager around the simulation.
-
-    `expected` is the number of steps, 0 where it is not known. Several ranks that compute the case together
-    agree on a stop after each step, not before the first.
-    """
+    """Status file of a case and its requests to stop; `together`: ranks agree on a stop after each step."""
 
     def __init__(
         self,

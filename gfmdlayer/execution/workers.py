@@ -72,11 +72,7 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
 
 @contextmanager
 def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterator[WorkerPool | None]:
-    """Assemble the pool: MPI's ranks under a launcher, else `jobs` processes, else this process.
-
-    Other ranks than the first call `prepare`, such as for imports, while that one prepares; they get None
-    after the run. LauncherError where launcher, MPI library and `jobs` do not belong together.
-    """
+    """Assemble MPI's ranks, else `jobs` processes, else this one; other ranks `prepare`, and get None."""
     if not 1 <= jobs <= MOST:
         raise LauncherError(f"--jobs {jobs}: must be from 1 to {MOST}")
     size = preflight.launched_size(os.environ)

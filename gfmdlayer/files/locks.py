@@ -117,8 +117,7 @@ def open_for_writing(path: Path) -> bool:
 def born(process: int | None = None) -> str:
     """Return when a process began, which distinguishes it from a later one of the same number.
 
-    Empty where that is unknown, and of a process that has ended and is still listed, because the one that
-    started it has not asked how: in a container that may be for ever.
+    Empty where that is unknown, and of a process that has ended and is still listed.
     """
     with suppress(OSError, IndexError):  # not on every system
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()

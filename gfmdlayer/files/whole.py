@@ -37,11 +37,7 @@ def is_unfinished(name: str) -> bool:
 
 
 def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) -> None:
-    """Give a closed unfinished file its final name, in the same folder.
-
-    `durable` brings the contents to the disk before, and the name after. Without `replace` an earlier file
-    stays, and FileExistsError says so. OSError if the disk refuses; an earlier file is still there.
-    """
+    """Give a closed unfinished file its final name; without `replace` FileExistsError for an earlier file."""
     if durable:
         _synchronise(part)
     if replace:

@@ -50,10 +50,9 @@ def write_checkpoint(
     state: Mapping[str, Any],
     ranks: Ranks = ALONE,
 ) -> None:
-    """Write the states of all ranks; each rank calls this with its own.
+    """Write the states of all ranks, from each; `made_by` has all else on which the bits depend.
 
-    `made_by` has all else on which the bits of later results depend: input, versions, processor. An OSError
-    on the first rank leaves the checkpoint before in place.
+    An OSError on the first rank leaves the checkpoint before in place.
     """
     arrays = {name: np.asarray(values) for name, values in state.items()}
     names = ranks.all_of(list(arrays))
@@ -71,11 +70,7 @@ def write_checkpoint(
 
 
 def read_checkpoint(path: Path, made_by: Mapping[str, str], ranks: Ranks = ALONE) -> Checkpoint:
-    """Read a checkpoint; each rank calls this and gets its own state.
-
-    A CheckpointError on all ranks, if the file is damaged, or if other input, versions, ranks or another
-    processor made it.
-    """
+    """Read the state of each rank; a CheckpointError on all where it is damaged or of another origin."""
     with ExitStack() as stack:
         file: BinaryIO | None = None
         about: dict[str, Any] = {}

@@ -270,9 +270,8 @@ class _Times:
 class Gathered:
     """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
 
-    The first pass, here, finds the times, columns and shared attributes of the cases; the second, `curves`,
-    reads the columns. `failed` has the reason for each case without results, `places` the indices of each
-    case along `dimensions`; `along` is the dimension of the rows, time or row.
+    `failed` has the reason for each case without results, `places` the indices of each case along
+    `dimensions`; `along` is the dimension of the rows, time or row.
     """
 
     def __init__(self, records: Sequence[CaseRecord], swept: Swept) -> None:
@@ -466,10 +465,7 @@ def _numbered(cases: Collection[int]) -> str:
 def rows_at(
     times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool = False
 ) -> NDArray[np.int64]:
-    """Find the rows of a case at given times, -1 where there is none; both increase.
-
-    After a steady state, the last row stands for all later times.
-    """
+    """Find the rows of a case at increasing times, -1 where there is none; a steady state lasts for ever."""
     if times.size == 0 or wanted.size == 0:
         return np.full(wanted.shape, -1)
     tolerance = SAME_TIME * min(times[-1], wanted[-1])
@@ -542,10 +538,7 @@ CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
 
 def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) -> Path:
-    """Write DIR/sweep.h5 from the files of the cases; return its path.
-
-    A case that failed or whose file is not complete is NaN, and is named in the attribute `failed`.
-    """
+    """Write DIR/sweep.h5 from the files of the cases; a failed case is NaN, and named in `failed`."""
     path = Path(directory) / SWEEP_FILE
     sweep = Gathered(records, swept)
     with new_file(path) as file:

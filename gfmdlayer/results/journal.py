@@ -57,11 +57,7 @@ class Recorder(Protocol):
         /,
         *others: FloatArray | None,
     ) -> None:
-        """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`.
-
-        The traction is given with attraction only, the imprint with a hardness, shear and slip with friction,
-        the displacements of body and counterbody where both deform.
-        """
+        """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`, or None."""
         ...
 
     def note(self, **attributes: Attribute) -> None:
@@ -78,11 +74,7 @@ class Position(NamedTuple):
 
 
 class Journal:
-    """A recorder that keeps rows and snapshots in memory, and in a file where they become many.
-
-    The file replaces an earlier one when it is first written. Where several ranks share the `grid` of the
-    snapshots, only the first rank writes. `held` are the bytes in memory at most.
-    """
+    """A recorder in memory, and beyond `held` bytes in a file; of several ranks the first one writes."""
 
     def __init__(self, path: Path, grid: Grid | None = None, held: int = HELD) -> None:
         self._path, self._held = path, held
@@ -299,10 +291,7 @@ class Recording:
         unit: Callable[[str], str] = str,
         places: Sequence[Place] = (),
     ) -> xarray.Dataset:
-        """Return the results as `open_case` gives them; `attributes` come in addition to the provenance.
-
-        `places` are those of the fields below the surface.
-        """
+        """Return the results as `open_case` gives them; `places` are those below the surface."""
         import xarray
 
         columns = [column.in_units(unit) for column in columns]

@@ -130,10 +130,7 @@ def add_variable(
     described: Mapping[str, str],
     **options: Any,
 ) -> h5py.Dataset:
-    """Create a variable on existing dimensions; `options` are those of h5py's create_dataset.
-
-    A variable whose only dimension has its name is the coordinate of this dimension.
-    """
+    """Create a variable on existing dimensions, a coordinate where its only dimension has its name."""
     dataset = h5.create_dataset(name, **options)
     if tuple(dimensions) == (name,):
         dataset.make_scale(name)

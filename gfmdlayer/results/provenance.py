@@ -47,11 +47,7 @@ def version_of(distribution: str) -> str:
 
 
 def git_commit(checkout: Path) -> str:
-    """Return the commit checked out in a folder, with "-dirty" where files differ from it, or UNKNOWN.
-
-    The folder itself must be the checkout: a package installed inside an unrelated repository has no commit.
-    Nothing is written to the repository, not even to git's index.
-    """
+    """Return the commit checked out in a folder itself, with "-dirty" where files differ, or UNKNOWN."""
     if not (checkout / ".git").exists():
         return UNKNOWN
     describe = ["describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]

@@ -42,12 +42,7 @@ def case_path(directory: str | Path, index: int) -> Path:
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
-    """Whether a file holds a complete case, found by reading its contents.
-
-    A complete file is marked so, its columns and snapshots have as many rows as its attributes say, and its
-    bytes are those that were written. Any other file, missing, truncated, damaged or foreign, gives False,
-    never an exception. With `digest`, the case must have been computed from the configuration of this digest.
-    """
+    """Whether a file holds a complete, undamaged case, of this digest if one is given; never raises."""
     return _is_whole(Path(path), math.inf, digest)
 
 

@@ -21,10 +21,7 @@ class ResultsError(OSError):
 
 @dataclass(frozen=True)
 class Variable:
-    """Meaning, units and numpy type of a coordinate or field; columns of rows are declared by observables.
-
-    Where it is measured from, or over what, is for the reference.
-    """
+    """Meaning, units, numpy type and origin of a coordinate or field; observables declare columns."""
 
     long_name: str
     units: str = "1"
@@ -193,11 +190,7 @@ def in_order(fields: Mapping[str, Any]) -> list[Any]:
 
 
 def parameter(key: str) -> Parameter | None:
-    """Return the meaning of a config key that may be swept; None for a key without symbol and dimension.
-
-    Layers and branches are counted from 1: `layers.0.thickness` is d_1, and the branches of its material have
-    the moduli G_1,1 and G_1,2.
-    """
+    """Return the meaning of a config key that may be swept, layers and branches counted from 1; or None."""
     from gfmdlayer.config import Config
 
     words, dimension = described(Config, key)

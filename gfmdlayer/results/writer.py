@@ -58,11 +58,7 @@ Fields = tuple[tuple[str, Variable], ...]
 
 @lru_cache(maxsize=8)
 def case_template(columns: tuple[Column, ...], axes: Lengths, fields: Fields) -> bytes:
-    """Return a file with all variables but the gap, with the bins of histograms and the provenance.
-
-    `axes` are the coordinates of the grid with their lengths, `fields` coordinates and fields with their
-    units.
-    """
+    """Return a file with all variables but the gap, along `axes` with lengths, bins and provenance."""
     return contents(partial(_lay_out, columns=columns, axes=axes, known=dict(fields)))
 
 
@@ -126,14 +122,10 @@ ROWS_HELD = 512
 
 
 class CaseWriter:
-    """Write one case; a context manager.
+    """Write one case; a context manager, after which the file is complete, or removed after an exception.
 
-    At the end of its block the file is complete under its name; after an exception the unfinished file is
-    removed. Every method raises ResultsError, which names the file, if it cannot be written.
-
-    `coordinates` of the grid are in the order of the arrays' axes. `attributes` take precedence over the
-    provenance, so that a resumed case keeps the time of its first start; `elapsed` are the seconds of earlier
-    runs, added to `wall_seconds`. `places` are those of the fields below the surface.
+    `coordinates` are in the order of the arrays' axes; `attributes` replace those of the provenance;
+    `elapsed` are seconds of earlier runs. ResultsError, which names the file, if it cannot be written.
     """
 
     def __init__(
@@ -185,12 +177,7 @@ class CaseWriter:
         return self._elapsed + time.monotonic() - self._begun
 
     def row(self, **values: float | NDArray[np.float64]) -> None:
-        """Record one accepted step: its `time`, later than in the row before, and the other columns.
-
-        A value is a number or, of a histogram, an array. All rows have the columns of the first. A column
-        that is not declared is a KeyError; other columns than in the first row, or a time that does not grow,
-        a ValueError.
-        """
+        """Record one accepted step: its `time`, later than in the row before, and the first row's columns."""
         if self._columns is None:
             self._begin(tuple(values))
         elif values.keys() != set(self._columns):
@@ -214,9 +201,8 @@ class CaseWriter:
     ) -> None:
         """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`.
 
-        Gap, traction and the others of the shape of the grid are given in every snapshot or in none; those
-        below the surface have depths or springs as their first axis. Arrays of another shape are a
-        ValueError.
+        Those of the shape of the grid are given in every snapshot or in none; those below the surface have
+        depths or springs as their first axis.
         """
         if self._columns is None:
             self._begin(("time",))

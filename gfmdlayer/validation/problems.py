@@ -151,10 +151,7 @@ def colon_without_space(text: str) -> str:
 
 
 def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) -> str:
-    """Return the message for an unknown key, with the nearest known one.
-
-    `siblings` are the keys of the same section, `everywhere` the dotted keys of the whole configuration.
-    """
+    """Return the message for an unknown key beside `siblings`, with the nearest one known `everywhere`."""
     siblings, everywhere = list(siblings), list(everywhere)
     hint = colon_without_space(key) or nearest(key, siblings)
     if key in everywhere and key not in siblings and "." in key:

@@ -60,13 +60,7 @@ class Section(BaseModel):
 
         @alone
         def __init__(self, **keys: Any) -> None:
-            """Make a section from its keys, by name; NumPy's numbers and arrays count as plain ones.
-
-            Raises
-            ------
-            ConfigError
-                With every error, each ``key: value found; values allowed``.
-            """
+            """Make a section from its keys, NumPy's numbers too; ConfigError has every error."""
             self._take(plain(keys))
 
     def _take(self, data: dict[str, Any]) -> None:
@@ -265,11 +259,7 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
 
 
 def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Location, type[Section], str]:
-    """Return a location without pydantic's names for members of unions, its section, and its choosing key.
-
-    The section has the last key; the choosing key is empty unless there are several sections. With `unknown`
-    the last part is not a known key.
-    """
+    """Return a location without pydantic's names for members of unions, its section, and its choosing key."""
     location: list[str | int] = []
     holder: type[Section] = root
     held: OneOf[Any] | type[Section] | None = root
