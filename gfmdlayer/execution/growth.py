@@ -29,10 +29,10 @@ from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Cases, Change, Earlier, SweepCase, with_files
 from gfmdlayer.files.locks import exclusive, no_link, open_for_writing, try_lock
 from gfmdlayer.files.whole import cannot_be_written, is_intact, is_unfinished, unfinished_path
+from gfmdlayer.results.schema import numbered
 from gfmdlayer.validation.sections import files_named
 
 _MAY_GROW = ("sweep.", "time.end", "output.snapshots", "output.times", "output.keep_state")
-_LISTED = 8  # numbers of cases in a line
 
 
 @dataclass(frozen=True)
@@ -175,16 +175,10 @@ def lines(files: Numbers, growth: Growth, numbers: Sequence[int], made: Iterable
         f"{new} new" if new else "",
     )
     found = [", ".join(filter(None, parts))]
-    found += [f"computed again: {_listed(numbers)}: {reason}" for reason, numbers in again.items()]
+    found += [f"computed again: {numbered(numbers)}: {reason}" for reason, numbers in again.items()]
     if left := sorted(files["h5"].difference(growth.numbers)):
-        found.append(f"not in the sweep, left in place: {_listed(left)}")
+        found.append(f"not in the sweep, left in place: {numbered(left)}")
     return found
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    names = [f"{number:04d}" for number in numbers[:_LISTED]]
-    more = len(numbers) - len(names)
-    return f"case{'s' * (len(numbers) > 1)} {', '.join(names)}{f' and {more} more' * (more > 0)}"
 
 
 def changed_keys(before: Config, after: Config) -> list[str]:

@@ -265,9 +265,7 @@ class Recording:
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
-        self.fields: list[
-            tuple[Any, ...]
-        ] = []  # time, then those of SNAPSHOT_FIELDS, None where one is not given
+        self.fields: list[tuple[Any, ...]] = []  # time, and those of SNAPSHOT_FIELDS, None if not given
         self.noted: dict[str, Attribute] = {}
         self._started, self._begun = now(), time.monotonic()
 
@@ -327,11 +325,9 @@ class Recording:
     def _snapshots(self, lengths: Mapping[str, int], known: Mapping[str, Variable]) -> dict[str, Any]:
         times = np.array([time for time, *_ in self.fields], dtype=np.float64)
         found: dict[str, Any] = {"snapshot": (("snapshot",), times, known["snapshot"].described)}
-        for place, name in enumerate(FIELDS, start=1):
-            given = (
-                self.fields[0][place : place + 1] if self.fields else (place <= 2 or None,)
-            )  # as in a file
-            if given and given[0] is not None:
+        first = self.fields[0] if self.fields else (0.0, 0.0, 0.0)  # as in a file
+        for place, name in enumerate(FIELDS[: len(first) - 1], start=1):
+            if first[place] is not None:
                 values = np.reshape([fields[place] for fields in self.fields], (-1, *lengths.values()))
                 found[name] = (("snapshot", *lengths), values, known[name].described)
         return found
@@ -354,9 +350,6 @@ class Recording:
             rows = [place.depth for place in places] if first == "z" else range(len(example))
             found[first] = ((first,), np.array(rows), known[first].described)
         if "z" in found:
-            found["layer"] = (
-                ("z",),
-                np.array([place.layer for place in places]),
-                known["layer"].described,
-            )
+            layers = np.array([place.layer for place in places])
+            found["layer"] = (("z",), layers, known["layer"].described)
         return found

@@ -26,6 +26,8 @@ from gfmdlayer.arrays import Attribute
 from gfmdlayer.files.whole import publish, seal, unfinished_path
 from gfmdlayer.results.schema import ResultsError
 
+PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+
 
 class _Stream(io.FileIO):
     """A new file that keeps its first failed write in `failure` and ignores the later ones."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.files.locks import write_new
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.netcdf import naming
+from gfmdlayer.results.netcdf import PACKED, naming
 from gfmdlayer.results.schema import BELOW, FIELDS
 
 POINTS, INSIDE = "paraview/points", "paraview/points_inside"
@@ -46,9 +46,8 @@ def _add_points(h5: h5py.File, name: str, z: NDArray[np.float64]) -> None:
     """Add the coordinates of the points at these depths, some rows of the grid at a time."""
     x, y = h5["x"][()], h5["y"][()]
     rows = min(x.size, -(-BLOCK // y.size))  # equal rows of one chunk compress well
-    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
     shape, chunks = (z.size, x.size, y.size, 3), (1, rows, y.size, 3)
-    points = h5.create_dataset(name, shape, "f4", chunks=chunks, **packed)
+    points = h5.create_dataset(name, shape, "f4", chunks=chunks, **PACKED)
     for k, depth in enumerate(z):
         for start in range(0, x.size, rows):
             some = x[start : start + rows]

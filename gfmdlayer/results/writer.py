@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from gfmdlayer.arrays import Attribute
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.results.gathering import dimension_names, labels
-from gfmdlayer.results.netcdf import NewFile, add_variable, append, contents, new_file, set_attributes
+from gfmdlayer.results.netcdf import PACKED, NewFile, add_variable, append, contents, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import BELOW, SNAPSHOT_FIELDS, VARIABLES, Variable, described_key
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 CHUNK_ROWS = 128  # a chunk is written whole, and most of what a case of few steps takes on the disk
 BLOCK = 2**20  # points of a snapshot in a chunk
-PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+CHECKED = PACKED | {"fletcher32": True}
 SNAPSHOTS = ("snapshot", "displacement", "pressure")
 
 Lengths = tuple[tuple[str, int], ...]
@@ -86,7 +86,7 @@ def _add_column(h5: h5py.File, column: Column) -> None:
     if column.along is None:
         add_variable(h5, column.name, ("time",), column.described, dtype=column.dtype, **_growing())
         return
-    dimensions, options = ("time", column.along.name), _growing(column.size) | PACKED
+    dimensions, options = ("time", column.along.name), _growing(column.size) | CHECKED
     dataset = add_variable(h5, column.name, dimensions, column.described, dtype=column.dtype, **options)
     if beside := [name for name, *_ in column.along.ends if name != column.along.name]:
         dataset.attrs["coordinates"] = " ".join(beside)
@@ -113,7 +113,7 @@ def add_field(
         shape=(0, *shape),
         maxshape=(None, *shape),
         chunks=(1, rows, *shape[1:]),
-        **PACKED,
+        **CHECKED,
         **options,
     )
 
