@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import (
@@ -42,7 +41,7 @@ from gfmdlayer.validation.fields import (
     sequence,
     strict,
 )
-from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.problems import Problem, not_increasing, shown
 from gfmdlayer.validation.sections import Section
 
 Points = Annotated[
@@ -325,14 +324,9 @@ class Output(Section):
             if name in names[:i]:
                 yield Problem(("observables", i), f"got {name!r} twice; name it once", ("observables",))
         frequencies = () if self.stiffness is None else self.stiffness.frequencies
-        for i, (lower, upper) in enumerate(pairwise(frequencies), start=1):
-            if upper <= lower:
-                message = f"got {upper!r} after {lower!r}; frequencies must increase"
-                yield Problem(("stiffness", "frequencies", i), message, ("stiffness",))
+        yield from not_increasing(("stiffness", "frequencies"), frequencies, "frequencies", "stiffness")
         for key, times in (("snapshots", self.snapshots), ("times", self.times)):
-            for i, (before, time) in enumerate(pairwise(times if isinstance(times, tuple) else ()), start=1):
-                if time <= before:
-                    yield Problem((key, i), f"got {time!r} after {before!r}; times must increase", (key,))
+            yield from not_increasing((key,), times if isinstance(times, tuple) else (), "times", key)
 
     def problems_until(self, end: float) -> Iterator[Problem]:
         """Refuse times past the end of the run, and too many rows."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 Location = tuple[str | int, ...]
 
@@ -109,6 +110,13 @@ def not_in_list(part: str | int, length: int, key: str) -> str:
     allowed = f"{places[0]} to {places[-1]}" if length > 2 else " or ".join(places)
     entries = "1 entry" if length == 1 else f"{length} entries"
     return f"{key} has {entries}, and {part} is not one of them; must be {allowed}"
+
+
+def not_increasing(at: Location, values: Iterable[float], noun: str, *others: str) -> Iterator[Problem]:
+    """Yield the values of a list that are not above the one before."""
+    for i, (before, value) in enumerate(pairwise(values), start=1):
+        if value <= before:
+            yield Problem((*at, i), f"got {value!r} after {before!r}; {noun} must increase", others)
 
 
 def shown(value: object) -> str:
