@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import fields
 from typing import TYPE_CHECKING
@@ -64,7 +63,7 @@ def shard(text: str) -> Shard:
 
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet."""
-    from gfmdlayer.execution import case_run, interrupts, workers
+    from gfmdlayer.execution import interrupts, workers
 
     if options.shard and options.restart:
         return refuse(
@@ -72,13 +71,16 @@ def run(options: argparse.Namespace) -> int:
         )
     interrupts.listen()
     threads = workers.threads_each(os.environ, options.threads)
-    with _pool(options, case_run.prepare) as pool:
+    with _pool(options) as pool:
         return COMPLETE if pool is None else _run(options, pool, threads)
 
 
-def _pool(
-    options: argparse.Namespace, prepare: Callable[[], None]
-) -> AbstractContextManager[WorkerPool | None]:
+def prepare() -> None:
+    """Import the modules that a case needs, on the other ranks; compiles nothing."""
+    import gfmdlayer.execution.case_run  # noqa: F401
+
+
+def _pool(options: argparse.Namespace) -> AbstractContextManager[WorkerPool | None]:
     from gfmdlayer.execution import workers
 
     size = options.ranks_per_case
@@ -97,16 +99,17 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError
-    from gfmdlayer.execution.groups import with_shared_solver
     from gfmdlayer.execution.progress import make_display
-    from gfmdlayer.execution.run import RunOptions, run_sweep
     from gfmdlayer.results.schema import ResultsError
 
     try:
         with interrupts.at_once():
             config, directory = read_config(options, options.ranks_per_case)
             if options.ranks_per_case > 1:
+                from gfmdlayer.execution.groups import with_shared_solver
+
                 config = with_shared_solver(config)
+            from gfmdlayer.execution.run import RunOptions, run_sweep
         if options.only_failed:
             Folder(directory).must_hold_results()
         given = {each.name: getattr(options, each.name) for each in fields(RunOptions)} | {"threads": threads}

@@ -26,15 +26,20 @@ from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Earlier, SweepCase, label
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.files.whole import write_text
+from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.grid.wisdom import RankWisdom, planned
+from gfmdlayer.model import ConvergenceError, Model, model_of
 from gfmdlayer.notes import notes
+from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint, write_checkpoint
+from gfmdlayer.results.journal import Journal, Position
+from gfmdlayer.results.provenance import made_by, now
+from gfmdlayer.results.reader import is_complete, replay
+from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.writer import CaseWriter
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.grid.grid import Grid
-    from gfmdlayer.grid.ranks import Ranks
-    from gfmdlayer.model import Model
-    from gfmdlayer.results.checkpoint import Checkpoint
-    from gfmdlayer.results.journal import Journal
     from gfmdlayer.resumable import CompositeState
 
 
@@ -57,12 +62,10 @@ class Checkpoints:
         report_time: Callable[[float], None],
         stem: str = "",
         earlier: Earlier | None = None,
-        ranks: Ranks | None = None,
+        ranks: Ranks = ALONE,
     ) -> None:
-        from gfmdlayer.grid.ranks import ALONE
-        from gfmdlayer.results.provenance import made_by
 
-        self._folder, self._index, self._ranks = folder, index, ranks or ALONE
+        self._folder, self._index, self._ranks = folder, index, ranks
         self._checkpoint, self._journal_file, self._state = (
             folder.case(index, kind) for kind in ("checkpoint", "journal", "state")
         )
@@ -77,7 +80,6 @@ class Checkpoints:
         self._begin()
 
     def _begin(self) -> None:
-        from gfmdlayer.results.provenance import now
 
         self._begun = time.monotonic()
         self.started, self._before = now(), 0.0  # of the first start; seconds up to the checkpoint
@@ -90,9 +92,6 @@ class Checkpoints:
 
     def journal(self, columns: Iterable[str], grid: Grid | None = None) -> Journal:
         """Return the journal of the case, which holds the rows and snapshots up to its checkpoint."""
-        from gfmdlayer.results.checkpoint import CheckpointError
-        from gfmdlayer.results.journal import Journal, Position
-
         self._found = self._find()
         self._journal = journal = Journal(self._journal_file, grid)
         if self._found is not None:
@@ -115,8 +114,6 @@ class Checkpoints:
 
     def _find(self) -> Checkpoint | None:
         """Read the checkpoint, or else the state that an earlier case kept."""
-        from gfmdlayer.results.checkpoint import CheckpointError, read_checkpoint
-
         if self._ranks.shared(self._checkpoint.exists()):
             self._earlier = None
             return read_checkpoint(self._checkpoint, self._made_by, self._ranks)
@@ -128,10 +125,6 @@ class Checkpoints:
 
     def _repeat(self, earlier: Earlier, journal: Journal) -> None:
         """Record the rows and snapshots of an earlier case up to its kept state."""
-        from gfmdlayer.results.checkpoint import CheckpointError
-        from gfmdlayer.results.reader import is_complete, replay
-        from gfmdlayer.results.schema import ResultsError
-
         path = self._folder.case(earlier.index)
         if not is_complete(path, earlier.made_by["digest"]):
             raise CheckpointError(f"{path.name}, which belongs to it, is not complete any more")
@@ -144,8 +137,6 @@ class Checkpoints:
 
     def resume(self, memory: CompositeState) -> None:
         """Restore the checkpoint found; called by the simulation before its first step."""
-        from gfmdlayer.results.checkpoint import CheckpointError
-
         if self._found is not None:
             with self._ranks.agreeing(CheckpointError):
                 try:
@@ -226,13 +217,11 @@ class Checkpoints:
             except OSError as error:
                 self._warn(f"continues, but its state cannot be kept: {error.strerror or error}")
 
-    def _save(self, path: Path, about: dict[str, Any], ranks: Ranks | None = None) -> None:
-        from gfmdlayer.grid.ranks import ALONE
-        from gfmdlayer.results.checkpoint import write_checkpoint
+    def _save(self, path: Path, about: dict[str, Any], ranks: Ranks = ALONE) -> None:
 
         assert self._memory is not None
         known = {"started": self.started, "elapsed": self.elapsed, **about}
-        write_checkpoint(path, self._made_by, known, self._memory.state(), ranks or ALONE)
+        write_checkpoint(path, self._made_by, known, self._memory.state(), ranks)
 
     def _write(self) -> None:
         """Write the journal, then the checkpoint that names the place in it."""
@@ -265,26 +254,25 @@ class Checkpoints:
 Wisdom = dict[tuple[int, ...], str]
 
 
-def prepare() -> None:
-    """Import the modules that a case needs; compiles nothing."""
-
-
 def run_case(
     case: SweepCase,
     folder: Folder,
     wisdom: Wisdom | None = None,
     threads: int = 1,
     checkpoint_every: float = CHECKPOINT_EVERY,
-    ranks: Ranks | None = None,
+    ranks: Ranks = ALONE,
 ) -> Outcome:
     """Run one case into its file, on each rank that computes it; an error becomes its outcome."""
-    from gfmdlayer.grid.ranks import ALONE
-
-    begun, ranks = time.monotonic(), ranks or ALONE
+    begun = time.monotonic()
     try:
         with ending_together(ranks):
-            run = _Run(case, folder, _wisdom_of(case, folder, wisdom or {}, threads, ranks), threads, ranks)
-            note = run.simulate(checkpoint_every)
+            points = case.config.grid.points
+            plans = (wisdom or {}).get(points)
+            if plans is None and ranks.count == 1 and case.config.geometry.on_grid:
+                # Plans of a grid that no case had before the run are kept with the results: so all processes
+                # agree, also where a sweep is too long for a look at all of its grids.
+                plans = _planned(points, user_cache(), threads, folder.wisdom)
+            note = _Run(case, folder, plans, threads, ranks).simulate(checkpoint_every)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
@@ -295,19 +283,7 @@ def run_case(
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
 
 
-def _wisdom_of(case: SweepCase, folder: Folder, wisdom: Wisdom, threads: int, ranks: Ranks) -> str | None:
-    """Return the plans of a case; those of a grid new in this run are kept with the results."""
-    points = case.config.grid.points
-    if points in wisdom or ranks.count > 1 or not case.config.geometry.on_grid:
-        return wisdom.get(points)
-    return _planned(points, threads, folder.wisdom)
-
-
-@lru_cache(maxsize=64)
-def _planned(points: tuple[int, ...], threads: int, results: Path) -> str:
-    from gfmdlayer.grid.wisdom import planned
-
-    return planned(points, user_cache(), threads, results)
+_planned = lru_cache(maxsize=64)(planned)
 
 
 def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "") -> None:
@@ -320,8 +296,6 @@ def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "")
 
 def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str) -> None:
     """Write a record of a case."""
-    from gfmdlayer.results.provenance import now
-
     record = {"reason": reason, **more, "time": now(), "values": case.values}
     with suppress(OSError):  # on a full disk the outcome must do
         write_text(folder.case(case.index, kind), json.dumps(record, default=str))
@@ -339,15 +313,15 @@ class _Run:
 
     def simulate(self, checkpoint_every: float) -> str:
         """Run the case into its file; return the warnings of its observables."""
-        from gfmdlayer.model import ConvergenceError
-        from gfmdlayer.results.checkpoint import CheckpointError
-
-        case, folder = self.case, self.folder
-        with (
-            self._status() as status,
-            closing(self._checkpoints(checkpoint_every, status.advance)) as checkpoints,
-        ):
-            if self.ranks.first:
+        case, folder, config, ranks = self.case, self.folder, self.case.config, self.ranks
+        status: StatusFile | Listener = Listener()
+        if ranks.first:
+            steps, together = estimate(config).steps, ranks.count > 1
+            status = StatusFile(folder, case.index, config.time.end, label(case.values), steps, together)
+        kept = stem(config) if config.output.keep_state else ""
+        given = folder, case.index, self._digest, checkpoint_every, status.advance, kept, case.earlier, ranks
+        with status, closing(Checkpoints(*given)) as checkpoints:
+            if ranks.first:
                 for kind in ("failed", "ended"):
                     folder.case(case.index, kind).unlink(missing_ok=True)
             try:
@@ -368,23 +342,7 @@ class _Run:
     def _digest(self) -> str:
         return digest(self.case.config)
 
-    def _checkpoints(self, interval: float, report_time: Callable[[float], None]) -> Checkpoints:
-        case, config = self.case, self.case.config
-        kept = stem(config) if config.output.keep_state else ""
-        given = self._digest, interval, report_time, kept, case.earlier, self.ranks
-        return Checkpoints(self.folder, case.index, *given)
-
-    def _status(self) -> StatusFile | Listener:
-        if not self.ranks.first:
-            return Listener()
-        case, config = self.case, self.case.config
-        named, together = label(case.values), self.ranks.count > 1
-        return StatusFile(self.folder, case.index, config.time.end, named, estimate(config).steps, together)
-
     def _compute(self, checkpoints: Checkpoints) -> str:
-        from gfmdlayer.grid.wisdom import RankWisdom
-        from gfmdlayer.model import model_of
-        from gfmdlayer.results.schema import ResultsError
 
         config, ranks = self.case.config, self.ranks
         plans = RankWisdom(ranks, config.grid.points, self.folder.wisdom, self.threads)
@@ -399,8 +357,6 @@ class _Run:
 
     def _write(self, model: Model, journal: Journal, checkpoints: Checkpoints) -> None:
         """Write the file of the case from its journal."""
-        from gfmdlayer.results.writer import CaseWriter
-
         case = self.case
         described = attributes(model, case.given, surfaces=self.ranks.count == 1)
         with CaseWriter(
@@ -438,8 +394,6 @@ def warm_up(
     todo: Sequence[SweepCase], threads: int = 1, results: Path | None = None, *, plan: bool = True
 ) -> tuple[Wisdom, list[str]]:
     """Compile kernels and plan transforms for each kind of case; return wisdom by grid, and warnings."""
-    from gfmdlayer.model import model_of
-
     wisdom: Wisdom = {}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)

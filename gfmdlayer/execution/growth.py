@@ -19,6 +19,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,17 +70,25 @@ def compare(folder: Folder, config: Config) -> Growth:
         raise FolderError(
             f"{folder.path}: holds results of another configuration ({'; '.join(changed)}); {WAYS_OUT}"
         )
-    known = _digests_of_files(folder, files["h5"].difference(numbers)) | had
+    from gfmdlayer.results.reader import attributes
+    from gfmdlayer.results.schema import ResultsError
+
+    known = {}  # digest -> number
+    for number in files["h5"].difference(numbers):  # of cases that the sweep has lost before
+        with suppress(ResultsError):
+            known[str(attributes(folder.case(number)).get("digest"))] = number
+    known |= had
     taken = set().union(*files.values(), (known[each] for each in digests if each in known))
     following, found = max(taken, default=-1) + 1, []
     for each in digests:
         found.append(known.pop(each, following))  # a case that the sweep has twice is computed twice
         following += found[-1] == following
-    same = {_written(before.values(place)): place for place, n in enumerate(numbers) if n in files["h5"]}
+    written = partial(json.dumps, sort_keys=True, default=str)
+    same = {written(before.values(place)): place for place, n in enumerate(numbers) if n in files["h5"]}
     reasons = {}
     for place, (number, each) in enumerate(zip(found, digests, strict=True)):
         if each not in had and number not in files["h5"]:
-            earlier = same.get(_written(after.values(place)))
+            earlier = same.get(written(after.values(place)))
             if earlier is not None:
                 different = changed_keys(before[earlier].config, after[place].config)
                 reasons[number] = sys.intern("; ".join(different))
@@ -93,22 +102,6 @@ def must_agree(folder: Folder, numbers: Sequence[int], count: int) -> None:
             f"{folder.config}: names {len(numbers)} cases, and its sweep has {count}; "
             "must be as the run wrote it"
         )
-
-
-def _digests_of_files(folder: Folder, numbers: Iterable[int]) -> dict[str, int]:
-    """Return digest -> number of complete cases that the folder's own configuration does not have."""
-    from gfmdlayer.results.reader import attributes
-    from gfmdlayer.results.schema import ResultsError
-
-    found = {}
-    for number in numbers:
-        with suppress(ResultsError):
-            found[str(attributes(folder.case(number)).get("digest"))] = number
-    return found
-
-
-def _written(values: Mapping[str, object]) -> str:
-    return json.dumps(values, sort_keys=True, default=str)
 
 
 def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Change:
@@ -245,7 +238,14 @@ def claimed(
             folder.cases.mkdir(parents=True, exist_ok=True)
             with exclusive(folder.turn):
                 alone = claim.enter_context(held(folder))
-                _probe(folder)
+                probe = unfinished_path(folder.cases / "probe")
+                try:
+                    with open(probe, "xb", opener=no_link) as file:  # finds a full disk before any work
+                        file.write(bytes(_PROBE))
+                        file.flush()
+                        os.fsync(file.fileno())
+                finally:
+                    probe.unlink(missing_ok=True)
                 found = _prepare(folder, config, restart, None if alone else own)
         try:
             yield found
@@ -366,26 +366,13 @@ def refuse_unreadable(path: Path) -> None:
 
 def set_damaged_aside(folder: Folder, todo: Iterable[int]) -> list[str]:
     """Rename files of complete cases that cannot be read, among those to be run; return a line on each."""
-    damaged = [index for index in todo if folder.case(index).exists()]
-    for index in damaged:
-        refuse_unreadable(folder.case(index))
-        folder.set_aside(folder.case(index))
-    return [
-        f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
-        for index in damaged
-    ]
-
-
-def _probe(folder: Folder) -> None:
-    """Write some bytes, to find a full disk before any work."""
-    path = unfinished_path(folder.cases / "probe")
-    try:
-        with open(path, "xb", opener=no_link) as file:
-            file.write(bytes(_PROBE))
-            file.flush()
-            os.fsync(file.fileno())
-    finally:
-        path.unlink(missing_ok=True)
+    found = []
+    for index in todo:
+        if (path := folder.case(index)).exists():
+            refuse_unreadable(path)
+            folder.set_aside(path)
+            found.append(f"case {index:04d} is damaged: set aside as {path.name}{ASIDE}, computed again")
+    return found
 
 
 @contextmanager

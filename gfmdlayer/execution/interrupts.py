@@ -15,7 +15,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self
@@ -157,10 +156,9 @@ def end_with(launcher: int) -> None:
     with suppress(OSError):
         if Path(f"/proc/{launcher}/comm").read_text().startswith("hydra_pmi"):
             ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
-    end_after(partial(_wait_for_launcher, launcher))
 
+    def wait() -> None:
+        while os.getppid() == launcher:
+            time.sleep(WATCH_INTERVAL)
 
-def _wait_for_launcher(launcher: int) -> None:
-    """Wait until the launcher's process on this host, which would end the ranks with it, has died."""
-    while os.getppid() == launcher:
-        time.sleep(WATCH_INTERVAL)
+    end_after(wait)

@@ -71,8 +71,7 @@ def launched_size(environment: Mapping[str, str]) -> int | None:
 
 def several_mpi_libraries() -> list[str]:
     """Warn of two MPI libraries in one Python environment: mpirun and the ranks may use different ones."""
-    versions = {package: version_of(package) for package in MPI_PACKAGES}
-    found = [f"{package} {number}" for package, number in versions.items() if number != UNKNOWN]
+    found = [f"{name} {found}" for name in MPI_PACKAGES if (found := version_of(name)) != UNKNOWN]
     if len(found) < 2:
         return []
     return [

@@ -160,7 +160,11 @@ class Reporter:
         self._advance()
         self._display.close()
         if self._slowest is not None:
-            self._display.note(self._summary(self._slowest))
+            ended = self._complete + self._failed - self._before
+            failed = f", {self._failed} of them FAILED" if self._failed else ""
+            took = duration(time.monotonic() - self._begun)
+            longest = f"slowest {self._slowest.index:04d} in {duration(self._slowest.seconds)}"
+            self._display.note(f"{ended} case{'s' * (ended > 1)} ended in {took}{failed}; {longest}")
 
     def note(self, line: str) -> None:
         """Show an event."""
@@ -240,13 +244,6 @@ class Reporter:
         ratio = self._workers * spent / done
         workers = max(1, min(self._workers, self._total - now.complete - now.failed))
         return replace(now, seconds_left=max(self._whole - done, 0.0) * ratio / workers)
-
-    def _summary(self, slowest: Outcome) -> str:
-        ended = self._complete + self._failed - self._before
-        failed = f", {self._failed} of them FAILED" if self._failed else ""
-        took = duration(time.monotonic() - self._begun)
-        longest = f"slowest {slowest.index:04d} in {duration(slowest.seconds)}"
-        return f"{ended} case{'s' * (ended > 1)} ended in {took}{failed}; {longest}"
 
 
 def make_display(stream: TextIO = sys.stderr) -> Display:

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING
 
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
@@ -35,9 +34,9 @@ from gfmdlayer.execution.sweep import Cases, InTurn, OwnCases, Shard, SweepCase,
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, read_json
 from gfmdlayer.notes import notes
-
-if TYPE_CHECKING:
-    from gfmdlayer.results.gathering import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
+from gfmdlayer.results.reader import attributes, is_complete
+from gfmdlayer.results.schema import ResultsError
 
 
 @dataclass(frozen=True)
@@ -282,7 +281,6 @@ def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, rep
 
 
 def _is_done(case: SweepCase, folder: Folder) -> bool:
-    from gfmdlayer.results.reader import attributes, is_complete
 
     path = folder.case(case.index)
     if not is_complete(path):
@@ -326,7 +324,7 @@ def _ordered(
     return sorted(todo, key=lambda case: (-seconds[case.index], case.index))
 
 
-class _Records(InTurn["CaseRecord"]):
+class _Records(InTurn[CaseRecord]):
     """The cases for the sweep file, each made when it is asked for: very many differ in little."""
 
     def __init__(
@@ -338,7 +336,6 @@ class _Records(InTurn["CaseRecord"]):
         return len(self._numbers)
 
     def _at(self, place: int) -> CaseRecord:
-        from gfmdlayer.results.gathering import CaseRecord
 
         number = self._numbers[place]
         values, reason = self._every.values(place), self._reasons.get(number)
@@ -354,10 +351,6 @@ def _collect(
     failed: Mapping[int, Outcome],
 ) -> tuple[list[str], list[Outcome]] | None:
     """Write the sweep file; return notes, and cases that cannot be read; None while shards are at work."""
-    from gfmdlayer.results.gathering import Swept, collect
-    from gfmdlayer.results.reader import attributes
-    from gfmdlayer.results.schema import ResultsError
-
     try:
         with exclusive(folder.turn):
             reasons = {number: outcome.reason for number, outcome in failed.items()}

@@ -68,19 +68,15 @@ class StatusFile:
             self._fixed |= {"since": time.time(), "since_time": float(simulated_time)}
         now = time.monotonic()
         due = now - self._written >= WRITE_INTERVAL
-        if stop_requested() or (due and self._stop_file_exists()):
-            raise Stopped
+        with suppress(OSError):  # the folder may be unreadable for a while
+            if stop_requested() or (due and self._stop.exists()):
+                raise Stopped
         if due:
             self._written = now
             reached = {"simulated_time": float(simulated_time), "steps": self._steps, "updated": time.time()}
             content = self._fixed | reached
             with suppress(OSError):  # a simulation does not fail for its status
                 write_text(self._path, json.dumps(content), durable=False)
-
-    def _stop_file_exists(self) -> bool:
-        with suppress(OSError):  # the folder may be unreadable for a while
-            return self._stop.exists()
-        return False
 
 
 _Number = Annotated[int, Field(ge=0, lt=_MOST)]

@@ -70,8 +70,9 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
     return max(int(found), 1) if found.isdecimal() else 1
 
 
-@contextmanager
-def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterator[WorkerPool | None]:
+def assemble(
+    jobs: int = 1, prepare: Callable[[], None] | None = None
+) -> AbstractContextManager[WorkerPool | None]:
     """Assemble MPI's ranks, else `jobs` processes, else this one; other ranks `prepare`, and get None."""
     if not 1 <= jobs <= MOST:
         raise LauncherError(f"--jobs {jobs}: must be from 1 to {MOST}")
@@ -80,11 +81,8 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
             raise LauncherError("--jobs N and mpirun exclude each other: leave --jobs out")
-        chosen: AbstractContextManager[WorkerPool | None] = ranks(comm, prepare)
-    else:
-        chosen = processes(jobs) if jobs > 1 else alone()
-    with chosen as pool:
-        yield pool
+        return ranks(comm, prepare)
+    return processes(jobs) if jobs > 1 else alone()
 
 
 @contextmanager
