@@ -30,6 +30,12 @@ if TYPE_CHECKING:
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.simulation import Case
 
+# The keys that may name the file of a prescribed quantity.
+_FILES = (
+    ("trajectory.file", "drive"), ("trajectory.velocity_file", "velocity"),
+    ("trajectory.tangential", "tangential"), ("interface", "friction"), ("temperature.file", "temperature"),
+    ("interface", "interface"),
+)  # fmt: skip
 _COARSE = 64  # points along an axis, of an estimate
 
 
@@ -69,9 +75,8 @@ class PeriodicContact(Model):
         """Coordinates of the whole snapshots by name: x, and y of a surface in two directions."""
         from gfmdlayer.grid.grid import Grid
 
-        return dict(
-            zip("xy", Grid(self.config.grid.points, self.config.grid.period).coordinates, strict=False)
-        )
+        grid = Grid(self.config.grid.points, self.config.grid.period)
+        return dict(zip("xy", grid.coordinates, strict=False))
 
     @property
     def places(self) -> Sequence[Place]:
@@ -145,18 +150,8 @@ class PeriodicContact(Model):
                 except ValueError as error:
                     yield "grid.boundary", str(error)
                     return
-            key = "trajectory.file"
-            drive = self.programme.drive
-            key = "trajectory.velocity_file"
-            velocity = self.programme.velocity
-            key = "trajectory.tangential"
-            _ = self.programme.tangential
-            key = "interface"
-            _ = self.programme.friction
-            key = "temperature.file"
-            _ = self.programme.temperature
-            key = "interface"
-            _ = self.programme.interface
+            for key, quantity in _FILES:  # noqa: B007 - of the one that fails
+                getattr(self.programme, quantity)
         except TableError as error:
             blamed = (
                 name for name, path in names.items() if name.startswith(key) and str(path) in str(error)
@@ -167,6 +162,7 @@ class PeriodicContact(Model):
             message = f"got {math.prod(config.grid.points):,}, more points than this machine's memory holds"
             yield "grid.points", f"{message}; must be fewer"
             return
+        drive, velocity = self.programme.drive, self.programme.velocity
         if config.time.steady is not None and velocity is not None and velocity(math.inf) == 0:
             message = f"{given.velocity_file}: ends at rest; must end with a velocity, or remove time.steady"
             yield "trajectory.velocity_file", message
@@ -196,9 +192,8 @@ class PeriodicContact(Model):
         if config.hardness is not None and (most := config.hardness - pull) <= found:
             unit = math.prod(config.grid.period) if control == "force" else 1.0
             holds = "got" if file is None else f"{file}: holds the {control}"
-            limit = f"{unit * most:.6g}, the hardness over the whole cell" + ", less the attraction" * (
-                pull > 0
-            )
+            limit = f"{unit * most:.6g}, the hardness over the whole cell"
+            limit += ", less the attraction" * (pull > 0)
             yield f"{holds} {unit * found:.6g}; must be below {limit}: more has no equilibrium"
 
     def _too_wide(self) -> str:
@@ -224,11 +219,8 @@ class PeriodicContact(Model):
         coarse = Grid(tuple(n // k for n, k in zip(fine.shape, each, strict=True)), fine.period)
         heights = np.ravel(case.punch.reshape(fine.shape)[tuple(slice(None, None, k) for k in each)])
         loading = CONTROLS[config.trajectory.control](heights, Constant(most))
-        solver, spectrum, widths = (
-            NestedGradient(Transforms(coarse.shape), coarse),
-            body.spectrum(coarse.waves),
-            [],
-        )
+        solver, spectrum = NestedGradient(Transforms(coarse.shape), coarse), body.spectrum(coarse.waves)
+        widths = []
         # Between these two is a body of which one material relaxes. A tenth is a spacing at either edge.
         for stiffness in (spectrum.glassy, spectrum.relaxed):
             kappa = np.ravel(stiffness)

@@ -62,16 +62,23 @@ class Programme:
     def drive(self) -> Trajectory:
         """Depth, or mean pressure: a force over the area, or length, of the cell, or 1 if isolated."""
         given = self.config.trajectory
-        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
-        if given.file is not None:
-            table = _table(given.file, given.control)
-            return Table(table.times, table.values / unit)
+        unit, table = self._prescribed(given)
+        if table is not None:
+            return table
         if given.ramp_time is not None:
             return RampHold(getattr(given, given.control) / unit, given.ramp_time)
         import numpy as np
 
         times, values = np.array(given.corners).T
         return Table(times, values / unit)
+
+    def _prescribed(self, given: Any) -> tuple[float, Table | None]:
+        """Return the unit of a drive, the area of the cell for a force, and the drive where it is a table."""
+        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
+        if given.file is None:
+            return unit, None
+        table = _table(given.file, given.control)
+        return unit, Table(table.times, table.values / unit)
 
     @cached_property
     def velocity(self) -> Constant | Table | None:
@@ -87,10 +94,9 @@ class Programme:
         given, end = self.config.trajectory.tangential, self.config.time.end
         if given is None:
             return None
-        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
-        if given.file is not None:
-            table = _table(given.file, given.control)
-            return Table(table.times, table.values / unit)
+        unit, table = self._prescribed(given)
+        if table is not None:
+            return table
         value, start = getattr(given, given.control) / unit, given.start or 0.0
         if given.period is not None:
             cycles = max(end - start, 0.0) / given.period if given.cycles is None else given.cycles
@@ -152,9 +158,7 @@ class Programme:
     @property
     def depends_on_speed(self) -> bool:
         """Whether the coefficient of friction depends on the slip speed."""
-        return any(
-            isinstance(law, Coulomb) and isinstance(law.coefficient, Path) for law in self.config.friction
-        )
+        return any(isinstance(getattr(law, "coefficient", None), Path) for law in self.config.friction)
 
     @cached_property
     def temperature(self) -> Constant | Table | None:
@@ -246,9 +250,7 @@ class Programme:
 
         assert time.tolerance is not None
         fastest = 0.0 if self.velocity is None else _fastest(self.velocity)
-        crossing = (
-            min(L / n for L, n in zip(grid.period, grid.points, strict=True)) / fastest if fastest else 0.0
-        )
+        spacing = min(L / n for L, n in zip(grid.period, grid.points, strict=True))
         turns = self.tangential.turns if isinstance(self.tangential, Oscillation) else ()
         stops = sorted({0.0, time.end, *(each for each in self.breakpoints if 0 < each < time.end)})
         for begin, end in pairwise(stops):
@@ -262,7 +264,7 @@ class Programme:
                     parts = _growing(time.tolerance, _GROWTH_OF_SWING)
                     yield from (end - part * (end - begin) for part in parts)
             if fastest:
-                count = max(count, (end - begin) / crossing)
+                count = max(count, (end - begin) / (spacing / fastest))
             yield from np.linspace(begin, end, min(math.ceil(count), MOST_ROWS) + 1)[1:-1].tolist()
 
     def fixed_steps(self) -> time_points.FixedSteps:

@@ -8,8 +8,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from io import StringIO
-from typing import TYPE_CHECKING, Protocol, Self, TextIO
+from typing import TYPE_CHECKING, Self, TextIO
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import stop_requested
@@ -31,10 +30,10 @@ _CASE_LINES = 12  # running cases on a terminal, at most
 _OTHER_LINES = 6  # of the terminal, left free
 
 
-class Display(Protocol):
-    """Shows progress; each failed case gets a line, each complete one where `lists_complete`."""
+class Display:
+    """Shows progress, by itself nothing; each complete case gets a line where `lists_complete`."""
 
-    lists_complete: bool
+    lists_complete = False
 
     def note(self, line: str) -> None:
         """Show an event."""
@@ -46,7 +45,7 @@ class Display(Protocol):
         """Stop moving lines; notes may follow."""
 
 
-class Log:
+class Log(Display):
     """Plain lines with the time, for a file: so few that the log of any run can be read."""
 
     lists_complete = True
@@ -68,14 +67,9 @@ class Log:
             self._last = now
             self.note(f"{progress.fraction:.0%}: {progress.words}")
 
-    def close(self) -> None:
-        """Do nothing: every line is written already."""
 
-
-class Screen:
+class Screen(Display):
     """Moving lines on a terminal: one for each running case, one for all cases; failures above them."""
-
-    lists_complete = False
 
     def __init__(self, console: Console | None = None) -> None:
         from rich.console import Console
@@ -141,7 +135,7 @@ class Reporter:
         self._whole = sum((seconds or {}).values()) if whole is None else whole
         self._folder, self._own, self._total = folder, own, len(own)
         self._seconds, self._workers, self._ended = seconds, workers, 0.0
-        self._display = Log(StringIO()) if display is None else display()
+        self._display = Display() if display is None else display()
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None
