@@ -7,15 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import (
-    COMPLETE,
-    LISTED,
-    add_config,
-    add_out,
-    count_cases,
-    cut_short,
-    read_config,
-)
+from gfmdlayer.cli.terminal import COMPLETE, LISTED, add_config, add_out, count_cases, cut_short, read_config
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config

@@ -126,11 +126,7 @@ def contents(fill: Callable[[h5py.File], None]) -> bytes:
 
 
 def add_variable(
-    h5: h5py.File,
-    name: str,
-    dimensions: Sequence[str],
-    described: Mapping[str, str],
-    **options: Any,
+    h5: h5py.File, name: str, dimensions: Sequence[str], described: Mapping[str, str], **options: Any
 ) -> h5py.Dataset:
     """Create a variable on existing dimensions, a coordinate where its only dimension has its name."""
     dataset = h5.create_dataset(name, **options)
