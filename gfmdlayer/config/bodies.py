@@ -15,7 +15,7 @@ import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, PrivateAttr, SerializationInfo, ValidationError
@@ -85,7 +85,11 @@ class _BodyOrFile(OneOf[Any]):
         choices: dict[Any, Any] = {
             word: handler.generate_schema(section) for word, section in self.members.items()
         }
-        written = core_schema.plain_serializer_function_ser_schema(_dumped, info_arg=True)
+
+        def dumped(body: Solid, info: SerializationInfo) -> dict[str, Any]:
+            return body.model_dump(exclude_unset=info.exclude_unset, exclude_none=info.exclude_none)
+
+        written = core_schema.plain_serializer_function_ser_schema(dumped, info_arg=True)
         choices["file"] = core_schema.no_info_plain_validator_function(
             _of_file, serialization=written, json_schema_input_schema=handler.generate_schema(BodyFile)
         )
@@ -93,10 +97,6 @@ class _BodyOrFile(OneOf[Any]):
 
 
 BODY = _BodyOrFile({**BODIES, "file": BodyFile})
-
-
-def _dumped(body: Solid, info: SerializationInfo) -> dict[str, Any]:
-    return body.model_dump(exclude_unset=info.exclude_unset, exclude_none=info.exclude_none)
 
 
 def _of_file(given: Any) -> Solid:
@@ -123,14 +123,7 @@ def _of_file(given: Any) -> Solid:
     return body
 
 
-class _Source:
-    """The code of a body, in the place of the loader of its module."""
-
-    def __init__(self, source: bytes, path: str) -> None:
-        self.source, self.path = source, path
-
-
-def _restored(source: _Source, state: Any) -> Solid:
+def _restored(source: SimpleNamespace, state: Any) -> Solid:
     section = body_class(source.source, source.path)
     body = section.__new__(section)
     body.__setstate__(state)
@@ -141,7 +134,8 @@ def _restored(source: _Source, state: Any) -> Solid:
 def body_class(source: bytes, path: str) -> type[Solid]:
     """Run a file, and return its one class that derives from `Solid`; a ValueError names file and line."""
     module = ModuleType(f"gfmdlayer_body_{hashlib.sha256(source + path.encode()).hexdigest()[:16]}")
-    module.__file__, module.__loader__ = path, _Source(source, path)  # type: ignore[assignment]
+    module.__file__ = path
+    module.__loader__ = SimpleNamespace(source=source, path=path)
     sys.modules[module.__name__] = module  # where annotations of the class are resolved
     try:
         exec(compile(source, path, "exec"), vars(module))

@@ -7,7 +7,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
@@ -21,7 +21,7 @@ from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Listener, Stopped
 from gfmdlayer.execution.progress import Log
-from gfmdlayer.execution.schedule import Labelled, Outcome
+from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Earlier, SweepCase, label
 from gfmdlayer.files.cache import user_cache
@@ -278,7 +278,7 @@ def run_case(
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         if ranks.first:
-            record_failure(folder, case, reason, traceback.format_exc())
+            record_failure(folder, case.index, case.values, reason, traceback.format_exc())
         return Outcome(case.index, "failed", reason, time.monotonic() - begun)
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
 
@@ -286,19 +286,20 @@ def run_case(
 _planned = lru_cache(maxsize=64)(planned)
 
 
-def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "") -> None:
+def record_failure(
+    folder: Folder, index: int, values: Mapping[str, object], reason: str, trace: str = ""
+) -> None:
     """Record why a case failed, in cases/NNNN.failed; a record without a traceback replaces no other."""
-    if trace or not folder.case(case.index, "failed").exists():
-        _record(folder, case, "failed", reason, traceback=trace)
+    if trace or not folder.case(index, "failed").exists():
+        _record(folder.case(index, "failed"), values, reason, traceback=trace)
         with suppress(OSError):
-            folder.case(case.index, "running").unlink(missing_ok=True)
+            folder.case(index, "running").unlink(missing_ok=True)
 
 
-def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str) -> None:
-    """Write a record of a case."""
-    record = {"reason": reason, **more, "time": now(), "values": case.values}
+def _record(path: Path, values: Mapping[str, object], reason: str, **more: str) -> None:
+    record = {"reason": reason, **more, "time": now(), "values": values}
     with suppress(OSError):  # on a full disk the outcome must do
-        write_text(folder.case(case.index, kind), json.dumps(record, default=str))
+        write_text(path, json.dumps(record, default=str))
 
 
 @dataclass(frozen=True)
@@ -371,7 +372,7 @@ class _Run:
         ) as writer:
             journal.replay(writer)
             if ended := str(journal.noted.get("ended", "")):
-                _record(self.folder, case, "ended", ended)
+                _record(self.folder.case(case.index, "ended"), case.values, ended)
 
 
 def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:

@@ -29,7 +29,7 @@ from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError, Numbers
 from gfmdlayer.execution.groups import refuse_other_ranks, run_case_together
 from gfmdlayer.execution.growth import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.progress import Display, Reporter
-from gfmdlayer.execution.schedule import Labelled, Outcome, Schedule, State
+from gfmdlayer.execution.schedule import Outcome, Schedule, State
 from gfmdlayer.execution.sweep import Cases, InTurn, OwnCases, Shard, SweepCase, examined
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, read_json
@@ -191,7 +191,7 @@ def _computed(
     model = CostModel.of_files({folder.case(case.index): case.config for case in work.done})
     expected = {case.index: model.seconds(case.config) for case in work.some}
     whole = fmean(expected.values()) * work.todo if expected else 0.0
-    made: dict[int, Labelled] = {case.index: case for case in work.some}
+    values: dict[int, Mapping[str, object]] = {case.index: case.values for case in work.some}
     with Reporter(folder, work.own.numbers, work.complete, display, expected, pool.size, whole) as reporter:
         aside = set_damaged_aside(folder, work.damaged)
         for line in (_opening(work, pool, options), *_warnings(work, pool, folder), *lines, *aside):
@@ -209,60 +209,45 @@ def _computed(
         def ended(items: Iterable[SweepCase | Outcome]) -> Iterator[Outcome]:
             for outcome in schedule.run(items):
                 expected.pop(outcome.index, None)
-                case = made.pop(outcome.index, None)
-                if case is not None and outcome.state == "failed":
-                    record_failure(folder, case, outcome.reason)
+                own = values.pop(outcome.index, None)
+                if own is not None and outcome.state == "failed":
+                    record_failure(folder, outcome.index, own, outcome.reason)
                 yield outcome
 
+        def in_turn() -> Iterator[SweepCase | Outcome]:
+            """Yield the cases to be run, each made in its turn, or the outcome of an impossible one."""
+            largest = 0.0
+            for at in work.places():
+                if interrupts.stop_requested():
+                    return
+                number = work.own.indices[at]
+                values[number] = work.own.values(at)
+                try:
+                    case = work.own[at]
+                    if (memory := estimate(case.config).memory) > largest:
+                        _refuse_too_large(work, [case], pool, options)
+                        largest = memory
+                    expected[number] = model.seconds(case.config)
+                except Exception as error:
+                    yield Outcome(number, "failed", f"{type(error).__name__}: {error}")
+                else:
+                    yield case
+
         if work.own.many:
-            yield from ended(_made_in_turn(work, made, model, expected, pool, options))
-        else:
-            yield from ended(_ordered(work.some, expected, pool))
+            yield from ended(in_turn())
+        elif pool.alone:
+            yield from ended(work.some)
+        else:  # the longest first
+            yield from ended(sorted(work.some, key=lambda case: (-expected[case.index], case.index)))
         if work.unread and not interrupts.stop_requested():
             reporter.note(f"reading the {work.unread} complete cases that were not read before the run")
             later = {case.index: case for case in work.damaged_later()}
-            made |= later
+            values |= {case.index: case.values for case in later.values()}
             work.complete, work.todo = work.complete - len(later), work.todo + len(later)
             reporter.complete_no_more(len(later))
             for line in set_damaged_aside(folder, later):
                 reporter.note(line)
             yield from ended(later.values())
-
-
-@dataclass(frozen=True)
-class _Named:
-    """A case that cannot be made."""
-
-    index: int
-    values: dict[str, object]
-
-
-def _made_in_turn(
-    work: _Work,
-    made: dict[int, Labelled],
-    model: CostModel,
-    expected: dict[int, float],
-    pool: WorkerPool,
-    options: RunOptions,
-) -> Iterator[SweepCase | Outcome]:
-    """Yield the cases to be run, each made in its turn, or the outcome of an impossible one."""
-    largest = 0.0
-    for at in work.places():
-        if interrupts.stop_requested():
-            return
-        number = work.own.indices[at]
-        try:
-            case = work.own[at]
-            if (memory := estimate(case.config).memory) > largest:
-                _refuse_too_large(work, [case], pool, options)
-                largest = memory
-            expected[number] = model.seconds(case.config)
-        except Exception as error:
-            made[number] = _Named(number, work.own.values(at))
-            yield Outcome(number, "failed", f"{type(error).__name__}: {error}")
-        else:
-            made[number] = case
-            yield case
 
 
 def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
@@ -281,7 +266,6 @@ def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, rep
 
 
 def _is_done(case: SweepCase, folder: Folder) -> bool:
-
     path = folder.case(case.index)
     if not is_complete(path):
         return False
@@ -313,15 +297,6 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
     space = preflight.disk_warnings(folder.path, storage * work.todo / max(len(work.some), 1))
     found = (*notes(case.config for case in work.own.examined), *pool.warnings, *space)
     return [f"warning: {warning}" for warning in found]
-
-
-def _ordered(
-    todo: Sequence[SweepCase], seconds: Mapping[int, float], pool: WorkerPool
-) -> Sequence[SweepCase]:
-    """Put the longest cases first; a single process keeps their order."""
-    if pool.alone:
-        return todo
-    return sorted(todo, key=lambda case: (-seconds[case.index], case.index))
 
 
 class _Records(InTurn[CaseRecord]):

@@ -87,14 +87,6 @@ class Numbered(Protocol):
         """Number of the case."""
 
 
-class Labelled(Numbered, Protocol):
-    """An item with values that distinguish it from the others."""
-
-    @property
-    def values(self) -> dict[str, object]:
-        """Values by their names."""
-
-
 class Schedule:
     """Runs cases by a pool; `task`, which never raises, runs one, and `ended` gets each outcome at once."""
 

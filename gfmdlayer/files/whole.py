@@ -43,7 +43,16 @@ def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) 
     if replace:
         part.replace(path)
     else:
-        _name_first(part, path)
+        try:
+            os.link(part, path)
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without hard links
+            if path.exists():
+                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
+            part.replace(path)
+        else:
+            part.unlink()
     if durable:
         with suppress(OSError):  # some network file systems refuse; the file is whole all the same
             _synchronise(path.parent)
@@ -72,20 +81,6 @@ def cannot_be_written(error: OSError) -> str:
     """Return why a file cannot be written, with its name where the system gives it."""
     named = f": {error.filename}" if error.filename else ""
     return f"cannot be written ({error.strerror or error}{named})"
-
-
-def _name_first(part: Path, path: Path) -> None:
-    """Give a file its final name if no other file has it."""
-    try:
-        os.link(part, path)
-    except FileExistsError:
-        raise
-    except OSError:  # a file system without hard links
-        if path.exists():
-            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
-        part.replace(path)
-    else:
-        part.unlink()
 
 
 def _synchronise(path: Path) -> None:

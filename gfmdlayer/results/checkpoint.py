@@ -77,7 +77,10 @@ def read_checkpoint(path: Path, made_by: Mapping[str, str], ranks: Ranks = ALONE
         with ranks.agreeing(CheckpointError):
             if ranks.first:
                 file, about = _opened(path, stack)
-                _refuse_other_origin(about["made_by"], made_by)
+                found, keys = about["made_by"], sorted({*about["made_by"], *made_by})
+                pairs = ((key, found.get(key, "(none)"), made_by.get(key, "(none)")) for key in keys)
+                if changed := [f"{key} {old} -> {new}" for key, old, new in pairs if old != new]:
+                    raise CheckpointError(f"it would not give the same bits: {'; '.join(changed)}")
         about = ranks.shared(about)
         names: list[list[str]] = about.pop("arrays")
         own = ranks.handed_out(_arrays(file, path), [len(each) for each in names])
@@ -116,16 +119,6 @@ def _opened(path: Path, stack: ExitStack) -> tuple[BinaryIO, dict[str, Any]]:
     if not intact or about is None or not isinstance(about.get("arrays"), list):
         raise CheckpointError("it is damaged")
     return file, about
-
-
-def _refuse_other_origin(found: Mapping[str, str], wanted: Mapping[str, str]) -> None:
-    changed = [
-        f"{key} {found.get(key, '(none)')} -> {wanted.get(key, '(none)')}"
-        for key in sorted({*found, *wanted})
-        if found.get(key) != wanted.get(key)
-    ]
-    if changed:
-        raise CheckpointError(f"it would not give the same bits: {'; '.join(changed)}")
 
 
 def _arrays(file: BinaryIO | None, path: Path) -> Iterator[NDArray[Any]]:

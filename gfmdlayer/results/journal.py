@@ -124,8 +124,15 @@ class Journal:
             if not self._is_intact(self._file):
                 raise ResultsError(f"{self._path}: is damaged")
             self._file.seek(0)
-            while self._file.tell() < self._good.size:
-                self._replay_block(self._file, recorder)
+            while (file := self._file).tell() < self._good.size:
+                columns, *places = npy.read_array(file).tolist()
+                values = [npy.read_array(file) for _ in range(columns)]
+                for row in zip(*values, strict=True):
+                    recorder.row(**dict(zip(self._columns, row, strict=True)))
+                if places:
+                    instant, held = float(npy.read_array(file)), {place: _mapped(file) for place in places}
+                    given: list[Any] = [held.get(place + 1) for place in range(places[-1])]
+                    recorder.snapshot(instant, *given)
         for row in self._rows:
             recorder.row(**dict(zip(self._columns, row, strict=True)))
         for instant, fields in self._snapshots:
@@ -218,16 +225,6 @@ class Journal:
         while left and (part := file.read(min(left, 1 << 20))):
             left, checksum = left - len(part), zlib.crc32(part, checksum)
         return not left and checksum == self._good.checksum
-
-    def _replay_block(self, file: io.FileIO, recorder: Recorder) -> None:
-        columns, *places = npy.read_array(file).tolist()
-        values = [npy.read_array(file) for _ in range(columns)]
-        for row in zip(*values, strict=True):
-            recorder.row(**dict(zip(self._columns, row, strict=True)))
-        if places:
-            instant, fields = float(npy.read_array(file)), {place: _mapped(file) for place in places}
-            given: list[Any] = [fields.get(place + 1) for place in range(places[-1])]
-            recorder.snapshot(instant, *given)
 
 
 def _places(fields: Sequence[FloatArray | None]) -> NDArray[np.int64]:

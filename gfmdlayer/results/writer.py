@@ -18,7 +18,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -59,27 +59,26 @@ Fields = tuple[tuple[str, Variable], ...]
 @lru_cache(maxsize=8)
 def case_template(columns: tuple[Column, ...], axes: Lengths, fields: Fields) -> bytes:
     """Return a file with all variables but the gap, along `axes` with lengths, bins and provenance."""
-    return contents(partial(_lay_out, columns=columns, axes=axes, known=dict(fields)))
+    known = dict(fields)
 
+    def lay_out(h5: h5py.File) -> None:
+        h5.attrs.update(provenance())
+        for column in columns:
+            if column.name == "time":
+                _add_column(h5, column)
+        for name, length in axes:
+            add_variable(h5, name, (name,), known[name].described, shape=(length,), dtype="f8")
+        for bins in dict.fromkeys(column.along for column in columns if column.along is not None):
+            for name, edges, described in bins.ends:
+                add_variable(h5, name, (bins.name,), described, data=edges, dtype="f8")
+        add_variable(h5, "snapshot", ("snapshot",), known["snapshot"].described, dtype="f8", **_growing())
+        for field in ("displacement", "pressure"):
+            add_field(h5, field, tuple(name for name, _ in axes), known[field])
+        for column in columns:
+            if column.name != "time":
+                _add_column(h5, column)
 
-def _lay_out(
-    h5: h5py.File, columns: tuple[Column, ...], axes: Lengths, known: Mapping[str, Variable]
-) -> None:
-    h5.attrs.update(provenance())
-    for column in columns:
-        if column.name == "time":
-            _add_column(h5, column)
-    for name, length in axes:
-        add_variable(h5, name, (name,), known[name].described, shape=(length,), dtype="f8")
-    for bins in dict.fromkeys(column.along for column in columns if column.along is not None):
-        for name, edges, described in bins.ends:
-            add_variable(h5, name, (bins.name,), described, data=edges, dtype="f8")
-    add_variable(h5, "snapshot", ("snapshot",), known["snapshot"].described, dtype="f8", **_growing())
-    for field in ("displacement", "pressure"):
-        add_field(h5, field, tuple(name for name, _ in axes), known[field])
-    for column in columns:
-        if column.name != "time":
-            _add_column(h5, column)
+    return contents(lay_out)
 
 
 def _add_column(h5: h5py.File, column: Column) -> None:
@@ -169,7 +168,15 @@ class CaseWriter:
             self._stack.__exit__(kind, error, trace)
             return
         with self._stack:
-            self._finish()
+            if self._columns is None:
+                self._begin(("time",))
+            self._append_rows()
+            ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
+            counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
+            added = {name: value for name, value in ended.items() if name not in self._attributes}
+            set_attributes(self._h5, {**added, **self.noted, **counts, "complete": 1})
+            if len(self._shape) == 2 and counts["snapshots"]:
+                describe(self._h5, self.path)
 
     @property
     def elapsed(self) -> float:
@@ -265,11 +272,8 @@ class CaseWriter:
         growing = dict.fromkeys((*columns, *SNAPSHOTS))
         self._growing = {name: h5d.open(self._h5.id, name.encode()) for name in growing}
         set_attributes(self._h5, {"started": self._started, **self._attributes})
-        self._add_swept()
         self._columns = columns
-
-    def _add_swept(self) -> None:
-        """Add the values of the swept keys as coordinates; a name that a column has is the whole key."""
+        # The values of the swept keys are coordinates; a name that a column has is the whole key.
         names = dimension_names([*self._swept], self._declared)
         for name, (key, value) in zip(names, self._swept.items(), strict=True):
             (held,) = labels(key, [value])
@@ -287,14 +291,3 @@ class CaseWriter:
         self._rows += len(self._held)
         self._held.clear()
         self._file.check()
-
-    def _finish(self) -> None:
-        if self._columns is None:
-            self._begin(("time",))
-        self._append_rows()
-        ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
-        counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
-        added = {name: value for name, value in ended.items() if name not in self._attributes}
-        set_attributes(self._h5, {**added, **self.noted, **counts, "complete": 1})
-        if len(self._shape) == 2 and counts["snapshots"]:
-            describe(self._h5, self.path)
