@@ -233,12 +233,7 @@ def _computed(
                 else:
                     yield case
 
-        if work.own.many:
-            yield from ended(in_turn())
-        elif pool.alone:
-            yield from ended(work.some)
-        else:  # the longest first
-            yield from ended(sorted(work.some, key=lambda case: (-expected[case.index], case.index)))
+        yield from ended(in_turn() if work.own.many else _ordered(work.some, expected, pool))
         if work.unread and not interrupts.stop_requested():
             reporter.note(f"reading the {work.unread} complete cases that were not read before the run")
             later = {case.index: case for case in work.damaged_later()}
@@ -297,6 +292,15 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
     space = preflight.disk_warnings(folder.path, storage * work.todo / max(len(work.some), 1))
     found = (*notes(case.config for case in work.own.examined), *pool.warnings, *space)
     return [f"warning: {warning}" for warning in found]
+
+
+def _ordered(
+    todo: Sequence[SweepCase], seconds: Mapping[int, float], pool: WorkerPool
+) -> Sequence[SweepCase]:
+    """Put the longest cases first; a single process keeps their order."""
+    if pool.alone:
+        return todo
+    return sorted(todo, key=lambda case: (-seconds[case.index], case.index))
 
 
 class _Records(InTurn[CaseRecord]):
