@@ -58,7 +58,10 @@ HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 
 
 def estimate(programme: Programme, width: int, observed: tuple[float, float] = (0.0, 0.0)) -> Footprint:
-    """Estimate the cost of rows of `width` numbers; `observed` are FFT pairs of a row, and memory."""
+    """Estimate the cost of a case whose rows have `width` numbers.
+
+    `observed` are the FFT pairs of a row, and the bytes that its observables need.
+    """
     config = programme.config
     size = math.prod(config.grid.points)
     steps, turns = count_steps(programme)
@@ -125,7 +128,10 @@ def _inside(programme: Programme, snapshots: int) -> _Cost:
 
 
 def count_steps(programme: Programme) -> tuple[int, int]:
-    """Count the steps, adaptive ones by the relaxation, and the fixed ones that follow a breakpoint."""
+    """Count the steps, fixed ones exactly, adaptive ones by the relaxation between breakpoints.
+
+    Also count the fixed steps that follow a breakpoint.
+    """
     config, planned, separating = programme.config, programme.landings, 0.0
     given, drive = config.trajectory, programme.drive
     if config.interfaces:

@@ -169,7 +169,10 @@ class Model(ABC):
         *,
         plan: bool = True,  # noqa: ARG002
     ) -> str:
-        """Compile the kernels and `plan` the transforms, from `results` or a `folder`; return the wisdom."""
+        """Compile the kernels and `plan` the transforms; return FFTW's wisdom.
+
+        Plans of some `results` come first, then those of a `folder`, by default the user's cache.
+        """
         return ""
 
     @abstractmethod
@@ -262,7 +265,10 @@ def simulate(
 
 
 def series_of(programme: Programme, wavenumber: float = 0.0) -> tuple[PronySeries, ...]:
-    """Return the laws as Maxwell branches over a run; `wavenumber` [1/length] is the largest along x."""
+    """Return the laws of a case as series of Maxwell branches over the times of its run.
+
+    `wavenumber` [1/length] is the largest one along x that a moving punch drives.
+    """
     every = zip(programme.config.laws, programme.reduced_times, strict=True)
     return tuple(law.prony(*programme.times_of_response(reduced, wavenumber)) for law, reduced in every)
 

@@ -33,7 +33,10 @@ _POINTS_PASSED = 2.0  # of the grid, by which material may move in a step throug
 
 
 def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
-    """Return notes on the cases, each once; without `surfaces` measured ones are not read."""
+    """Return notes on the cases, each once; without `surfaces` no measured surface is read.
+
+    TableError if a file cannot be used.
+    """
     every = list(configs)
     measured = dict.fromkeys(
         (config.grid.cell, config.punch) for config in every if surfaces and config.geometry.on_grid

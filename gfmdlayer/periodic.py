@@ -197,7 +197,12 @@ class PeriodicContact(Model):
             yield f"{holds} {unit * found:.6g}; must be below {limit}: more has no equilibrium"
 
     def _too_wide(self) -> str:
-        """Return why an elastic contact on a coarse grid grows beyond its reach, or ""."""
+        """Return why an isolated contact grows beyond its reach, or "".
+
+        The contact is elastic, without attraction, on a coarse grid, at the largest depth or force. It must
+        be too wide by more than a tenth, a spacing of the grid at either edge, both glassy and relaxed.
+        Between these two is a body of which one material relaxes; of others nothing is known beforehand.
+        """
         import numpy as np
 
         from gfmdlayer.body.isolated import period_for
@@ -221,7 +226,6 @@ class PeriodicContact(Model):
         loading = CONTROLS[config.trajectory.control](heights, Constant(most))
         solver, spectrum = NestedGradient(Transforms(coarse.shape), coarse), body.spectrum(coarse.waves)
         widths = []
-        # Between these two is a body of which one material relaxes. A tenth is a spacing at either edge.
         for stiffness in (spectrum.glassy, spectrum.relaxed):
             kappa = np.ravel(stiffness)
             nothing = np.zeros(kappa.shape, dtype=np.complex128)

@@ -60,7 +60,11 @@ class Programme:
 
     @cached_property
     def drive(self) -> Trajectory:
-        """Depth, or mean pressure: a force over the area, or length, of the cell, or 1 if isolated."""
+        """Depth or mean pressure over time, as `trajectory.control` says.
+
+        A force is divided by the area of the cell, by the length of a line's cell, or by 1 where the contact
+        is isolated.
+        """
         given = self.config.trajectory
         unit, table = self._prescribed(given)
         if table is not None:
@@ -90,7 +94,10 @@ class Programme:
 
     @cached_property
     def tangential(self) -> Trajectory | None:
-        """Displacement of the punch along the surface, or mean shear traction; None without one."""
+        """Displacement of the punch along the surface, or mean shear traction, over time; None without one.
+
+        A force is divided by the area of the cell, or by the length of a line's cell.
+        """
         given, end = self.config.trajectory.tangential, self.config.time.end
         if given is None:
             return None
@@ -109,7 +116,7 @@ class Programme:
 
     @cached_property
     def friction(self) -> Law | None:
-        """Bound of the shear traction, with the coefficient at no slip speed; None without friction."""
+        """Bound of the shear traction at rest (coefficient at no slip speed); None without friction."""
         from gfmdlayer.friction.problem import Law
 
         laws = {law.law: law for law in self.config.friction}
@@ -162,7 +169,10 @@ class Programme:
 
     @cached_property
     def temperature(self) -> Constant | Table | None:
-        """Temperature of the body in degrees Celsius; None without `temperature`."""
+        """Temperature of the body in degrees Celsius; None without `temperature`.
+
+        TableError if a value of the file is outside of the range of a shift, or the file ends before the run.
+        """
         given, end = self.config.temperature, self.config.time.end
         if given is None:
             return None
@@ -241,7 +251,11 @@ class Programme:
         return fixed(time.end, time.step, snapshots, self.breakpoints)
 
     def _resolving_slip(self) -> Iterator[float]:
-        """Yield times that adaptive steps meet where surfaces slip: tractions depend on the path."""
+        """Yield times on which adaptive steps land where surfaces slip, as tractions depend on the path.
+
+        Each stretch between breakpoints in which the punch moves has some steps, more of them where contact
+        begins and before a swing ends. Material moves by at most one point of the grid in a step.
+        """
         time, grid = self.config.time, self.config.grid
         law = self.friction
         if law is None or (law.is_frictionless and not self.depends_on_speed):

@@ -71,7 +71,10 @@ class Table:
 
     @classmethod
     def read(cls, file: Path, quantity: str, row_error: RowError | None = None) -> Table:
-        """Read the columns time, from 0, and `quantity`; TableError, also by `row_error`."""
+        """Read the columns time and `quantity`; the times start at 0 and increase, or TableError.
+
+        `row_error` returns the reason why the numbers of a row cannot be used, if any.
+        """
         from gfmdlayer.files.tables import TableError, read_columns
 
         times, values = read_columns(file, ("time", quantity), increasing=True, row_error=row_error).T

@@ -31,7 +31,10 @@ PerLayer = Annotated[int, Field(strict=True, ge=2, le=1000), MustBe("a whole num
 
 
 class Inside(Section):
-    """Displacements and stresses below the surface, in snapshots and as columns of their largest values."""
+    """Displacements and stresses below the surface at the snapshots.
+
+    With `every` also columns of the rows: the largest stresses at these depths, and at the interfaces.
+    """
 
     depths: Annotated[Depths | None, given] = None
     """depths below the surface, increasing; an interface has both sides: length"""

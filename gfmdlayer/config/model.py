@@ -409,7 +409,10 @@ class Config(Section):
         return finer(given, self.time.tolerance, self.contrast, attracts=attracts)
 
     def unit(self, words: str) -> str:
-        """Return the label of a unit from its dimension in words; a drive is a length, pressure or force."""
+        """Return the label of a unit from its dimension in words; the force on a line is per length.
+
+        A "drive" is what the trajectory prescribes: a length, pressure or force.
+        """
         drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
         words = words.replace("drive", drive)
         if len(self.grid.points) == 1 and self.geometry.on_grid and words == "force":
@@ -430,7 +433,10 @@ class Config(Section):
         return with_hidden(data, explain(error))
 
     def dump(self) -> str:
-        """Return the configuration as YAML with every default but those that differ between the cases."""
+        """Return the configuration as YAML with every default written out, which `load` reads back.
+
+        A default that follows from a swept key differs between the cases, and is left out.
+        """
         data = self.model_dump(exclude_none=True)
         if not self.sweep:
             del data["sweep"]
@@ -458,7 +464,10 @@ def digest(config: Config) -> str:
 
 
 def stem(config: Config) -> str:
-    """Return the hash without end, snapshots and rows: equal for runs that may begin alike."""
+    """Return the hash without the end, the snapshots and the rows: equal for runs that may begin alike.
+
+    A continuous law is replaced by a series for the times up to the end, which counts then.
+    """
     kept = {"snapshots"} if config.output.snapshots == "every" else set()
     times = {"keep_state", "times", "snapshots"} - kept
     left_out: dict[str, Any] = {"name": True, "sweep": True, "output": times}

@@ -115,7 +115,7 @@ class Grid(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`, or to a relative change below `steady` of a moving punch."""
+    """The time axis from 0 to `end`; a moving punch may end in a steady state before."""
 
     end: Positive = 8.0
     """end of the run; default: the end of the approach_retract path: time"""
@@ -202,7 +202,10 @@ MOST_ROWS = 1_000_000  # of a case
 
 
 class Histogram(Section):
-    """Equal bins from 0 to `max`, or on a log scale from `min`; one more at each end for values beyond."""
+    """Equal bins from 0 to `max`, or from `min` on a log scale.
+
+    One further bin at each end counts the values beyond.
+    """
 
     max: Positive
     """end of the last bin: pressure or length"""
@@ -255,7 +258,10 @@ class Film(Section):
 
 
 class Conductor(Section):
-    """Films, the uppermost first, on a halfspace; resistivity .inf: insulated back, 0: perfect conductor."""
+    """One of the two conductors: films, the uppermost first, on a halfspace of a resistivity.
+
+    With the resistivity .inf the back is insulated; with 0 it is a perfect conductor.
+    """
 
     resistivity: Resistivity = 0.0
     """resistivity; 0: a perfect conductor, .inf: an insulated back: ohm length"""
@@ -264,7 +270,10 @@ class Conductor(Section):
 
 
 class Conductance(Section):
-    """The resistance of the contact spots, constriction and films in series; heat has the same equations."""
+    """The resistance of the contact spots between body and punch: constriction, and the films in series.
+
+    Thermal conductors follow the same equations.
+    """
 
     body: Conductor = Field(default_factory=Conductor)
     """the conductor below the contact"""

@@ -344,7 +344,10 @@ Validate = Callable[[Row], list[Problem]]
 def conflicts(
     sweep: Mapping[str, Any], keys: Sequence[str], unswept: Sequence[Problem], validate: Validate
 ) -> Iterator[Problem]:
-    """Yield the problems of a sweep of `keys`; `unswept` are those with the configuration's own values."""
+    """Yield the problems of a sweep whose cases `validate` checks.
+
+    `keys` can be swept; `unswept` are the problems with the configuration's own values of the swept keys.
+    """
     wrong = list(_keys(sweep, keys)) or list(_lists(sweep))
     if not wrong and (size := count(sweep)) > MAX_CASES:
         wrong = [Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")]
@@ -487,7 +490,10 @@ def _rests_on(problem: Problem, key: str) -> bool:
 
 
 def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Problem]:
-    """Return the problems of the cases, each at the swept value that causes it; of samples only the first."""
+    """Return the problems of the cases: those that differ from the first in one value, then all of them.
+
+    Each problem is at the swept value that causes it. Of samples only the first problem is returned.
+    """
     factors, places = list(left), list(left.values())
 
     def problems_of(at: Sequence[int]) -> list[Problem]:

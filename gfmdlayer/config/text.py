@@ -49,7 +49,10 @@ class Place:
 
 @dataclass
 class Document:
-    """Plain data with the places of keys and values, those in `lists` on request, and errors in the text."""
+    """Plain data with the places of its keys and values, and the errors in the text.
+
+    The places of the numbers in `lists` are found when they are asked for.
+    """
 
     data: Any = None
     keys: dict[Location, Place] = field(default_factory=dict)

@@ -237,7 +237,10 @@ class Trajectory(Section):
 
 
 def ending_with(trajectory: Trajectory | None, time: Time) -> Time:
-    """Let a time axis without an end of its own end with the trajectory; the end counts as a default."""
+    """Let a time axis without an end of its own end with the trajectory.
+
+    The end still counts as a default, so that it follows a swept trajectory.
+    """
     duration = None if trajectory is None else trajectory.duration
     if duration is None or "end" in time.model_fields_set:
         return time

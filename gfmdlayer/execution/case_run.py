@@ -30,9 +30,9 @@ from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.wisdom import RankWisdom, planned
 from gfmdlayer.model import ConvergenceError, Model, model_of
 from gfmdlayer.notes import notes
-from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint, write_checkpoint
+from gfmdlayer.results import checkpoint, provenance
+from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
 from gfmdlayer.results.journal import Journal, Position
-from gfmdlayer.results.provenance import made_by, now
 from gfmdlayer.results.reader import is_complete, replay
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.results.writer import CaseWriter
@@ -71,7 +71,7 @@ class Checkpoints:
         )
         self._interval, self._report_time = interval, report_time
         several = {"ranks": str(self._ranks.count)} if self._ranks.count > 1 else {}
-        self._made_by = made_by(digest) | several
+        self._made_by = provenance.made_by(digest) | several
         self._stem, self._earlier = stem, earlier
         self._found: Checkpoint | None = None
         self._journal: Journal | None = None
@@ -82,7 +82,7 @@ class Checkpoints:
     def _begin(self) -> None:
 
         self._begun = time.monotonic()
-        self.started, self._before = now(), 0.0  # of the first start; seconds up to the checkpoint
+        self.started, self._before = provenance.now(), 0.0  # of the first start; seconds up to the checkpoint
         self._time, self._unsaved = 0.0, False
 
     @property
@@ -221,7 +221,7 @@ class Checkpoints:
 
         assert self._memory is not None
         known = {"started": self.started, "elapsed": self.elapsed, **about}
-        write_checkpoint(path, self._made_by, known, self._memory.state(), ranks)
+        checkpoint.write_checkpoint(path, self._made_by, known, self._memory.state(), ranks)
 
     def _write(self) -> None:
         """Write the journal, then the checkpoint that names the place in it."""
@@ -297,7 +297,7 @@ def record_failure(
 
 
 def _record(path: Path, values: Mapping[str, object], reason: str, **more: str) -> None:
-    record = {"reason": reason, **more, "time": now(), "values": values}
+    record = {"reason": reason, **more, "time": provenance.now(), "values": values}
     with suppress(OSError):  # on a full disk the outcome must do
         write_text(path, json.dumps(record, default=str))
 
@@ -418,7 +418,10 @@ class RankError(RuntimeError):
 
 @contextmanager
 def ending_together(ranks: Ranks) -> Iterator[None]:
-    """End a block on all ranks, or raise on all of them; a rank that waits too long aborts the job."""
+    """End a block on all ranks, or raise on all of them.
+
+    If a single rank fails, the others wait for it: the job is aborted, and the next run resumes.
+    """
     error: Exception | None = None
     try:
         yield

@@ -105,7 +105,10 @@ def must_agree(folder: Folder, numbers: Sequence[int], count: int) -> None:
 
 
 def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Change:
-    """Let a case read the folder's copies of its input files; those of `some` cases are made at once."""
+    """Let a case read the folder's copies of its input files, which no one changes.
+
+    The files of `some` cases are copied at once, others when the first case that names them is made.
+    """
     files = {path for case in some for path in files_named(case.config).values()}
     kept = {path: folder.keep_input(path, changed).absolute() for path in sorted(files)}
 
@@ -228,7 +231,10 @@ _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.turn|\.admission|\.collection")  # the 
 def claimed(
     folder: Folder, config: Config, restart: bool = False, own: Iterable[int] | None = None
 ) -> Iterator[Growth]:
-    """Hold the folder, or the places `own` of a shard, for a run; `restart` removes earlier results."""
+    """Hold the folder, or a shard's part of it, for a run of `config`; make the folder if there is none.
+
+    `restart` removes earlier results. `own` are the places of the shard's cases in the sweep.
+    """
     with _as_folder_error(folder):
         refuse_foreign_folder(folder)
     if folder.is_results() and not restart:

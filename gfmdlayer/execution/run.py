@@ -75,7 +75,10 @@ class Summary:
 
 
 class _Work:
-    """The cases of a run by state; of very many complete files some are read before it, the others after."""
+    """The cases of a run by their state, from one listing of the folder.
+
+    In a very long sweep, only a sample of the complete files is read before the run, and the others after it.
+    """
 
     def __init__(self, folder: Folder, files: Numbers, own: OwnCases, only_failed: bool) -> None:
         self.own, self._folder, self._only_failed, self._found = own, folder, only_failed, files

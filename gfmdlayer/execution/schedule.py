@@ -88,7 +88,10 @@ class Numbered(Protocol):
 
 
 class Schedule:
-    """Runs cases by a pool; `task`, which never raises, runs one, and `ended` gets each outcome at once."""
+    """Runs cases by a pool.
+
+    `task` runs one case and never raises. `ended` gets each outcome at once, possibly from another thread.
+    """
 
     def __init__(
         self,

@@ -34,7 +34,10 @@ RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
 
 
 class StatusFile:
-    """Status file of a case and its requests to stop; `together`: ranks agree on a stop after each step."""
+    """Status file of a case, and its requests to stop; a context manager around the simulation.
+
+    `expected` is the number of steps. With `together` several ranks agree on a stop, after the first step.
+    """
 
     def __init__(
         self,

@@ -130,7 +130,7 @@ Change = Callable[[SweepCase], SweepCase]
 
 
 class OwnCases(InTurn[SweepCase]):
-    """The cases of a run or shard; up to `EXAMINED` are made at once, the others when they are asked for.
+    """The cases of a run or shard. Up to `EXAMINED` are made at once, the others when they are asked for.
 
     `indices` are the numbers of their files in the order of the sweep; `many`: not all are kept.
     """
@@ -243,7 +243,7 @@ class Shard:
         return cls(int(number), int(count))
 
     def places(self, cases: Sequence[SweepCase]) -> Sequence[int]:
-        """Return this shard's places: the longest case first, each goes to the shard with least work."""
+        """Return the places of this shard; each case, longest first, goes to the shard with least work."""
         if len(cases) > WEIGHED:
             return Dealt(self, len(cases))
         # in whole numbers, so that every host adds up the same
@@ -261,7 +261,10 @@ class Shard:
 
 @dataclass(frozen=True)
 class Dealt(InTurn[int]):
-    """Places of a shard in a very long sweep: one in each block, whose place goes on by the golden ratio."""
+    """Places of a shard in a very long sweep, one in each block of as many cases as there are shards.
+
+    Its place in a block goes on by the golden ratio, so that each shard meets every value equally often.
+    """
 
     shard: Shard
     total: int  # number of cases

@@ -73,7 +73,10 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
 def assemble(
     jobs: int = 1, prepare: Callable[[], None] | None = None
 ) -> AbstractContextManager[WorkerPool | None]:
-    """Assemble MPI's ranks, else `jobs` processes, else this one; other ranks `prepare`, and get None."""
+    """Assemble the pool: MPI's ranks under a launcher, else `jobs` processes, else this process.
+
+    Other ranks than the first call `prepare`, and get None after the run.
+    """
     if not 1 <= jobs <= MOST:
         raise LauncherError(f"--jobs {jobs}: must be from 1 to {MOST}")
     size = preflight.launched_size(os.environ)

@@ -37,7 +37,10 @@ def is_unfinished(name: str) -> bool:
 
 
 def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) -> None:
-    """Give a closed unfinished file its final name; without `replace` FileExistsError for an earlier file."""
+    """Give a closed unfinished file its final name; `durable` brings it to the disk.
+
+    Without `replace` an earlier file stays, and FileExistsError says so.
+    """
     if durable:
         _synchronise(part)
     if replace:

@@ -70,7 +70,11 @@ def write_checkpoint(
 
 
 def read_checkpoint(path: Path, made_by: Mapping[str, str], ranks: Ranks = ALONE) -> Checkpoint:
-    """Read the state of each rank; a CheckpointError on all where it is damaged or of another origin."""
+    """Read a checkpoint; each rank calls this and gets its own state.
+
+    CheckpointError on all ranks, if the file is damaged, or if other input, versions, ranks or another
+    processor made it.
+    """
     with ExitStack() as stack:
         file: BinaryIO | None = None
         about: dict[str, Any] = {}

@@ -416,7 +416,10 @@ class Gathered:
 def rows_at(
     times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool = False
 ) -> NDArray[np.int64]:
-    """Find the rows of a case at increasing times, -1 where there is none; a steady state lasts for ever."""
+    """Find the rows of a case at given times, -1 where there is none; both increase.
+
+    After a steady state, the last row stands for all later times.
+    """
     if times.size == 0 or wanted.size == 0:
         return np.full(wanted.shape, -1)
     tolerance = SAME_TIME * min(times[-1], wanted[-1])

@@ -57,7 +57,7 @@ class Recorder(Protocol):
         /,
         *others: FloatArray | None,
     ) -> None:
-        """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`, or None."""
+        """Record the surface at a time, by arrays or None in the order of `schema.SNAPSHOT_FIELDS`."""
         ...
 
     def note(self, **attributes: Attribute) -> None:
@@ -74,7 +74,10 @@ class Position(NamedTuple):
 
 
 class Journal:
-    """A recorder in memory, and beyond `held` bytes in a file; of several ranks the first one writes."""
+    """A recorder that keeps rows and snapshots in memory, and in a file above `held` bytes.
+
+    The file replaces an earlier one when it is first written. Of several ranks only the first one writes.
+    """
 
     def __init__(self, path: Path, grid: Grid | None = None, held: int = HELD) -> None:
         self._path, self._held = path, held

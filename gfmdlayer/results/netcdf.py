@@ -128,7 +128,10 @@ def contents(fill: Callable[[h5py.File], None]) -> bytes:
 def add_variable(
     h5: h5py.File, name: str, dimensions: Sequence[str], described: Mapping[str, str], **options: Any
 ) -> h5py.Dataset:
-    """Create a variable on existing dimensions, a coordinate where its only dimension has its name."""
+    """Create a variable on existing dimensions; `options` are those of h5py's create_dataset.
+
+    A variable whose only dimension has its name is the coordinate of this dimension.
+    """
     dataset = h5.create_dataset(name, **options)
     if tuple(dimensions) == (name,):
         dataset.make_scale(name)

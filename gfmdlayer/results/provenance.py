@@ -47,7 +47,10 @@ def version_of(distribution: str) -> str:
 
 
 def git_commit(checkout: Path) -> str:
-    """Return the commit checked out in a folder itself, with "-dirty" where files differ, or UNKNOWN."""
+    """Return the commit checked out in a folder, with "-dirty" where files differ from it, or UNKNOWN.
+
+    The folder itself must be the checkout: a package installed inside another repository has no commit.
+    """
     if not (checkout / ".git").exists():
         return UNKNOWN
     describe = ["describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]

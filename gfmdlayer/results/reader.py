@@ -42,7 +42,11 @@ def case_path(directory: str | Path, index: int) -> Path:
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
-    """Whether a file holds a complete, undamaged case, of this digest if one is given; never raises."""
+    """Whether a file holds a complete case, of this `digest` if one is given; raises nothing.
+
+    A complete file is marked so, its columns and snapshots have as many rows as its attributes say, and its
+    bytes are those that were written.
+    """
     return _is_whole(Path(path), math.inf, digest)
 
 

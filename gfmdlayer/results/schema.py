@@ -164,7 +164,10 @@ def in_order(fields: Mapping[str, Any]) -> list[Any]:
 
 
 def parameter(key: str) -> Parameter | None:
-    """Return the meaning of a config key that may be swept, layers and branches counted from 1; or None."""
+    """Return the meaning of a config key that may be swept; None for a key without symbol and dimension.
+
+    Layers and branches are counted from 1: `layers.0.thickness` is d_1.
+    """
     from gfmdlayer.config import Config
 
     words, dimension = described(Config, key)

@@ -58,7 +58,10 @@ Fields = tuple[tuple[str, Variable], ...]
 
 @lru_cache(maxsize=8)
 def case_template(columns: tuple[Column, ...], axes: Lengths, fields: Fields) -> bytes:
-    """Return a file with all variables but the gap, along `axes` with lengths, bins and provenance."""
+    """Return a file with all variables but the gap, with the bins of histograms and the provenance.
+
+    `axes` are the coordinates of the grid with their lengths.
+    """
     known = dict(fields)
 
     def lay_out(h5: h5py.File) -> None:
@@ -184,7 +187,10 @@ class CaseWriter:
         return self._elapsed + time.monotonic() - self._begun
 
     def row(self, **values: float | NDArray[np.float64]) -> None:
-        """Record one accepted step: its `time`, later than in the row before, and the first row's columns."""
+        """Record one accepted step: its `time`, later than in the row before, and the other columns.
+
+        All rows have the columns of the first.
+        """
         if self._columns is None:
             self._begin(tuple(values))
         elif values.keys() != set(self._columns):

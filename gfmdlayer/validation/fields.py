@@ -35,7 +35,10 @@ MANY = 2**31  # points; FFTW counts in 32 bits and cannot transform as many
 
 @dataclass(frozen=True)
 class MustBe:
-    """Annotation of a field: whatever its type or the range of numbers refuses "must be ALLOWED"."""
+    """Annotation of a field: whatever its type refuses is reported as "must be ALLOWED".
+
+    Numbers with a fraction are also refused where they are too large or too small to compute with.
+    """
 
     allowed: str  # the values allowed, continuing "must be ..."
     words: tuple[str, ...] = ()  # the allowed words, where the field takes words

@@ -61,7 +61,7 @@ class Section(BaseModel):
 
         @alone
         def __init__(self, **keys: Any) -> None:
-            """Make a section from its keys, NumPy's numbers too; ConfigError has every error."""
+            """Make a section from its keys, which may be NumPy's numbers; ConfigError lists every error."""
             self._take(plain(keys))
 
     def _take(self, data: dict[str, Any]) -> None:
@@ -258,7 +258,10 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
 
 
 def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Location, type[Section], str]:
-    """Return a location without pydantic's names for members of unions, its section, and its choosing key."""
+    """Return a location without pydantic's names for members of unions, its section, and its choosing key.
+
+    With `unknown` the last part is not a known key.
+    """
     location: list[str | int] = []
     holder: type[Section] = root
     held: OneOf[Any] | type[Section] | None = root
