@@ -422,11 +422,8 @@ class Case:
     def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
         """Record the fields of a step, some only with attraction, a hardness or a counterbody."""
         gap, displacement = closed_gap(step.problem, step.solution), step.surface.displacement
-        fields: dict[str, Any] = {
-            "displacement": displacement,
-            "pressure": step.solution.pressure,
-            "gap": gap,
-        }
+        pressure = step.solution.pressure
+        fields: dict[str, Any] = {"displacement": displacement, "pressure": pressure, "gap": gap}
         if self.interface.attracts:
             fields["traction"] = step.problem.interface.traction(gap)
         if self.imprint.yields:
@@ -457,11 +454,8 @@ class Case:
             self.solver.restore(before)  # the state as a whole is then that before the step
             reason = why_not_converged(problem, solution, self.config.contact_solver.method, given.tolerance)
             raise ConvergenceError(f"t = {time:.6g}: {reason}", problem, solution, time)
-        if (
-            self.reach is not None
-            and solution.converged
-            and (beyond := self.reach.refusal(solution.pressure))
-        ):
+        beyond = self.reach and solution.converged and self.reach.refusal(solution.pressure)
+        if beyond:
             self.solver.restore(before)
             raise ConvergenceError(f"t = {time:.6g}: {beyond}", problem, solution, time)
         return problem, solution

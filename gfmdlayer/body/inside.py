@@ -119,7 +119,8 @@ class Inside:
         """The memory of all springs but the first, at the q where it counts."""
         of, K = self._network, self.stack.stiffness(self.q, 0.0)
         size, springs = of.times.size, of.stiffness.shape[1]
-        waves = np.flatnonzero(((of.force**2).sum(axis=1) > _UNFELT * K) & (size > 0))
+        felt = (of.force**2).sum(axis=1) > _UNFELT * K
+        waves = np.flatnonzero(felt) if size else np.empty(0, dtype=np.intp)
         shapes = (size,), (springs, size), (springs, size)
         found = Readout(waves, *(np.zeros((waves.size, *shape)) for shape in shapes))
         for k, i in enumerate(waves):

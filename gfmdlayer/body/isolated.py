@@ -114,8 +114,9 @@ class Isolated:
     def _at(self, waves: Wavevectors) -> IntArray:
         """Place of each wave among the lowest; -1 for the others."""
         most = len(self.number) - 1
-        lengths = np.array((*self.period, self.period[0])[:2]).reshape(2, *[1] * len(waves.shape))
-        numbers = np.abs(np.stack((waves.qx, waves.qy))) * (lengths / (2 * math.pi))
+        lengths = (*self.period, self.period[0])[:2]  # a line has no waves along y
+        components = zip((waves.qx, waves.qy), lengths, strict=True)
+        numbers = np.stack([np.abs(q) * (length / (2 * math.pi)) for q, length in components])
         nearest = np.rint(np.minimum(numbers, most + 1))
         low = ((nearest <= most) & (np.abs(nearest - numbers) < 1e-6)).all(axis=0)
         nx, ny = np.where(low, nearest, 0).astype(np.intp)

@@ -54,12 +54,7 @@ def random_problem(seed: int, axes: int) -> tuple[Grid, Problem]:
     path = r.standard_normal(axes) * 10 ** r.uniform(-4, -1.5)
     depth = float(h.mean()) * 10 ** r.uniform(-1, 0)
     return grid, Problem(
-        halfspace(grid, 1.0, nu),
-        h,
-        Law(mu),
-        load=load if load_is_given or force_is_given else None,
-        depth=depth,
-        force=force if force_is_given else None,
-        path=None if force_is_given else path,
-        offset=offset,
-    )
+        halfspace(grid, 1.0, nu), h, Law(mu),
+        load=load if load_is_given or force_is_given else None, depth=depth,
+        force=force if force_is_given else None, path=None if force_is_given else path, offset=offset,
+    )  # fmt: skip
