@@ -337,7 +337,8 @@ class FrictionalCase(Case):
     def _coefficients(
         self, pressure: FloatArray, speed: FloatArray, last: FloatArray, unit: float
     ) -> FloatArray:
-        """Coefficients mu = f(speed - unit p/p_s (mu - last)); one if f falls less steeply than 1/unit."""
+        """Return coefficients of speeds that yield: mu = f(speed - unit p/p_s (mu - last)) at each point."""
+        # The unit is the largest displacement in the step. There is one mu if f does not fall steeply.
         per = pressure * (unit / max(float(pressure.max()), 1e-300))
         low, high = (np.full(speed.shape, each) for each in self.programme.coefficients)
         for _ in range(_HALVINGS):

@@ -597,12 +597,10 @@ def _array(file: Path, kind: str, _changed: int) -> tuple[FloatArray, tuple[floa
 
 
 def _of_fix_gfc(file: Path) -> tuple[FloatArray, tuple[float, ...]]:
-    """Return K and the period of coefficients Phi(q) that LAMMPS's `fix gfc` has measured.
-
-    The file has the integers d, nx, ny and atoms a cell, Boltzmann's constant, nx ny complex matrices Phi of
-    energy/length^2, whose last direction is normal to the surface, the two vectors of a cell, and the
-    places of its atoms.
-    """
+    """Return K and the period of coefficients Phi(q) that LAMMPS's `fix gfc` has measured."""
+    # The file has the integers d, nx, ny and atoms a cell, Boltzmann's constant, nx ny complex matrices Phi
+    # of energy/length^2, whose last direction is normal to the surface, the two vectors of a cell, and the
+    # places of its atoms.
     import numpy as np
 
     data = file.read_bytes()

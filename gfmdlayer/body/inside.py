@@ -136,7 +136,8 @@ class Inside:
     def of_internal(
         self, waves: IntArray, u: ComplexArray, xi: ComplexArray
     ) -> tuple[ComplexArray, ComplexArray]:
-        """Return strains and forces of all springs but the first, for u, (n,), and xi, (n, internal)."""
+        """Return strains and forces of all springs but the first for internal vectors xi, (n, internal)."""
+        # `waves` are the numbers of their q, and u the displacement of the surface, both (n,).
         of = self._network
         w, P = of.stiffness[waves], of.projection[waves]
         stretched = np.zeros(w.shape, dtype=np.complex128)

@@ -120,7 +120,8 @@ def in_series(one: Spectrum, two: Spectrum) -> Spectrum:
 
 
 def _poles(one: Spectrum, two: Spectrum, waves: int) -> tuple[FloatArray, FloatArray]:
-    """Return ascending times of both bodies, (n, nq), inf if without weight, and w_ij t_ij, (2, n, nq)."""
+    """Return the distinct times of both bodies, ascending, (n, nq), and w_ij t_ij at them, (2, n, nq)."""
+    # Modes without weight have the time inf, and strength 0.
     every = [(each.weights.reshape(-1, waves), each.times.reshape(-1, waves)) for each in (one, two)]
     count = len(every[0][0])
     weights, times = (np.concatenate(each) for each in zip(*every, strict=True))

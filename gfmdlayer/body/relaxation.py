@@ -210,13 +210,11 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
 
 
 def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a, (nq,), poles P and strengths R, (2, nq), of K = a G + const - sum_i R_i/(P_i + G).
-
-    With g = G/G_bulk and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant of
-    D is a sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with A = (g - 1)(1 + c g),
-    B = (c g - e)(g + e), C = (g - 1)(c g - e); so the roots of D, their distance and N at the roots
-    are found without cancellation.
-    """
+    """K(q, G) as a function of the layer's modulus, for q of shape (nq,) and a thickness above zero."""
+    # With g = G/G_bulk and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant
+    # of D is a sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with A = (g - 1)(1 + c g), B = (c g
+    # - e)(g + e), C = (g - 1)(c g - e); so the roots of D, their distance and N at the roots are found
+    # without cancellation.
     poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
     if layer.bulk_modulus in (0, math.inf):
         return layer.stiffness(q, 1.0), poles, strengths
@@ -255,7 +253,9 @@ def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
 def retardation_spectrum(
     moduli: FloatArray, times: FloatArray, relaxed: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """J_k > 0 and theta_k > tau_k, (n, m), of solids of one G_k, ascending tau_k, and relaxed A, (m,)."""
+    """Compliances J_k > 0 and times theta_k > tau_k, (n, m), of Prony solids of relaxed moduli A, (m,)."""
+    # All have the same moduli G_k > 0 and ascending, distinct times tau_k. sum_k J_k = 1/A - 1/(A + sum_k
+    # G_k). Raises ArithmeticError if the iteration does not converge.
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
     for part in columns_at_once(moduli.size, relaxed.size):
         compliances[:, part], thetas[:, part], _ = solve_secular(moduli * times, times, relaxed[part])
@@ -272,14 +272,12 @@ def columns_at_once(modes: int, columns: int) -> Iterator[slice]:
 def solve_secular(
     strengths: FloatArray, times: FloatArray, relaxed: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Solve sum_k strengths_k/(theta - tau_k) = A, by the iteration of Bunch, Nielsen and Sorensen (1978).
-
-    Strengths G_k tau_k > 0 and ascending, distinct times tau_k are (n,), or (n, m) for columns of their own;
-    `relaxed` is A > 0, (m,). Return compliances J_k = 1/(theta_k sum_j strengths_j/(theta_k - tau_j)^2) and
-    roots theta_k, both (n, m), and the differences theta_k - tau_j, (n, m, n). A root is stored as its
-    distance from the nearer of the two poles around it, so that it is accurate however close the times are
-    (Numer. Math. 31, 31-48).
-    """
+    """Solve sum_k strengths_k/(theta - tau_k) = A, by the iteration of Bunch, Nielsen and Sorensen (1978)."""
+    # Strengths G_k tau_k > 0 and ascending, distinct times tau_k are (n,), or (n, m) for columns of their
+    # own; `relaxed` is A > 0, (m,). Return compliances J_k = 1/(theta_k sum_j strengths_j/(theta_k -
+    # tau_j)^2) and roots theta_k, both (n, m), and the differences theta_k - tau_j, (n, m, n). A root is
+    # stored as its distance from the nearer of the two poles around it, so that it is accurate however close
+    # the times are (Numer. Math. 31, 31-48).
     n = len(times)
     poles, bounds = times.reshape(n, -1), relaxed.min() if times.ndim == 1 else relaxed
     # A pole of strength zero beyond the last root makes that root like the others. Its distance from the
@@ -318,7 +316,10 @@ def solve_secular(
 
 
 def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Sums below and above a root y from its origin, and their slopes, (n, m, 2); offsets, (n, m, n)."""
+    """sum_k G_k tau_k/(theta - tau_k) over the poles below and above a root, and minus its derivative."""
+    # `offsets` holds origin - tau_k, shape (n, m, n), and y theta - origin, shape (n, m); `sides` the
+    # strengths on either side, shape (n, n, 2), or (n, m, n, 2) where columns differ. Both results have shape
+    # (n, m, 2).
     inverse = 1 / (offsets + y[..., np.newaxis])
     if sides.ndim == 3:
         return inverse @ sides, (inverse * inverse) @ sides

@@ -224,7 +224,8 @@ def beyond(thicknesses: Sequence[float], depths: Sequence[float]) -> tuple[int, 
 
 
 def between_faces(thicknesses: Sequence[float], number: int, reach: float) -> list[float]:
-    """Return depths from face to face of each layer; a halfspace ends as deep as its layers, or at reach."""
+    """Return so many depths in each layer, from face to face; in a halfspace down to its top plus `reach`."""
+    # The reach counts only without layers above the halfspace; else it is their thickness.
     found, top = [0.0], 0.0
     for thickness in thicknesses:
         size = thickness if math.isfinite(thickness) else top or reach

@@ -105,11 +105,9 @@ def iterate(
     tolerance: float,
     limit: int,
 ) -> tuple[Motion, bool, int, int]:
-    """Iterate to the tolerance or the limit; return state, whether it is within it, iterations and FFT pairs.
-
-    The scales of the residual are those of the first iteration: the caller accepts only what passes there.
-    On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
-    """
+    """Iterate to the tolerance or the limit; return state, whether it is within, iterations, FFT pairs."""
+    # The scales of the residual are those of the first iteration: the caller accepts only what passes there.
+    # On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
     kappa, b, h, mean_is_fixed, floor, terms = system
     inverse_mass, mobility, mass_weighted = inertia
     u, v, stress, force, acceleration, work = fields
@@ -195,13 +193,11 @@ def _forces(  # inlined: groups would gain nothing
     per_gap: float,
     tolerance: float,
 ) -> tuple[float, float, float, float, float]:
-    """Sum over the forces on the points, and write the forces themselves where they are wanted.
-
-    A point that is pressed against the punch feels none, and its velocity does not count.
-
-    Returns the number of points whose `violation` is not within the tolerance (NaN is not), the power (force
-    times velocity), the squared norms of velocity and force, and the next multiplier.
-    """
+    """Sum over the forces on the points, and write the forces themselves where they are wanted."""
+    # A point that is pressed against the punch feels none, and its velocity does not count.
+    #
+    # Returns the number of points whose `violation` is not within the tolerance (NaN is not), the power
+    # (force times velocity), the squared norms of velocity and force, and the next multiplier.
     off, power, speed, pull, total, free = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(u.size):
         pressure, gap = stress[i] + multiplier, h[i] - u[i]

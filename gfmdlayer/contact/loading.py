@@ -172,7 +172,9 @@ class Loading(Resumable):
 
 
 def pulled_off(problem: Problem, solution: Solution) -> bool:
-    """Whether the given load pulls the punch away: out of range, where no traction is as large any more."""
+    """Whether the given load pulls the punch away: out of range, where no traction is as large."""
+    # Further away the traction is less still, so that there is no equilibrium left to find. The state is the
+    # last one of the solver, which need not have converged.
     load, gap = problem.mean_pressure, solution.gap
     if load is None or load >= 0 or not problem.interface.attracts:
         return False
@@ -181,7 +183,10 @@ def pulled_off(problem: Problem, solution: Solution) -> bool:
 
 
 class Imprint:
-    """The height W that punch and surface have lost, one value a point; none with an infinite hardness."""
+    """The height W that punch and surface have lost, one value a point; accepted steps change it.
+
+    With an infinite hardness nothing yields, and it has no points.
+    """
 
     def __init__(self, size: int, hardness: float) -> None:
         self.hardness, self.yields = hardness, hardness < math.inf

@@ -81,11 +81,9 @@ class Pivoting:
         self._influence: FloatArray | None = None
 
     def solve(self, contact: BoolArray) -> tuple[PivotedState, PivotedState]:
-        """Return the state of the contact set without contradiction, or of the last one tried, in two forms.
-
-        One has the pressure of its displacement, the other that of the linear equations, which is the better
-        where the stiffness of the modes spans so many decades that rounding of u shows in the force.
-        """
+        """Return the state of the contact set without contradiction, or of the last tried, in two forms."""
+        # One has the pressure of its displacement, the other that of the linear equations, which is the
+        # better where the stiffness of the modes spans so many decades that rounding of u shows in the force.
         fewest, patience = contact.size + 1, _PATIENCE
         for _ in range(_MOST_ROUNDS):
             self.rounds += 1
@@ -111,7 +109,8 @@ class Pivoting:
         return recomputed, PivotedState(u, self._plans.forward(u), pressure, contact)
 
     def pressed_in(self) -> BoolArray:
-        """Contact set from first touch on: the pressure is linear in the depth until a point changes."""
+        """Contact set at the given depth or load, followed from first touch."""
+        # With the punch lowered by z its pressure is linear in z until a point joins or leaves.
         load, size = self._problem.mean_pressure, self._free_gap.size
         self._influence = self._field(self._compliance.copy())
         lowered, last = float(self._free_gap.min()), int(self._free_gap.argmin())
@@ -225,7 +224,10 @@ _MIXED = 6  # surfaces at most
 
 
 class LossStiffnessSolver:
-    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance."""
+    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance.
+
+    `weights` are those of each mode in the mean over the surface.
+    """
 
     def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:
         self.starts_from = solver.starts_from

@@ -94,7 +94,8 @@ def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArra
 
 
 def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | None:
-    """Return the solution for no load, a flat punch or no room, if so; ValueError for mean(h) < 0."""
+    """Return the solution for no load, a flat punch, or no room in the cell; None elsewhere."""
+    # ValueError if the punch displaces more than the cell holds, mean(h) < 0 for a body of fixed mean.
     h = problem.obstacle
     if problem.mean_pressure == 0.0 and not problem.interface.attracts:
         return _free_surface(problem, transforms)
@@ -160,7 +161,9 @@ def feasible_solution(
     transforms: int,
     iterations: int,
 ) -> Solution:
-    """Raise an exact pair until nothing overlaps, and assess it; `free` is the transform of u0, per point."""
+    """Raise the pressure until the surface overlaps the punch nowhere, and assess that state."""
+    # Pressure and gap of `at` are an exact pair; `free` is the transform of u0, per point. Not converged
+    # where overlap remains.
     n = at.p.size
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
     overlap, assessment = _write_state(system, at, free, u, pressure, spectrum)
@@ -239,7 +242,8 @@ def _solution_of(
 
 @kernel(reorder=True, inner=True)
 def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray) -> tuple[float, float]:
-    """Write a state that overlaps nowhere; return by how much p was raised, and what was clamped."""
+    """Write pressure and displacement of a state that overlaps nowhere; return lift and clamped overlap."""
+    # Under a given load the punch is shifted, elsewhere the pressure grows by the factor 1 + lift.
     n = at.gap.size
     lift, lowest = 0.0, 0.0
     for first in range(0, n, LANES):

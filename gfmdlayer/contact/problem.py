@@ -129,7 +129,10 @@ class Solution:
 
 
 class Solver(Resumable, Protocol):
-    """A method for `Problem`, for all steps of a run; a failed solve leaves the resumable state as it was."""
+    """A method for `Problem`; one object serves all steps of a run.
+
+    A solve that does not converge leaves the resumable state as it was.
+    """
 
     @property
     def starts_from(self) -> Literal["displacement", "pressure", "gap"]:
@@ -173,12 +176,10 @@ _FINER_LIMIT = 1000  # iterations of a solve that may fail
 def solve_finer(
     solver: Solver, problem: Problem, start: FloatArray, finer: float, tolerance: float, limit: int
 ) -> Solution:
-    """Solve to the finer of two tolerances where rounding and iterations allow it, else to the given one.
-
-    Adaptive steps need the finer one on bodies with a large ratio of glassy to relaxed modulus. The error of
-    the displacement returns in the stress of the next steps, multiplied by this ratio. Above the tolerance of
-    the steps it looks like curvature of u(t), and no shorter step lowers it.
-    """
+    """Solve to the finer of two tolerances where rounding and iterations allow it, else to the given one."""
+    # Adaptive steps need the finer one on bodies with a large ratio of glassy to relaxed modulus. The error
+    # of the displacement returns in the stress of the next steps, multiplied by this ratio. Above the
+    # tolerance of the steps it looks like curvature of u(t), and no shorter step lowers it.
     if not finer < tolerance:
         return solver.solve(problem, start, tolerance, limit)
     tight = solver.solve(problem, start.copy(), finer, min(_FINER_LIMIT, limit))
@@ -203,7 +204,9 @@ def make_solution(
     gap: FloatArray | None = None,
     flow: FloatArray | None = None,
 ) -> Solution:
-    """Return a state that converged if its residual is `within` a bound; `spent`: pairs, iterations."""
+    """Return a state with its residual and means; it converged if its residual is `within` a bound."""
+    # `spent` are FFT pairs and iterations, `assessment` the result of `residual.assess`, `gap` is h - u; the
+    # last two where they are known.
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)
     if assessment is None:
@@ -252,7 +255,8 @@ _ROUNDING = 2.3e-16
 
 
 def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = ALONE) -> None:
-    """Project u in place onto u <= h and perhaps mean(u) = 0; ValueError for mean(h) < 0: too deep."""
+    """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well."""
+    # ValueError if both are impossible: the punch is too deep, mean(h) < 0.
     np.minimum(u, h, out=u)
     if mean_is_fixed and not _zero_mean(u, h, ranks):
         raise ValueError(
@@ -262,14 +266,12 @@ def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = AL
 
 
 def _zero_mean(u: FloatArray, h: FloatArray, ranks: Ranks) -> bool:
-    """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero, if any.
-
-    Points at h stay there, so that a solver that tells contact by u = h does not lose it over a rounding
-    error of the mean; where every point is at h they all move. The sum of min(u + m, h) is concave and
-    piecewise linear in m and lies below the sum of u + m, so Newton's iteration started from the latter's
-    root comes from the left and ends after finitely many rounds. Each round moves u itself, so that the
-    next one sees its rounding.
-    """
+    """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero, if any."""
+    # Points at h stay there, so that a solver that tells contact by u = h does not lose it over a rounding
+    # error of the mean; where every point is at h they all move. The sum of min(u + m, h) is concave and
+    # piecewise linear in m and lies below the sum of u + m, so Newton's iteration started from the latter's
+    # root comes from the left and ends after finitely many rounds. Each round moves u itself, so that the
+    # next one sees its rounding.
     begun = False
     while True:
         *sums, largest = _excess(u, h)

@@ -38,7 +38,10 @@ from gfmdlayer.interface.law import HARD_WALL, Interaction
 
 @dataclass(frozen=True)
 class Law:
-    """Largest shear traction min(mu p, tau_0) of a point in contact; both infinite: the surfaces stick."""
+    """Largest shear traction min(mu p, tau_0) of a point in contact.
+
+    Both infinite: the surfaces stick where they touch. The coefficient may differ from point to point.
+    """
 
     coefficient: float | FloatArray = math.inf  # mu >= 0
     strength: float = math.inf  # tau_0 >= 0, pressure
@@ -123,7 +126,8 @@ class Problem:
         return all(np.isfinite(each).all() for each in given if each is not None)
 
     def why_not_solvable(self) -> str:
-        """Return why the punch slides away, if so; unknown beforehand beside an attraction."""
+        """Return why no state satisfies the conditions: the punch slides away; else nothing."""
+        # The pressure of a wall beside an attraction is not known beforehand.
         if self.force is None:
             return ""
         size = float(np.linalg.norm(self.force))
@@ -283,7 +287,10 @@ def path_in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatA
 
 @dataclass(frozen=True)
 class State:
-    """Tractions, displacements, multipliers and errors; near the contact in units of p_s and W_s."""
+    """Tractions, their displacements and multipliers, and how far they are from a solution.
+
+    Values at the points `near`, which carry tractions or overlap the punch, are in units of p_s and W_s.
+    """
 
     x: FloatArray  # p, t_x[, t_y]
     Cx: FloatArray  # W, u_x[, u_y] under them
@@ -310,11 +317,9 @@ def assess(
     *,
     balance_only: bool = False,
 ) -> State:
-    """Return the state with the multipliers that leave the least merit.
-
-    Tried are those of balance, the means of gap and slip over contact and stick, the path of a linear system,
-    and mixtures: each alone fails on some problems.
-    """
+    """Return the state with the multipliers that leave the least merit."""
+    # Tried are those of balance, the means of gap and slip over contact and stick, the path of a linear
+    # system, and mixtures: each alone fails on some problems.
     p = x[0]
     p_s, W_s = _scales(problem, p, Cx[0])
     carried = problem.gap_at_rest + Cx[0]

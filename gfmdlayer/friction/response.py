@@ -43,7 +43,9 @@ class Response:
 
     @classmethod
     def of_stiffness(cls, in_plane: FloatArray, across: FloatArray) -> Response:
-        """Response of K over (W, U), (*modes, 2, 2), and over V; K = 0 at q = 0 fixes the mean."""
+        """Response of a stiffness K over (W, U), shape (*modes, 2, 2), and of that over V."""
+        # Where K is zero, at q = 0, the mean displacement is fixed; the mean of W and that of u do not
+        # couple.
         normal, coupling, along = in_plane[..., 0, 0], in_plane[..., 0, 1], in_plane[..., 1, 1]
         mean = np.zeros(normal.shape, dtype=bool)
         mean.flat[0] = True
@@ -103,7 +105,10 @@ class Spent:
 
 
 class Work:
-    """Transforms and fields of a grid and windows in it; `measured` plans are another solver's too."""
+    """Transforms of a grid and of windows in it, with their fields, which all operators on it share.
+
+    The plan of the grid in single precision is `measured` where another solver has it too.
+    """
 
     def __init__(self, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False) -> None:
         self.shape, self._measured = transforms.shape, measured
@@ -191,7 +196,10 @@ def _extent(places: NDArray[Any], n: int) -> tuple[int, int]:
 
 
 class Operator:
-    """A response on a grid, in two precisions; `counted` windows were made before the run resumed."""
+    """A response at the points of a grid, in double and in single precision.
+
+    `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
+    """
 
     def __init__(self, grid: Grid, response: Response, work: Work, counted: Collection[int] = ()) -> None:
         self.size, self.axes = grid.size, len(grid.points)
@@ -238,7 +246,8 @@ class Operator:
         return np.array(work.respond(factors, [bool(values.any()) for values in x]), dtype=np.float64)
 
     def among(self, points: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
-        """Return the response at points to fields at them, in single precision, by a window twice as wide."""
+        """Return the response at points to fields at the same points, in single precision."""
+        # Transforms of a window twice as wide as the points have the response at their differences.
         part, places = self.work.window(points)
         work, factors = self.work.fields(part, single=True), self._in_window(part)
 

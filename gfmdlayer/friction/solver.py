@@ -66,7 +66,8 @@ class FrictionSolver:
         tolerance: float = 1e-7,
         limit: int = LIMIT,
     ) -> Solution:
-        """Solve from a guess of (p, t_x[, t_y]), or none; attracted surfaces begin at the last `gap`."""
+        """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing."""
+        # Where the interface attracts, the path of the surface begins at the `gap` of the last step.
         self._spent.pairs = 0.0
         if not problem.is_finite:
             raise ValueError("heights, loads or displacements of the frictional contact are not finite")
@@ -108,7 +109,8 @@ class FrictionSolver:
         return at, steps
 
     def compile(self) -> None:
-        """Compile the solver without friction, where the interface attracts; else few steps need it."""
+        """Compile the kernels of the solver without friction, where the interface attracts."""
+        # Else only a failed solve calls them.
         if SOLVERS[self._choice.method].adhesive:
             self._frictionless.compile()
 

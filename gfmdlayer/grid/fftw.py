@@ -129,7 +129,11 @@ class PlanPair:
 
 
 class SlabPlans(PlanPair):
-    """Plans along the rows (rows, n) of a rank, and along its columns (n, columns), complex and in place."""
+    """Plans of a rank that holds some rows of a surface and some columns of its transform.
+
+    The shape is (rows, n) and (n, columns), one after the other. `forward` and `backward` act along the rows,
+    `columns_forward` and `columns_backward` along the columns, complex and in place.
+    """
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
         count, length, height, width = shape

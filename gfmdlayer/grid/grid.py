@@ -95,7 +95,8 @@ class Grid:
 
     @cached_property
     def wavenumbers_x(self) -> FloatArray:
-        """Wavenumbers along x of the two waves of a mode, (2, *spectral_shape): +q, -q at the largest."""
+        """Wavenumbers along x of the two waves that each mode is the mean of, shape (2, *spectral_shape)."""
+        # The two are equal, but for the largest wavenumber of an even grid, where +q and -q share one mode.
         q = np.broadcast_to(self.wavevectors[0], self.spectral_shape)
         largest = np.pi * self.points[0] / self.period[0]
         return np.stack((q, np.where(np.abs(q) > (1 - 1e-9) * largest, -q, q)))
@@ -188,7 +189,9 @@ NOWHERE: tuple[Stretch, Stretch] = ((0, 0), (0, 0))
 
 @kernel
 def periodic_extent(pressure: FloatArray, shape: tuple[int, int]) -> tuple[Stretch, Stretch]:
-    """Shortest periodic intervals of rows and columns with all pressure > 0, or `NOWHERE`."""
+    """Shortest periodic intervals of rows and of columns that hold all points with pressure > 0."""
+    # `pressure` has the shape (rows * columns,), and `shape` is (rows, columns); a line has one row. Without
+    # pressure the intervals are `NOWHERE`.
     rows, columns = shape
     in_row, in_column = np.zeros(rows), np.zeros(columns)
     for row in range(rows):

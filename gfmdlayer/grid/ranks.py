@@ -92,11 +92,9 @@ class Ranks:
 
 
 def wait(request: Any) -> None:
-    """Wait for a message between ranks, and leave the core to others where it takes long.
-
-    MPI libraries wait without a pause: where there are more ranks than idle cores, each would then take its
-    share of time from the one that it waits for.
-    """
+    """Wait for a message between ranks, and leave the core to others where it takes long."""
+    # MPI libraries wait without a pause: where there are more ranks than idle cores, each would then take its
+    # share of time from the one that it waits for.
     begun = time.perf_counter()
     while not request.Test():
         if time.perf_counter() - begun > _PATIENCE:

@@ -52,7 +52,9 @@ def edges(number: int, count: int) -> list[int]:
 def transposition(
     ranks: MpiRanks, shape: tuple[int, int], dtype: npt.DTypeLike = np.complex128, shared: bool = True
 ) -> _SharedMemory | _Messages:
-    """Return the exchange for a shape; rows are valid until the next exchange of any shape."""
+    """Return the exchange for arrays of a shape, always the same one."""
+    # Exchanges share one memory: rows are valid until the next exchange of any shape. `shared`: ranks on one
+    # computer may share memory.
     kind = np.dtype(dtype)
     key = shape, kind, shared
     if key not in ranks.exchanges:
@@ -152,7 +154,9 @@ class _Messages(_Blocks):
 
 
 def _shared_window(ranks: MpiRanks, size: int) -> Any:
-    """Return a window of this many bytes a rank: the last one, if large enough, as MPI gives none back."""
+    """Return a window in which each rank has room for this many bytes, and all read and write all of it."""
+    # The last one is returned again where it is large enough: MPI does not give such memory back, and nested
+    # grids and both precisions then need no more of it than the finest grid.
     from mpi4py import MPI
 
     room, window = ranks.window
@@ -282,7 +286,9 @@ class SlabGrid(Grid):
         return self._address(("exchange", number, dtype), exchange)
 
     def sum_of_rows(self, points: tuple[int, ...], first: int, count: int, dtype: npt.DTypeLike) -> int:
-        """Return the address of a function that adds the ranks' parts, rows from `first` on, to a field."""
+        """Return the address of a function that makes a whole field of so many points of the ranks' parts."""
+        # A part has `count` rows, which begin with the row `first` of the periodic field. Where parts have
+        # the same rows, these are added.
         every = self.ranks.all_of((first, count))
         counts, parts = [rows * points[1] for _, rows in every], list[Array]()
 

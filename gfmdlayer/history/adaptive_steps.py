@@ -80,7 +80,9 @@ class Changes:
     def over(
         self, prescribed: float, problem: Problem, solution: Solution, *, lost: bool = False
     ) -> Change | None:
-        """Return the change since the last accepted step, if any; `lost`: the punch is pulled off."""
+        """Return the change since the last accepted step; None under a hard wall, and at the first step."""
+        # `prescribed` is the depth or load at the end of the step; `lost` says whether the punch is pulled
+        # off.
         if self._gap is None:
             return None
         drive, reach = (prescribed, problem.interface.strength), self._interface.range
@@ -192,11 +194,9 @@ class AdaptiveSteps:
     def accepts(
         self, spectrum: ComplexArray, response: float, depth: float, change: Change | None = None
     ) -> bool:
-        """Accept the last step if its error is within the tolerance, and set the next one.
-
-        The response is the mean pressure at a prescribed depth, the depth under a prescribed load; `change`
-        is given where the interface attracts.
-        """
+        """Accept the last step if its error is within the tolerance, and set the next one."""
+        # The response is the mean pressure at a prescribed depth, the depth under a prescribed load; `change`
+        # is given where the interface attracts.
         now = self._position
         response_scale, depth_scale = max(now.largest_response, abs(response)), max(now.largest_depth, depth)
         if self._given.step == 0:

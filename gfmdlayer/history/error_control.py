@@ -114,12 +114,11 @@ class ErrorControl:
     def error(
         self, spectrum: ComplexArray, *, moving: bool, deep: bool, attracted: bool = False
     ) -> tuple[float, float]:
-        """Estimate the error of the step of the last `terms`, which ends with this transform of u.
-
-        `moving`: the punch moves over the step; `deep`: its depth is comparable to the largest so far.
-        Returns the relative error of the mean pressure (at given load, of the depth; of the stress, where the
-        interface attracts) or of the tangential force; and the root mean square error of the displacement.
-        """
+        """Estimate the error of the step of the last `terms`, which ends with this transform of u."""
+        # `moving`: the punch moves over the step; `deep`: its depth is comparable to the largest so far.
+        # Returns the relative error of the mean pressure (at given load, of the depth; of the stress, where
+        # the interface attracts) or of the tangential force; and the root mean square error of the
+        # displacement.
         integrator, curvature = self._integrator, self._curvature(spectrum)
         if curvature is None:
             curvature = _UNKNOWN_CURVATURE * (integrator.parts(spectrum) - integrator.past)

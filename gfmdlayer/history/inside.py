@@ -223,11 +223,9 @@ def superpose(
     odd: FloatArray,
     spectra: ComplexArray,
 ) -> None:
-    """Set the transforms of the fields, in the order of `LINE` or `SURFACE`.
-
-    `transfer` has the shape (waves, 6, springs), `column` the numbers of the waves, (nq,); `n` and `odd` are
-    the directions of the waves, (axes, nq), the latter zero at the largest wavenumber of the axis.
-    """
+    """Set the transforms of the fields, in the order of `LINE` or `SURFACE`."""
+    # `transfer` has the shape (waves, 6, springs), `column` the numbers of the waves, (nq,); `n` and `odd`
+    # are the directions of the waves, (axes, nq), the latter zero at the largest wavenumber of the axis.
     for i in range(column.size):
         T = transfer[column[i]]
         W = U = szz = S = snn = stt = 0j

@@ -89,7 +89,7 @@ def _halves(both: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
 
 
 class SideBySide:
-    """The histories of a body and its counterbody as one integrator; see `error_control`.
+    """The histories of a body and its counterbody as one integrator; see `error_control.Integrator`.
 
     `ratio` is the velocity of the contact along the counterbody over the one along the body.
     """

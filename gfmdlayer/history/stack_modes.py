@@ -218,7 +218,8 @@ def advance_step(
     xi: FloatArray,
     work: FloatArray,
 ) -> None:
-    """Advance xi by a step of u by `moved`, curved or with an empty curvature; set the work, (positions,)."""
+    """Advance xi by a step in which u moves by `moved`; set the work on the network, (positions,)."""
+    # `curvature` is dt^2 u''/2, (positions, 2), or empty where u is linear.
     waves, redundant, springs = elements.projection.shape
     poles = rule.poles.size
     drive = np.empty((springs, 2 * poles))
@@ -306,7 +307,8 @@ class StackModes(Modes):
         self.shortest_time = min(own, sums.minimum(self._shortest_time(glassy, rates)))
 
     def _shortest_time(self, glassy: FloatArray, rates: FloatArray) -> float:
-        """Shortest relevant time of an element, others at rest; `glassy`: without the network."""
+        """Shortest relevant time of the elements; `glassy` is the stiffness without the network."""
+        # Each element relaxes with the others at rest, which is exact for the fastest one.
         of, roots = self._elements, self._elements.roots
         lengths, loads = (of.projection**2).sum(axis=1), np.einsum("kr,kra->ka", of.force, of.projection)
         spring = np.repeat(np.arange(of.first.size - 1), np.diff(of.first))

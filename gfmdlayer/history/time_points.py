@@ -51,7 +51,10 @@ def fingerprint(stops: Iterable[Instant]) -> str:
 
 
 class FixedSteps:
-    """Steps that are known before the run, at most `step` and equal between two stops; all are accepted."""
+    """Steps that are known before the run; each is accepted.
+
+    Between two of the `stops` all steps have the length of the later one, at most `step`.
+    """
 
     def __init__(self, instants: Iterable[Instant], stops: Sequence[Instant], step: float) -> None:
         self._instants, self._stops = instants, stops
@@ -93,11 +96,9 @@ class FixedSteps:
 def equal_steps(
     end: float, step: float, snapshots: Iterable[float], breakpoints: Iterable[float]
 ) -> Iterator[Instant]:
-    """Yield every whole number of steps from 0 to the end, as in the paper; the first is a step from rest.
-
-    Snapshots are whole numbers of steps, to a millionth of one, as the configuration makes sure. The last
-    time point at or before each breakpoint is marked.
-    """
+    """Yield every whole number of steps from 0 to the end, as in the paper; the first is a step from rest."""
+    # Snapshots are whole numbers of steps, to a millionth of one, as the configuration makes sure. The last
+    # time point at or before each breakpoint is marked.
     marked = {round(stop.time / step): stop for stop in equal_stops(end, step, snapshots, breakpoints)}
     for i in range(round(end / step) + 1):
         yield marked.get(i) or Instant(i * step, step)
@@ -150,6 +151,7 @@ def stops(
     end: float, snapshots: Iterable[float], breakpoints: Iterable[float], times: Iterable[float] = ()
 ) -> list[Instant]:
     """Return start, end and all times to land on between them, in order, without the lengths of the steps."""
+    # Times that differ by rounding are one. Start and end are no breakpoints.
     same = SAME_TIME * end
     found = [0.0]
     at_snapshot, at_breakpoint = [False], [False]

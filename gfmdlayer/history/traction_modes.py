@@ -186,7 +186,8 @@ class TractionModes:
         return self._seen([part.begun for part in self.parts])
 
     def terms(self, step: float) -> tuple[Response, ComplexArray]:
-        """Return the response at the end of a step, one object for equal steps, and the offset."""
+        """Return the response to tractions at the end of a step, and the displacements without tractions."""
+        # The response is the same object for steps of equal length.
         known = self._response is not None and step == self.parts[0].step
         found = [part.terms(step) for part in self.parts]
         if not known:
@@ -400,7 +401,8 @@ class TractionControl:
 
 
 def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-    """Return wavevectors, (axes, waves), the modes first; the mode of each, and its share in it."""
+    """Return wavevectors, (axes, waves), with the mode of the grid and the share in it of each."""
+    # The first waves are the modes in their order.
     vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
     mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
     for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):

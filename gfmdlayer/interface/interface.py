@@ -33,7 +33,20 @@ class Interface(Kind):
 
     @abstractmethod
     def interaction(self, units: Units | None = None) -> Interaction:
-        """Return the law as solvers take it; ConfigError without its units, TableError by its file."""
+        """Return the law as solvers take it.
+
+        Parameters
+        ----------
+        units : Units, optional
+            Of the numbers, where a constant of nature depends on them.
+
+        Raises
+        ------
+        ConfigError
+            If the law rests on units that are not given.
+        TableError
+            If it comes from a file that cannot be used.
+        """
 
     def energy(self, gap: ArrayLike) -> FloatArray:
         """Energy w(g) per area, in the shape of the gap g >= 0; zero far away."""

@@ -23,7 +23,10 @@ from gfmdlayer.time_functions import Table
 
 @dataclass(frozen=True, eq=False)
 class Interaction:
-    """An interface law; if it depends on time, but for `at` that of its largest strength."""
+    """An interface law, which does not depend on time; in `Driven` and `Total` it may.
+
+    Where it does, all but `at` and `breakpoints` are those of its largest strength.
+    """
 
     terms: Terms  # as compiled code takes them, see `forms.interact`
     work: float  # work of adhesion, -w(0): energy per area
@@ -91,7 +94,10 @@ HARD_WALL = of_terms(work=0.0, strength=0.0)
 
 @dataclass(frozen=True, eq=False)
 class Driven(Interaction):
-    """Tractions at one volt times the square of a voltage over time; terms and strength of the largest."""
+    """A law whose tractions are those at one volt times the square of a voltage over time.
+
+    Terms, work and strength are those at the largest voltage.
+    """
 
     one: Interaction
     voltage: Table

@@ -118,7 +118,9 @@ class SelfAffine(Shape):
 
 
 def _phases(grid: Grid, seed: int) -> ComplexArray:
-    """Factors exp(i phi) of the modes: a generator a wave along y, in turn for 0, 1, -1, 2 ... along x."""
+    """Factors exp(i phi) of the modes; those of q and -q belong together."""
+    # Along the last of two axes each number of waves has a generator of its own, which gives the phases for
+    # 0, 1, -1, 2, -2 ... waves along the first.
     import numpy as np
 
     if len(grid.shape) == 1:

@@ -32,7 +32,10 @@ _SEAM = 3.0  # a step across the seam beyond so many times the usual one is no p
 
 
 class Heights(NamedTuple):
-    """Heights, perhaps of some rows; lengths of their cell, where known; the shape of all rows."""
+    """Heights, and the lengths of the cell that they fill along each axis if the file holds them.
+
+    Where a process reads some rows, values has these only; shape counts all.
+    """
 
     values: FloatArray
     lengths: tuple[float, ...] | None = None
@@ -40,7 +43,9 @@ class Heights(NamedTuple):
 
 
 def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid | None = None) -> Heights:
-    """Read heights, a process its own rows, by the ending of a file's name; TableError if there are none."""
+    """Read heights on so many axes by the ending of a file's name; TableError if there are none."""
+    # `dataset` is the name in an HDF5 or netCDF file with several, behind those of its groups and /. Where
+    # several processes hold the grid, the rows of this one are read.
     rows = slice(None)
     if grid is not None and not grid.is_whole:
         rows = slice(grid.first_row, grid.first_row + grid.shape[0])
@@ -62,7 +67,9 @@ def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid |
 
 
 def read_profile(file: Path, grid: Grid, *, outward: bool = False) -> FloatArray:
-    """Read a height for each grid point, above the first touch; TableError unless they fit."""
+    """Read one height for each grid point, above the first touch; TableError unless they fit the grid."""
+    # The file is .npy of the grid's shape, or text with a row, x and height, for each point of a line, spaced
+    # by L/n. The lowest height touches first, or the highest where heights are counted outward.
     if grid.is_whole:
         npy = file.suffix == ".npy"
         found = _array(file, 0, None, slice(None)).values if npy else _read_line(file, grid)
@@ -301,11 +308,9 @@ def resampled(file: Path, heights: FloatArray, shape: tuple[int, ...], method: s
 
 
 def without_trend(heights: FloatArray, grid: Grid, *, curved: bool) -> FloatArray:
-    """Subtract the mean and the plane, or the paraboloid, of least squares.
-
-    On a whole grid the mean, the slopes, the squares without their means and the product of centred
-    coordinates are orthogonal, so each is taken off by itself.
-    """
+    """Subtract the mean and the plane, or the paraboloid, of least squares."""
+    # On a whole grid the mean, the slopes, the squares without their means and the product of centred
+    # coordinates are orthogonal, so each is taken off by itself.
     each = grid.own_rows([np.arange(n, dtype=np.float64) - (n - 1) / 2 for n in grid.points])
     axes = np.meshgrid(*each, indexing="ij", sparse=True)
     shapes = list(axes)
@@ -366,7 +371,9 @@ def _lengths(lengths: tuple[float, ...]) -> str:
 
 
 def outward_heights(punch: ArrayLike | Callable[..., ArrayLike], grid: Grid) -> FloatArray:
-    """Return heights on a grid, of an array or a function of x[, y], outward; or a ConfigError."""
+    """Return heights at the points of a grid, outward from the punch; ConfigError unless they fit it."""
+    # `punch` has the heights, or is a function of x, or of x and y, which takes and returns arrays of the
+    # grid's shape.
     if callable(punch):
         heights = numbers(punch(*np.meshgrid(*grid.coordinates, indexing="ij")))
         heights = np.broadcast_to(heights, grid.shape) if heights.ndim == 0 else heights  # flat

@@ -178,10 +178,8 @@ def _by_multigrid(matrix: Any, sources: Sequence[FloatArray]) -> Iterator[FloatA
 
 
 def bruggeman(gap: FloatArray, threshold: float = THRESHOLD) -> float:
-    """Estimate (K_xx K_yy)^(1/2) [length^3] of an isotropic gap by Bruggeman's effective medium.
-
-    mean of n K/(g^3 + (n - 1) K) = 1 with n = 1/(1 - threshold); 0 from a contact area `threshold` on.
-    """
+    """Estimate (K_xx K_yy)^(1/2) [length^3] of an isotropic gap by Bruggeman's effective medium."""
+    # mean of n K/(g^3 + (n - 1) K) = 1 with n = 1/(1 - threshold); 0 from a contact area `threshold` on.
     cubes, n = np.ravel(gap) ** 3, 1 / (1 - threshold)
     largest = float(cubes.max(initial=0.0))
     if largest == 0 or np.mean(cubes == 0) >= threshold:
@@ -203,11 +201,9 @@ ALLOWED = 0.01  # relative error of K by the solution of the contact
 
 
 def doubts(axis: str, throat: Throat, depth: float, residual: float) -> Iterator[str]:
-    """Yield why K along an axis is not to be trusted: a coarse throat, a contact solved too loosely.
-
-    A residual r leaves gaps open by up to r times the deepest displacement `depth`; K changes as the cube of
-    the critical gap. Against contacts solved to 1e-10 this bound is two to three times the error.
-    """
+    """Yield why K along an axis is not to be trusted: a coarse throat, a contact solved too loosely."""
+    # A residual r leaves gaps open by up to r times the deepest displacement `depth`; K changes as the cube
+    # of the critical gap. Against contacts solved to 1e-10 this bound is two to three times the error.
     if throat.gap <= 0:
         return
     if throat.points < FEWEST_POINTS:

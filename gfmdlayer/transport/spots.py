@@ -35,7 +35,8 @@ _MOST_ITERATIONS = 2000
 
 
 def impedance(q: FloatArray, films: Sequence[tuple[float, float]], base: float) -> FloatArray:
-    """Impedance of films (thickness, conductivity), from above, on a conductor `base`, inf or 0 too."""
+    """Impedance at wavenumbers q of films (thickness, conductivity), the uppermost first, on a base."""
+    # The base is the conductivity of a halfspace; inf is a perfect conductor, 0 an insulator.
     q = np.asarray(q, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.zeros(q.shape) if math.isinf(base) else 1 / (base * q) if base else np.full(q.shape, np.inf)
@@ -57,7 +58,17 @@ def inverse(stiffness: Field) -> Field:
 
 
 class Spots:
-    """The flat-punch problem of successive steps: impedance Z, area of a cell, tolerance of the sum."""
+    """The flat-punch problem for the contacts of successive steps, each started from the density before.
+
+    Parameters
+    ----------
+    Z : ndarray
+        Impedance at the waves of a real transform, real or complex.
+    cell : float
+        Area of a grid cell; of a line, the spacing.
+    tolerance : float
+        Of the sum, relative.
+    """
 
     def __init__(self, Z: Field, cell: float, tolerance: float = TOLERANCE) -> None:
         self._Z, self._cell, self._tolerance = Z, cell, tolerance

@@ -64,7 +64,11 @@ _WORK, _FEWEST = 1 << 29, 30
 
 
 class ActiveSet:
-    """The active-set solver of a run; after `rounds` changes of the set the safeguard takes over."""
+    """The active-set solver for the steps of one run.
+
+    With `windows`, small contacts are solved in windows; after `rounds` changes of the contact set
+    `bounded.safeguard` takes over.
+    """
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 

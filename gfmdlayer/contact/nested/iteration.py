@@ -60,7 +60,10 @@ class Extent(NamedTuple):
 
 @dataclass
 class Fields:
-    """A problem and its state, one value a point; `gap0` is not needed where the load is given."""
+    """A problem and its state, one value a point.
+
+    `gap0` is not needed where the load is given; the gap is then known up to a rigid shift.
+    """
 
     h: FloatArray  # surface of the punch
     gap0: FloatArray  # gap without pressure
@@ -114,7 +117,8 @@ class Level:
         return self.parallel(passes.precondition, self._weights, r, *beside, self.z, self.d)[0]
 
     def set_scales(self, at: Fields, per_point: float = 0.0) -> Extent:
-        """Set level and scales of a state; with `per_point`, u over it stands in the place of the gap."""
+        """Set the level of a state and the scales of its residual."""
+        # Where `per_point` is not zero, u times its inverse stands in the place of the gap.
         arrays = at.h, at.p, at.gap
         (load, weighted, total), extrema = self.parallel(passes.extent, per_point, at.cap, *arrays)
         extent = Extent(total / self.grid.size, *extrema)

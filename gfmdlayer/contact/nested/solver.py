@@ -93,7 +93,8 @@ def _smooth(
     first: int, end: int, p: FloatArray, before: FloatArray, after: FloatArray, gap: FloatArray, mu: float,
     smooth: FloatArray, deep: FloatArray,
 ) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
-    """Write the field smooth across the edge, below 0 far away, and 1 inside the contact."""
+    """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too."""
+    # Far from the contact any negative value does.
     rows, n = p.shape
     for i in range(first // n, end // n):
         up = p[i - 1] if i > 0 else before[0]
@@ -129,11 +130,9 @@ def _interpolate(
     first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], p: FloatArray,
     smooth: FloatArray, deep: FloatArray, target: FloatArray,
 ) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
-    """Interpolate rows of the fine grid from coarse fields, with rows beside those of this process.
-
-    `place` is the row of the whole fine grid that is the first here, and the row of the coarse fields that is
-    the first of the grid; `whole` the rows of the whole grids, fine and coarse.
-    """
+    """Interpolate rows of the fine grid from coarse fields, with rows beside those of this process."""
+    # `place` is the row of the whole fine grid that is the first here, and the row of the coarse fields that
+    # is the first of the grid; `whole` the rows of the whole grids, fine and coarse.
     n = p.shape[1]
     for i in range(first // columns, end // columns):
         y = (i + place[0]) * whole[1] / whole[0]
@@ -223,7 +222,11 @@ _AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the 
 
 
 class NestedGradient:
-    """The solver of a run; `spent`: pairs of the last step in double and in single precision."""
+    """The solver for the steps of one run, on a grid or else on the grid of the transforms, of period 1.
+
+    `spent` counts the FFT pairs of the last step in double and in single precision, those of coarser grids as
+    parts.
+    """
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
