@@ -14,7 +14,8 @@ The prescribed quantity is measured too. Straight pieces replace it, and the val
 covariance C from least squares. With the derivatives P of the predictions to these values, the residuals
 have the covariance noise^2 + P C P^T; they are multiplied by its inverse root (generalised least squares).
 
-Derivatives are forward differences. Some are exact and need no solution: the derivatives to corrections of
+Derivatives are forward differences of solutions without extrapolation to zero step, whose error of second
+order in the step hardly changes between two of them. Some are exact and need no solution: the derivatives to corrections of
 the measured quantity, and, where all moduli of the body are free and depths prescribed, the derivative to the
 last modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
 """
@@ -51,7 +52,7 @@ from gfmdlayer.fitting.indentation.curve import (
     straight_derivatives,
 )
 from gfmdlayer.fitting.indentation.elastic import Contacts, ElasticContact, Touch, adhesion_of, read_adhesion
-from gfmdlayer.fitting.indentation.stepped import SteppedContact
+from gfmdlayer.fitting.indentation.stepped import KEPT, SteppedContact
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.indent import as_revolution
@@ -101,7 +102,7 @@ class Prediction:
                 f"curve {curve.name}: no row is left in the segments {', '.join(segments) or known}; it has "
                 f"{known}"
             )
-        self._setups: list[tuple[Config, Setup]] = []  # the last two
+        self._setups: list[tuple[Config, Setup]] = []  # the last ones
         self._relaxes: bool | None = None
         self._elastic, self._stepped = ElasticContact(curve), SteppedContact(curve)
         self._in_steps = False  # whether an elastic body is solved in steps too
@@ -137,12 +138,12 @@ class Prediction:
                 return
         self._stepped.adapt(setup, at, pieces)
 
-    def response(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth of the indenter at the rows."""
+    def response(self, config: Config, at: Correction, rough: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth of the indenter at the rows; `rough` suffices for differences."""
         setup, pieces = self.setup(config), self._pieces(at)
         if self.is_elastic(config) and not self._in_steps:
             return self._elastic.response(setup, at, pieces, self.touch.touching)
-        return self._stepped.response(setup, at, pieces)
+        return self._stepped.response(setup, at, pieces, rough)
 
     def contacts(self, config: Config, at: Correction) -> Contacts:
         """Return the stable contacts of an elastic body, up to the largest prescribed values."""
@@ -160,7 +161,7 @@ class Prediction:
             if known is config:
                 return setup
         setup = Setup(IsolatedContact(config).body, as_revolution(config.punch))
-        self._setups = [(config, setup), *self._setups[:1]]
+        self._setups = [(config, setup), *self._setups[: KEPT - 1]]
         return setup
 
     @property
@@ -204,9 +205,11 @@ class Prediction:
             return np.zeros(0)
         return self.touch.places(self.curve, self.contacts(config, at), self._pieces(at))
 
-    def in_columns(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
+    def in_columns(
+        self, config: Config, at: Correction, rough: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """Return force and depth as the columns of the curve would have them, at the rows."""
-        force, depth = self.response(config, at)
+        force, depth = self.response(config, at, rough)
         curve, since = self.curve, self.curve.time - self.curve.time[0]
         ratio = 1.0 if curve.stiffness is None else curve.stiffness / at.stiffness
         own = ratio * force + baseline(curve, at)
@@ -216,9 +219,9 @@ class Prediction:
             return own, base - own / curve.stiffness
         return own, np.where(curve.by_force, depth, curve.depth)
 
-    def measured(self, config: Config, at: Correction) -> FloatArray:
+    def measured(self, config: Config, at: Correction, rough: bool = False) -> FloatArray:
         """Return the predicted values of the measured quantity, at the rows."""
-        force, depth = self.in_columns(config, at)
+        force, depth = self.in_columns(config, at, rough)
         return np.where(self.curve.by_force, depth, force)
 
     def scatter(self, config: Config, at: Correction, noise: FloatArray) -> tuple[FloatArray, int]:
@@ -230,7 +233,7 @@ class Prediction:
         relative = float(np.median(noise)) / max(float(np.ptp(self.curve.measured)), 1e-300)
 
         def every() -> FloatArray:
-            return np.append(self.measured(config, at), self.jumps(config, at))
+            return np.append(self.measured(config, at, rough=True), self.jumps(config, at))
 
         base, columns = every(), list[FloatArray]()
         near = all(self._error_of_drive(each.row) < NOISY * each.spread for each in self.touch.jumps)
@@ -422,7 +425,6 @@ def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
             yield place, float(value)
 
 
-_KEPT = 4  # configurations: a correction of a curve does not change the body
 TRIES = 3  # the differences are repeated when the nodes changed on the way, at most so often
 # Steps of the differences, in a logarithm and in the range of a linear parameter: a derivative is off by half
 # a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a shorter step would
@@ -530,7 +532,7 @@ class LeastSquares:
         model = self.model if curve is None else self._models[curve]
         known = (id(model), *own.items())
         if known not in self._configs:
-            self._configs = {known: model.with_values(own)} | dict(list(self._configs.items())[: _KEPT - 1])
+            self._configs = {known: model.with_values(own)} | dict(list(self._configs.items())[: KEPT - 1])
         return self._configs[known]
 
     def correction(self, u: FloatArray, curve: ForceCurve) -> Correction:
@@ -709,12 +711,16 @@ class LeastSquares:
         if self._slopes[0] == (u.tobytes(), self._changes):
             return self._slopes[1]
         for _ in range(TRIES):
-            found, before = self.measured(u), self._changes
-            columns = [self._column(i, u, found) for i in range(u.size)]
+            before = self._changes
+            rough = self.measured(u)
+            if not self.is_elastic:
+                rough = [self._measured(u, each, rough=True) for each in self.predictions]
+            columns = [self._column(i, u, rough) for i in range(u.size)]
             if self._changes == before:
                 break
         if self._euler is not None:
             *others, last = self._euler
+            found = self.measured(u)
             for k, each in enumerate(self.predictions):
                 force = found[k] - baseline(each.curve, self.correction(u, each.curve))
                 columns[last][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
@@ -733,7 +739,7 @@ class LeastSquares:
             elif (exact := _added(parameter.key, each)) is not None:
                 column.append(exact)
             else:
-                column.append((self._measured(moved, each) - values) / (moved[i] - u[i]))
+                column.append((self._measured(moved, each, rough=True) - values) / (moved[i] - u[i]))
         return column
 
     def _moved(self, i: int, u: FloatArray) -> FloatArray:
@@ -757,9 +763,9 @@ class LeastSquares:
         """Whether the body does not relax."""
         return self.predictions[0].is_elastic(self.config(self.start))
 
-    def _measured(self, u: FloatArray, each: Prediction) -> FloatArray:
+    def _measured(self, u: FloatArray, each: Prediction, rough: bool = False) -> FloatArray:
         self.solutions += 1
-        return each.measured(self.config(u, each.curve.name), self.correction(u, each.curve))
+        return each.measured(self.config(u, each.curve.name), self.correction(u, each.curve), rough)
 
     @cached_property
     def _euler(self) -> list[int] | None:
