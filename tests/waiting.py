@@ -5,6 +5,9 @@ from __future__ import annotations
 import subprocess
 import time
 from collections.abc import Callable
+from pathlib import Path
+
+SLOWLY = str(Path(__file__).with_name("slowly.py"))  # the command line with steps that take 50 ms
 
 
 def until(reached: Callable[[], object], process: subprocess.Popen[str] | None = None) -> None:
