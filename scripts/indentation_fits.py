@@ -27,10 +27,11 @@ from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.figures.plot_style import save
-from gfmdlayer.fitting.indentation import problem as problems
-from gfmdlayer.fitting.indentation.elastic import adhesion_of
+from gfmdlayer.fitting.indentation import stepped
+from gfmdlayer.fitting.indentation.curve import Correction
+from gfmdlayer.fitting.indentation.elastic import adhesion_of, work_for
 from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
-from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, free_parameters
+from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, Prediction, free_parameters
 from gfmdlayer.fitting.indentation.report import fit_figure, summary
 from gfmdlayer.indentation.solve import History, find_space, on_steps
 from gfmdlayer.punch.revolution import paraboloid
@@ -82,11 +83,11 @@ def truth(data: dict[str, Any], motion: tuple[np.ndarray, np.ndarray]) -> np.nda
 def responses(data: dict[str, Any], curve: ForceCurve) -> tuple[np.ndarray, np.ndarray]:
     """Return the force and the depth of a model under the prescribed column of a curve, with many steps."""
     model = Model(data)
-    prediction, config = problems.Prediction(curve), model.config
-    at = problems.Correction(stiffness=curve.stiffness or math.inf, adhesion=adhesion_of(model.adhesion))
-    steps, problems.STEPS = problems.STEPS, FINE
+    prediction, config = Prediction(curve), model.config
+    at = Correction(stiffness=curve.stiffness or math.inf, adhesion=adhesion_of(model.adhesion))
+    steps, stepped.STEPS = stepped.STEPS, FINE
     prediction.adapt(config, at)
-    problems.STEPS = steps
+    stepped.STEPS = steps
     return prediction.response(config, at)
 
 
@@ -109,9 +110,7 @@ def at_truth(
     force = truth(data, motion)
     curve = ForceCurve("a", *motion, force, noise=noise * float(force.max()))
     spans = {"contact_point": (-DEPTH, DEPTH), "force_offset": (-float(force.max()), float(force.max()))}
-    problem = LeastSquares(
-        Model(data), free_parameters(Model(data), free, ["a"], spans), [problems.Prediction(curve)]
-    )
+    problem = LeastSquares(Model(data), free_parameters(Model(data), free, ["a"], spans), [Prediction(curve)])
     problem.adapt(problem.start)
     return problem
 
@@ -244,9 +243,9 @@ def held_until(data: dict[str, Any], stiffness: float) -> float:
     kind = (
         {"prescribed": "depth"} if math.isinf(stiffness) else {"prescribed": "base", "stiffness": stiffness}
     )
-    prediction = problems.Prediction(ForceCurve("a", times, times, times, **kind))
+    prediction = Prediction(ForceCurve("a", times, times, times, **kind))
     model = Model(data)
-    at = problems.Correction(stiffness=stiffness, adhesion=adhesion_of(model.adhesion))
+    at = Correction(stiffness=stiffness, adhesion=adhesion_of(model.adhesion))
     return -prediction.contacts(model.config, at).position.end
 
 
@@ -255,8 +254,9 @@ def sticking(data: dict[str, Any]) -> dict[str, Any]:
     times, depth = RAMP_HOLD_BACK
     most = float(truth(data, RAMP_HOLD_BACK).max())
     curve = ForceCurve("a", times, depth, np.maximum(depth, 0.0), prescribed="depth")
-    prediction = problems.Prediction(curve)
-    work = prediction.work_for(PULL * most, Model(data).config, problems.Correction())
+    prediction = Prediction(curve)
+    bare = prediction.contacts(Model(data).config, Correction())
+    work = work_for(PULL * most, bare.equilibria)
     return data | {"adhesion": {"model": "jkr", "work": work}}
 
 
@@ -503,17 +503,17 @@ def afm(rng: np.random.Generator) -> Any:
     base = np.interp(time, [0, 1.5], [-1.0, 0.7])
     pause = (time > 1.5) & (time <= end)
     words = np.where(pause, "force", "base")
-    at = problems.Correction(stiffness=stiffness)
+    at = Correction(stiffness=stiffness)
 
     def solved(rows: np.ndarray, base: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         curve = ForceCurve(
             "a", time[rows], (base - force / stiffness)[rows], force[rows], prescribed=list(words[rows]),
             stiffness=stiffness,
         )  # fmt: skip
-        prediction, config = problems.Prediction(curve), Model(GEL).config
-        steps, problems.STEPS = problems.STEPS, FINE
+        prediction, config = Prediction(curve), Model(GEL).config
+        steps, stepped.STEPS = stepped.STEPS, FINE
         prediction.adapt(config, at)
-        problems.STEPS = steps
+        stepped.STEPS = steps
         return prediction.response(config, at)
 
     approach = time <= 1.5

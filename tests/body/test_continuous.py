@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from scipy.special import erfcx
 
 from gfmdlayer.body.continuous import ContinuousLaw, FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
 from gfmdlayer.body.materials import Law, Zener
@@ -29,13 +28,6 @@ LAWS = [
 
 def identity(law: Law) -> str:
     return law.model
-
-
-def test_fractional_zener_solid_of_exponent_one_half_is_an_error_function() -> None:
-    # E_1/2(-x) = exp(x^2) erfc(x).
-    law = FractionalZener(1.0, 10.0, 2.0, 0.5)
-    expected = 1 + 9 * erfcx(np.sqrt(TIMES / 2.0))
-    np.testing.assert_allclose(law.relaxation_modulus(TIMES), expected, rtol=CONTOUR)
 
 
 @pytest.mark.parametrize("exponent", [0.2, 0.8])

@@ -86,10 +86,8 @@ def random_stack(draw: np.random.Generator, case: int) -> LayerStack:
 
 
 def test_equilibrium_kinematics_and_continuity_at_random_stacks_times_and_depths() -> None:
-    """The stress is in equilibrium at all times, and follows Hooke's law where nothing or all has relaxed.
-
-    Rounding is relative to the largest field in the layer. The memory adds that of the surface's field.
-    """
+    """The stress is in equilibrium at all times, and follows Hooke's law where nothing or all has relaxed."""
+    # Rounding is relative to the largest field in the layer. The memory adds that of the surface's field.
     draw = np.random.default_rng(3)
     q = np.array([0.1, 1.0, 7.0, 40.0])
     for case in range(24):

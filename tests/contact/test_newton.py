@@ -53,6 +53,12 @@ def dense(kappa: Floats, shape: tuple[int, ...]) -> Floats:
     return rows.reshape(len(unit), -1)
 
 
+def history(of: Problem, shape: tuple[int, ...]) -> Floats:
+    """Intercept at the points."""
+    spectrum = of.intercept.reshape(TRANSFORMS[shape].spectral_shape)
+    return np.fft.irfftn(spectrum, s=shape, axes=tuple(range(len(shape)))).ravel()
+
+
 def random_law(rng: np.random.Generator) -> Interaction:
     """Any law, from much stronger than the body to much weaker."""
     stress, length = 10 ** rng.uniform(-3, 1), 10 ** rng.uniform(-3, -0.5)
@@ -121,17 +127,13 @@ def test_a_minimum_is_found_in_each_of_a_thousand_random_problems() -> None:
     for seed in range(334):
         start, K = None, None
         for each, shape in random_problems(seed):
-            solver = Newton(TRANSFORMS[shape])
             start = at_rest(each.obstacle.size) if start is None else start
             K = dense(each.stiffness, shape) if K is None else K
-            found = solver.solve(each, start, tolerance)
+            found = Newton(TRANSFORMS[shape]).solve(each, start, tolerance)
             start = found.gap
             # The residual, from K as a matrix; its scales are the strength at least and the range at most.
             assert found.converged, seed
-            history = np.fft.irfftn(
-                each.intercept.reshape(TRANSFORMS[shape].spectral_shape), s=shape, axes=range(len(shape))
-            )
-            force = history.ravel() - K @ found.displacement
+            force = history(each, shape) - K @ found.displacement
             pressure = force + (found.pressure - force).mean()
             wall, law = each.wall_pressure(pressure, found.gap), each.interface
             np.testing.assert_allclose(pressure, found.pressure, atol=1e-9 * law.strength)
@@ -153,16 +155,11 @@ def test_the_energy_never_rises_along_a_relaxation_at_a_fixed_punch() -> None:
         each, shape = next(random_problems(seed))
         if each.mean_pressure is not None:
             continue
-        K, n = dense(each.stiffness, shape), each.obstacle.size
-        history = np.fft.irfftn(
-            each.intercept.reshape(TRANSFORMS[shape].spectral_shape), s=shape, axes=tuple(range(len(shape)))
-        )
-        whole = Newton(TRANSFORMS[shape]).solve(each, at_rest(n))
-        states = [
-            Newton(TRANSFORMS[shape]).solve(each, at_rest(n), limit=k).displacement
-            for k in range(1, whole.iterations + 1)
-        ]
-        found = [energy(each, K, history.ravel(), u) for u in (*states, whole.displacement)]
+        K, rest, newton = dense(each.stiffness, shape), at_rest(each.obstacle.size), TRANSFORMS[shape]
+        whole = Newton(newton).solve(each, rest)
+        states = [Newton(newton).solve(each, rest, limit=k) for k in range(1, whole.iterations + 1)]
+        b = history(each, shape)
+        found = [energy(each, K, b, state.displacement) for state in (*states, whole)]
         # To rounding of its parts, which the loop itself cannot see: 1e-13 of each, in K 1e-15 n.
         assert (np.diff(found) <= 1e-11 * (np.abs(found[1:]) + np.abs(found[:-1]))).all(), seed
 

@@ -58,12 +58,10 @@ def fractional_zener_modulus(omega: FloatArray, alpha: float, Ginf: float = 100.
 
 
 def fractional_zener_relaxation(t: FloatArray, alpha: float, Ginf: float = 100.0) -> RelaxationCurve:
-    """Mittag-Leffler relaxation of the same solid, by quadrature over its known continuous spectrum.
+    """Mittag-Leffler relaxation of the same solid, by quadrature over its known continuous spectrum."""
 
-    E_alpha(-t^alpha) is the integral of exp(-t r) over r with the density
-    sin(pi alpha)/pi r^(alpha-1)/(r^(2 alpha) + 2 r^alpha cos(pi alpha) + 1).
-    """
-
+    # E_alpha(-t^alpha) is the integral of exp(-t r) over r with the density sin(pi alpha)/pi
+    # r^(alpha-1)/(r^(2 alpha) + 2 r^alpha cos(pi alpha) + 1).
     def mittag_leffler(time: float) -> float:
         def integrand(x: float) -> float:
             density = np.sin(np.pi * alpha) / (2 * np.pi) / (np.cosh(alpha * x) + np.cos(np.pi * alpha))

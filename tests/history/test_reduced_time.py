@@ -134,11 +134,9 @@ FLAT = {
 
 
 def test_pressure_after_a_jump_of_temperature_follows_boltzmanns_integral(tmp_path: Path) -> None:
-    """p(t) = p_0 int G(xi(t) - xi(s)) dh(s)/G0, under a flat punch on the material alone.
-
-    The contact does not change, so that the displacement is linear in the depth and over each step, for which
-    the exponential scheme is exact: the bound is a hundred times the tolerance of the solver.
-    """
+    """p(t) = p_0 int G(xi(t) - xi(s)) dh(s)/G0, under a flat punch on the material alone."""
+    # The contact does not change, so that the displacement is linear in the depth and over each step, for
+    # which the exponential scheme is exact: the bound is a hundred times the tolerance of the solver.
     (tmp_path / "jump.txt").write_text("0 18\n1 18\n1.001 30\n3 30\n")
     time = {"step": "adaptive", "tolerance": 1e-5, "end": 3.0}
     temperature = {"file": tmp_path / "jump.txt"}

@@ -33,21 +33,6 @@ def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_ba
     assert found.contact_area == 0
 
 
-def test_a_parabola_is_pulled_off_at_the_force_of_jkr_theory() -> None:
-    # P = -(E*/(2 pi R)) ln cos(pi a) - sqrt(2 E* w tan(pi a)) per period, E* = 4, R = 1/4, w = 1e-3: the
-    # least is -0.01745. An exponential law of this range stays 11 % below it; of a shorter range, less.
-    n, strongest = 512, 0.0
-    grid, solver = Grid((n,), (1.0,)), Newton(Transforms((n,)))
-    kappa, start = 2 * grid.wavenumbers, np.full(n, np.inf)
-    for depth in (*np.linspace(0.0, 4e-3, 9), *np.linspace(4e-3, -6e-3, 41)):
-        obstacle = 2 * grid.coordinates[0] ** 2 - depth
-        found = solver.solve(Problem(kappa, np.zeros(kappa.size, complex), obstacle, interface=LAW), start)
-        assert found.converged
-        assert found.residual <= 1e-6
-        strongest, start = min(strongest, found.mean_pressure), found.gap
-    assert strongest / -0.017450 == pytest.approx(0.888, abs=0.01)  # steps of the depth: 0.3 %
-
-
 def run(config: Config, **values: object) -> list[dict[str, float]]:
     recording = Recording()
     simulate(config.with_values(values), recording)
