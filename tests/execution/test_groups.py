@@ -107,7 +107,9 @@ def of_two_ranks(tmp_path_factory: pytest.TempPathFactory) -> Path:
         configure()
         assert over_ranks(2, "kill(0, 0.15); several('adhesive-killed')").returncode != 0
         shutil.copytree("adhesive-killed", "begun")
-        assert over_ranks(2, "several('adhesive-killed'); kill(1, 0.25); several('sliding-killed')").returncode
+        assert over_ranks(
+            2, "several('adhesive-killed'); kill(1, 0.25); several('sliding-killed')"
+        ).returncode
         assert case("adhesive-killed").time[-1] == 0.4
         for name in ("begun", "sliding-killed"):
             left = {path.name for path in Path(f"{name}/cases").iterdir()}

@@ -26,7 +26,7 @@ from gfmdlayer.execution.sweep import Shard, SweepCase, cases
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.results.reader import open_results
-from tests.waiting import until
+from tests.waiting import SLOWLY, until
 
 TINY = """\
 name: tiny
@@ -36,9 +36,7 @@ trajectory: {ramp_time: 0.03}
 """
 SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf], halfspace.shear_modulus: [1, 2]}\n"
 # The first case of each of two shards takes long enough to be caught at work.
-LONG = "sweep: {time.end: [600, 599, 0.03, 0.04]}\n"
-
-
+LONG = "sweep: {time.end: [20, 19, 0.03, 0.04]}\n"
 ENDS = ("running", "h5.host-12-0badcafe.part", "checkpoint.host-12-0badcafe.part")
 
 
@@ -57,7 +55,7 @@ def run(shard: Shard | None = None, out: str = "out", *overrides: str) -> Summar
 def at_work(shard: str | None, case: int, out: str = "out") -> Iterator[subprocess.Popen[str]]:
     """Run a shard, or everything, in another process; begins when it is at a case."""
     arguments = ["run", "tiny.yaml", "--out", out, *(["--shard", shard] if shard else [])]
-    command = [sys.executable, "-m", "gfmdlayer", *arguments]
+    command = [sys.executable, SLOWLY, *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         status = Path(f"{out}/cases/{case:04d}.running")
         until(lambda: (read_json(status) or {}).get("pid") == process.pid, process)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,16 @@ KEYS: dict[str, Any] = {
 }
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole") / "half"
+    gfmdlayer.run(KEYS, out=folder).close()
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    gfmdlayer.run(KEYS, out=tmp_path / "half")
-    return tmp_path / "half"
+def folder(whole: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(whole, tmp_path / "half"))
 
 
 def test_the_complete_cases_of_a_half_finished_sweep_are_those_of_the_whole_one(folder: Path) -> None:

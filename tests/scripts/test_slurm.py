@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 # Stands for gfmdlayer: notes its arguments, and ends a while after a signal, with a status of its own.
 RUN = """#!/bin/bash
 echo "gfmdlayer $*" >>"$LOG"
-stop() { echo "$1" >>"$LOG"; sleep 0.3; echo ended >>"$LOG"; exit "$STATUS"; }
+stop() { echo "$1" >>"$LOG"; sleep 0.1; echo ended >>"$LOG"; exit "$STATUS"; }
 trap 'stop USR1' USR1
 trap 'stop TERM' TERM
 echo begun >>"$LOG"
