@@ -75,10 +75,7 @@ def test_cases_are_made_when_they_are_asked_for() -> None:
 
 
 def test_a_million_cases_are_checked_in_part_and_in_little_memory(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    made: list[object],
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, made: list[object]
 ) -> None:
     """What a check costs is the number of cases made, which does not grow beyond some thousands."""
     monkeypatch.setattr(sweep, "EXAMINED", 100)

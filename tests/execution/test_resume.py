@@ -216,9 +216,7 @@ def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
 
 
 @pytest.mark.parametrize("body", ["depth", "load"])
-def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
-    body: str,
-) -> None:
+def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(body: str) -> None:
     """The kernel of a window among it, when the machine has other plans by now."""
     settings = SMALL | STEPS["exponential"] | BODIES[body]
     config = Config(name="parts").with_values(

@@ -177,11 +177,7 @@ def test_a_watch_ends_when_nothing_is_left_to_wait_for(make: Make, monkeypatch: 
     # A file gets a line for every change, and none where nothing has changed.
     assert [
         line.partition("cases: ")[2].partition(" complete")[0] for line in shown.getvalue().splitlines()
-    ] == [
-        "1",
-        "2",
-        "3",
-    ]
+    ] == ["1", "2", "3"]
 
 
 def test_a_watch_on_a_terminal_is_left_by_ctrl_c(make: Make) -> None:

@@ -56,9 +56,7 @@ def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def fail_where(
-    condition: Callable[[Config], bool],
-    monkeypatch: pytest.MonkeyPatch,
-    error: Exception | None = None,
+    condition: Callable[[Config], bool], monkeypatch: pytest.MonkeyPatch, error: Exception | None = None
 ) -> None:
     """Let the cases of some configurations fail."""
     run_case = PeriodicContact.run

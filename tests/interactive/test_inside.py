@@ -196,11 +196,7 @@ def test_a_sweep_has_fields_below_the_surface_where_all_cases_have_their_depths(
 @pytest.mark.parametrize(
     ("body", "depths", "said"),
     [
-        (
-            LayerStack((Layer(0.1, 0.5, Zener()), Layer(0.1, 0.5, Elastic(1.0)))),
-            [0.1],
-            "set output.inside",
-        ),
+        (LayerStack((Layer(0.1, 0.5, Zener()), Layer(0.1, 0.5, Elastic(1.0)))), [0.1], "set output.inside"),
         (LayerStack((Layer(0.1, 0.5, Elastic(1.0)),), rigid=True), [0.05, 0.2], "at most 0.1"),
         (gfmdlayer.halfspace(1.0), [-0.1], "numbers >= 0"),
         (gfmdlayer.halfspace(1.0), [0.2, 0.1], "must increase"),

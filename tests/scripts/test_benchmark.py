@@ -126,10 +126,7 @@ def test_overhead_counts_every_case_on_one_rank_and_two(tables: Callable[[str], 
     ],
 )
 def test_bad_arguments_are_refused_before_anything_is_measured(
-    arguments: str,
-    complaint: str,
-    benchmark: Callable[[str], None],
-    capsys: pytest.CaptureFixture[str],
+    arguments: str, complaint: str, benchmark: Callable[[str], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
         benchmark(arguments)

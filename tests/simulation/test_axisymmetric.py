@@ -125,10 +125,7 @@ def test_a_stack_of_equal_layers_is_one_layer() -> None:
             "grid.points: got \\[64, 64\\]; must be one",
         ),
         ({"grid": {"geometry": "axisymmetric", "period": 2.0}}, "grid.period: got"),
-        (
-            {"grid": {"geometry": "round"}},
-            "grid.geometry: got the text .round.; must be periodic",
-        ),
+        ({"grid": {"geometry": "round"}}, "grid.geometry: got the text .round.; must be periodic"),
         ({"grid": {"extent": 2.0}}, "grid.extent: only for geometry: axisymmetric"),
     ],
 )
