@@ -1,7 +1,5 @@
 """The command line: its output, its speed, its exit statuses, and its response to signals."""
 
-from __future__ import annotations
-
 import json
 import os
 import pty
@@ -11,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir, redirect_stderr, redirect_stdout, suppress
 from io import StringIO
@@ -54,13 +51,13 @@ SECOND_TAKES_LONG = TINY.replace(
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("tiny.yaml").write_text(TINY)
 
 
 @pytest.fixture(autouse=True, scope="module")
-def signals() -> Iterator[None]:
+def signals():
     """Undo what `run` does in this process."""
     handlers = {signum: signal.getsignal(signum) for signum in STOP_SIGNALS}
     yield
@@ -68,7 +65,7 @@ def signals() -> Iterator[None]:
         signal.signal(signum, handler)
 
 
-def gfmdlayer(*arguments: str) -> subprocess.CompletedProcess[str]:
+def gfmdlayer(*arguments):
     """Run the command line in this process, which starts no other Python."""
     with (
         redirect_stdout(StringIO()) as output,
@@ -82,7 +79,7 @@ def gfmdlayer(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(arguments, status, output.getvalue(), errors.getvalue())
 
 
-def interrupted(signum: signal.Signals, *arguments: str) -> subprocess.CompletedProcess[str]:
+def interrupted(signum, *arguments):
     """Run the command line and send it a signal while case 1 is at work."""
     command = [sys.executable, SLOWLY, *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -92,7 +89,7 @@ def interrupted(signum: signal.Signals, *arguments: str) -> subprocess.Completed
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
 
 
-def assert_same_bits(one: Path, other: Path) -> None:
+def assert_same_bits(one, other):
     names = sorted(path.relative_to(one) for path in one.rglob("*.h5"))
     assert names == sorted(path.relative_to(other) for path in other.rglob("*.h5"))
     for name in names:
@@ -106,7 +103,7 @@ def assert_same_bits(one: Path, other: Path) -> None:
     ("arguments", "most"),
     [(["--help"], 40_000), (["run", "--help"], 40_000), (["check", "configs/figure2.yaml"], 500_000)],
 )
-def test_help_and_check_answer_at_once(arguments: list[str], most: int) -> None:
+def test_help_and_check_answer_at_once(arguments, most):
     """In function calls, imports included, of which two million take about a second: as many on any machine.
 
     Measured: 28 000 and 498 000, in 0.06 and 0.27 s. None of the heavy packages is imported.
@@ -133,12 +130,12 @@ print(pstats.Stats(profile, stream=io.StringIO()).total_calls)
     assert 1_000 < int(calls) < most
 
 
-def test_version_is_that_of_the_distribution() -> None:
+def test_version_is_that_of_the_distribution():
     assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
 
 
 @pytest.fixture(scope="module")
-def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def clone(tmp_path_factory):
     """A folder with small configurations, where the example of `gfmdlayer --help` was run."""
     folder = tmp_path_factory.mktemp("clone")
     shutil.copytree(ROOT / "configs", folder / "configs")
@@ -152,12 +149,12 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def example(*verb: str) -> str:
+def example(*verb):
     """Return the example in a verb's help."""
     return gfmdlayer(*verb, "--help").stdout.partition("example:\n")[2].splitlines()[0].strip()
 
 
-def paste(command: str, folder: Path) -> None:
+def paste(command, folder):
     """Do what a shell does: in this process where it only starts `gfmdlayer` several times."""
     if re.search("[$>]", command):
         path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
@@ -176,7 +173,7 @@ def paste(command: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("verb", [verb.__name__.rpartition(".")[2].replace("_", "-") for verb in VERBS])
-def test_the_example_in_each_verbs_help_works_when_pasted(verb: str, clone: Path) -> None:
+def test_the_example_in_each_verbs_help_works_when_pasted(verb, clone):
     command = example(verb)
     assert f"gfmdlayer {verb}" in command
     if verb == "verify":  # which tests/verification runs
@@ -188,7 +185,7 @@ def test_the_example_in_each_verbs_help_works_when_pasted(verb: str, clone: Path
 @pytest.mark.parametrize(
     "arguments", [[], ["rum", "tiny.yaml"], ["run"], ["run", "tiny.yaml", "--jobs", "x"]]
 )
-def test_bad_usage_is_explained(arguments: list[str]) -> None:
+def test_bad_usage_is_explained(arguments):
     process = gfmdlayer(*arguments)
     assert process.returncode == 2
     assert process.stderr.startswith("usage: gfmdlayer")
@@ -219,7 +216,7 @@ def test_bad_usage_is_explained(arguments: list[str]) -> None:
         (["plot", "absent", "--kind", "map", "--time", "late"], "must be a number, end, max or min"),
     ],
 )
-def test_bad_input_is_refused_in_a_line_without_a_traceback(arguments: list[str], message: str) -> None:
+def test_bad_input_is_refused_in_a_line_without_a_traceback(arguments, message):
     process = gfmdlayer(*arguments)
     assert process.returncode == 2
     assert message in process.stderr
@@ -228,7 +225,7 @@ def test_bad_input_is_refused_in_a_line_without_a_traceback(arguments: list[str]
     assert not Path("results").exists()
 
 
-def test_check_lists_cases_and_work_and_runs_nothing() -> None:
+def test_check_lists_cases_and_work_and_runs_nothing():
     shown = gfmdlayer("check", "tiny.yaml").stdout
     assert "tiny: 3 cases" in shown
     assert "0002  thickness = inf" in shown
@@ -236,7 +233,7 @@ def test_check_lists_cases_and_work_and_runs_nothing() -> None:
     assert [path.name for path in Path().iterdir()] == ["tiny.yaml"]
 
 
-def test_run_status_and_plot_follow_each_other() -> None:
+def test_run_status_and_plot_follow_each_other():
     process = gfmdlayer("run", "tiny.yaml")
     assert (process.returncode, process.stdout) == (0, "complete: results/tiny/sweep.h5\n")
     shown = gfmdlayer("status", "results/tiny").stdout
@@ -246,7 +243,7 @@ def test_run_status_and_plot_follow_each_other() -> None:
     assert Path("tiny.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_surface_in_two_dimensions_is_described_for_paraview_drawn_and_removed_by_restart() -> None:
+def test_a_surface_in_two_dimensions_is_described_for_paraview_drawn_and_removed_by_restart():
     Path("surface.yaml").write_text(SURFACE)
     assert gfmdlayer("run", "surface.yaml").returncode == 0
     described = Path("results/surface/cases/0000.xdmf")
@@ -260,7 +257,7 @@ def test_a_surface_in_two_dimensions_is_described_for_paraview_drawn_and_removed
     assert not described.exists()
 
 
-def test_processes_give_the_bits_of_one_and_a_failing_case_makes_the_status_1() -> None:
+def test_processes_give_the_bits_of_one_and_a_failing_case_makes_the_status_1():
     Path("tiny.yaml").write_text(LAST_FAILS)
     for jobs in ("1", "2"):
         process = gfmdlayer("run", "tiny.yaml", "--out", jobs, "--jobs", jobs)
@@ -274,7 +271,7 @@ def test_processes_give_the_bits_of_one_and_a_failing_case_makes_the_status_1() 
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def undisturbed(tmp_path_factory):
     """Results of the sweep with the long case, run without a signal."""
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "tiny.yaml").write_text(SECOND_TAKES_LONG)
@@ -285,9 +282,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("signum", "jobs"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2"), (signal.SIGUSR1, "1")]
 )
-def test_a_signal_stops_a_run_that_the_same_command_resumes(
-    signum: signal.Signals, jobs: str, undisturbed: Path
-) -> None:
+def test_a_signal_stops_a_run_that_the_same_command_resumes(signum, jobs, undisturbed):
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
     command = ("run", "tiny.yaml", "--out", "out", "--jobs", jobs)
     process = interrupted(signum, *command)
@@ -310,7 +305,7 @@ def test_a_signal_stops_a_run_that_the_same_command_resumes(
 
 
 @pytest.fixture(scope="module")
-def complete(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def complete(tmp_path_factory):
     """Results of the tiny sweep."""
     folder = tmp_path_factory.mktemp("complete")
     (folder / "tiny.yaml").write_text(TINY)
@@ -318,7 +313,7 @@ def complete(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
-def test_a_case_runs_again_from_its_file(complete: Path) -> None:
+def test_a_case_runs_again_from_its_file(complete):
     process = gfmdlayer("run", str(complete / "cases/0001.h5"))
     assert (process.returncode, process.stdout) == (0, "complete: results/tiny-0001/sweep.h5\n")
     for name, other in (
@@ -336,14 +331,14 @@ def test_a_case_runs_again_from_its_file(complete: Path) -> None:
     ("sweep.h5", "sweep.h5: holds no configuration; must be YAML, or the file of a case"),
     ("half.h5", "half.h5: not a complete result file"),
 ])  # fmt: skip
-def test_a_file_without_a_configuration_is_refused(name: str, reason: str, complete: Path) -> None:
+def test_a_file_without_a_configuration_is_refused(name, reason, complete):
     shutil.copy(complete / "sweep.h5", "sweep.h5")
     Path("half.h5").write_bytes((complete / "cases/0000.h5").read_bytes()[:5000])
     process = gfmdlayer("run", name)
     assert (process.returncode, process.stderr) == (2, f"gfmdlayer: {reason}\n")
 
 
-def test_a_case_whose_input_file_has_changed_is_not_run_again() -> None:
+def test_a_case_whose_input_file_has_changed_is_not_run_again():
     Path("path.txt").write_text("0 0\n1 0.001\n")
     Path("tiny.yaml").write_text(TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}"))
     assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
@@ -355,13 +350,13 @@ def test_a_case_whose_input_file_has_changed_is_not_run_again() -> None:
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan", "often"])
-def test_an_impossible_interval_is_refused(seconds: str) -> None:
+def test_an_impossible_interval_is_refused(seconds):
     process = gfmdlayer("run", "tiny.yaml", "--checkpoint-every", seconds)
     assert process.returncode == 2
     assert f"got {seconds}; must be a number of seconds >= 0, or inf" in process.stderr
 
 
-def test_status_needs_no_file_but_the_results() -> None:
+def test_status_needs_no_file_but_the_results():
     Path("path.txt").write_text("0 0\n1 0.001\n")
     table = TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}")
     Path("tiny.yaml").write_text(table)
@@ -370,7 +365,7 @@ def test_status_needs_no_file_but_the_results() -> None:
     assert "3 complete, 0 running, 0 failed, 0 waiting" in gfmdlayer("status", "out").stdout
 
 
-def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
+def test_a_killed_worker_costs_the_cases_at_work_and_no_other():
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG.replace("2]", "2, 0.04, 0.05, 0.06]"))
     command = [sys.executable, SLOWLY, "run", "tiny.yaml", "--out", "out", "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -389,14 +384,14 @@ def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
     assert f"{5 - lost} complete, 0 running, {failed} failed, {lost - failed} waiting" in status
 
 
-def test_workers_do_not_outlive_a_killed_run() -> None:
+def test_workers_do_not_outlive_a_killed_run():
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
     interrupted(signal.SIGKILL, "run", "tiny.yaml", "--out", "out", "--jobs", "2")
     until(lambda: "0 running" in gfmdlayer("status", "out").stdout)
     assert gfmdlayer("run", "tiny.yaml", "--out", "out", "--jobs", "2").returncode == 0
 
 
-def read_terminal(keyboard: int) -> str:
+def read_terminal(keyboard):
     """Read what a closed terminal still holds; the system ends it with an error where there is no more."""
     found = b""
     with suppress(OSError):
@@ -406,7 +401,7 @@ def read_terminal(keyboard: int) -> str:
     return found.decode()
 
 
-def test_a_terminal_shows_cases_at_work_and_a_log_does_not_load_what_draws_them() -> None:
+def test_a_terminal_shows_cases_at_work_and_a_log_does_not_load_what_draws_them():
     """Nor what only reading and figures need: xarray takes half a second and 40 MB of each process."""
     names = ("rich", "xarray", "pandas", "matplotlib", "mpi4py")
     script = "import sys; from gfmdlayer.cli import main; assert main(sys.argv[1:]) == 0; "
@@ -429,7 +424,7 @@ def test_a_terminal_shows_cases_at_work_and_a_log_does_not_load_what_draws_them(
     assert re.search(r"3 cases ended in .* s; slowest 000\d in \d", shown.result())
 
 
-def test_a_reader_that_leaves_is_no_error() -> None:
+def test_a_reader_that_leaves_is_no_error():
     command = f"{shlex.quote(sys.executable)} -m gfmdlayer check tiny.yaml; echo $? >&2"
     process = subprocess.run(
         ["bash", "-c", f"({command}) | true"], capture_output=True, text=True, check=True
@@ -437,7 +432,7 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     assert process.stderr == "0\n"
 
 
-def test_changes_to_a_measured_surface_are_reported_by_check_by_the_log_and_by_the_file() -> None:
+def test_changes_to_a_measured_surface_are_reported_by_check_by_the_log_and_by_the_file():
     heights = np.cos(2 * np.pi * np.arange(32) / 32) + 0.1 * np.arange(32)
     heights[5] = np.nan
     np.save("measured.npy", heights)
@@ -465,7 +460,7 @@ def test_changes_to_a_measured_surface_are_reported_by_check_by_the_log_and_by_t
         assert text in kept
 
 
-def test_threads_are_logged() -> None:
+def test_threads_are_logged():
     ran = gfmdlayer("run", "tiny.yaml", "--out", "out", "--threads", "2")
     assert ran.returncode == 0
     assert "1 process, 2 threads each" in ran.stderr

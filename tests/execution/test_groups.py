@@ -1,15 +1,11 @@
 """Cases over several ranks: the results of one process, resumed bit for bit, refused where not possible."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import chdir
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -54,17 +50,17 @@ sweep: {trajectory.load: [0.01, 0.02]}
 """
 
 
-def configure() -> None:
+def configure():
     for name, text in CASES.items():
         Path(f"{name}.yaml").write_text(text)
 
 
 @pytest.fixture(autouse=True)
-def configuration() -> None:
+def configuration():
     configure()
 
 
-def case(folder: str | Path, index: int = 0) -> xarray.Dataset:
+def case(folder, index=0):
     with xarray.open_dataset(Path(folder, f"cases/{index:04d}.h5"), engine="h5netcdf") as found:
         return found.load()
 
@@ -94,13 +90,13 @@ def plans():
 """
 
 
-def over_ranks(ranks: int, program: str) -> subprocess.CompletedProcess[str]:
+def over_ranks(ranks, program):
     given = [str(MPIRUN), "-n", str(ranks), sys.executable, "-c", PROGRAM + program]
     return subprocess.run(given, capture_output=True, text=True, timeout=240, check=False)
 
 
 @pytest.fixture(scope="module")
-def of_two_ranks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def of_two_ranks(tmp_path_factory):
     """A folder with the results of all cases, each computed by two ranks, and of two that were killed."""
     folder = tmp_path_factory.mktemp("ranks")
     with chdir(folder):
@@ -121,7 +117,7 @@ def of_two_ranks(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_ranks_have_the_results_of_one_process(of_two_ranks: Path, run_here: Callable[..., Any]) -> None:
+def test_ranks_have_the_results_of_one_process(of_two_ranks, run_here):
     for name in CASES:
         run_here(f"{name}.yaml", Path(name))
         one, two = case(name), case(of_two_ranks / name)
@@ -142,16 +138,12 @@ def test_ranks_have_the_results_of_one_process(of_two_ranks: Path, run_here: Cal
 
 
 @pytest.mark.parametrize("name", ["adhesive", "sliding"])
-def test_a_case_whose_rank_is_killed_is_resumed_bit_for_bit(
-    name: str, of_two_ranks: Path, bits: Callable[[Path], dict[str, bytes]]
-) -> None:
+def test_a_case_whose_rank_is_killed_is_resumed_bit_for_bit(name, of_two_ranks, bits):
     """An attracting punch whose first rank is killed, and a moving one on a body with memory."""
     assert bits(of_two_ranks / f"{name}-killed") == bits(of_two_ranks / name)
 
 
-def test_groups_share_a_sweep_of_a_measured_surface_that_no_rank_holds(
-    of_two_ranks: Path, run_here: Callable[..., Any]
-) -> None:
+def test_groups_share_a_sweep_of_a_measured_surface_that_no_rank_holds(of_two_ranks, run_here):
     """Ranks that make no groups, or go on with a case that other ranks began, are refused once."""
     np.save("heights.npy", np.random.default_rng(2).normal(size=(40, 36)).cumsum(axis=1))
     text = SURFACE.replace(next(line for line in SURFACE.splitlines() if line.startswith("punch")), MEASURED)
@@ -185,16 +177,14 @@ def test_groups_share_a_sweep_of_a_measured_surface_that_no_rank_holds(
         (ROUGH, "topography, file: rough.txt", "punch", "file: got .txt, not .npy"),
     ],
 )  # fmt: skip
-def test_what_ranks_cannot_share_is_refused_before_work(
-    before: str, after: str, key: str, words: str
-) -> None:
+def test_what_ranks_cannot_share_is_refused_before_work(before, after, key, words):
     Path("rough.txt").write_text("1 2")
     Path("rough.yaml").write_text(SURFACE.replace(before, after))
     found = dict(input_errors_together(load("rough.yaml"), 30 if before == after else 3))
     assert words in found[key]
 
 
-def test_ranks_take_nested_gradients_where_auto_takes_a_solver_of_one_process() -> None:
+def test_ranks_take_nested_gradients_where_auto_takes_a_solver_of_one_process():
     hard = SURFACE.replace("method: nested_gradient, ", "")
     for text, before, after in (
         (hard.replace(ROUGH, "parabola"), "active_set", "nested_gradient"),
@@ -207,23 +197,23 @@ def test_ranks_take_nested_gradients_where_auto_takes_a_solver_of_one_process() 
         assert with_shared_solver(config).contact_solver.method == after
 
 
-def test_an_interrupt_of_the_first_rank_ends_the_job(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interrupt_of_the_first_rank_ends_the_job(capsys):
     """The other ranks wait for it in the midst of the task: without an end they do so for ever."""
 
     class Control:
-        def send(self, message: object, rank: int) -> None:
+        def send(self, message, rank):
             assert (message, rank) == ((interrupted, (5,), {}), 1)
 
-        def Abort(self, status: int) -> None:
+        def Abort(self, status):
             raise SystemExit(status)
 
-    def interrupted(number: int, ranks: Any) -> None:
+    def interrupted(number, ranks):
         with ending_together(ranks):
             assert number == 5
             raise KeyboardInterrupt
 
     group = _Group.__new__(_Group)
-    group._ranks = cast(Any, SimpleNamespace(count=2, control=Control()))
+    group._ranks = SimpleNamespace(count=2, control=Control())
     with pytest.raises(SystemExit, match="75"):
         group.run(interrupted, 5)
     assert capsys.readouterr().err == "gfmdlayer: stopped before the first case\n"

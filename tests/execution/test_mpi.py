@@ -1,17 +1,13 @@
 """Runs over MPI ranks: same bits, one log, and no rank left hanging."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import chdir
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -33,18 +29,18 @@ SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf]}\n"
 
 
 @pytest.fixture(autouse=True)
-def configuration() -> None:
+def configuration():
     assert MPIRUN.exists(), "the tests need the MPI of the extra `mpich`: pip install -e '.[mpich,test]'"
     Path("tiny.yaml").write_text(TINY + SWEEP)
 
 
-def over_ranks(number: int, *arguments: str) -> subprocess.CompletedProcess[str]:
+def over_ranks(number, *arguments):
     command = [str(MPIRUN), "-n", str(number), sys.executable, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+def sweep(tmp_path_factory):
     """A run over more ranks than cores, of a sweep whose first case fails: the folder, and the process."""
     folder = tmp_path_factory.mktemp("sweep")
     text = TINY + "solver: {method: fire}\nsweep: {solver.max_iterations: [1, 20000, 30000]}\n"
@@ -53,16 +49,14 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.Co
         return folder, over_ranks(CORES + 1, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "ranks")
 
 
-def test_ranks_give_the_same_bits_as_one_process(
-    sweep: Any, run_here: Callable[..., Any], bits: Callable[[Path], dict[str, bytes]]
-) -> None:
+def test_ranks_give_the_same_bits_as_one_process(sweep, run_here, bits):
     run_here(str(sweep[0] / "tiny.yaml"), sweep[0] / "one")
     found = bits(sweep[0] / "ranks")
     assert len([key for key in found if key.endswith("mean_pressure")]) == 3
     assert found == bits(sweep[0] / "one")
 
 
-def test_one_rank_writes_to_the_terminal_and_a_failing_case_does_not_stop_the_others(sweep: Any) -> None:
+def test_one_rank_writes_to_the_terminal_and_a_failing_case_does_not_stop_the_others(sweep):
     folder, process = sweep
     assert process.returncode == 1, process.stderr
     assert process.stdout.startswith("1 of 3 cases failed:\n")
@@ -76,7 +70,7 @@ def test_one_rank_writes_to_the_terminal_and_a_failing_case_does_not_stop_the_ot
     assert "0000.h5" not in names
 
 
-def test_what_ranks_cannot_do_is_refused_once() -> None:
+def test_what_ranks_cannot_do_is_refused_once():
     """A folder of another configuration; processes beside ranks."""
     Path("out").mkdir()
     Path("out/config.yaml").write_text(MARK + Config(name="other").dump())
@@ -88,7 +82,7 @@ def test_what_ranks_cannot_do_is_refused_once() -> None:
     assert "Traceback" not in process.stderr
 
 
-def test_all_ranks_compute() -> None:
+def test_all_ranks_compute():
     # Ten cases of the same length: neither rank can have taken all of them.
     Path("tiny.yaml").write_text(TINY + f"sweep: {{punch.radius: {[0.2 + 0.01 * i for i in range(10)]}}}\n")
     script = """
@@ -123,7 +117,7 @@ SLOWLY_OVER_RANKS = [str(MPIRUN), "-n", "2", sys.executable, SLOWLY, "run", "tin
 SLOWLY_OVER_RANKS += ["--checkpoint-every", "0"]
 
 
-def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(run_here: Callable[..., Any]) -> None:
+def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(run_here):
     """One that mpirun hands on to its ranks, and one by which it ends."""
     Path("tiny.yaml").write_text(TAKING_LONG)
     for signum in (signal.SIGUSR1, signal.SIGTERM):
@@ -145,7 +139,7 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(run_here: C
 @pytest.mark.parametrize(
     "crash", ["if pool is not None: raise RuntimeError('lost')", "os._exit(3)", "raise SystemExit(3)"]
 )
-def test_a_crash_of_one_rank_ends_the_job_instead_of_hanging_it(crash: str) -> None:
+def test_a_crash_of_one_rank_ends_the_job_instead_of_hanging_it(crash):
     script = f"""
 import os, time
 from gfmdlayer.execution.workers import assemble
@@ -162,9 +156,7 @@ with assemble() as pool:
 
 
 @pytest.mark.parametrize("victim", ["manager", "worker"])
-def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
-    victim: str, run_here: Callable[..., Any]
-) -> None:
+def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(victim, run_here):
     Path("tiny.yaml").write_text(TAKING_LONG)
     with subprocess.Popen(SLOWLY_OVER_RANKS, stderr=subprocess.PIPE, text=True) as process:
         # The longest case, 1, goes to the other rank first; rank 0 takes the shortest, then case 0.
@@ -219,7 +211,7 @@ sys.exit(main(["run", "tiny.yaml"]))
 
 
 @pytest.mark.parametrize("death", ["os.kill(os.getpid(), 9)", "os._exit(3)", "sys.exit(3)"])
-def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death: str) -> None:
+def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death):
     process = over_ranks(2, "-c", COMPILING.format(death))
     assert process.returncode not in (0, 75)
 
@@ -227,7 +219,7 @@ def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death: str) -> None
 @pytest.mark.parametrize(
     "program", [COMPILING.format("time.sleep(600)"), STARTING], ids=["compiles", "starts"]
 )
-def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
+def test_ranks_end_when_the_launcher_dies_while_rank_0(program):
     Path("compiling.py").write_text(program)
     command = [str(MPIRUN), "-n", "2", sys.executable, "compiling.py"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
@@ -242,13 +234,13 @@ def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
             process.kill()
 
 
-def children(pid: int) -> list[int]:
+def children(pid):
     """Return the processes that a process has started."""
     found = Path(f"/proc/{pid}/task/{pid}/children").read_text()
     return [int(child) for child in found.split()]
 
 
-def test_a_launcher_of_another_mpi_library_is_refused() -> None:
+def test_a_launcher_of_another_mpi_library_is_refused():
     # MPI is initialised before the variables are set, hence alone.
     script = """
 import os
@@ -278,12 +270,12 @@ for variable in ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"):
         ({"SLURM_JOB_ID": "17"}, None),
     ],
 )
-def test_launchers_are_known_by_their_variables(environment: dict[str, str], size: int | None) -> None:
+def test_launchers_are_known_by_their_variables(environment, size):
     assert launched_size(environment) == size
 
 
-def test_threads_are_one_each_unless_asked() -> None:
-    environment: dict[str, str] = {}
+def test_threads_are_one_each_unless_asked():
+    environment = {}
     assert threads_each(environment) == 1
     assert set(environment.values()) == {"1"}
     environment = {"OMP_NUM_THREADS": "4"}
