@@ -338,17 +338,6 @@ def test_a_file_without_a_configuration_is_refused(name, reason, complete):
     assert (process.returncode, process.stderr) == (2, f"gfmdlayer: {reason}\n")
 
 
-def test_a_case_whose_input_file_has_changed_is_not_run_again():
-    Path("path.txt").write_text("0 0\n1 0.001\n")
-    Path("tiny.yaml").write_text(TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}"))
-    assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
-    assert gfmdlayer("check", "out/cases/0000.h5").returncode == 0
-    Path("path.txt").write_text("0 0\n1 0.002\n")
-    process = gfmdlayer("run", "out/cases/0000.h5")
-    assert process.returncode == 2
-    assert "path.txt has changed since this case was computed from it" in process.stderr
-
-
 @pytest.mark.parametrize("seconds", ["-1", "nan", "often"])
 def test_an_impossible_interval_is_refused(seconds):
     process = gfmdlayer("run", "tiny.yaml", "--checkpoint-every", seconds)

@@ -22,9 +22,9 @@ from gfmdlayer.results.schema import OVER_TIME
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "contact_sheet.py"))
 # One of a line over a key, one in SI, one of a surface; the others are slow.
 FEW = ("figure2-quick", "electroadhesion-quick", "rubber-coating-quick")
-NAMES = [
-    pytest.param(name, marks=[] if name in FEW else [pytest.mark.slow], id=name) for name in SCRIPT["NAMES"]
-]
+NAMES = [(name, "") for name in SCRIPT["NAMES"]] + [(name, "SI ") for name in SCRIPT["ALSO_IN_SI"]]
+SLOW = [(name, prefix) for name, prefix in NAMES if prefix or name not in FEW]
+DRAWN = [pytest.param(*each, marks=pytest.mark.slow if each in SLOW else ()) for each in NAMES]
 
 
 def texts(figure):
@@ -143,8 +143,8 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("everything")
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_every_picture_is_legible_and_complete(name, folder):
+@pytest.mark.parametrize(("name", "prefix"), DRAWN)
+def test_every_picture_is_legible_and_complete(name, prefix, folder):
     path = SCRIPT["run"](name, folder)
     found = []
     in_units = "\nunits:" in (path / "config.yaml").read_text()
@@ -153,7 +153,7 @@ def test_every_picture_is_legible_and_complete(name, folder):
         over_time = {column for column, each in results.items() if {"time", "row"} & {*each.dims}}
         is_usual = name not in FEW and {column.removesuffix(OVER_TIME) for column in over_time} <= USUAL
     for title, draw, style in SCRIPT["pictures"](path):
-        if is_usual and "columns" in title:
+        if title.startswith("SI ") != bool(prefix) or (is_usual and "columns" in title):
             continue
         with styled(style), warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)  # a layout that collapses, a letter that is missing

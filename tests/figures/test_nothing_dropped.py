@@ -228,32 +228,6 @@ def test_samples_have_the_colour_of_a_key_and_name_the_others():
 
 
 @pytest.mark.parametrize(
-    ("texts", "labels"),
-    [
-        (["shape=parabola, radius=0.25"], ["parabola $R$ = 0.25"]),
-        (
-            ["model=zener, G0=1.0, Ginf=10.0, tau=1.0", "model=zener, G0=1.0, Ginf=2.0, tau=1.0"],
-            [r"zener $G_\infty$ = 10", r"zener $G_\infty$ = 2"],
-        ),
-        (["shape=wedge, slope=0.1", "none"], ["wedge slope = 0.1", "none"]),
-        (
-            ["model=prony, G0=1.0, branches=[G=1.0, tau=0.1, G=2.0, tau=1.0, G=3.0, tau=10.0]"],
-            ["prony $G_0$ = 1, branches = [G=1.0, tau=0.1, G=2.0,…"],
-        ),
-    ],
-)
-def test_mappings_are_labelled_in_short(texts, labels):
-    assert value_labels(texts) == labels
-
-
-def test_legends_round_long_numbers_as_far_as_they_stay_apart():
-    assert value_labels([2e-4, 0.000632455532034, 2e-3]) == ["0.0002", "0.000632", "0.002"]
-    assert value_labels([1.2345678, 1.2349]) == ["1.2346", "1.2349"]
-    assert value_labels([1234.5678, 2.34567]) == ["1234.57", "2.35"]
-    assert value_labels([0.03127]) == ["0.03127"]
-
-
-@pytest.mark.parametrize(
     ("units", "scales", "label", "scale"),
     [
         ("1", {}, r"$\tilde{a}$", 1.0),

@@ -184,6 +184,22 @@ def test_snapshots_of_a_surface_are_maps(tmp_path):
         ([16384, 65536], ["16384", "65536"]),
         ([1e-3, 1e5, 2.5e6], ["0.001", "$10^{5}$", r"$2.5\times 10^{6}$"]),
         (["fire", "active_set"], ["fire", "active_set"]),
+        # rounded as far as they stay apart
+        ([2e-4, 0.000632455532034, 2e-3], ["0.0002", "0.000632", "0.002"]),
+        ([1.2345678, 1.2349], ["1.2346", "1.2349"]),
+        ([1234.5678, 2.34567], ["1234.57", "2.35"]),
+        ([0.03127], ["0.03127"]),
+        # mappings in short
+        (["shape=parabola, radius=0.25"], ["parabola $R$ = 0.25"]),
+        (
+            ["model=zener, G0=1.0, Ginf=10.0, tau=1.0", "model=zener, G0=1.0, Ginf=2.0, tau=1.0"],
+            [r"zener $G_\infty$ = 10", r"zener $G_\infty$ = 2"],
+        ),
+        (["shape=wedge, slope=0.1", "none"], ["wedge slope = 0.1", "none"]),
+        (
+            ["model=prony, G0=1.0, branches=[G=1.0, tau=0.1, G=2.0, tau=1.0, G=3.0, tau=10.0]"],
+            ["prony $G_0$ = 1, branches = [G=1.0, tau=0.1, G=2.0,…"],
+        ),
     ],
 )
 def test_values_are_written_as_a_reader_would(values, labels):
