@@ -11,7 +11,7 @@ from gfmdlayer.body.solid import Relaxation
 from gfmdlayer.config import Config
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.validation.problems import Location, dotted
-from gfmdlayer.validation.sections import Section, files_named, sections_in
+from gfmdlayer.validation.sections import files_named, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
 DIMENSIONS = {
@@ -33,12 +33,8 @@ _POINTS_PASSED = 2.0  # of the grid, by which material may move in a step throug
 
 
 def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
-    """Return notes on the cases, each once.
+    """Return notes on the cases, each once; without `surfaces` no measured surface is read.
 
-    These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
-    tables that end before the run does, a ramp that is not completed, steps that are too long for the
-    relaxation, defaults beside numbers in other units, interface laws that the grid does not resolve, and
-    friction that the force exceeds or the steps do not resolve.
     TableError if a file cannot be used.
     """
     every = list(configs)
@@ -212,18 +208,13 @@ def _unresolved_zones(config: Config) -> Iterator[str]:
             )
 
 
-def _coefficient(config: Config) -> float:
-    """Return the coefficient of friction; infinite where it is a table, or there is none."""
-    given = (getattr(law, "coefficient", math.inf) for law in config.friction)
-    return min((each for each in given if isinstance(each, float)), default=math.inf)
-
-
 def _on_friction(config: Config) -> Iterator[str]:
     """Yield notes on a tangential force that friction does not hold, and on steps that pass over slip."""
     if not config.friction:
         return
     given, drive, time = config.trajectory, config.trajectory.tangential, config.time
-    most = _coefficient(config)
+    coefficients = (getattr(law, "coefficient", math.inf) for law in config.friction)
+    most = min((each for each in coefficients if isinstance(each, float)), default=math.inf)
     pressed = None if config.interfaces else given.load if given.control == "load" else given.force
     if drive is not None and drive.force is not None and pressed is not None:
         most *= pressed * (math.prod(config.grid.period) if given.control == "load" else 1.0)
@@ -263,16 +254,12 @@ def _defaults(config: Config) -> tuple[dict[str, float], dict[str, float]]:
             value = _number(getattr(section, key)) if key in DIMENSIONS else 0.0
             if value in {0.0, math.inf} or (*at, key) in follows:
                 continue
+            default = type(section).model_fields[key].default
             if key not in section.model_fields_set:
                 left[dotted((*at, key))] = value
             else:
-                given[dotted((*at, key))] = abs(value / _paper(section, key))
+                given[dotted((*at, key))] = abs(value / (_number(default) or 1.0))
     return left, given
-
-
-def _paper(section: Section, key: str) -> float:
-    """Return the default of a key, or 1 where it has none."""
-    return _number(type(section).model_fields[key].default) or 1.0
 
 
 def _number(value: object) -> float:

@@ -7,6 +7,7 @@ python scripts/indentation_fits.py thickness          contact sizes at which the
 python scripts/indentation_fits.py histories          standard errors by history
 python scripts/indentation_fits.py pages               pictures of docs/guides: afm, nanoindenter, flat punch
 python scripts/indentation_fits.py figure             docs/theory/indentation.svg
+python scripts/indentation_fits.py loops              docs/theory/sticky-loops.svg: adhesion at three speeds
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, least_squares
 
+import gfmdlayer
 from gfmdlayer import ForceCurve, design_indentation, fit_indentation
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
@@ -471,6 +473,48 @@ def figure() -> None:
     save(picture, Path(__file__).parents[1] / "docs" / "indentation.svg")
 
 
+def loops() -> None:
+    """Draw the approach and retraction of a sphere that sticks to a relaxing halfspace, at three speeds."""
+    from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
+
+    body = gfmdlayer.halfspace(gfmdlayer.Prony(1.0, [(9.0, 1.0)]))
+    elastic = gfmdlayer.halfspace(1.0)
+    sphere, unit = gfmdlayer.Parabola(radius=1.0), 1.5 * math.pi * 0.01
+    with styled():
+        picture = new_figure(2, 75.0)
+        left, right = picture.subplots(1, 2)
+        shades = colours(4)
+        jkr = gfmdlayer.indent(
+            elastic, sphere, [0, 1, 3], depth=[0, 0.05, -0.05], work_of_adhesion=0.01, tolerance=1e-5
+        )
+        for speed, shade, label in (
+            (1e-4, shades[0], "slow"),
+            (0.01, shades[1], "medium"),
+            (1.0, shades[2], "fast"),
+        ):
+            duration = 0.05 / speed
+            found = gfmdlayer.indent(
+                body, sphere, [0, duration, 13 * duration], depth=[0, 0.05, -0.55],
+                work_of_adhesion=0.01, edge_speed=0.01,
+            )  # fmt: skip
+            shown = np.flatnonzero(found.contact_radius.values > 0)[-1] + 2
+            name = f"{label}: {speed:g} R/τ"
+            left.plot(found.depth[:shown], found.force[:shown] / unit, color=shade, label=name)
+            right.plot(found.depth[:shown], found.contact_radius[:shown], color=shade, label=name)
+        for axes, name in ((left, "force"), (right, "contact_radius")):
+            values = jkr[name] / (unit if name == "force" else 1.0)
+            axes.plot(
+                jkr.depth, values, color="black", linestyle="--", linewidth=0.8, label="JKR, relaxed, $w_0$"
+            )
+            axes.set_xlabel("depth / R")
+            axes.set_title("(a)" if axes is left else "(b)", loc="left")
+        left.set_ylabel("force / (3/2 π w R)")
+        right.set_ylabel("contact radius / R")
+        left.axhline(0, color="black", linewidth=0.5)
+        left.legend(loc="upper left")
+    save(picture, Path(__file__).parents[1] / "docs" / "theory" / "sticky-loops.svg")
+
+
 GUIDES = Path(__file__).parents[1] / "docs" / "guides"
 SI = {"length": "um", "stress": "kPa", "time": "s"}  # forces in nN
 GEL: dict[str, Any] = {
@@ -626,7 +670,8 @@ def flat_punch(rng: np.random.Generator) -> Any:
 
 if __name__ == "__main__":
     command = {
-        each.__name__: each for each in (coverage, instruments, peers, thickness, histories, pages, figure)
+        each.__name__: each
+        for each in (coverage, instruments, peers, thickness, histories, pages, figure, loops)
     }
     if len(sys.argv) < 2 or sys.argv[1] not in command:
         sys.exit(__doc__)

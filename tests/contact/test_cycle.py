@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numba as nb
 import numpy as np
 import pytest
 import scipy.linalg
@@ -21,11 +20,12 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential, LennardJones
+from gfmdlayer.kernels import kernel
 
 Floats = NDArray[np.float64]
 
 
-@nb.njit
+@kernel
 def _answers(given: Any, free: Any, stiffness: Any, forces: Any) -> Any:
     """Compile into one what the loop of the solver calls."""
     D = given.D[: free.size]

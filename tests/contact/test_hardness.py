@@ -26,13 +26,8 @@ from gfmdlayer.verification.runs import Recording
 # A halfspace of E* = 2 G/(1 - nu) = 1, and a rough surface of slope 0.1: elastic pressures reach 0.1 E*.
 HALFSPACE = {"layer": {"thickness": 0.0}, "halfspace": {"shear_modulus": 0.25, "poisson": 0.5}}
 ROUGH = {
-    "shape": "self_affine",
-    "hurst": 0.8,
-    "roll_off": 0.25,
-    "short_cutoff": 0.05,
-    "rms_slope": 0.1,
-    "seed": 1,
-}
+    "shape": "self_affine", "hurst": 0.8, "roll_off": 0.25, "short_cutoff": 0.05, "rms_slope": 0.1, "seed": 1,
+}  # fmt: skip
 RUBBER = {"thickness": math.inf, "material": {"model": "zener", "G0": 0.25, "Ginf": 2.5}}
 SPHERE = {"shape": "parabola", "radius": 1.0}
 TOLERANCE = 1e-9
@@ -42,14 +37,10 @@ def config(hardness: float | None, **sections: Any) -> Config:
     """The rough halfspace on 64 x 64 points, under a load of 0.004 in 1, unless said otherwise."""
     wall = {"law": "hard_wall"} if hardness is None else {"law": "hard_wall", "hardness": hardness}
     given: dict[str, Any] = {
-        "grid": {"points": [64, 64]},
-        **HALFSPACE,
-        "punch": ROUGH,
-        "interface": wall,
-        "trajectory": {"control": "load", "load": 0.004},
-        "time": {"step": 0.25, "end": 1.0},
+        "grid": {"points": [64, 64]}, **HALFSPACE, "punch": ROUGH, "interface": wall,
+        "trajectory": {"control": "load", "load": 0.004}, "time": {"step": 0.25, "end": 1.0},
         "solver": {"tolerance": TOLERANCE, "method": "nested_gradient"},
-    }
+    }  # fmt: skip
     return Config(name="hardness", **(given | sections))
 
 

@@ -17,12 +17,9 @@ Run = Callable[[dict[str, object]], Any]
 
 LOAD, R = 0.05, 0.25
 ALONE: dict[str, object] = {
-    "layer.thickness": math.inf,
-    "trajectory": {"control": "load", "load": LOAD},
-    "time.end": 3.0,
-    "grid.points": 1024,
-    "solver.tolerance": 1e-9,
-}
+    "layer.thickness": math.inf, "trajectory": {"control": "load", "load": LOAD}, "time.end": 3.0,
+    "grid.points": 1024, "solver.tolerance": 1e-9,
+}  # fmt: skip
 
 
 def creep(elapsed: float) -> float:
@@ -82,13 +79,9 @@ def test_adaptive_steps_keep_the_depth_within_the_tolerance(run: Run, tolerance:
 @pytest.mark.parametrize("base", [1.0, math.inf], ids=["halfspace", "rigid base"])
 def test_the_load_that_a_depth_needs_gives_that_depth(run: Run, tmp_path: Path, base: float) -> None:
     body: dict[str, object] = {
-        "layer.poisson": 0.3,
-        "halfspace.shear_modulus": base,
-        "grid.points": 512,
-        "solver.tolerance": 1e-9,
-        "time.end": 2.0,
-        "output.snapshots": [2.0],
-    }
+        "layer.poisson": 0.3, "halfspace.shear_modulus": base, "grid.points": 512, "solver.tolerance": 1e-9,
+        "time.end": 2.0, "output.snapshots": [2.0],
+    }  # fmt: skip
     pressed = run(body)
     rows = zip(pressed["time"].tolist(), (2 * pressed["mean_pressure"]).tolist(), strict=True)
     (tmp_path / "load.txt").write_text("time load\n" + "\n".join(f"{t!r} {p!r}" for t, p in rows))

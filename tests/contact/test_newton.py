@@ -15,8 +15,7 @@ from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem, Solution, Solver, project
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
-from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
 from gfmdlayer.interface.law import HARD_WALL, Interaction, total
 from gfmdlayer.punch.self_affine import SelfAffine
 
@@ -340,14 +339,19 @@ def film() -> tuple[Floats, Interaction, float]:
     return kappa, law, law.range * np.log(law.strength / law.range / kappa[1:].min())
 
 
-def test_an_even_film_becomes_uneven_though_its_balance_stays() -> None:
-    # An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum.
-    kappa, law, gap = film()
-    even = Newton(Transforms((N,))).solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N), 1e-9)
+@pytest.mark.parametrize("after_full_contact", [False, True])
+def test_an_even_film_becomes_uneven_though_its_balance_stays(after_full_contact: bool) -> None:
+    """An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum."""
+    (kappa, law, gap), newton = film(), Newton(Transforms((N,)))
+    if after_full_contact:  # in which there is no deformation to follow
+        full = newton.solve(problem(kappa, np.zeros(N), law, law.strength), at_rest(N), 1e-9)
+        assert full.contact_area == 1
+    even, uneven = (
+        newton.solve(problem(kappa, np.full(N, part * gap), law), at_rest(N), 1e-9) for part in (1.01, 0.99)
+    )
     assert np.ptp(even.gap) == 0
     assert 0 < even.margin < 0.1
     assert even.released_energy == 0
-    uneven = Newton(Transforms((N,))).solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N), 1e-9)
     assert np.ptp(uneven.gap) > 0.1 * law.range
     assert uneven.margin > 0
     assert uneven.released_energy > 0
@@ -366,17 +370,6 @@ def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_mo
     found = newton.solve(problem(kappa, np.full(N, after), law), before + uneven * law.range * lowest, 1e-6)
     assert found.converged
     assert abs(found.displacement.mean()) < 1e-12 * law.range
-
-
-def test_full_contact_does_not_end_the_search_for_instabilities() -> None:
-    # In full contact there is no deformation to follow; the film as above has to be found uneven after it.
-    kappa, law, gap = film()
-    solver = Newton(Transforms((N,)))
-    assert solver.solve(problem(kappa, np.zeros(N), law, law.strength), at_rest(N), 1e-9).contact_area == 1
-    even = solver.solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N), 1e-9)
-    assert 0 < even.margin < 0.1
-    uneven = solver.solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N), 1e-9)
-    assert np.ptp(uneven.gap) > 0.1 * law.range
 
 
 @pytest.mark.parametrize(("G", "L"), [(1e11, 1e-9), (1e12, 1e-10), (1e-12, 1e9)])

@@ -190,14 +190,9 @@ def test_a_relaxing_film_is_pulled_in_late(tolerance: float, tmp_path: Path) -> 
     expected = quad(slowness, start, height - fold, epsabs=0, epsrel=1e-10)[0]
     at_rest = {"kind": "table", "file": table(tmp_path, "depth.txt", f"0 {-height}\n99 {-height}\n")}
     zener = {"model": "zener", "G0": 1.0, "Ginf": contrast, "tau": 1.0}
-    recording = film(
-        {
-            "layer.material": zener,
-            "trajectory": at_rest,
-            "time.end": 3 * expected,
-            "time.tolerance": tolerance,
-        }
-    )
+    recording = film({
+        "layer.material": zener, "trajectory": at_rest, "time.end": 3 * expected, "time.tolerance": tolerance,
+    })  # fmt: skip
     found = recording.noted
     assert found["instabilities"] == 1
     assert found["instability_time"][0] == pytest.approx(expected, rel=20 * tolerance)

@@ -5,7 +5,7 @@ from xml.etree import ElementTree as ET
 import h5py
 import numpy as np
 
-from gfmdlayer.body.depths import Place
+from gfmdlayer.body.solid import Place
 from gfmdlayer.results import paraview
 from gfmdlayer.results.reader import is_complete, open_case
 from gfmdlayer.results.schema import in_order
