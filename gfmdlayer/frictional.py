@@ -177,8 +177,7 @@ class FrictionalCase(Case):
 
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Press and shear, one time step after the other; see `gfmdlayer.simulate`."""
-        history, control, observables = self.history, self.error_control, tuple(self.observables.values())
-        keeps_all, ended = self.config.output.snapshots == "every", ""
+        history, control, ended = self.history, self.error_control, ""
         if resume is not None:
             resume(self.resumable)
         for instant in self.steps:
@@ -190,7 +189,7 @@ class FrictionalCase(Case):
                 break
             problem, solution = self._as_contact(found, instant.time)
             lost = pulled_off(problem, solution)
-            for observable in observables:
+            for observable in self.observables.values():
                 observable.attempt(solution)
             surface = Surface(solution.displacement, solution.spectrum, found.depth, self._response(found))
             tractions = np.array([self.transforms.forward(field) for field in found.loads])
@@ -217,21 +216,12 @@ class FrictionalCase(Case):
                     self.guess.remember(
                         instant.time, solution.pressure, solution.gap, at_breakpoint=instant.breakpoint
                     )
-                row: dict[str, float | FloatArray] = {}
-                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row, shear)
-                finished = False
-                for observable in observables:
-                    row |= observable.measure(step)
-                    finished = finished or observable.finished
-                recorder.row(**row)
-                if instant.snapshot or finished or keeps_all:
-                    self._snapshot(recorder, step)
-                if finished:
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, {}, shear)
+                if self._ends_with(step, instant, recorder):
                     break
             if progress is not None:
                 progress(instant.time)
-        recorder.note(**{key: value for each in observables for key, value in each.attributes.items()})
-        return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+        return self._concluded(recorder, ended)
 
     def _attempt(self, instant: Instant) -> frictional.Solution:
         """Solve a step; SlidesAwayError where the force is too large, ConvergenceError without a solution."""
@@ -418,9 +408,7 @@ class FrictionalCase(Case):
     def _stretch(self, found: frictional.Solution) -> float:
         """Return the mean of the shear traction times the derivative along x of the displacement."""
         one, other = (np.ravel(q) for q in self.grid.wavenumbers_x)
-        slope = 0.5j * (
-            one + other
-        )  # of the shortest wave and its opposite, which the grid does not distinguish
+        slope = 0.5j * (one + other)  # the grid does not distinguish the shortest wave and its opposite
         spectra = [slope * self.transforms.forward(u) for u in found.displacement[1:]]
         return float((found.traction * self._fields(np.array(spectra))).sum(axis=0).mean())
 

@@ -42,7 +42,7 @@ from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
-from gfmdlayer.history.time_points import Steps
+from gfmdlayer.history.time_points import Instant, Steps
 from gfmdlayer.interface.law import Interaction
 from gfmdlayer.model import ConvergenceError, make_body, series_of
 from gfmdlayer.observables import AcceptedStep, Observable, observables, totals
@@ -358,8 +358,7 @@ class Case:
         loading, history, steps, solver, guess = (
             self.loading, self.history, self.steps, self.solver, self.guess,
         )  # fmt: skip
-        observables = tuple(self.observables.values())
-        keeps_all, ended = self.config.output.snapshots == "every", ""
+        observables, ended = tuple(self.observables.values()), ""
         if resume is not None:
             resume(self.resumable)
 
@@ -392,25 +391,32 @@ class Case:
                 self.imprint.remember(solution)
                 if self.reach is not None:
                     self.reach.remember(solution.pressure)
-                row: dict[str, float | FloatArray] = {}
-                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
-                finished = False
-                for observable in observables:
-                    row |= observable.measure(step)
-                    finished = finished or observable.finished
-                recorder.row(**self._recorded(row))
-                if instant.snapshot or finished or keeps_all:
-                    self._snapshot(recorder, step)
-                if finished:
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, {})
+                if self._ends_with(step, instant, recorder):
                     break
-                del step, row
+                del step
             del kappa, b, problem, solution, surface  # the next step needs their memory
             if progress is not None:
                 progress(instant.time)
-        for observable in observables:
+        return self._concluded(recorder, ended)
+
+    def _ends_with(self, step: AcceptedStep, instant: Instant, recorder: Recorder) -> bool:
+        """Measure and record an accepted step; return whether an observable ends the run."""
+        finished = False
+        for observable in self.observables.values():
+            step.row.update(observable.measure(step))
+            finished = finished or observable.finished
+        recorder.row(**self._recorded(step.row))
+        if instant.snapshot or finished or self.config.output.snapshots == "every":
+            self._snapshot(recorder, step)
+        return finished
+
+    def _concluded(self, recorder: Recorder, ended: str) -> list[str]:
+        """Record the attributes of the observables; return why the run ended early, and their warnings."""
+        for observable in self.observables.values():
             if observable.attributes:
                 recorder.note(**self._recorded(observable.attributes))
-        return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+        return [*filter(None, [ended]), *(each.warning for each in self.observables.values() if each.warning)]
 
     def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
         """Record the fields of a step, some only with attraction, a hardness or a counterbody."""

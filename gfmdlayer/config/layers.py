@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn
 
@@ -287,3 +288,23 @@ class Layers(Compound):
         if self._base.shear_modulus == 0 and math.isfinite(sum(self.thicknesses)):
             message = "got 0: a layer without a base does not support an isolated load; must be > 0"
             yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers"))
+
+
+def thicknesses(solid: Solid) -> list[float]:
+    """Return the thicknesses of the layers that a body has, from the surface down; inf: a halfspace."""
+    assert isinstance(solid, Layers)
+    found: list[float] = []
+    for each in solid.thicknesses:
+        if each > 0:
+            found.append(each)
+        if math.isinf(each):
+            return found
+    return [*found, math.inf] if solid.base.shear_modulus not in (0, math.inf) else found
+
+
+def interfaces(solid: Solid) -> list[float]:
+    """Return the depths of the interfaces between layers, and of the bond to a rigid base."""
+    layers = thicknesses(solid)
+    assert isinstance(solid, Layers)
+    bonded = layers if solid.base.shear_modulus == math.inf else layers[:-1]
+    return [depth for depth in accumulate(bonded) if math.isfinite(depth)]

@@ -26,9 +26,8 @@ from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.bodies import BODY, Counterbody, TwoBodies, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
-from gfmdlayer.config.inside import problems_of_the_inside
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
-from gfmdlayer.config.sections import Output
+from gfmdlayer.config.sections import Output, problems_of_the_inside
 from gfmdlayer.config.sweeps import unswept
 from gfmdlayer.config.trajectory import (
     Trajectory,
