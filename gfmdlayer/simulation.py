@@ -208,9 +208,8 @@ class Case:
     @cached_property
     def loading(self) -> Loading:
         """The punch under its prescribed depth or load."""
-        return CONTROLS[self.config.trajectory.control](
-            self.punch, self.trajectory, self.interface, self.grid.ranks
-        )
+        made = CONTROLS[self.config.trajectory.control]
+        return made(self.punch, self.trajectory, self.interface, self.grid.ranks)
 
     @cached_property
     def imprint(self) -> Imprint:
@@ -314,9 +313,8 @@ class Case:
         if given is None:
             return None
         if (stack := stack_of(self.body)) is None:
-            raise TypeError(
-                f"output.inside: a {type(self.body).__name__} has no layers; must be a LayerStack"
-            )
+            kind = type(self.body).__name__
+            raise TypeError(f"output.inside: a {kind} has no layers; must be a LayerStack")
         places = given.places(self.config.solid, self.config.grid.period)
         return Interior(stack, self.grid, places, self.body.spectrum)
 

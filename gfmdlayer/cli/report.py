@@ -52,11 +52,10 @@ def _listed(folder: Folder) -> list[Listed]:
 
     numbers, seen = folder.case_numbers(), overview(folder)
     states = dict.fromkeys(folder.numbers()["failed"], ("failed", ""))
-    states |= {case.index: ("failed", case.reason) for case in seen.failures}
+    states |= {record.index: ("failed", record.reason) for record in seen.failures}
     states |= dict.fromkeys(folder.numbers()["h5"], ("complete", ""))
-    states |= {
-        case.index: ("running", f"at time {case.simulated_time:g} of {case.end:g}") for case in seen.running
-    }
+    for case in seen.running:
+        states[case.index] = "running", f"at time {case.simulated_time:g} of {case.end:g}"
     values = list(combinations(folder.stored_sweep()))
     must_agree(folder, numbers, len(values))
     return [

@@ -114,6 +114,9 @@ class StackedLayer(Layer):
     """thickness d; .inf: the halfspace, for the last one: length"""
 
 
+StackedLayers = Annotated[tuple[StackedLayer, ...], Field(json_schema_extra={"minItems": 1})]
+
+
 class Halfspace(Section):
     """The halfspace below: elastic, rigid (shear modulus .inf), absent (0), or of a material."""
 
@@ -149,9 +152,8 @@ def problems_of_the_body(
         assert body is not None
         for key, value in (("layers", layers), ("layer", layer), ("halfspace", halfspace)):
             if value is not None:
-                message = (
-                    f"not available with body: {{kind: {body.kind}}}; remove it or set body: {{kind: layers}}"
-                )
+                other = f"{{kind: {body.kind}}}; remove it or set body: {{kind: layers}}"
+                message = f"not available with body: {other}"
                 yield Problem((key,), message, ("body",), at_key=True)
         return
     assert halfspace is not None

@@ -119,7 +119,7 @@ class Grid(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`; a moving punch may end in a steady state before."""
+    """The time axis from 0 to `end`."""
 
     end: Positive = 8.0
     """end of the run; default: the end of the approach_retract path: time"""
@@ -136,9 +136,8 @@ class Time(Section):
         """Refuse an integrator that cannot adapt its steps, and steps that do not end at `end`."""
         if self.step == "adaptive":
             if self.integrator == "backward_euler":
-                message = (
-                    "got backward_euler with step: adaptive; must be exponential, which estimates its error"
-                )
+                allowed = "must be exponential, which estimates its error"
+                message = f"got backward_euler with step: adaptive; {allowed}"
                 yield Problem(("integrator",), message, ("step",))
             return
         if self.tolerance is not None:
@@ -206,7 +205,7 @@ MOST_ROWS = 1_000_000  # of a case
 
 
 class Histogram(Section):
-    """Equal bins from 0 to `max`, or from `min` on a log scale.
+    """Bins of a distribution: `bins` equal bins from 0 to `max`, or on a log scale from `min` to `max`.
 
     One further bin at each end counts the values beyond.
     """
@@ -274,9 +273,9 @@ class Conductor(Section):
 
 
 class Conductance(Section):
-    """The resistance of the contact spots between body and punch: constriction, and the films in series.
+    """The resistance of the contact spots as a column: constriction, and the films in series.
 
-    Thermal conductors follow the same equations.
+    The two conductors are the body and the punch. Thermal conductors follow the same equations.
     """
 
     body: Conductor = Field(default_factory=Conductor)
@@ -314,7 +313,7 @@ PerLayer = Annotated[int, Field(strict=True, ge=2, le=1000), MustBe("a whole num
 
 
 class Inside(Section):
-    """Displacements and stresses below the surface at the snapshots.
+    """Displacements and stresses below the surface at the snapshots, at `depths` or `points` in each layer.
 
     With `every` also columns of the rows: the largest stresses at these depths, and at the interfaces.
     """
@@ -395,16 +394,14 @@ class Output(Section):
         for key, times in (("snapshots", self.snapshots), ("times", self.times)):
             for i, time in enumerate(times if isinstance(times, tuple) else ()):
                 if time > end:
-                    yield Problem(
-                        (key, i), f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
-                    )
+                    message = f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
+                    yield Problem((key, i), message)
         if isinstance(self.times, float) and not 0 < self.times <= end:
             message = f"got a spacing of {self.times!r}; must be a number > 0 and <= time.end = {end!r}"
             yield Problem(("times",), message)
         elif isinstance(self.times, float) and end / self.times > MOST_ROWS:
-            message = (
-                f"got {self.times!r}, which gives {end / self.times:.3g} rows; must be >= {end / MOST_ROWS!r}"
-            )
+            rows = f"{end / self.times:.3g} rows"
+            message = f"got {self.times!r}, which gives {rows}; must be >= {end / MOST_ROWS!r}"
             yield Problem(("times",), message)
 
 
@@ -416,9 +413,8 @@ def problems_of_the_inside(config: Any) -> Iterator[Problem]:
     at = ("output", "inside")
     if not isinstance(config.solid, Layers):
         other = "two deformable bodies" if config.counterbody is not None else f"kind: {config.body.kind}"
-        yield Problem(
-            at, f"not available with {other}; must be layers under a rigid punch", ("body", "counterbody")
-        )
+        message = f"not available with {other}; must be layers under a rigid punch"
+        yield Problem(at, message, ("body", "counterbody"))
         return
     if config.grid.isolated:
         message = "not available with boundary: isolated, which gives the surface within its reach; remove it"

@@ -103,9 +103,8 @@ class Checkpoints:
                 elif self._ranks.first:
                     position = Position(*about["journal"])
                     if position.columns and (changed := set(columns) ^ set(position.columns)):
-                        raise CheckpointError(
-                            f"its rows have other columns, see {', '.join(sorted(changed))}"
-                        )
+                        names = ", ".join(sorted(changed))
+                        raise CheckpointError(f"its rows have other columns, see {names}")
                     try:
                         journal.go_on(position)
                     except ValueError as error:

@@ -67,9 +67,8 @@ def compare(folder: Folder, config: Config) -> Growth:
     had = dict(zip((digest(case.config) for case in before), numbers, strict=True))
     digests = [digest(case.config) for case in after]
     if had.keys().isdisjoint(digests) and not all(key.startswith(_MAY_GROW) for key in changed):
-        raise FolderError(
-            f"{folder.path}: holds results of another configuration ({'; '.join(changed)}); {WAYS_OUT}"
-        )
+        other = f"another configuration ({'; '.join(changed)})"
+        raise FolderError(f"{folder.path}: holds results of {other}; {WAYS_OUT}")
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
 
