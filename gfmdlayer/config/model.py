@@ -71,11 +71,8 @@ from gfmdlayer.validation.units import Units
 
 # Young's moduli, and the shear moduli that a configuration takes instead.
 _YOUNGS = {
-    "E0": ("G0",),
-    "Einf": ("Ginf",),
-    "E": ("G", "shear_modulus"),
-    "youngs_modulus": ("shear_modulus",),
-}
+    "E0": ("G0",), "Einf": ("Ginf",), "E": ("G", "shear_modulus"), "youngs_modulus": ("shear_modulus",),
+}  # fmt: skip
 
 
 def with_hidden(data: dict[str, Any], found: list[Problem]) -> list[Problem]:
