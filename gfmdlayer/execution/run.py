@@ -318,7 +318,6 @@ class _Records(InTurn[CaseRecord]):
         return len(self._numbers)
 
     def _at(self, place: int) -> CaseRecord:
-
         number = self._numbers[place]
         values, reason = self._every.values(place), self._reasons.get(number)
         return CaseRecord(number, self._folder.case(number), values, reason)
