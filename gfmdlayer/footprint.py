@@ -16,7 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gfmdlayer.body.depths import DEPTH_PAIRS
+from gfmdlayer.body.solid import DEPTH_PAIRS
 from gfmdlayer.config.layers import thicknesses
 from gfmdlayer.contact.solvers import ATTRACTED, FRICTIONAL, SOLVERS
 from gfmdlayer.files.whole import write_text

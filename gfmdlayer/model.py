@@ -24,8 +24,8 @@ from gfmdlayer.programme import Programme
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
-    from gfmdlayer.body.depths import Place
     from gfmdlayer.body.materials import PronySeries
+    from gfmdlayer.body.solid import Place
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks

@@ -22,7 +22,7 @@ from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
-    from gfmdlayer.body.depths import Place
+    from gfmdlayer.body.solid import Place
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.interface.law import Interaction
@@ -130,7 +130,6 @@ class PeriodicContact(Model):
 
         from gfmdlayer.files.tables import TableError
         from gfmdlayer.grid.grid import Grid
-        from gfmdlayer.grid.sums import mean
         from gfmdlayer.time_functions import Table
 
         config = self.config
@@ -177,7 +176,7 @@ class PeriodicContact(Model):
             return
         if config.grid.isolated:
             return
-        deepest, height = float(values.max()), mean(heights, self.case.grid.ranks)
+        deepest, height = float(values.max()), self.case.grid.ranks.mean(heights)
         if message := too_deep(deepest, height, config.solid.mean_stiffness):
             yield key_of_drive, message
 
@@ -205,7 +204,7 @@ class PeriodicContact(Model):
         import numpy as np
 
         from gfmdlayer.body.isolated import period_for
-        from gfmdlayer.contact.loading import CONTROLS
+        from gfmdlayer.contact.loading import Loading
         from gfmdlayer.contact.nested.solver import NestedGradient
         from gfmdlayer.contact.reach import Reach
         from gfmdlayer.grid.grid import Grid
@@ -222,7 +221,7 @@ class PeriodicContact(Model):
         each = [max(1, n // _COARSE) if n % max(1, n // _COARSE) == 0 else 1 for n in fine.shape]
         coarse = Grid(tuple(n // k for n, k in zip(fine.shape, each, strict=True)), fine.period)
         heights = np.ravel(case.punch.reshape(fine.shape)[tuple(slice(None, None, k) for k in each)])
-        loading = CONTROLS[config.trajectory.control](heights, Constant(most))
+        loading = Loading(heights, Constant(most), by_depth=config.trajectory.control == "depth")
         solver, spectrum = NestedGradient(Transforms(coarse.shape), coarse), body.spectrum(coarse.waves)
         widths = []
         for stiffness in (spectrum.glassy, spectrum.relaxed):

@@ -15,14 +15,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.materials import Material
+from gfmdlayer.body.materials import Material, shifts
 from gfmdlayer.body.shifts import Shift
-from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points
 from gfmdlayer.history.time_points import Instant
-from gfmdlayer.interface.friction import Coulomb
+from gfmdlayer.interface.interface import Coulomb
 from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, Trajectory
 
 if TYPE_CHECKING:

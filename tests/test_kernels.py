@@ -80,31 +80,26 @@ def copied(folder: Path) -> Path:
     return Path(shutil.copytree(PACKAGE, folder / "gfmdlayer", ignore=shutil.ignore_patterns("__pycache__")))
 
 
-def answer(folder: Path) -> str:
-    """Run the program with the package in a folder."""
-    environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / "cache")}
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
-        env=environment,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+def printed(program: str, folder: Path, **environment: str) -> str:
+    """What a program prints with the package in a folder."""
+    command = [sys.executable, "-c", program]
+    env = os.environ | {"PYTHONPATH": str(folder)} | environment
+    done = subprocess.run(command, env=env, cwd=folder, capture_output=True, text=True, check=True)
     return done.stdout.strip()
 
 
 def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_module_has_changed(
     tmp_path: Path,
 ) -> None:
-    residual = copied(tmp_path) / "contact" / "residual.py"
-    assert answer(tmp_path) == "False True"
-    assert answer(tmp_path) == "False False"  # Numba's compiler is not loaded with the kernel
-    assert list((tmp_path / "cache").rglob("*satisfies_kkt*.nbc"))
+    residual, kept = copied(tmp_path) / "contact" / "residual.py", tmp_path / "cache"
+    assert printed(PROGRAM, tmp_path, NUMBA_CACHE_DIR=str(kept)) == "False True"
+    # Numba's compiler is not loaded with the kernel.
+    assert printed(PROGRAM, tmp_path, NUMBA_CACHE_DIR=str(kept)) == "False False"
+    assert list(kept.rglob("*satisfies_kkt*.nbc"))
     before = residual.read_text()
     residual.write_text(before.replace("return abs(pressure if", "return 0.0 * abs(pressure if"))
     assert residual.read_text() != before
-    assert answer(tmp_path) == "True True"
+    assert printed(PROGRAM, tmp_path, NUMBA_CACHE_DIR=str(kept)) == "True True"
 
 
 HOMELESS = """
@@ -149,21 +144,13 @@ def test_an_installation_and_a_home_that_cannot_be_written_are_done_without(
 
 def test_the_digest_of_sources_is_that_of_the_module_and_of_what_it_imports(tmp_path: Path) -> None:
     package = copied(tmp_path)
-    of_solver, of_grid = (Path("contact/active_set/solver.py"), Path("grid/grid.py"))
-    before = {path: source_digest(PACKAGE / path) for path in (of_solver, of_grid)}
-    program = "import sys; from pathlib import Path; from gfmdlayer.kernels import source_digest;"
-    program += f"print(source_digest(Path({str(package / of_solver)!r})), "
-    program += f"source_digest(Path({str(package / of_grid)!r})))"
-
-    def now() -> list[str]:
-        environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-        command = [sys.executable, "-c", program]
-        return subprocess.run(
-            command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
-        ).stdout.split()
-
-    assert now() == list(before.values())  # wherever the package lies
+    modules = Path("contact/active_set/solver.py"), Path("grid/grid.py")
+    solver, grid = (source_digest(PACKAGE / path) for path in modules)
+    paths = ", ".join(f"source_digest(Path({str(package / path)!r}))" for path in modules)
+    program = f"from pathlib import Path; from gfmdlayer.kernels import source_digest; print({paths})"
+    assert printed(program, tmp_path).split() == [solver, grid]  # wherever the package lies
     with (package / "contact" / "residual.py").open("a") as file:
         file.write("# a comment\n")
-    assert now()[0] != before[of_solver]
-    assert now()[1] == before[of_grid]
+    now = printed(program, tmp_path).split()
+    assert now[0] != solver
+    assert now[1] == grid

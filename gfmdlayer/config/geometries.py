@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gfmdlayer.body.materials import shifts
 from gfmdlayer.body.solid import WIDEST
-from gfmdlayer.body.temperature import shifts
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.validation.problems import Location, Problem, dotted, shown
 from gfmdlayer.validation.sections import files_named

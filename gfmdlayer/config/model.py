@@ -20,9 +20,8 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
-from gfmdlayer.body.materials import Law
+from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.solid import Solid
-from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.bodies import BODY, Counterbody, TwoBodies, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
@@ -36,9 +35,8 @@ from gfmdlayer.config.trajectory import (
     problems_of_the_motion,
 )
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
-from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
-from gfmdlayer.interface.friction import Friction
-from gfmdlayer.interface.interface import Interface
+from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
+from gfmdlayer.interface.interface import Friction, Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES

@@ -22,7 +22,7 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.body.depths import Place, between_faces, beyond, places
+from gfmdlayer.body.solid import Place, between_faces, beyond, places
 from gfmdlayer.config.geometries import GEOMETRIES
 from gfmdlayer.config.layers import Layers, thicknesses
 from gfmdlayer.contact.solvers import AUTO, SOLVERS

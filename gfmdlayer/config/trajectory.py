@@ -20,11 +20,11 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gfmdlayer.body.temperature import shifts
+from gfmdlayer.body.materials import shifts
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.config.sections import MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
-from gfmdlayer.interface.friction import Friction
+from gfmdlayer.interface.interface import Friction
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
 from gfmdlayer.validation.problems import Location, Problem, dotted, shown
 from gfmdlayer.validation.sections import Section, sections_in

@@ -22,7 +22,7 @@ from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, overload
 
-from gfmdlayer.body.temperature import shifts
+from gfmdlayer.body.materials import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, axes
 from gfmdlayer.execution.cost import estimate

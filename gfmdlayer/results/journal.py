@@ -34,7 +34,7 @@ from gfmdlayer.results.schema import BELOW, FIELDS, VARIABLES, ResultsError, Var
 if TYPE_CHECKING:
     import xarray
 
-    from gfmdlayer.body.depths import Place
+    from gfmdlayer.body.solid import Place
     from gfmdlayer.grid.grid import Grid
 
 HELD = 1 << 24  # bytes in memory at most, before they are written

@@ -37,7 +37,7 @@ from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import BELOW, SNAPSHOT_FIELDS, VARIABLES, Variable, described_key
 
 if TYPE_CHECKING:
-    from gfmdlayer.body.depths import Place
+    from gfmdlayer.body.solid import Place
 
 # The template of a case file: all variables without their values.
 #

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Any
@@ -31,14 +32,19 @@ def at(angles: Any, q: float) -> Wavevectors:
     return Wavevectors.of_components(q * np.cos(phi), q * np.sin(phi))
 
 
-# Of an independent solution by Stroh's eigenproblem: K/q along 0, 22.5 and 45 degrees from the surface axis,
-# and the first-order part of the lattice's K/K_continuum - 1 over q times the spacing.
-CONTINUUM = {
-    "k2 = k1": (cubic(1.0), (4 / 3, 4 / 3, 4 / 3), (1 / 12, 0.0937500, 0.1041667)),
-    "k2 = k1/2": (cubic(0.5), (0.818317088, 0.812985996, 0.808145213), (0.0981980, 0.1028890, 0.1078326)),
-    "k2 = 2 k1": (cubic(2.0), (2.312023907, 2.328553840, 2.346371951), (0.0707762, 0.0863171, 0.1006044)),
-    "fcc": (fcc(), (0.994411576, 0.969387385, 0.948683298), (0.0671453, 0.0544400, 0.0372678)),
-}
+# Of an independent solution by Stroh's eigenproblem: K/q along 0, 22.5 and 45 degrees from the surface axis;
+# the first-order part of the lattice's K/K_continuum - 1 over q times the spacing; K b at (pi, 0), (pi, pi),
+# (pi/2, 0) and (pi/2, pi/2): closed forms at the first two, else one big matrix.
+LATTICES = {
+    "k2 = k1": (cubic(1.0), (4 / 3, 4 / 3, 4 / 3), (1 / 12, 0.0937500, 0.1041667),
+                (8**0.5, 8**0.5, 2.058493404377, 2.565511329447)),
+    "k2 = k1/2": (cubic(0.5), (0.818317088, 0.812985996, 0.808145213), (0.0981980, 0.1028890, 0.1078326),
+                  (3**0.5, 2.0, 1.257257101639, 1.628371063618)),
+    "k2 = 2 k1": (cubic(2.0), (2.312023907, 2.328553840, 2.346371951), (0.0707762, 0.0863171, 0.1006044),
+                  (24**0.5, 4.0, 3.568065590679, 4.288983351519)),
+    "fcc": (fcc(), (0.994411576, 0.969387385, 0.948683298), (0.0671453, 0.0544400, 0.0372678),
+            ((8 / 3) ** 0.5 * 2 * R, 4 * R, 1.571726345359, 2.058332061573)),
+}  # fmt: skip
 
 
 def continuum(lattice: Lattice) -> Anisotropic:
@@ -46,9 +52,10 @@ def continuum(lattice: Lattice) -> Anisotropic:
     return Anisotropic(C11=C11, C12=C12, C44=C44, angle=45.0 if lattice.crystal == "fcc" else 0.0)
 
 
-@pytest.mark.parametrize("name", CONTINUUM)
-def test_long_waves_of_a_lattice_are_those_of_its_continuum(name: str) -> None:
-    lattice, expected, first = CONTINUUM[name]
+@pytest.mark.parametrize("name", LATTICES)
+def test_long_waves_of_a_lattice_are_those_of_its_continuum_and_short_ones_of_its_springs(name: str) -> None:
+    lattice, expected, first, short = LATTICES[name]
+    assert isinstance(lattice.material, Elastic)
     angles = [0.0, 22.5, 45.0]
     limit = continuum(lattice).stiffness(at(angles, 1.0), 0.0)
     np.testing.assert_allclose(limit, expected, rtol=1e-9)
@@ -59,23 +66,9 @@ def test_long_waves_of_a_lattice_are_those_of_its_continuum(name: str) -> None:
     np.testing.assert_allclose(2 * off[1] - off[0], first, atol=1e-6)  # the next order is extrapolated
     tiny = lattice.stiffness(at(angles, 1e-7), 0.0) / 1e-7
     np.testing.assert_allclose(tiny, limit, rtol=1e-7)  # no digits are lost but by the first order itself
-
-
-# K b at (pi, 0), (pi, pi), (pi/2, 0), (pi/2, pi/2): closed forms at the first two, else one big matrix.
-ZONE = {
-    "k2 = k1": (8**0.5, 8**0.5, 2.058493404377, 2.565511329447),
-    "k2 = k1/2": (3**0.5, 2.0, 1.257257101639, 1.628371063618),
-    "k2 = 2 k1": (24**0.5, 4.0, 3.568065590679, 4.288983351519),
-    "fcc": ((8 / 3) ** 0.5 * 2 * R, 4 * R, 1.571726345359, 2.058332061573),
-}
-
-
-@pytest.mark.parametrize("name", ZONE)
-def test_short_waves_are_those_of_the_springs(name: str) -> None:
-    lattice = CONTINUUM[name][0]
     x, y = np.pi * np.array([[1, 1, 0.5, 0.5], [0, 1, 0, 0.5]]) / lattice.spacing
     found = lattice.stiffness(Wavevectors.of_components(x, y), 0.0) * lattice.spacing
-    np.testing.assert_allclose(found, ZONE[name], rtol=1e-11)
+    np.testing.assert_allclose(found, short, rtol=1e-11)
 
 
 @pytest.mark.parametrize("lattice", [*(cubic(ratio) for ratio in (0.05, 1.0, 20.0)), fcc(), fcc(layers=3)])
@@ -281,41 +274,36 @@ def test_a_chain_of_atoms_is_a_line(tmp_path: Path) -> None:
     np.testing.assert_allclose(Tabulated(table=table).stiffness(q, 0.0), freed[1:9] / 0.5, rtol=1e-12)
 
 
+def saved(values: Any) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, values)
+    return stream.getvalue()
+
+
 @pytest.mark.parametrize(
-    ("data", "message"),
+    ("name", "data", "message"),
     [
-        (b"short", "it ends within its head"),
-        (fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0, 1]])[:-8], "it has .* bytes; must be"),
-        (
-            fix_gfc(coefficients(8, 8, 6), [[1, 0.0], [0, 1]], atoms=2),
-            "its cells have 2 atoms; must have one",
-        ),
-        (fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0.5, 1]]), "its cells are skew"),
-        (fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0, 1]]), r"has the period \[8.0, 8.0\]; must be"),
+        ("bin.5000", b"short", "it ends within its head"),
+        ("bin.5000", fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0, 1]])[:-8], "it has .* bytes; must be"),
+        ("bin.5000", fix_gfc(coefficients(8, 8, 6), [[1, 0.0], [0, 1]], atoms=2),
+         "its cells have 2 atoms; must have one"),
+        ("bin.5000", fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0.5, 1]]), "its cells are skew"),
+        ("bin.5000", fix_gfc(coefficients(8, 8, 3), [[1, 0.0], [0, 1]]),
+         r"has the period \[8.0, 8.0\]; must be"),
+        ("npy", saved(np.arange(64.0).reshape(8, 8) + 1), "differs between q and -q"),
+        ("npy", saved(-np.ones((8, 8))), "must hold finite numbers along one axis or two, > 0"),
+        ("npy", saved(np.ones((8, 8)) + 1j), "cannot be read as an array"),
+        ("h5", b"no HDF5", "cannot be read as an array"),
     ],
-)
-def test_other_files_of_molecular_dynamics_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
-    table = tmp_path / "crystal.bin.5000"
+)  # fmt: skip
+def test_files_that_hold_no_stiffness_are_refused(
+    tmp_path: Path, name: str, data: bytes, message: str
+) -> None:
+    table = tmp_path / f"crystal.{name}"
     table.write_bytes(data)
-    grid = {"points": [8, 8], "period": 1.0}
+    body = {"kind": "table", "table": str(table)} | ({"period": 1.0} if name == "npy" else {})
     with pytest.raises(gfmdlayer.ConfigError, match=message):
-        gfmdlayer.Config(name="a", grid=grid, body={"kind": "table", "table": str(table)})
-
-
-def test_arrays_that_are_no_stiffness_are_refused(tmp_path: Path) -> None:
-    table, grid = tmp_path / "crystal.npy", {"points": [8, 8]}
-    for values, message in (
-        (np.arange(64.0).reshape(8, 8) + 1, "differs between q and -q"),
-        (-np.ones((8, 8)), "must hold finite numbers along one axis or two, > 0"),
-        (np.ones((8, 8)) + 1j, "cannot be read as an array"),
-    ):
-        np.save(table, values)
-        with pytest.raises(gfmdlayer.ConfigError, match=message):
-            gfmdlayer.Config(name="a", grid=grid, body={"kind": "table", "table": str(table), "period": 1.0})
-    other = tmp_path / "crystal.h5"
-    other.write_bytes(b"no HDF5")
-    with pytest.raises(gfmdlayer.ConfigError, match="cannot be read as an array"):
-        gfmdlayer.Config(name="a", grid=grid, body={"kind": "table", "table": str(other)})
+        gfmdlayer.Config(name="a", grid={"points": [8, 8], "period": 1.0}, body=body)
 
 
 def test_atoms_are_points_of_the_grid_in_solve_too() -> None:
@@ -350,7 +338,3 @@ def test_all_solvers_find_the_same_contact_on_a_lattice(method: str) -> None:
         for each in (method, "fire")
     )
     assert float(abs(one - other).max()) < 1e-7 * float(one.max())
-
-
-def test_elastic_is_the_default() -> None:
-    assert isinstance(fcc().material, Elastic)

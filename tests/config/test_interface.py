@@ -12,8 +12,7 @@ from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.model import stem
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.execution.sweep import cases, input_errors
-from gfmdlayer.interface.adhesion import Exponential
-from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.adhesion import Electrostatic, Exponential
 from gfmdlayer.validation.units import Units
 
 LAW: dict[str, Any] = {"law": "exponential", "work": 1e-3, "range": 4e-3}

@@ -15,8 +15,7 @@ from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem, Solution, Solver, project
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
-from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
 from gfmdlayer.interface.law import HARD_WALL, Interaction, total
 from gfmdlayer.punch.self_affine import SelfAffine
 

@@ -10,18 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.contact.active_set import windows
-from gfmdlayer.contact.active_set.loop import evaluate
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.active_set.windows import Windows
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.grid import NOWHERE, Grid, parts, periodic_extent
 from gfmdlayer.grid.transforms import Transforms
-
-Floats = NDArray[np.float64]
 
 TOLERANCE = 1e-10
 SHAPES = [(1024,), (1000,), (243 * 4,), (512, 256), (390, 780)]
@@ -80,25 +76,6 @@ def assert_same(found: Solution, expected: Solution, problem: Problem, tolerance
     assert found.mean_pressure == pytest.approx(expected.mean_pressure, rel=20 * tolerance)
     assert found.mean_gap == pytest.approx(expected.mean_gap, rel=20 * tolerance)
     assert found.contact_area == pytest.approx(expected.contact_area, abs=2 / problem.obstacle.size)
-
-
-@each_shape
-def test_the_response_to_pressure_in_a_window_is_that_on_the_surface(shape: tuple[int, ...]) -> None:
-    problem, random = problem_of(shape, "free mean"), np.random.default_rng(1)
-    transforms, part = Transforms(shape), parts(shape)[0]
-    solver = ActiveSet(transforms)
-    solver._set_stiffness(problem.stiffness, problem.residual_floor, load_given=False)
-    _, window = solver._windows._window(part)
-    pressed = (*((slice(0, window.width[0]),) if len(shape) > 1 else ()), slice(0, window.width[1]))
-    p = np.zeros(shape)
-    p[pressed] = random.random(p[pressed].shape)
-    compliance = (1 / problem.stiffness).reshape(transforms.spectral_shape)
-    surface = np.fft.irfftn(np.fft.rfftn(p) * compliance, s=shape, axes=range(len(shape)))
-    window.system.gap0[:] = 0.0
-    window.at.p[:] = np.ravel(p[tuple(slice(0, n // part) for n in shape)])
-    evaluate(window.plans, window.system, window.at, window.work)
-    gap = window.at.gap.reshape(tuple(n // part for n in shape))[pressed]
-    np.testing.assert_allclose(gap, surface[pressed], atol=1e-13 * np.abs(surface).max())
 
 
 @each_shape

@@ -19,14 +19,14 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL
-from tests.friction.cases import random_problem, rough
+from tests.friction.cases import halfspace, random_problem, rough
 
 
 def setting(
     points: tuple[int, ...], period: float = 1.0, poisson: float = 0.5
 ) -> tuple[Grid, Response, FrictionSolver]:
     grid = Grid(points, (period,) * len(points))
-    return grid, Response.of_halfspace(grid, 1.0, poisson), FrictionSolver(grid, Transforms(points))
+    return grid, halfspace(grid, 1.0, poisson), FrictionSolver(grid, Transforms(points))
 
 
 def parabola(grid: Grid, radius: float) -> np.ndarray:
@@ -85,7 +85,7 @@ def test_a_window_responds_as_the_whole_surface(points: tuple[int, ...]) -> None
     held[(slice(-20, None),) * len(points)] = held[(slice(0, 9),) * len(points)] = 1.0  # across the boundary
     near = np.flatnonzero(held.ravel() * (r.random(grid.size) < 0.7))
     spent = Spent()
-    response = Operator(grid, Response.of_halfspace(grid, 1.0, 0.1), Work(Transforms(points), spent, 1.0))
+    response = Operator(grid, halfspace(grid, 1.0, 0.1), Work(Transforms(points), spent, 1.0))
     x = np.zeros((1 + len(points), grid.size))
     x[:, near] = r.standard_normal((1 + len(points), near.size))
     whole = response(x)[:, near]
@@ -100,7 +100,7 @@ def test_plans_beside_those_that_are_kept_are_always_the_same(tmp_path: Path) ->
     """So the bits of a run repeat: a plan that is measured in the run may round differently each time."""
     points, found = (48, 48), set()
     wisdom, grid = planned(points, tmp_path), Grid(points, (1.0, 1.0))
-    response = Response.of_halfspace(grid, 1.0, 0.3)
+    response = halfspace(grid, 1.0, 0.3)
     problem = Problem(response, parabola(grid, 0.25), Law(0.4), load=0.01, force=np.array([1e-3, 0.0]))
     for _ in range(3):
         forget_wisdom()
@@ -149,7 +149,7 @@ def test_a_sphere_has_the_numbers_of_contact() -> None:
     period, mu, radius, load = 12.0, 0.4, 50.0, 9.1954
     force = 7 / 8 * mu * load
     grid = Grid((128, 128), (period, period))
-    one = Response.of_halfspace(grid, 200.0, 0.42)
+    one = halfspace(grid, 200.0, 0.42)
     both = Response(2 * one.normal, 0 * one.coupling, 2 * one.along, 2 * one.across)
     given = {"load": load / period**2, "force": np.array([force, 0.0]) / period**2}
     solver = FrictionSolver(grid, Transforms(grid.points))
@@ -240,9 +240,9 @@ def test_limits_of_the_coefficient(on_a_surface: tuple[FrictionSolver, Problem, 
 def test_the_critical_coefficient_of_a_halfspace_is_that_of_its_poisson_ratio() -> None:
     grid, *_ = setting((16, 16))
     for poisson in (0.0, 0.3):
-        critical = Response.of_halfspace(grid, 2.0, poisson).critical_coefficient
+        critical = halfspace(grid, 2.0, poisson).critical_coefficient
         assert critical == pytest.approx((2 - 2 * poisson) / (1 - 2 * poisson), rel=1e-14)
-    assert Response.of_halfspace(grid, 2.0, 0.5).critical_coefficient == np.inf
+    assert halfspace(grid, 2.0, 0.5).critical_coefficient == np.inf
 
 
 def test_a_shear_strength_ends_the_traction(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:

@@ -16,6 +16,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.modes import Modes, exponential
@@ -124,11 +125,10 @@ def test_spectral_means_are_means_over_the_surface(shape: tuple[int, ...]) -> No
     assert grid.sums.mean(fields[0]) == pytest.approx(fields[0].mean(), abs=EPS)
 
 
-class Divided(Sums):
-    """Sums over a grid with several holders, each of them in a thread."""
+class Divided(Ranks):
+    """Holders of a grid, each of them in a thread."""
 
-    def __init__(self, weights: Any, rank: int, values: list[Any], barrier: Barrier) -> None:
-        super().__init__(weights)
+    def __init__(self, rank: int, values: list[Any], barrier: Barrier) -> None:
         self._rank, self._values, self._barrier = rank, values, barrier
 
     def _all(self, partial: Any) -> list[Any]:
@@ -174,7 +174,8 @@ def test_modes_on_a_divided_grid_have_the_energy_and_the_error_of_the_whole(velo
 
     values, barrier = [None, None], Barrier(2)
     halves = slice(0, 7), slice(7, size)  # of different size
-    divided = [Divided(grid.parseval_weights[waves], i, values, barrier) for i, waves in enumerate(halves)]
+    weights = grid.parseval_weights
+    divided = [Sums(weights[waves], Divided(i, values, barrier)) for i, waves in enumerate(halves)]
     with ThreadPoolExecutor(2) as threads:
         parts = list(threads.map(numbers, halves, divided))
     assert parts[0] == parts[1]

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from gfmdlayer import Layer, LayerStack, Prony, Zener
 from gfmdlayer.body.relaxation import VectorSpectrum
 from gfmdlayer.friction.problem import Law, Problem
-from gfmdlayer.friction.response import Operator, Response, Spent, Work
+from gfmdlayer.friction.response import Operator, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.traction_modes import TractionModes, VectorModes
+from tests.friction.cases import halfspace
 
 Floats = NDArray[np.float64]
 Spectra = NDArray[np.complex128]
@@ -77,7 +78,7 @@ def test_creep_of_a_halfspace_under_tractions_in_all_directions(grid: Grid) -> N
     # The solver's own operator has the elastic response. The scheme is of second order; the error that is
     # left after extrapolation is of the fourth: (dt/theta)^4 < 1e-6 with the smallest time, tau = 1.
     work = Work(Transforms(grid.points), Spent(), 1.0)
-    elastic = Operator(grid, Response.of_halfspace(grid, 1.0, 0.3), work)
+    elastic = Operator(grid, halfspace(grid, 1.0, 0.3), work)
     creep = 1 / SOLID.G0 - (1 / SOLID.G0 - 1 / SOLID.Ginf) * math.exp(-SOLID.G0 / (SOLID.tau * SOLID.Ginf))
     expected = creep * elastic(random_tractions(grid))
     found = [fields_of(crept(HALFSPACE, grid, steps).displacement, grid) for steps in (20, 40)]
