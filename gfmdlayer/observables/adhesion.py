@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -53,6 +52,7 @@ class Adhesion(Observable):
             origin="over the steps in which the depth falls",
         ),
     )
+    KEPT = "force", "stress", "work", "last"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -62,7 +62,7 @@ class Adhesion(Observable):
     def __init__(self, case: Parts) -> None:
         self._sums = case.grid.sums
         self._force = self._stress = self._work = 0.0
-        self._last: tuple[float, float] | None = None  # depth and mean pressure
+        self._last: tuple[float, ...] = ()  # depth and mean pressure
 
     @property
     def attributes(self) -> Mapping[str, float]:  # type: ignore[override]
@@ -86,7 +86,7 @@ class Adhesion(Observable):
         }
 
     def _pull(self, depth: float, pressure: float, force: float) -> None:
-        if self._last is not None and depth <= self._last[0]:
+        if self._last and depth <= self._last[0]:
             self._force, self._stress = max(self._force, -force), max(self._stress, -pressure)
             before, now = max(-self._last[1], 0.0), max(-pressure, 0.0)
             part = 1.0  # of the step, in which the punch pulls
@@ -94,15 +94,3 @@ class Adhesion(Observable):
                 part = max(before, now) / abs(pressure - self._last[1])
             self._work += 0.5 * (before + now) * (self._last[0] - depth) * part
         self._last = depth, pressure
-
-    def state(self) -> State:
-        """Return the numbers so far and the last point."""
-        last = {} if self._last is None else {"last": self._last}
-        return {"force": self._force, "stress": self._stress, "work": self._work, **last}
-
-    def restore(self, state: State) -> None:
-        """Continue from those of another run."""
-        self._force, self._stress, self._work = (float(state[name]) for name in ("force", "stress", "work"))
-        if "last" in state:
-            depth, pressure = state["last"]
-            self._last = float(depth), float(pressure)

@@ -23,7 +23,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute
@@ -81,6 +80,8 @@ def across(start: Point, end: Point) -> float:
 class Instabilities(Observable):
     """Lists the instabilities of a case in its attributes."""
 
+    KEPT = "lost", "count", "found", "last"
+
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
         """Return no columns, in a case whose interface attracts."""
@@ -112,13 +113,3 @@ class Instabilities(Observable):
                 self._found.remove(min(self._found, key=lambda each: each[2]))
         self._last = now
         return {}
-
-    def state(self) -> State:
-        """Return the instabilities so far."""
-        return {"lost": self._lost, "count": self._count, "found": self._found, "last": self._last}
-
-    def restore(self, state: State) -> None:
-        """Continue with the instabilities of another run."""
-        self._lost, self._count = float(state["lost"]), int(state["count"])
-        self._found = [tuple(each) for each in state["found"].reshape(-1, 4).tolist()]
-        self._last = tuple(state["last"].tolist())
