@@ -26,12 +26,12 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.inside_plot import inside_figure
+from gfmdlayer.figures.interface_plots import stick_figure
 from gfmdlayer.figures.labels import SCALES
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import animated
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Style, styled
 from gfmdlayer.figures.selection import case_dimensions, swept
-from gfmdlayer.figures.slip_plots import stick_figure
 from gfmdlayer.figures.snapshot_plots import Inset, cases_with_snapshots, snapshots_figure, waterfall_figure
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.results.schema import FIELDS, ResultsError

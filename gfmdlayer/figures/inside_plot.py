@@ -46,30 +46,8 @@ def inside_figure(
 ) -> Figure:
     """Draw a stress below the surface at the snapshots, and of a surface the stresses at the interfaces.
 
-    Parameters
-    ----------
-    case : xarray.Dataset
-        A case with `output.inside`, or what `gfmdlayer.inside` returns beside its snapshots.
-    name : str
-        The field: von_mises (the default), largest_shear, shear_on_plane, or one of the file. A surface is
-        cut along x, through its largest pressure at the last snapshot.
-    title : str
-        Above the figure.
-    style : Style
-        Sizes and fonts.
-    notes : sequence of str
-        Lines below the figure.
-    every : bool
-        Whether all of many snapshots are drawn; otherwise a note says how many are.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    ResultsError
-        If the snapshots have no fields below the surface, or not this one.
+    The field is von_mises (the default), largest_shear, shear_on_plane, or one of the file. A surface is cut
+    along x, through its largest pressure at the last snapshot.
     """
     name = name or "von_mises"
     case = _with_fields(case)
@@ -90,7 +68,8 @@ def inside_figure(
             left_out.append(f"{len(shown)} of {len(faces)} interfaces")
         (left, right), depth = seen.view["x"], float(case["z"][-1])
         high = 150.0 * min(max(depth / (right - left), 0.15), 0.45)
-        wide = 62.0 * (1.0 if is_line else _ratio(seen)) + 12.0
+        low, top = seen.view.get("y", (0.0, 0.0))
+        wide = 62.0 * min((top - low) / (right - left), 1.3) + 12.0
         figure = new_figure(2, 14.0 + (high + 9.0) * len(drawn) + wide * len(shown), style)
         heights = [high] * len(drawn) + [wide] * len(shown)
         grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
@@ -100,7 +79,9 @@ def inside_figure(
         for i, (axes, time) in enumerate(zip(panels, snapshot_titles(cuts), strict=True)):
             mesh = _draw_section(axes, cuts.isel(snapshot=i), drawn.isel(snapshot=i), seen, ends)
             axes.set_title(time, loc="right")
-            _bar(axes, mesh, drawn, case)
+            place, levels = axes.inset_axes((1.02, 0.0, 0.02, 1.0)), mesh.levels[:: -(-len(mesh.levels) // 8)]
+            bar = figure.colorbar(mesh, cax=place, ticks=levels, spacing="proportional")
+            name_axes(bar.ax, y=quantity(drawn, case.attrs))
         name_axes(panels[-1], quantity(case["x"], case.attrs))
         panels[0].set_title(title, loc="left")
         last = part.isel(snapshot=-1)
@@ -145,11 +126,6 @@ def _interfaces(case: Dataset) -> list[int]:
     return [i for i in range(len(z) - 1) if layers[i + 1] > layers[i] and z[i + 1] == z[i]]
 
 
-def _ratio(seen: Extremes) -> float:
-    (left, right), (low, high) = seen.view["x"], seen.view["y"]
-    return min((high - low) / (right - left), 1.3)
-
-
 def _ends(field: DataArray) -> tuple[float, float]:
     """Return the ends of the colours: from zero, or alike on both sides of zero."""
     low, high = float(field.min()), float(field.max())
@@ -190,14 +166,6 @@ def _draw_section(
     return mesh
 
 
-def _bar(axes: Axes, mesh: Any, field: DataArray, case: Dataset) -> None:
-    levels = mesh.levels[:: -(-len(mesh.levels) // 8)]
-    bar = axes.figure.colorbar(
-        mesh, cax=axes.inset_axes((1.02, 0.0, 0.02, 1.0)), ticks=levels, spacing="proportional"
-    )
-    name_axes(bar.ax, y=quantity(field, case.attrs))
-
-
 def _draw_interface(figure: Figure, grid: Any, row: int, case: Dataset, face: int, seen: Extremes) -> None:
     """Draw maps of peel and shear stress at an interface."""
     at = case.isel(z=face)
@@ -207,8 +175,7 @@ def _draw_interface(figure: Figure, grid: Any, row: int, case: Dataset, face: in
     for column, field in enumerate((at["stress_zz"].load(), shear)):
         axes = figure.add_subplot(grid[row, column])
         ends = _ends(field)
-        mesh = draw_map(axes, case, field, seen.view, ends)
-        mesh.set_cmap(SIGNED if ends[0] < 0 else "viridis")
+        mesh = draw_map(axes, case, field, seen.view, ends, SIGNED if ends[0] < 0 else "viridis")
         axes.set_title(z.equals([float(f"{float(case['z'][face]) / z.scale:.4g}")])[0], loc="right")
         name_axes(axes, x, y if column == 0 else None)
         draw_bar(axes, mesh, quantity(field, case.attrs))

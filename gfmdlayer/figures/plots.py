@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.inside_plot import inside_figure
+from gfmdlayer.figures.interface_plots import stick_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes, select
-from gfmdlayer.figures.slip_plots import stick_figure
 from gfmdlayer.figures.snapshot_plots import (
     MOST_CASES,
     Inset,
