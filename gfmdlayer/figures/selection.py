@@ -63,12 +63,7 @@ def case_titles(sweep: Dataset) -> dict[tuple[int, ...], str]:
 
 
 def select(sweep: Dataset, wanted: Mapping[str, Wanted]) -> Dataset:
-    """Select cases of a sweep by the values of swept keys.
-
-    A swept key, whole or as its dimension is named, is mapped to a number, of which the nearest value is
-    taken; to a range (from, to), as text "from:to", that includes its ends; or to the text of a value, or a
-    part of it.
-    """
+    """Select cases by swept keys: nearest number, range (from, to) or "from:to", or (part of) a text."""
     for name, value in wanted.items():
         key = find_key(sweep, name)
         if key.ndim == 0:
@@ -88,11 +83,7 @@ def find_key(sweep: Dataset, name: str) -> DataArray:
 
 
 def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "") -> Dataset:
-    """Return the cases at some places along a swept key.
-
-    A single value is fixed: its dimension goes, except the dimension `case` of a list. `asked` is the value
-    that the user asked for, if it is not one of them.
-    """
+    """Return the cases at places along a swept key, noting the value `asked` for; a single one is fixed."""
     dimension = str(key.dims[0])
     is_held = len(places) == 1 and dimension != "case"
     taken = sweep.isel({dimension: places[0] if is_held else list(places)})
@@ -104,10 +95,7 @@ def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "
 
 
 def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
-    """Return the notes below a figure on fixed values, values and cases not drawn, and missing columns.
-
-    A single case has no notes.
-    """
+    """Return the notes below a figure on fixed values, values and cases not drawn, and missing columns."""
     if "case" not in dataset.coords or not swept(dataset):
         return []
     fixed, parts = [], []
@@ -204,12 +192,7 @@ def _number(text: str | float) -> float:
 
 
 def default_columns(dataset: Dataset) -> list[str]:
-    """Return the columns that have a panel: those declared with a symbol.
-
-    The contact area is the interpolated one, which has no steps, where the results hold it. Under a
-    prescribed load or force the depth is in place of the mean pressure; where cases differ in what is
-    prescribed, both are drawn.
-    """
+    """Return the columns with a panel: those with a symbol; under a load the depth for the mean pressure."""
     names = [name for name, column in known_columns().items() if column.symbol]
     if INTERPOLATED in dataset.data_vars:
         names[names.index("contact_area")] = INTERPOLATED
@@ -234,10 +217,7 @@ def rows(dataset: Dataset | DataArray) -> str:
 
 
 def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
-    """Return the name of a column, or of time, in the results; ResultsError if there is none.
-
-    With `of_cases` also a number of each case of a sweep is allowed, which does not depend on time.
-    """
+    """Return the name of a column, of time, or with `of_cases` of a number of each case, in the results."""
     along = {rows(dataset), *case_dimensions(dataset)}
     needed = set() if of_cases else {rows(dataset)}
     columns = [str(each) for each, column in dataset.data_vars.items() if needed <= {*column.dims} <= along]
@@ -268,11 +248,7 @@ def each_interface(dataset: Dataset, names: Sequence[str]) -> tuple[Dataset, lis
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:
-    """Return a column at a time, by default at the end of each case, or at its extreme, and when that is.
-
-    It is taken from the nearest row of each case; after its end a case has no value. A number of each case is
-    the same at all times, of which nothing is said.
-    """
+    """Return a column at the nearest rows to a time, by default at the end, or its extreme; say when."""
     column, along, times = dataset[name].load(), rows(dataset), dataset["time"]
     if along not in column.dims:
         return column, ""
