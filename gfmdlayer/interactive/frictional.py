@@ -15,7 +15,7 @@ from gfmdlayer.friction.response import Response
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning
+from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, numbers_in
 from gfmdlayer.interface.law import Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables.contact_statistics import area_error, interpolated_area
@@ -50,11 +50,9 @@ def with_friction(
         raise ConfigError(["tangential_force: given with tangential_displacement; must be one of the two"])
     response, axes = _response(body, grid, glassy), len(grid.points)
     moved, before, start, gap = _taken_from(previous, grid)
-    area = math.prod(grid.period)
-    force = None
+    force, at = None, moved
     if tangential_force is not None:
-        force = _components("tangential_force", tangential_force, axes) / area
-    at = moved
+        force = _components("tangential_force", tangential_force, axes) / math.prod(grid.period)
     if tangential_displacement is not None:
         at = _components("tangential_displacement", tangential_displacement, axes)
     control, value = target
@@ -99,22 +97,16 @@ def _law(friction: float | Mapping[str, float]) -> Law:
         keys = ", ".join(map(str, given)) or "nothing"
         raise ConfigError([f"friction: got {keys}; must be a number, or a mapping of coefficient, strength"])
     for name, value in given.items():
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            number = math.nan
-        if not number >= 0:
+        number = numbers_in(value)
+        if number.size != 1 or not number[0] >= 0:
             raise ConfigError([f"friction.{name}: got {shown(value)}; must be a number >= 0"])
-        given[name] = number
+        given[name] = float(number[0])
     return Law(**given)
 
 
 def _components(name: str, value: float | Sequence[float], axes: int) -> FloatArray:
     """Return the components along the axes; of a number, that along x."""
-    try:
-        given = np.atleast_1d(np.asarray(value, dtype=float))
-    except (TypeError, ValueError):
-        given = np.array([math.nan])
+    given = numbers_in(value)
     if given.ndim > 1 or given.size > axes or not np.isfinite(given).all():
         allowed = "a number" if axes == 1 else "a number, or a pair along x and y"
         raise ConfigError([f"{name}: got {shown(value)}; must be {allowed}, finite"])
@@ -128,12 +120,11 @@ def _taken_from(
     axes = "xy"[: len(grid.points)]
     if previous is None:
         return np.zeros(len(axes)), None, None, None
-    needed = [
-        f"{name}_{axis}" for name in ("displacement", "shear", "tangential_displacement") for axis in axes
-    ]
-    missing = [name for name in needed if name not in previous]
-    if missing:
-        raise ConfigError([f"previous: has no {missing[0]}; must be a result of solve with friction"])
+    for name in ("displacement", "shear", "tangential_displacement"):
+        for axis in axes:
+            if f"{name}_{axis}" not in previous:
+                must = "must be a result of solve with friction"
+                raise ConfigError([f"previous: has no {name}_{axis}; {must}"])
     if previous["pressure"].shape != grid.shape:
         shapes = f"{previous['pressure'].shape}; must be {grid.shape}"
         raise ConfigError([f"previous: has the shape {shapes}"])

@@ -23,7 +23,7 @@ from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.interactive.frictional import FRICTIONAL, with_friction
-from gfmdlayer.interactive.one_contact import dataset
+from gfmdlayer.interactive.one_contact import dataset, numbers_in
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
@@ -205,7 +205,10 @@ def solve(
     given: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping | str) else {}
     if isinstance(interface, Interface | Mapping | Sequence):
         given["interface"] = interface
-    config = _config({"points": _points(punch, points), "period": period}, options, given)
+    if points is None:
+        has_keys = callable(punch) or isinstance(punch, Shape | Mapping | str)
+        points = POINTS if has_keys else numbers(punch).shape  # type: ignore[arg-type]
+    config = _config({"points": points, "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
     _check_grid(body, grid)
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
@@ -262,6 +265,14 @@ def _check_options(options: Mapping[str, object]) -> None:
         raise ConfigError(f"{name}: {allowed}{nearest(name, known)}" for name in unknown)
 
 
+def _check_friction(given: Mapping[str, object], *, plain: bool) -> None:
+    """Check that friction is given, and nothing that does not go with it."""
+    if "friction" not in given:
+        raise ConfigError([f"{name}: only with friction; remove it" for name in given])
+    if not plain:
+        raise ConfigError(["friction: not with isolated=True or a hardness; remove one"])
+
+
 def _check_grid(body: Body, grid: Grid) -> None:
     """Raise a ConfigError if the grid does not suit a body, or one of a pair."""
     if isinstance(body, Pair):
@@ -271,13 +282,6 @@ def _check_grid(body: Body, grid: Grid) -> None:
         found = body.problems_on_grid(grid.points, grid.period)
         if messages := [f"body.{problem.key}: {problem.message}" for problem in found]:
             raise ConfigError(messages)
-
-
-def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
-    """Return the points of the grid, by default the points of an array of heights."""
-    if points is not None:
-        return points
-    return POINTS if callable(punch) or isinstance(punch, Shape | Mapping | str) else numbers(punch).shape  # type: ignore[arg-type]
 
 
 def _config(grid: Mapping[str, Any], solver: Mapping[str, object], given: Mapping[str, Any]) -> Config:
@@ -303,23 +307,12 @@ def _prescribed(
         found = " and ".join(given) or "nothing"
         raise ConfigError([f"solve: got {found}; must be one of depth, mean_pressure and force"])
     ((name, value),) = given.items()
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
+    number = float(numbers_in(value).sum()) if np.size(value) == 1 else math.nan
     if not math.isfinite(number) or (number < 0 and not interface.attracts):
         raise ConfigError([f"{name}: got {shown(value)}; must be a number >= 0, finite"])
     if name == "depth":
         return "depth", number
     return "load", number / (area if name == "force" else 1.0)
-
-
-def _check_friction(given: Mapping[str, object], *, plain: bool) -> None:
-    """Check that friction is given, and nothing that does not go with it."""
-    if "friction" not in given:
-        raise ConfigError([f"{name}: only with friction; remove it" for name in given])
-    if not plain:
-        raise ConfigError(["friction: not with isolated=True or a hardness; remove one"])
 
 
 def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) -> FloatArray:
