@@ -205,10 +205,7 @@ def solve(
     given: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping | str) else {}
     if isinstance(interface, Interface | Mapping | Sequence):
         given["interface"] = interface
-    if points is None:
-        has_keys = callable(punch) or isinstance(punch, Shape | Mapping | str)
-        points = POINTS if has_keys else numbers(punch).shape  # type: ignore[arg-type]
-    config = _config({"points": points, "period": period}, options, given)
+    config = _config({"points": _points(punch, points), "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
     _check_grid(body, grid)
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
@@ -282,6 +279,13 @@ def _check_grid(body: Body, grid: Grid) -> None:
         found = body.problems_on_grid(grid.points, grid.period)
         if messages := [f"body.{problem.key}: {problem.message}" for problem in found]:
             raise ConfigError(messages)
+
+
+def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
+    """Return the points of the grid, by default the points of an array of heights."""
+    if points is not None:
+        return points
+    return POINTS if callable(punch) or isinstance(punch, Shape | Mapping | str) else numbers(punch).shape  # type: ignore[arg-type]
 
 
 def _config(grid: Mapping[str, Any], solver: Mapping[str, object], given: Mapping[str, Any]) -> Config:

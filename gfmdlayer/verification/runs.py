@@ -47,7 +47,7 @@ class Recording(journal.Recording):
 
 
 def run(*values: Mapping[str, object], **parts: Unpack[Parts]) -> Recording:
-    """Run the paper's default case with these dotted values, the last counts, and parts in place of its own."""
+    """Run the paper's default case with dotted values, of which the last count, and with other parts."""
     config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
     found = Recording()
     simulate(Case(config, warm_up(config), **parts), found)
@@ -55,14 +55,9 @@ def run(*values: Mapping[str, object], **parts: Unpack[Parts]) -> Recording:
 
 
 def there_and_back(
-    start: float,
-    depth: float,
-    final: float,
-    approach: float,
-    retract: float | None = None,
-    dwell: float = 0.0,
+    start: float, depth: float, final: float, approach: float, retract: float = 0.0, dwell: float = 0.0
 ) -> dict[str, object]:
-    """Return the trajectory of an approach and a retraction at speeds, by default the same."""
+    """Return the trajectory of an approach and a retraction, by default at the same speed."""
     way = {"kind": "approach_retract", "start": start, "depth": depth, "final": final, "dwell": dwell}
     return way | {"approach_speed": approach, "retract_speed": retract or approach}
 
