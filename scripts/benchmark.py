@@ -21,7 +21,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pyfftw
-from benchmarks.tables import Effort, Table
+from benchmarks.common import Effort, Table
 
 from gfmdlayer.results.provenance import provenance
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from benchmarks.common import METHODS, STEP, default_case, run
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import METHODS, STEP, Cell, Effort, Table, default_case, run
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.prediction import DisplacementPrediction

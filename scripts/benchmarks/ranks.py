@@ -13,8 +13,7 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.mpi import over_ranks
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import Cell, Effort, Table, over_ranks
 
 from gfmdlayer.config import load
 from gfmdlayer.execution.case_run import prepare, run_case, warm_up

@@ -14,9 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 from benchmarks import slabs
-from benchmarks.common import bare_pairs, seconds
+from benchmarks.common import Cell, Effort, Table, cpu_of_a_pair
 from benchmarks.rough_peers import E_STAR, PART, RESIDUAL, SLOPE, compare, rough
-from benchmarks.tables import Cell, Effort, Table
 from benchmarks.whole_run import effort_of_run
 
 from gfmdlayer.contact.nested.solver import NestedGradient
@@ -128,7 +127,8 @@ def _layer(effort: Effort) -> Table:
         single = transforms.of_shape(config.grid.points, single=True)
         taken = of_double = of_single = math.inf
         for _ in range(effort.repetitions):
-            of_double, of_single = min(of_double, _bare(transforms)), min(of_single, _bare(single))
+            of_double = min(of_double, cpu_of_a_pair(transforms, _MEASURE))
+            of_single = min(of_single, cpu_of_a_pair(single, _MEASURE))
             begun = time.process_time()
             pairs, iterations = effort_of_run(config, wisdom)
             taken = min(taken, time.process_time() - begun)
@@ -149,14 +149,3 @@ def _layer(effort: Effort) -> Table:
         "then by its time; there is one in each iteration."
     )
     return Table("rough-layer", title, rows, note)
-
-
-def _bare(transforms: Transforms) -> float:
-    """Return the CPU time of an FFT pair."""
-    once = seconds(bare_pairs(transforms, 3)) / 3
-    task, found = bare_pairs(transforms, count := max(3, math.ceil(_MEASURE / once))), math.inf
-    for _ in range(5):
-        begun = time.process_time()
-        task()
-        found = min(found, (time.process_time() - begun) / count)
-    return found

@@ -10,16 +10,13 @@ from __future__ import annotations
 import math
 import os
 import sys
-import time
-from collections.abc import Callable
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from benchmarks.common import METHODS
-from benchmarks.tables import Cell, Table
+from benchmarks.common import METHODS, Cell, Table, cpu_seconds
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact.nested.solver import NestedGradient
@@ -121,7 +118,7 @@ def _tamaas(
         model.traction[:] = 0.0  # or it starts from the last solution
         peer.solve(mean_pressure)
 
-    taken = min(_cpu_seconds(solve) for _ in range(repetitions))
+    taken = min(cpu_seconds(solve) for _ in range(repetitions))
     return taken, np.ravel(model.traction).copy()
 
 
@@ -141,7 +138,7 @@ def _aspher(
             )
         ]  # fmt: skip
 
-    taken = min(_cpu_seconds(solve) for _ in range(repetitions))
+    taken = min(cpu_seconds(solve) for _ in range(repetitions))
     return taken, np.ravel(np.asarray(found[0].pressure, dtype=np.float64))
 
 
@@ -155,12 +152,6 @@ def _assessed(case: Case, problem: Problem, pressure: npt.NDArray[np.float64]) -
     return residual, area
 
 
-def _cpu_seconds(task: Callable[[], object]) -> float:
-    begun = time.process_time()
-    task()
-    return time.process_time() - begun
-
-
 def _solved(solver: Solver, problem: Problem, tolerance: float, repetitions: int) -> tuple[float, Solution]:
     start = np.zeros_like(problem.obstacle)
 
@@ -170,7 +161,7 @@ def _solved(solver: Solver, problem: Problem, tolerance: float, repetitions: int
     solution = solve()
     if not solution.converged:
         raise RuntimeError(f"a residual of {solution.residual:g} after {solution.iterations} iterations")
-    return min(_cpu_seconds(solve) for _ in range(repetitions)), solution
+    return min(cpu_seconds(solve) for _ in range(repetitions)), solution
 
 
 def rough(points: int, *, halfspace: bool = False, cutoff: float = 0.0) -> Config:
