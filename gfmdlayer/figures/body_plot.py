@@ -43,7 +43,7 @@ class Block(NamedTuple):
 
 
 def config_of(path: Path, case: int | None) -> tuple[Config, str]:
-    """Return the configuration in a YAML file, or of a case, by default the first of a folder; a title."""
+    """Return the configuration of a YAML file or of a case, by default the first of a folder; and a title."""
     if path.suffix in {".yaml", ".yml"}:
         return load(path), ""
     if path.is_file():

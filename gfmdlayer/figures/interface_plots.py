@@ -10,15 +10,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
 from gfmdlayer.figures.labels import Quantity, explained, finish, name_axes, quantity
-from gfmdlayer.figures.plot_style import (
-    PAPER,
-    Style,
-    colours,
-    legend_above,
-    line_style,
-    new_figure,
-    styled,
-)
+from gfmdlayer.figures.plot_style import PAPER, Style, colours, legend_above, line_style, new_figure, styled
 from gfmdlayer.figures.snapshot_plots import (
     MAP_POINTS,
     MOST_MAPS,
@@ -49,7 +41,10 @@ _CURVES = 6  # of shear traction below the map of a line
 def stick_figure(
     case: Dataset, title: str = "", style: Style = PAPER, notes: Sequence[str] = (), *, every: bool = False
 ) -> Figure:
-    """Draw stick, slip and shear traction: of a line over x and time, of a surface at `every` snapshot."""
+    """Draw stick, slip and the shear traction at the snapshots: of a line over x and time, else as maps.
+
+    `every` draws all of very many maps of a surface; otherwise a note says how many are drawn.
+    """
     if "slip_velocity_x" not in case:
         raise ResultsError("the snapshots have no slip; they are of a case without friction at the interface")
     is_line = "y" not in case["pressure"].dims

@@ -115,8 +115,9 @@ def mathtext(plain: str) -> str:
 def value_labels(values: Sequence[object]) -> list[str]:
     """Write values for a legend, all in the same way: 1/32 if all are whole or plain fractions.
 
-    Numbers of more than five digits are rounded to those that tell the values apart. A mapping in text, such
-    as "shape=parabola, radius=0.25", is shortened.
+    Numbers of more than five digits are rounded to those that tell the values apart. Infinity is written as
+    its sign, large numbers with powers of ten. Text stays, except that a mapping such as "shape=parabola,
+    radius=0.25" is shortened.
     """
     if any(isinstance(value, str) for value in values):
         return _short([str(value) for value in values])
@@ -246,7 +247,11 @@ class Quantity(NamedTuple):
 
 
 def quantity(array: DataArray, scales: Mapping[str, Any] = MappingProxyType({})) -> Quantity:
-    """Return how a variable, coordinate or swept key is drawn, by its `units` and the scales L, G0, tau."""
+    """Return how a variable, coordinate or swept key of results is drawn.
+
+    Its attribute `units` is "m", say, or a product of length, pressure and time; `scales` has L, G0 and tau.
+    Swept keys keep the numbers of the configuration.
+    """
     factors = _factors(str(array.attrs.get("units", "1")))
     if not factors.keys() <= SCALES.keys():
         return Quantity(symbol(array), str(array.attrs["units"]))

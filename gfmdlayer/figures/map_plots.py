@@ -145,7 +145,7 @@ def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
-    """Draw fitted parameters, all or those in `z`, with their errors, over the sample or over its curves."""
+    """Draw the parameters of a force map, or those in `z`, with their errors: over x and y, or the curves."""
     fitted = str(fits.attrs["fitted"]).split()
     if unknown := [name for name in z if name not in fitted]:
         raise ResultsError(f"{unknown[0]} was not fitted; must be one of {', '.join(fitted)}")
@@ -183,7 +183,10 @@ def _fitted(parameter: DataArray) -> Quantity:
 
 
 def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
-    """Draw values along two swept keys, the first along x, with a colour bar; hatched where there is none."""
+    """Draw values along two swept keys, the first along x, and a colour bar beside the panel.
+
+    Cases without a value are hatched.
+    """
     across, up = (values[name] for name in values.dims)
     cells = values.to_numpy().T
     axes.patch.set(facecolor="white", hatch="////", edgecolor="0.8")

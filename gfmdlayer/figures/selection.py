@@ -63,7 +63,11 @@ def case_titles(sweep: Dataset) -> dict[tuple[int, ...], str]:
 
 
 def select(sweep: Dataset, wanted: Mapping[str, Wanted]) -> Dataset:
-    """Select cases by swept keys: nearest number, range (from, to) or "from:to", or (part of) a text."""
+    """Select cases by the values of swept keys.
+
+    A value is a number, of which the nearest is taken; a range (from, to), or "from:to", with its ends; or a
+    text, or a part of one.
+    """
     for name, value in wanted.items():
         key = find_key(sweep, name)
         if key.ndim == 0:
@@ -83,7 +87,11 @@ def find_key(sweep: Dataset, name: str) -> DataArray:
 
 
 def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "") -> Dataset:
-    """Return the cases at places along a swept key, noting the value `asked` for; a single one is fixed."""
+    """Return the cases at some places along a swept key; a single place fixes the key.
+
+    The dimension of a fixed key goes, except the dimension `case` of a list. `asked` is the value that the
+    user asked for, if it is not one of them.
+    """
     dimension = str(key.dims[0])
     is_held = len(places) == 1 and dimension != "case"
     taken = sweep.isel({dimension: places[0] if is_held else list(places)})
@@ -192,7 +200,11 @@ def _number(text: str | float) -> float:
 
 
 def default_columns(dataset: Dataset) -> list[str]:
-    """Return the columns with a panel: those with a symbol; under a load the depth for the mean pressure."""
+    """Return the columns that have a panel: those declared with a symbol.
+
+    Under a prescribed load or force the depth replaces the mean pressure; where cases differ in the control,
+    both are drawn.
+    """
     names = [name for name, column in known_columns().items() if column.symbol]
     if INTERPOLATED in dataset.data_vars:
         names[names.index("contact_area")] = INTERPOLATED
@@ -217,7 +229,10 @@ def rows(dataset: Dataset | DataArray) -> str:
 
 
 def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
-    """Return the name of a column, of time, or with `of_cases` of a number of each case, in the results."""
+    """Return the name of a column, or of time, in the results; ResultsError if there is none.
+
+    With `of_cases`, a number of each case of a sweep is allowed too.
+    """
     along = {rows(dataset), *case_dimensions(dataset)}
     needed = set() if of_cases else {rows(dataset)}
     columns = [str(each) for each, column in dataset.data_vars.items() if needed <= {*column.dims} <= along]
@@ -248,7 +263,10 @@ def each_interface(dataset: Dataset, names: Sequence[str]) -> tuple[Dataset, lis
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:
-    """Return a column at the nearest rows to a time, by default at the end, or its extreme; say when."""
+    """Return a column at a time, by default at the end of each case, or its extreme; and words for the time.
+
+    It is taken from the nearest row of each case; after its end a case has no value.
+    """
     column, along, times = dataset[name].load(), rows(dataset), dataset["time"]
     if along not in column.dims:
         return column, ""

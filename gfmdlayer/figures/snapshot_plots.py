@@ -61,7 +61,11 @@ NOTICEABLE = 1e-4
 def cases_with_snapshots(
     path: Path, results: Dataset, number: int | None, most: int
 ) -> Iterator[dict[str, Dataset]]:
-    """Open the complete cases with snapshots among `results` at `path`, title -> case: `most`, or one."""
+    """Open complete cases that have snapshots, as title -> case, for a `with` block.
+
+    `results` are the contents of the folder or file at `path`, or a selection of its cases. By default all of
+    them are opened, or `most` of them from the first to the last; with `number`, this case.
+    """
     if "case" not in results.coords:
         if number:
             raise ResultsError(f"{path}: there is no case {number}; must be 0, the only one")
@@ -408,7 +412,10 @@ def draw_map(
 
 
 def map_values(case: Dataset, field: DataArray) -> FloatArray:
-    """Return the values of a map, rows along y, thinned to a picture; a closed gap is NaN: contact."""
+    """Return the values of a map, with rows along y, thinned to what a picture can show.
+
+    A closed gap is NaN, which has the colour of the contact.
+    """
     thinned = {name: slice(None, None, -(-field.sizes[name] // MAP_POINTS)) for name in "xy"}
     part = field.isel(thinned).transpose("y", "x")
     values: FloatArray = (part.where(part > 0) if field.name == "gap" else part).to_numpy()

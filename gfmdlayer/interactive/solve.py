@@ -298,11 +298,7 @@ def _config(grid: Mapping[str, Any], solver: Mapping[str, object], given: Mappin
 
 
 def _prescribed(
-    depth: float | None,
-    mean_pressure: float | None,
-    force: float | None,
-    area: float,
-    interface: Interaction,
+    depth: float | None, mean_pressure: float | None, force: float | None, area: float, interface: Interaction
 ) -> tuple[str, float]:
     """Return the kind of control and the depth or the mean pressure."""
     values = {"depth": depth, "mean_pressure": mean_pressure, "force": force}

@@ -185,7 +185,8 @@ class Observable:
     NUMBERS : tuple of Column
         Attributes that the sweep file holds too, a number for each case.
     KEPT : tuple of str
-        What it carries from step to step, "work" for its attribute `_work`: numbers, tuples or lists.
+        Names of the numbers, tuples and lists that it carries from step to step: "work" is the attribute
+        `_work`.
     finished : bool
         Whether the run may end after the last accepted step.
     attributes : dict

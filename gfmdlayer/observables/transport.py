@@ -189,7 +189,7 @@ class Leakage(Every):
 
 
 class OfSpots(Every):
-    """Follows from the sum of the impedances of the sides of the contact spots, on the whole grid."""
+    """Measures the contact spots; the impedances of both sides add, on the whole grid."""
 
     def __init__(self, case: Parts, every: int, sides: Sequence[tuple[Any, float]]) -> None:
         import numpy as np

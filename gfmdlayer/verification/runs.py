@@ -47,7 +47,10 @@ class Recording(journal.Recording):
 
 
 def run(*values: Mapping[str, object], **parts: Unpack[Parts]) -> Recording:
-    """Run the paper's default case with dotted values, of which the last count, and with other parts."""
+    """Run the paper's default case with these dotted values, later ones before earlier ones.
+
+    `parts` replace parts of the case.
+    """
     config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
     found = Recording()
     simulate(Case(config, warm_up(config), **parts), found)
@@ -63,7 +66,7 @@ def there_and_back(
 
 
 def exponential(work: float, reach: float) -> dict[str, object]:
-    """Return an interface that attracts exponentially over a range."""
+    """Return the law of an attraction that decays exponentially over a range."""
     return {"law": "exponential", "work": work, "range": reach}
 
 

@@ -259,9 +259,7 @@ _ABLATIONS = (
     _Ablation("cycle on surfaces: the preconditioner by transforms", others=(("cycle_of", _by_transform),)),
     _Ablation("states on the way in single precision", loop=lambda: {"_in_single": _in_double}),
     _Ablation(
-        "preconditioner",
-        loop=lambda: {"begin": _no_preconditioner},
-        others=(("cycle_of", _by_transform),),
+        "preconditioner", loop=lambda: {"begin": _no_preconditioner}, others=(("cycle_of", _by_transform),)
     ),
     _Ablation("its scale where the interface is stiff", loop=lambda: {"begin": _one_stiffness}),
     _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),

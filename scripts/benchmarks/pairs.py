@@ -89,11 +89,7 @@ def _counts(trace: Recording) -> dict[str, Cell]:
     """Mean FFT pairs of a step in the ramp, in the hold, and in both."""
     times, pairs = trace["time"][1:], trace["transforms"][1:]
     in_ramp = times <= 1 + STEP / 2
-    return {
-        "ramp": _mean(pairs[in_ramp]),
-        "hold": _mean(pairs[~in_ramp]),
-        "all": _mean(pairs),
-    }
+    return {"ramp": _mean(pairs[in_ramp]), "hold": _mean(pairs[~in_ramp]), "all": _mean(pairs)}
 
 
 def _mean(values: FloatArray) -> float | None:

@@ -200,7 +200,11 @@ def killed(seed: int, index: int, folder: Path, ways: tuple[str, ...] = ()) -> O
 
 
 def tried(trial: Trial, together: bool, disturb: Callable[[Trial, float, int], None]) -> Outcome:
-    """Run a study, disturb runs of it by their trial, and seconds and status of the first; compare."""
+    """Run a study undisturbed, disturb runs of it several times, and compare.
+
+    `together`: ranks share a surface. `disturb` takes the trial, and the seconds and the exit status of the
+    undisturbed run.
+    """
     try:
         chosen = study(trial.rng, together)
         run = trial.whole(chosen)
