@@ -110,7 +110,8 @@ def pictures(path: Path) -> Iterator[Picture]:
             results = results.drop_vars([name for name in FIELDS if name in results]).load()
         opened = stack.enter_context(cases_with_snapshots(path, results, None, 2))
         cases = {title: case.load() for title, case in opened.items()}
-        yield "body", lambda: body_figure(config_of(path, None)[0]), PAPER
+        config, which = config_of(path, None)
+        yield "body", lambda: body_figure(config, title=which), PAPER
         yield "loop", lambda: loop_figure(path, results), PAPER
         if "slip_heat" in results:
             yield "loop along the surface", lambda: loop_figure(path, results, y="tangential_force"), PAPER

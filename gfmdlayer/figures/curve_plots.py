@@ -52,6 +52,7 @@ if TYPE_CHECKING:
 LABELLED = 40  # most entries of a legend
 BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are above
 ROW_MM = 4.5  # of a legend
+OVER_FRAME = 2.6  # order of drawing: a fall at the last time is not hidden by the frame
 MOST_DURATIONS = 30.0  # longest over shortest case, on a linear axis of time
 
 
@@ -158,7 +159,8 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
         if {y, y.rpartition("_")[0]} & SPARSE:  # interface_peel_0 as interface_peel
             shown &= np.isfinite(values)
         across = across[shown] / along.scale
-        axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
+        look: dict[str, Any] = {"color": curve.colour, "linestyle": curve.dashes, "zorder": OVER_FRAME}
+        axes.plot(across, values[shown] / up.scale, **look)
         ends += [*across[:1], *across[-1:]]
     if x == "time" and len({*ends}) > 1:
         axes.set_xlim(min(ends), max(ends))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 TIME = Column("time", "time", "time", origin="from the beginning of the run")
 AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
               symbol=r"\tilde{a}", origin="over the cell")  # fmt: skip
-PRESSURE = Column("mean_pressure", "mean contact pressure ptilde = pbar / (2 G0)", symbol=r"\tilde{p}",
+PRESSURE = Column("mean_pressure", "mean pressure over the cell ptilde = pbar / (2 G0)", symbol=r"\tilde{p}",
                   origin="mean over the whole cell; G0 of the uppermost layer")  # fmt: skip
 DEPTH = Column("depth", "indentation depth of the punch", "length",
                origin="from the height at which the punch touches the surface at rest")  # fmt: skip
@@ -48,7 +48,9 @@ class Force(Observable):
     """Mean pressure over the cell, and the force over the cell: of a line contact, per length of the line."""
 
     COLUMNS = (
-        Column("mean_stress", "mean contact pressure pbar", "pressure", origin="mean over the whole cell"),
+        Column(
+            "mean_stress", "mean pressure over the cell pbar", "pressure", origin="mean over the whole cell"
+        ),
         Column(
             "force",
             "force on the punch over the cell",
