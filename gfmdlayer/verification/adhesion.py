@@ -111,11 +111,12 @@ def full_contact(_quick: bool) -> Iterator[Row]:
     strength, height = work / reach, math.pi * E_STAR * amplitude
     opens = height - strength
     motion = there_and_back(0.0, 2 * opens, 0.5 * opens, 100 * opens, opens)
+    motion |= {"control": "load", "load": motion.pop("depth")}
     values: dict[str, object] = {
         "grid.points": 256,
         "interface": exponential(work, reach),
         "punch": {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0},
-        "trajectory": {"control": "load", **motion, "load": motion.pop("depth")},
+        "trajectory": motion,
     }
     found = run(HALFSPACE, values, {"time.step": 0.01, "time.integrator": "exponential"})
     load = float(found["mean_stress"][found["contact_area"] == 1].min())
