@@ -7,6 +7,7 @@ python scripts/indentation_fits.py thickness          contact sizes at which the
 python scripts/indentation_fits.py histories          standard errors by history
 python scripts/indentation_fits.py pages               pictures of docs/guides: afm, nanoindenter, flat punch
 python scripts/indentation_fits.py figure             docs/theory/indentation.svg
+python scripts/indentation_fits.py loops              docs/theory/sticky-loops.svg: adhesion at three speeds
 """
 
 from __future__ import annotations
@@ -22,15 +23,17 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, least_squares
 
+import gfmdlayer
 from gfmdlayer import ForceCurve, design_indentation, fit_indentation
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.figures.plot_style import save
-from gfmdlayer.fitting.indentation import problem as problems
-from gfmdlayer.fitting.indentation.elastic import adhesion_of
+from gfmdlayer.fitting.indentation import stepped
+from gfmdlayer.fitting.indentation.curve import Correction
+from gfmdlayer.fitting.indentation.elastic import adhesion_of, work_for
 from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
-from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, free_parameters
+from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, Prediction, free_parameters
 from gfmdlayer.fitting.indentation.report import fit_figure, summary
 from gfmdlayer.indentation.solve import History, find_space, on_steps
 from gfmdlayer.punch.revolution import paraboloid
@@ -82,11 +85,11 @@ def truth(data: dict[str, Any], motion: tuple[np.ndarray, np.ndarray]) -> np.nda
 def responses(data: dict[str, Any], curve: ForceCurve) -> tuple[np.ndarray, np.ndarray]:
     """Return the force and the depth of a model under the prescribed column of a curve, with many steps."""
     model = Model(data)
-    prediction, config = problems.Prediction(curve), model.config
-    at = problems.Correction(stiffness=curve.stiffness or math.inf, adhesion=adhesion_of(model.adhesion))
-    steps, problems.STEPS = problems.STEPS, FINE
+    prediction, config = Prediction(curve), model.config
+    at = Correction(stiffness=curve.stiffness or math.inf, adhesion=adhesion_of(model.adhesion))
+    steps, stepped.STEPS = stepped.STEPS, FINE
     prediction.adapt(config, at)
-    problems.STEPS = steps
+    stepped.STEPS = steps
     return prediction.response(config, at)
 
 
@@ -109,9 +112,7 @@ def at_truth(
     force = truth(data, motion)
     curve = ForceCurve("a", *motion, force, noise=noise * float(force.max()))
     spans = {"contact_point": (-DEPTH, DEPTH), "force_offset": (-float(force.max()), float(force.max()))}
-    problem = LeastSquares(
-        Model(data), free_parameters(Model(data), free, ["a"], spans), [problems.Prediction(curve)]
-    )
+    problem = LeastSquares(Model(data), free_parameters(Model(data), free, ["a"], spans), [Prediction(curve)])
     problem.adapt(problem.start)
     return problem
 
@@ -244,9 +245,9 @@ def held_until(data: dict[str, Any], stiffness: float) -> float:
     kind = (
         {"prescribed": "depth"} if math.isinf(stiffness) else {"prescribed": "base", "stiffness": stiffness}
     )
-    prediction = problems.Prediction(ForceCurve("a", times, times, times, **kind))
+    prediction = Prediction(ForceCurve("a", times, times, times, **kind))
     model = Model(data)
-    at = problems.Correction(stiffness=stiffness, adhesion=adhesion_of(model.adhesion))
+    at = Correction(stiffness=stiffness, adhesion=adhesion_of(model.adhesion))
     return -prediction.contacts(model.config, at).position.end
 
 
@@ -255,8 +256,9 @@ def sticking(data: dict[str, Any]) -> dict[str, Any]:
     times, depth = RAMP_HOLD_BACK
     most = float(truth(data, RAMP_HOLD_BACK).max())
     curve = ForceCurve("a", times, depth, np.maximum(depth, 0.0), prescribed="depth")
-    prediction = problems.Prediction(curve)
-    work = prediction.work_for(PULL * most, Model(data).config, problems.Correction())
+    prediction = Prediction(curve)
+    bare = prediction.contacts(Model(data).config, Correction())
+    work = work_for(PULL * most, bare.equilibria)
     return data | {"adhesion": {"model": "jkr", "work": work}}
 
 
@@ -471,6 +473,48 @@ def figure() -> None:
     save(picture, Path(__file__).parents[1] / "docs" / "indentation.svg")
 
 
+def loops() -> None:
+    """Draw the approach and retraction of a sphere that sticks to a relaxing halfspace, at three speeds."""
+    from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
+
+    body = gfmdlayer.halfspace(gfmdlayer.Prony(1.0, [(9.0, 1.0)]))
+    elastic = gfmdlayer.halfspace(1.0)
+    sphere, unit = gfmdlayer.Parabola(radius=1.0), 1.5 * math.pi * 0.01
+    with styled():
+        picture = new_figure(2, 75.0)
+        left, right = picture.subplots(1, 2)
+        shades = colours(4)
+        jkr = gfmdlayer.indent(
+            elastic, sphere, [0, 1, 3], depth=[0, 0.05, -0.05], work_of_adhesion=0.01, tolerance=1e-5
+        )
+        for speed, shade, label in (
+            (1e-4, shades[0], "slow"),
+            (0.01, shades[1], "medium"),
+            (1.0, shades[2], "fast"),
+        ):
+            duration = 0.05 / speed
+            found = gfmdlayer.indent(
+                body, sphere, [0, duration, 13 * duration], depth=[0, 0.05, -0.55],
+                work_of_adhesion=0.01, edge_speed=0.01,
+            )  # fmt: skip
+            shown = np.flatnonzero(found.contact_radius.values > 0)[-1] + 2
+            name = f"{label}: {speed:g} R/τ"
+            left.plot(found.depth[:shown], found.force[:shown] / unit, color=shade, label=name)
+            right.plot(found.depth[:shown], found.contact_radius[:shown], color=shade, label=name)
+        for axes, name in ((left, "force"), (right, "contact_radius")):
+            values = jkr[name] / (unit if name == "force" else 1.0)
+            axes.plot(
+                jkr.depth, values, color="black", linestyle="--", linewidth=0.8, label="JKR, relaxed, $w_0$"
+            )
+            axes.set_xlabel("depth / R")
+            axes.set_title("(a)" if axes is left else "(b)", loc="left")
+        left.set_ylabel("force / (3/2 π w R)")
+        right.set_ylabel("contact radius / R")
+        left.axhline(0, color="black", linewidth=0.5)
+        left.legend(loc="upper left")
+    save(picture, Path(__file__).parents[1] / "docs" / "theory" / "sticky-loops.svg")
+
+
 GUIDES = Path(__file__).parents[1] / "docs" / "guides"
 SI = {"length": "um", "stress": "kPa", "time": "s"}  # forces in nN
 GEL: dict[str, Any] = {
@@ -503,17 +547,17 @@ def afm(rng: np.random.Generator) -> Any:
     base = np.interp(time, [0, 1.5], [-1.0, 0.7])
     pause = (time > 1.5) & (time <= end)
     words = np.where(pause, "force", "base")
-    at = problems.Correction(stiffness=stiffness)
+    at = Correction(stiffness=stiffness)
 
     def solved(rows: np.ndarray, base: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         curve = ForceCurve(
             "a", time[rows], (base - force / stiffness)[rows], force[rows], prescribed=list(words[rows]),
             stiffness=stiffness,
         )  # fmt: skip
-        prediction, config = problems.Prediction(curve), Model(GEL).config
-        steps, problems.STEPS = problems.STEPS, FINE
+        prediction, config = Prediction(curve), Model(GEL).config
+        steps, stepped.STEPS = stepped.STEPS, FINE
         prediction.adapt(config, at)
-        problems.STEPS = steps
+        stepped.STEPS = steps
         return prediction.response(config, at)
 
     approach = time <= 1.5
@@ -626,7 +670,8 @@ def flat_punch(rng: np.random.Generator) -> Any:
 
 if __name__ == "__main__":
     command = {
-        each.__name__: each for each in (coverage, instruments, peers, thickness, histories, pages, figure)
+        each.__name__: each
+        for each in (coverage, instruments, peers, thickness, histories, pages, figure, loops)
     }
     if len(sys.argv) < 2 or sys.argv[1] not in command:
         sys.exit(__doc__)

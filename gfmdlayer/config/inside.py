@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from gfmdlayer.body.depths import Place, between_faces, beyond, places
+from gfmdlayer.body.solid import Place, between_faces, beyond, places
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.validation.fields import Count, MustBe, NotNegative, given
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.problems import Problem, not_increasing
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ PerLayer = Annotated[int, Field(strict=True, ge=2, le=1000), MustBe("a whole num
 
 
 class Inside(Section):
-    """Displacements and stresses below the surface at the snapshots, at `depths` or `points` in each layer.
+    """Displacements and stresses below the surface at the snapshots.
 
     With `every` also columns of the rows: the largest stresses at these depths, and at the interfaces.
     """
@@ -48,14 +48,11 @@ class Inside(Section):
     def problems(self) -> Iterator[Problem]:
         """Require one of depths and points, and numbers that increase."""
         if (self.depths is None) == (self.points is None):
-            wrong = (
-                "missing; give depths or points" if self.depths is None else "given beside points; remove one"
-            )
+            given = self.depths is not None
+            wrong = "given beside points; remove one" if given else "missing; give depths or points"
             yield Problem(("depths",), wrong, ("points",))
         for key, values in (("depths", self.depths), ("times", self.times)):
-            for i, (before, value) in enumerate(pairwise(values or ()), start=1):
-                if value <= before:
-                    yield Problem((key, i), f"got {value!r} after {before!r}; {key} must increase", (key,))
+            yield from not_increasing((key,), values or (), key, key)
 
     def places(self, solid: Solid, period: Sequence[float]) -> list[Place]:
         """Return the places in a body of layers; a depth at an interface has two."""

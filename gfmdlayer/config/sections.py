@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import (
@@ -42,7 +41,7 @@ from gfmdlayer.validation.fields import (
     sequence,
     strict,
 )
-from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.problems import Problem, not_increasing, shown
 from gfmdlayer.validation.sections import Section
 
 Points = Annotated[
@@ -116,11 +115,7 @@ class Grid(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`.
-
-    For `kind: approach_retract` the default of `end` is the end of the path. With `steady` the run of a
-    moving punch ends when its relative change is smaller.
-    """
+    """The time axis from 0 to `end`; a moving punch may end in a steady state before."""
 
     end: Positive = 8.0
     """end of the run; default: the end of the approach_retract path: time"""
@@ -207,7 +202,7 @@ MOST_ROWS = 1_000_000  # of a case
 
 
 class Histogram(Section):
-    """Bins of a distribution: `bins` equal bins from 0 to `max`, or on a log scale from `min` to `max`.
+    """Equal bins from 0 to `max`, or from `min` on a log scale.
 
     One further bin at each end counts the values beyond.
     """
@@ -275,9 +270,9 @@ class Conductor(Section):
 
 
 class Conductance(Section):
-    """The resistance of the contact spots as a column: constriction, and the films in series.
+    """The resistance of the contact spots between body and punch: constriction, and the films in series.
 
-    The two conductors are the body and the punch. Thermal conductors follow the same equations.
+    Thermal conductors follow the same equations.
     """
 
     body: Conductor = Field(default_factory=Conductor)
@@ -304,11 +299,7 @@ class Stiffness(Section):
 
 
 class Output(Section):
-    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions.
-
-    Snapshots of every accepted step make a complete film, and need disk space for it. Without `times`
-    adaptive steps land only on the snapshots, the breakpoints of the trajectory and the end.
-    """
+    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions."""
 
     snapshots: Snapshots = ()
     """times at which the surface is written; every: after each step: time"""
@@ -342,14 +333,9 @@ class Output(Section):
             if name in names[:i]:
                 yield Problem(("observables", i), f"got {name!r} twice; name it once", ("observables",))
         frequencies = () if self.stiffness is None else self.stiffness.frequencies
-        for i, (lower, upper) in enumerate(pairwise(frequencies), start=1):
-            if upper <= lower:
-                message = f"got {upper!r} after {lower!r}; frequencies must increase"
-                yield Problem(("stiffness", "frequencies", i), message, ("stiffness",))
+        yield from not_increasing(("stiffness", "frequencies"), frequencies, "frequencies", "stiffness")
         for key, times in (("snapshots", self.snapshots), ("times", self.times)):
-            for i, (before, time) in enumerate(pairwise(times if isinstance(times, tuple) else ()), start=1):
-                if time <= before:
-                    yield Problem((key, i), f"got {time!r} after {before!r}; times must increase", (key,))
+            yield from not_increasing((key,), times if isinstance(times, tuple) else (), "times", key)
 
     def problems_until(self, end: float) -> Iterator[Problem]:
         """Refuse times past the end of the run, and too many rows."""

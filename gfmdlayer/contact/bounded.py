@@ -116,10 +116,9 @@ def safeguard(
     tolerance: float,
     limit: int,
 ) -> tuple[bool, int, int]:
-    """Bring the gap in the contact to `shift` [length], with the preconditioner.
-
-    Returns whether all points satisfy the conditions within the tolerance, the transforms and the iterations.
-    """
+    """Bring the gap in the contact to `shift` [length], with the preconditioner."""
+    # Returns whether all points satisfy the conditions within the tolerance, the transforms and the
+    # iterations.
     found, taken, done, descent = False, 0, 0, make_descent(transforms)
     if not descend.signatures:  # type: ignore[attr-defined]
         with compiling():  # rarely needed, and thus not compiled beforehand
@@ -145,10 +144,8 @@ def descend(
     limit: int,
     preconditioned: bool,
 ) -> tuple[bool, int, int]:
-    """Bring the gap in the contact to ``shift``; return whether it is, the transforms and the iterations.
-
-    Begins with an admissible pressure. Gap and pressure are an exact pair on return.
-    """
+    """Bring the gap in the contact to ``shift``; return whether it is, the transforms and the iterations."""
+    # Begins with an admissible pressure. Gap and pressure are an exact pair on return.
     p, gap, (step, change, _, work) = at.p, at.gap, descent
     # No eigenvalue of A exceeds the inverse of the smallest stiffness.
     longest = 1.0 if preconditioned else 1.0 / (system.compliance.max() * p.size)

@@ -142,11 +142,9 @@ def _last_three(fields: Sequence[FloatArray]) -> LastThree:
 def _learn(
     w: Weights, gaps: LastThree, last: FloatArray, now: FloatArray, contact: tuple[int, int]
 ) -> tuple[float, float, float, int, int]:
-    """Compare points that came into contact with their prediction.
-
-    `contact` are the points, multiples of a block apart, between which the last contact is. Returns two sums
-    over the points, whose ratio is mu; how many changed; and the points between which contact is now.
-    """
+    """Compare points that came into contact with their prediction."""
+    # `contact` are the points, multiples of a block apart, between which the last contact is. Returns two
+    # sums over the points, whose ratio is mu; how many changed; and the points between which contact is now.
     squares, predicted, moved, before, after = 0.0, 0.0, 0.0, now.size, 0
     for first in range(0, now.size, _BLOCK):
         new, old, others, touching = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0

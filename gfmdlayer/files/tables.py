@@ -36,10 +36,8 @@ def read_columns(
     at_least: int = 2,
     row_error: RowError | None = None,
 ) -> FloatArray:
-    """Read columns of numbers separated by commas, semicolons or white space.
+    """Read columns of numbers behind lines of words; `increasing` asks for a first column that grows.
 
-    Lines that are empty or start with ``#`` are passed over, and so are lines of words before the numbers.
-    `names` are the columns for the messages; `increasing` asks for a first column that grows from row to row;
     `row_error` gives the reason why the numbers of a row cannot be used. TableError names file and line.
     """
     import numpy as np

@@ -33,12 +33,12 @@ from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
-from gfmdlayer.fitting.indentation.curve import in_si
+from gfmdlayer.fitting.indentation.curve import Correction, in_si
 from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
 from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
-from gfmdlayer.fitting.indentation.problem import Correction, Free, Model, Prediction
+from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
 from gfmdlayer.fitting.indentation.report import COLUMNS, SCALARS, add_estimates
 from gfmdlayer.fitting.indentation.starts import keys_with_adhesion
 from gfmdlayer.fitting.measurement import FitError
@@ -98,7 +98,7 @@ class FitTask:
             return Outcome(case.index, "stopped")
         except Exception as error:
             reason = f"curve {case.entry.name}: {type(error).__name__}: {error}".replace("\n", "; ")
-            record_failure(self.folder, case, reason, traceback.format_exc())
+            record_failure(self.folder, case.index, case.values, reason, traceback.format_exc())
             return Outcome(case.index, "failed", reason, time.monotonic() - begun)
         return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
 

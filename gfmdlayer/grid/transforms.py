@@ -107,10 +107,8 @@ class Transforms:
         return self.of_shape(tuple(points // divisor for points in self.shape))
 
     def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
-        """Transforms of another shape or precision, from the same wisdom; what it lacks is measured or not.
-
-        A run repeats its bits only if its wisdom has all plans that are measured (`wisdom.planned`).
-        """
+        """Transforms of another shape or precision, from the same wisdom; the rest is measured or not."""
+        # A run repeats its bits only if its wisdom has all plans that are measured (`wisdom.planned`).
         return Transforms(shape, self._wisdom, self._time_limit if measured else 0.0, self.threads, single)
 
     @property
@@ -168,10 +166,8 @@ class Transforms:
         self._fftw.execute_dft_c2r(self._pair.backward, spectrum.ctypes.data, field.ctypes.data)
 
     def truncated(self, spectrum: npt.NDArray[Any], coarser: Transforms) -> npt.NDArray[Any]:
-        """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum.
-
-        It is complex of a field, or real of an even function of the wavevector.
-        """
+        """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""
+        # It is complex of a field, or real of an even function of the wavevector.
         return truncated(spectrum, self.shape, coarser.shape)
 
 

@@ -170,13 +170,12 @@ class SlidingModes(Modes):
         return np.asarray(super().missing_stress(spectrum, curvature) + change)
 
     def slowest(self, tolerance: float) -> float:
-        """Return the longest time on the way to the steady state, at the last velocity.
-
-        It is the time of one passage over the period, after which the punch meets its own track, or the
-        longest relevant relaxation time. A branch that is much slower than the passage does not relax under
-        the punch: its part in the loss is small, and so is its memory of the start of the contact.
-        Relaxation times with at most the part `tolerance` of the loss of the longest waves are not relevant.
-        """
+        """Return the longest time on the way to the steady state, at the last velocity."""
+        # It is the time of one passage over the period, after which the punch meets its own track, or the
+        # longest relevant relaxation time. A branch that is much slower than the passage does not relax under
+        # the punch: its part in the loss is small, and so is its memory of the start of the contact.
+        # Relaxation times with at most the part `tolerance` of the loss of the longest waves are not
+        # relevant.
         velocity = abs(self._velocity_at(math.inf))
         longest = np.abs(self._q) < 1.5 * self._longest_wave
         cycles = (np.abs(self._q) * velocity * self._theta)[longest]
@@ -197,10 +196,8 @@ class SlidingModes(Modes):
 
 
 def phi_functions(z: ComplexArray) -> ComplexArray:
-    """phi_n(z) = sum_k (-z)^k/(k + n)! for n = 0 ... 5 along the first axis; Re z >= 0.
-
-    phi_0 is exp(-z), and phi_n = 1/n! - z phi_(n+1): upwards where |z| >= 1, else downwards from a series.
-    """
+    """phi_n(z) = sum_k (-z)^k/(k + n)! for n = 0 ... 5 along the first axis; Re z >= 0."""
+    # phi_0 is exp(-z), and phi_n = 1/n! - z phi_(n+1): upwards where |z| >= 1, else downwards from a series.
     small, large = np.abs(z) < 1, np.where(np.abs(z) < 1, 1.0, z)
     near = np.where(small, z, 0.0)
     up, down = [np.exp(-large)], [np.polynomial.polynomial.polyval(near, _SERIES)]

@@ -218,10 +218,8 @@ def advance_step(
     xi: FloatArray,
     work: FloatArray,
 ) -> None:
-    """Advance xi by a step in which u moves by `moved`; set the work on the network, (positions,).
-
-    `curvature` is dt^2 u''/2, (positions, 2), or empty where u is linear.
-    """
+    """Advance xi by a step in which u moves by `moved`; set the work on the network, (positions,)."""
+    # `curvature` is dt^2 u''/2, (positions, 2), or empty where u is linear.
     waves, redundant, springs = elements.projection.shape
     poles = rule.poles.size
     drive = np.empty((springs, 2 * poles))
@@ -309,10 +307,8 @@ class StackModes(Modes):
         self.shortest_time = min(own, sums.minimum(self._shortest_time(glassy, rates)))
 
     def _shortest_time(self, glassy: FloatArray, rates: FloatArray) -> float:
-        """Shortest relevant relaxation time of the elements; `glassy` is the stiffness without the network.
-
-        Each element relaxes with the others at rest, which is exact for the fastest one.
-        """
+        """Shortest relevant time of the elements; `glassy` is the stiffness without the network."""
+        # Each element relaxes with the others at rest, which is exact for the fastest one.
         of, roots = self._elements, self._elements.roots
         lengths, loads = (of.projection**2).sum(axis=1), np.einsum("kr,kra->ka", of.force, of.projection)
         spring = np.repeat(np.arange(of.first.size - 1), np.diff(of.first))
@@ -384,11 +380,11 @@ class StackModes(Modes):
 
     def _rates(self, begin: float, length: float) -> FloatArray:
         """Mean rate at which the reduced time of each layer elapses in a step; at its begin for length 0."""
-        if length == 0:
-            return np.array([1.0 if each is None else 1 / each.factor(begin) for each in self._reduced_times])
-        return np.array(
-            [1.0 if each is None else each.step(begin, length) / length for each in self._reduced_times]
-        )
+
+        def rate(of: ReducedTime) -> float:
+            return of.step(begin, length) / length if length else 1 / of.factor(begin)
+
+        return np.array([1.0 if each is None else rate(each) for each in self._reduced_times])
 
     def _factors_for(self, length: float, rates: FloatArray) -> Factors:
         """Return the factors of a step in which the reduced times elapse at these mean rates."""

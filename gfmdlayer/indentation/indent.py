@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import check_body
 from gfmdlayer.indentation.isolated import IsolatedIndentation
-from gfmdlayer.indentation.solve import History
+from gfmdlayer.indentation.solve import Edge, History
 from gfmdlayer.observables import INDENTATION
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, of_table
 from gfmdlayer.results.schema import VARIABLES
@@ -35,6 +35,9 @@ def indent(
     force: ArrayLike | None = None,
     tolerance: float = 1e-4,
     work_of_adhesion: float = 0.0,
+    edge_speed: float = math.inf,
+    edge_exponent: float = 0.6,
+    healing_work: float | None = None,
     snapshots: Sequence[float] = (),
 ) -> xarray.Dataset:
     """Press a rigid indenter of revolution into a body: isolated, frictionless, over any history.
@@ -53,9 +56,18 @@ def indent(
         undeformed surface and may be negative.
     tolerance : float
         Estimated error of force, depth and contact radius, relative to the largest of each. A radius below a
-        tenth of the largest counts by its square: it falls like a root of time where contact is lost.
+        tenth of the largest counts by its square: it falls like a root of time where contact is lost. With
+        adhesion contact jumps: then an error does not count that a shift in time mends, by up to `tolerance`
+        times the duration.
     work_of_adhesion : float
-        Of an elastic body, energy per area (JKR).
+        Energy per area that a slowly receding edge of the contact takes (JKR), with the relaxed modulus.
+    edge_speed, edge_exponent : float
+        An edge that recedes with the speed v takes work_of_adhesion (1 + (v/edge_speed)^edge_exponent), as
+        Maugis & Barquins, J. Phys. D 11 (1978) 1989, have it; length over time, and a number.
+    healing_work : float, optional
+        Energy per area that a slowly advancing edge gains, with the relaxed modulus; at most, and by default,
+        work_of_adhesion (relaxed/glassy modulus of the surface)^2. With the default, an edge exchanges the
+        same energy with the glassy body next to it on both ways.
     snapshots : sequence of float
         Times at which the radial profiles of pressure, displacement and gap are wanted.
 
@@ -65,7 +77,8 @@ def indent(
         force, depth, contact_radius, work, stored, dissipated and energy_residual over `time`, the times
         of the steps; the profiles over `snapshot` and `r`. Each has the attributes long_name and units, a
         dimension such as "length": the numbers are in the units of the arguments. The attribute `error` is
-        the estimated error.
+        the estimated error. With adhesion there are `edge_work`, the energy that the edge has taken less that
+        it has gained, and the attribute `pull_off_force`; energy_residual grows by the energy lost in jumps.
 
     Raises
     ------
@@ -89,8 +102,12 @@ def indent(
 
     check_body(body, "stiffness", "spectrum")
     history = _history(time, depth, force)
-    if work_of_adhesion and body.spectrum(np.array([1.0])).weights.size:
-        raise ValueError("work_of_adhesion: got a viscoelastic body; must be 0, or the body elastic")
+    for name, value in {"work_of_adhesion": work_of_adhesion, "healing_work": healing_work or 0.0}.items():
+        if not 0 <= value < math.inf:
+            raise ValueError(f"{name}: got {value!r}; must be finite and >= 0")
+    for name, value in {"edge_speed": edge_speed, "edge_exponent": edge_exponent}.items():
+        if not value > 0:
+            raise ValueError(f"{name}: got {value!r}; must be > 0")
     if not work_of_adhesion and history.by_force and history.value.min() < 0:
         raise ValueError(f"force: got {history.value.min():.6g}; must be >= 0 without adhesion")
     if not history.by_force and history.value.max() >= (floor := getattr(body, "rigid_below", math.inf)):
@@ -103,7 +120,7 @@ def indent(
         as_revolution(indenter),
         history,
         tolerance=tolerance,
-        adhesion=work_of_adhesion,
+        adhesion=Edge(work_of_adhesion, edge_speed, edge_exponent, healing_work),
         snapshots=times.tolist(),
     )
     columns = run.columns()
@@ -112,6 +129,11 @@ def indent(
     about["r"] = {"long_name": "distance from the axis", "units": "length"}
     data: dict[str, Any] = {name: ("time", values, about[name]) for name, values in columns.items()}
     coordinates = {"time": data.pop("time")}
+    attributes = {"error": run.solved.error, "solutions": run.solved.solutions}
+    if work_of_adhesion:
+        meaning = {"long_name": "energy taken by the edge of the contact", "units": "energy"}
+        data["edge_work"] = "time", run.solved.parted, meaning
+        attributes["pull_off_force"] = float(-run.solved.force.min())
     if times.size:
         fields = run.profiles()
         data |= {name: (("snapshot", "r"), getattr(fields, name), about[name]) for name in FIELDS}
@@ -120,7 +142,7 @@ def indent(
         }
     for line in run.warnings:
         warnings.warn(line, stacklevel=2)
-    return xarray.Dataset(data, coordinates, {"error": run.solved.error, "solutions": run.solved.solutions})
+    return xarray.Dataset(data, coordinates, attributes)
 
 
 def as_revolution(indenter: Any) -> Revolution:

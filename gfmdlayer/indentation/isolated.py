@@ -17,6 +17,8 @@ from gfmdlayer.body.body import Body
 from gfmdlayer.indentation.compliance import gauss_rule
 from gfmdlayer.indentation.march import Marched
 from gfmdlayer.indentation.solve import (
+    NO_ADHESION,
+    Edge,
     History,
     Indentation,
     Space,
@@ -150,7 +152,7 @@ class IsolatedIndentation:
     history: History  # prescribed depth or force
     tolerance: float = DEFAULT_TOLERANCE  # error of force, depth and radius, relative to their largest
     step: float | None = None  # largest length of equal steps; None: steps are chosen for the tolerance
-    adhesion: float = 0.0  # work of adhesion, of an elastic body
+    adhesion: Edge = NO_ADHESION
     snapshots: Sequence[float] = ()  # times to land on, at which profiles are kept
     stops: Sequence[float] = ()  # further times to land on
     points: int = 256  # radial points of the profiles
@@ -205,7 +207,6 @@ class IsolatedIndentation:
         """Return the columns, each of shape (nt,)."""
         found = self.solved
         work = work_done(found.force, found.depth, float(found.stored[0] + found.dissipated[0]))
-        interface = -self.adhesion * math.pi * found.radius**2
         return {
             "time": found.time,
             "force": found.force,
@@ -214,7 +215,7 @@ class IsolatedIndentation:
             "work": work,
             "stored": found.stored,
             "dissipated": found.dissipated,
-            "energy_residual": work - found.stored - found.dissipated - interface,
+            "energy_residual": work - found.stored - found.dissipated - found.parted,
         }
 
     def profiles(self) -> Profiles:
@@ -232,7 +233,7 @@ class IsolatedIndentation:
         found = self.solved
         assert found.space is not None
         suspicious = found.rise.max() * found.radius.max() > _NEGATIVE * np.abs(found.force).max()
-        if self.adhesion or not suspicious:
+        if self.adhesion.work or not suspicious:
             return []
         time = found.time[[int(found.rise.argmax())]]
         again = on_steps(self.body, found.space, self.profile, self.history, found.time, snapshots=time)

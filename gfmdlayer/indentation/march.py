@@ -45,6 +45,12 @@ _INSTANT = 1e-9  # part of a step at whose ends a change of contact is not insid
 _CLOSING = 12  # points that close in on the edge at a breakpoint, where it may turn
 _SUBSTEPS = 12  # of one step: contact found and lost
 _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
+_BESIDE = 1e-12  # relative distance from the edge of trials on its two sides
+_LEAST_STRIDE = 1e-4  # of a search for the edge, over the largest radius
+_VANISHED = 1e-6  # radius, over the largest, below which a receding contact is lost
+_GOLDEN, _GOLDEN_STEPS = 0.6180339887498949, 20
+_SNAP = 1e-9  # part of a step in which a contact with adhesion begins
+_TWIN = 1e-8  # distance of a second point at an edge that rested, over the spacing
 _ONE_POINT = 1e-9  # distance of a point to the next, over the spacing, below which they are one
 
 
@@ -70,6 +76,18 @@ class Nodes(NamedTuple):
     part_weights: FloatArray
 
 
+class EdgeLaw(NamedTuple):
+    """Energy release rate D chi(a)^2/(pi a) at a moving edge, with D = J0 against sudden loads.
+
+    A resting edge has one between `healing` and `work`. Without adhesion all are 0.
+    """
+
+    work: float  # of a slowly receding edge; of an edge of speed v it is work (1 + (v/speed)^exponent)
+    healing: float  # of an advancing edge
+    speed: float
+    exponent: float
+
+
 class Drive(NamedTuple):
     """Prescribed depth or force at the ends of the steps, shape (nt,); linear over each step.
 
@@ -81,7 +99,7 @@ class Drive(NamedTuple):
     by_force: BoolArray  # (nt,), of the step that ends at a time
     breakpoints: BoolArray  # whether the rate jumps at a time
     snapshots: BoolArray  # whether fields are kept at a time
-    adhesion: float  # work of adhesion
+    law: EdgeLaw
     tolerance: float  # of the contact radius: residual at the edge over the depth
 
 
@@ -175,6 +193,7 @@ class Run(NamedTuple):
     stop: float  # largest radius: the rim of the indenter, or the reach of the nodes
     covered: FloatArray  # (1,), the largest contact radius so far
     share: FloatArray  # (nq,), part of D that C lacks: 1, or 0 in the node of a spring
+    trials: IntArray  # (1,), number of trial edges
 
 
 class Trial(NamedTuple):
@@ -197,6 +216,8 @@ class Radius(NamedTuple):
     nodes: int
     solutions: int
     status: int
+    release: float  # energy release rate at the edge, where it moves
+    rests: bool  # whether the edge rests, between healing and receding
 
 
 class Marched(NamedTuple):
@@ -207,6 +228,7 @@ class Marched(NamedTuple):
     radius: FloatArray
     stored: FloatArray
     dissipated: FloatArray
+    parted: FloatArray  # energy that the edge has taken, where it recedes, less that of healing
     rise: FloatArray  # largest increase of chi between grid points in x: 0 where p >= 0 and gap >= 0 for sure
     chi: FloatArray  # (snapshots, n + 2)
     local: FloatArray  # (snapshots, n + 2), D*chi
@@ -426,12 +448,21 @@ def _set_weights(h: float, branches: Branches, weights: Weights) -> float:
 
 
 @kernel(inner=True, borrows=True)
+def _jump(x: float, release: float, run: Run) -> float:
+    """Sudden change of the displacement, where the edge of an energy release rate passes x."""
+    return math.sqrt(math.pi * x * release * run.body.local)
+
+
+@kernel(inner=True, borrows=True)
 def _covered(x: float, h: float, part: float, run: Run) -> tuple[float, float]:
     """D of a point that the contact covers in the last part of a step, and the part of the past in D*chi."""
     body, branches, state, weights, past = run.body, run.branches, run.state, run.step.part, 0.0
     D = _set_weights(part * h, branches, weights)
+    jump = _jump(x, run.drive.law.healing, run)
+    for r in range(branches.times.size):
+        past -= branches.moduli[r] * weights.before[r] * jump
     if run.covered[0] <= x:
-        return D, 0.0
+        return D, past * D
     for k in range(body.local_times.size):
         rest = math.exp(-(1 - part) * h / body.local_times[k])
         retarded = rest * _at(x, state.surface.memory[k], state.points)
@@ -670,56 +701,205 @@ def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
 def _find_radius(
     h: float, target: float, by_force: bool, guess: float, a_old: float, D: float, slope: float, run: Run
 ) -> Radius:
-    """Find the contact at the end of a step whose prescribed depth or force is `target`.
+    """Find the contact without adhesion at the end of a step whose depth or force is `target`.
 
     The error of a secant step is of the order of the product of the last two. Force, depth and chi are
-    stationary in the radius without adhesion: at the last trial but one they have its squared error.
+    stationary in the radius: at the last trial but one they have its squared error.
     """
     drive, stop = run.drive, run.stop
     low, high, a = 0.0, stop, guess
     last_a, last_r, last_error = -1.0, 0.0, 1.0
-    falling = False  # with adhesion: towards the stable radius from above, along a concave residual
     for trial in range(1, _MOST_ITERATIONS):
         edge, rest, unit, other, n = _solve(a, a_old, h, D, run)
         if n < 0:
-            return Radius(0.0, 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED)
+            return Radius(0.0, 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED, 0.0, False)
         depth = (target - other) / unit if by_force else target
-        r = depth * edge + rest + math.sqrt(math.pi * a * drive.adhesion * run.body.local)
+        r = depth * edge + rest
         force = depth * unit + other
         scale = max(abs(depth), abs(rest))
         error = abs(r) / scale if r else 0.0
         if a >= stop and r >= 0:
             left = stop < run.profile.rim and error > drive.tolerance
-            return Radius(stop, force, depth, 0.0, n, trial, LEFT_GRID if left else COMPLETE)
+            return Radius(stop, force, depth, 0.0, n, trial, LEFT_GRID if left else COMPLETE, 0.0, False)
         if error <= drive.tolerance or high - low < _SAME_RADIUS * high:
-            return Radius(a, force, depth, slope, n, trial, COMPLETE)
+            return Radius(a, force, depth, slope, n, trial, COMPLETE, 0.0, False)
         if last_a >= 0 and a != last_a:
             slope = (r - last_r) / (a - last_a)
         if r > 0:
-            low, falling = a, False
+            low = a
         else:
             high = a
-            if drive.adhesion > 0 and low == 0:
-                if falling and slope >= 0:
-                    return Radius(0.0, 0.0, target, 0.0, 0, trial, COMPLETE)
-                new = a * (1 - 1e-4) if not falling else a - r / slope
-                falling = True
-                if new <= 0:
-                    return Radius(0.0, 0.0, target, 0.0, 0, trial, COMPLETE)
-                last_a, last_r, a = a, r, new
-                continue
         if last_a < 0 and slope >= 0:
             slope = -2 * scale / a
         new = a - r / slope if slope < 0 else stop if r > 0 else 0.0
-        if error * max(error, last_error) < drive.tolerance and drive.adhesion == 0 and low < new < high:
-            return Radius(new, force, depth, slope, n, trial, COMPLETE)
+        if error * max(error, last_error) < drive.tolerance and low < new < high:
+            return Radius(new, force, depth, slope, n, trial, COMPLETE, 0.0, False)
         last_a, last_r, last_error = a, r, error
         if new >= stop and high == stop:
             new = stop
         elif not low < new < high or trial % 6 == 0:
             new = 0.5 * (low + high)
         a = new
-    return Radius(0.0, 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED)
+    return Radius(0.0, 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED, 0.0, False)
+
+
+class EdgeBefore(NamedTuple):
+    """The edge at the begin of a step, and its mean speed in the time `since` an earlier moment, or 0."""
+
+    a: float
+    rate: float
+    since: float
+
+
+class EdgeTask(NamedTuple):
+    """A step whose edge is wanted."""
+
+    h: float
+    target: float  # prescribed depth or force
+    by_force: bool
+    before: EdgeBefore
+    D: float
+
+
+class Balance(NamedTuple):
+    """Balance of the energy at a trial edge: the contact grows where the excess is positive."""
+
+    a: float
+    excess: float  # of the displacement at the edge
+    scale: float
+    force: float
+    depth: float
+    release: float
+    nodes: int  # -1 where the matrix is not positive definite
+
+
+@kernel(inner=True, borrows=True)
+def _balance(a: float, task: EdgeTask, run: Run) -> Balance:
+    """Compare the jump of the displacement, or chi behind the edge, with the law of the edge.
+
+    An advancing edge meets a surface without chi: the displacement jumps by J0 chi. Behind a receding edge
+    chi has followed the past of the contact. Its speed at the end of the step is that of a parabola.
+    """
+    law, local, before, h = run.drive.law, run.body.local, task.before, task.h
+    edge, rest, unit, other, n = _solve(a, before.a, h, task.D, run)
+    run.trials[0] += 1
+    depth = (task.target - other) / unit if task.by_force and n > 0 else task.target
+    release, compliance = law.healing, local
+    if a < before.a or before.a >= run.stop:
+        share = h / (h + before.since) if before.since > 0 else 0.0
+        speed = (1 + share) * (before.a - a) / h + share * before.rate
+        release, compliance = law.work, task.D
+        if speed > 0 and law.speed < math.inf:
+            release *= 1 + (speed / law.speed) ** law.exponent
+    jump = compliance * math.sqrt(math.pi * a * release / local)
+    scale = max(abs(depth), abs(rest), jump)
+    return Balance(a, depth * edge + rest + jump, scale, depth * unit + other, depth, release, n)
+
+
+@kernel(inner=True, borrows=True)
+def _contact(at: Balance, status: int, rests: bool) -> Radius:
+    """Return the contact of a trial."""
+    status = status if at.nodes >= 0 else NOT_CONVERGED
+    return Radius(at.a, at.force, at.depth, 0.0, at.nodes, 0, status, at.release, rests)
+
+
+@kernel(inner=True, borrows=True)
+def _highest(left: float, right: float, task: EdgeTask, run: Run) -> Balance:
+    """Search an interval for a positive excess by golden sections; return the last trial."""
+    width = right - left
+    x, y = right - _GOLDEN * width, left + _GOLDEN * width
+    at_x = _balance(x, task, run)
+    at_y = at_x if at_x.excess > 0 else _balance(y, task, run)
+    for _ in range(_GOLDEN_STEPS):
+        if max(at_x.excess, at_y.excess) > 0 or min(at_x.nodes, at_y.nodes) < 0:
+            break
+        if at_x.excess > at_y.excess:
+            right, at_y = at_y.a, at_x
+            at_x = _balance(right - _GOLDEN * (right - left), task, run)
+        else:
+            left, at_x = at_x.a, at_y
+            at_y = _balance(left + _GOLDEN * (right - left), task, run)
+    return at_x if at_x.excess > at_y.excess or at_x.nodes < 0 else at_y
+
+
+@kernel(inner=True, borrows=True)
+def _balanced(near: Balance, far: Balance, task: EdgeTask, run: Run) -> Radius:
+    """Find the edge between two trials whose excess has different signs, by regula falsi (Illinois)."""
+    base, y, a, z, last, side = near.a, near.excess, far.a, far.excess, far, 0
+    for _ in range(_MOST_ITERATIONS):
+        if abs(last.excess) <= run.drive.tolerance * last.scale or abs(a - base) < _SAME_RADIUS * max(
+            a, base
+        ):
+            return _contact(last, COMPLETE, False)
+        at = (a * y - base * z) / (y - z)
+        if not min(a, base) < at < max(a, base):
+            at = 0.5 * (a + base)
+        last = _balance(at, task, run)
+        if last.nodes < 0:
+            break
+        if (last.excess > 0) == (z > 0):
+            a, z = at, last.excess
+            y *= 0.5 if side == 1 else 1.0
+            side = 1
+        else:
+            base, y = at, last.excess
+            z *= 0.5 if side == -1 else 1.0
+            side = -1
+    return _contact(last, NOT_CONVERGED, False)
+
+
+@kernel(inner=True, borrows=True)
+def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: Run) -> Radius:
+    """Find the edge beyond the trial `near`, in the direction of the sign of its excess.
+
+    Trials go away in steps that double. A receding edge stops at the first balance; contact is lost without.
+    """
+    stop, begin, base = run.stop, near, near
+    way, searched = 1.0 if near.excess >= 0 else -1.0, False
+    stride = max(abs(guess - near.a), _LEAST_STRIDE * stop)
+    lost = Radius(0.0, 0.0, task.target, 0.0, 0, 0, COMPLETE, run.drive.law.work, False)
+    for _ in range(_MOST_ITERATIONS):
+        a = min(base.a + way * stride, stop)
+        gone = a < _VANISHED * stop
+        if gone and searched:
+            break
+        far = base if gone else _balance(a, task, run)
+        if far.nodes < 0 or (not gone and way * far.excess <= 0):
+            return _balanced(base, far, task, run) if far.nodes >= 0 else _contact(far, COMPLETE, False)
+        if a >= stop:
+            return _contact(far, LEFT_GRID if stop < run.profile.rim else COMPLETE, False)
+        if way < 0 and not searched and (gone or far.excess < base.excess):
+            # The excess has passed its largest value: it may have been positive there.
+            searched = True
+            peak = _highest(max(a, _VANISHED * stop), begin.a, task, run)
+            if peak.nodes < 0 or peak.excess > 0:
+                below = base if peak.a < base.a else begin
+                return (
+                    _balanced(below, peak, task, run) if peak.nodes >= 0 else _contact(peak, COMPLETE, False)
+                )
+            if gone:
+                break
+        begin, base = base, far
+        stride *= 2
+    return lost
+
+
+@kernel(inner=True, borrows=True)
+def _find_edge(guess: float, task: EdgeTask, run: Run) -> Radius:
+    """Find the contact with adhesion at the end of a step: it advances, rests, recedes, or is lost."""
+    a_old = task.before.a
+    at = Balance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    if a_old > 0:
+        if a_old < run.stop:
+            at = _balance(a_old * (1 + _BESIDE), task, run)
+        if at.excess <= 0:
+            at = _balance(run.stop if a_old >= run.stop else a_old * (1 - _BESIDE), task, run)
+            if at.excess >= 0 or at.nodes < 0:
+                return Radius(
+                    a_old, at.force, at.depth, 0.0, at.nodes, 0,
+                    COMPLETE if at.nodes >= 0 else NOT_CONVERGED, at.release, True,
+                )  # fmt: skip
+    return _advance_or_recede(at, guess, task, run)
 
 
 @kernel(inner=True, borrows=True)
@@ -762,21 +942,35 @@ def _rest(i: int, free: FloatArray, modes: FloatArray, surface: Surface) -> floa
 
 
 @kernel(inner=True, borrows=True)
-def _pass(i: int, end: float, h: float, part: float, was_inside: bool, run: Run) -> float:
-    """Advance a point that the edge passes, in contact for a part of the step; return the energy lost."""
+def _pass(i: int, end: float, h: float, part: float, was_inside: bool, jump: float, run: Run) -> float:
+    """Advance a point that the edge passes, in contact for a part of the step; return the energy lost.
+
+    Its displacement jumps when the edge passes; the internal variables do not.
+    """
     branches, weights, surface, scratch = run.branches, run.step.part, run.state.surface, run.work.variables
     times, modes, free, lost = run.body.local_times, run.body.local_modes, run.work.free, 0.0
     D = _set_weights(part * h, branches, weights)
     for k in range(times.size):
         free[k] = math.exp(-(1 - part) * h / times[k])
-    if was_inside:  # to the displacement at which chi = 0
+    if was_inside:  # to the displacement at which chi is that of the edge
         kept = _kept_in_contact(i, weights, branches.moduli, surface)
-        lost += _press(i, D * kept, weights, branches, surface)
+        lost += _press(i, D * (kept - jump / run.body.local), weights, branches, surface)
         _change_form(i, branches.to_retarded, surface.memory, scratch)
         return lost + _rest(i, free, modes, surface)
     lost += _rest(i, free, modes, surface)
     _change_form(i, branches.of_retarded, surface.memory, scratch)
+    surface.sunk[i] -= jump
     return lost + _press(i, end, weights, branches, surface)
+
+
+@kernel(inner=True, borrows=True)
+def _under(i: int, depth: float, run: Run) -> float:
+    """Displacement D*chi of a point under the indenter at the end of the step."""
+    work, points = run.work, run.state.points
+    if i < work.far.size:
+        return float(depth - points.obstacle[i] - work.far_past[i] - work.far[i])
+    s = points.x[i] / run.nodes.spacing
+    return float(depth - points.obstacle[i] - _cubic(work.far_past, s) - _cubic(work.far, s))
 
 
 @kernel(inner=True, borrows=True)
@@ -817,14 +1011,11 @@ def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
     for i in range(state.points.filled[0]):
         x, H = state.points.x[i], state.points.obstacle[i]
         inside, was_inside = _inside(x, a, run.stop), _inside(x, a_old, run.stop)
-        end = depth - H
-        if i < fixed:
-            end -= work.far_past[i] + work.far[i]
-        else:
-            end -= _cubic(work.far_past, x / nodes.spacing) + _cubic(work.far, x / nodes.spacing)
+        end = _under(i, depth, run)
         continued = (end - work.past[i]) / (D if was_inside else body.local)
         if inside != was_inside:
-            change = _pass(i, end, h, _swept(sweep, x, H), was_inside, run)
+            jump = _jump(x, found.release, run)
+            change = _pass(i, end, h, _swept(sweep, x, H), was_inside, jump, run)
         elif inside:
             change = _press(i, end, step.near, run.branches, surface)
         else:
@@ -899,7 +1090,8 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
     knots = profile.knots.size - 1 if profile.knots.size <= _MARKS else 0  # those of a table bend little
     places = size
     if nb:
-        places += drive.time.size + _CLOSING + 1  # the last: the inside of the edge
+        each_step = 2 if drive.law.work > 0 else 1
+        places += each_step * drive.time.size + _CLOSING + 1  # the last: the inside of the edge
         for each in drive.breakpoints:
             places += 2 * _CLOSING * each
     points = Points(
@@ -933,7 +1125,20 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
         share[j] = -body.modes[nm - nb, j] / body.local_modes[0]
     if nq:
         _multiply(nodes.cosines, share * body.weights / math.pi, step.local_table)
-    return Run(body, branches, profile, nodes, drive, state, step, work, stop, np.zeros(1), share)
+    return Run(
+        body,
+        branches,
+        profile,
+        nodes,
+        drive,
+        state,
+        step,
+        work,
+        stop,
+        np.zeros(1),
+        share,
+        np.zeros(1, np.int64),
+    )
 
 
 @kernel(inner=True, borrows=True)
@@ -963,15 +1168,16 @@ def march(  # noqa: C901
     for each in drive.snapshots:
         kept += each
     out = Marched(
-        np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt),
+        np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt),
         np.zeros((kept, size)), np.zeros((kept, size)), np.zeros((kept, body.q.size)), 0, COMPLETE, nt,
     )  # fmt: skip
     a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
     bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
+    adhesive, parted, release = drive.law.work > 0, 0.0, 0.0
     D, stopped = 0.0, nt
     # The point of the edge, -1 without one; whether the past stays bent there.
-    edge, bent, stays = -1, state.points.bent, False
-    found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE)
+    edge, bent, stays, rested = -1, state.points.bent, False, False
+    found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE, 0.0, False)
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
         duration = max(duration, 1e-290)
@@ -980,6 +1186,7 @@ def march(  # noqa: C901
             begin = found.force if by_force else found.depth
         begins = at == 0 or drive.breakpoints[at]
         done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
+        snaps, snapped = False, False  # contact with adhesion begins at once
         for _ in range(_SUBSTEPS):
             h = duration * (1 - done) * piece
             now = begin + done * (drive.value[at] - begin)
@@ -990,23 +1197,29 @@ def march(  # noqa: C901
             free = work.past[0] + work.far_past[0]
             touches = target > 0 if by_force else target > free
             starts = touches and a_old == 0 and not met and at > 0
-            ends = not touches and a_old > 0 and drive.adhesion == 0
+            ends = not touches and a_old > 0 and not adhesive
             if piece < 1:
-                touches = False
+                touches = snaps
             elif starts or ends:
                 part = _event(h, now, target, by_force, run, ends)
                 if _INSTANT < part < 1 - _INSTANT:
                     piece, met = part, starts
                     continue
                 touches = starts and part <= _INSTANT
-            apart = Radius(0.0, 0.0, free if by_force else target, 0.0, 0, 0, COMPLETE)
+            if adhesive and touches and a_old == 0 and at > 0 and not snapped:
+                piece, met, snaps, snapped = _SNAP, True, True, True
+                continue
+            apart = Radius(0.0, 0.0, free if by_force else target, 0.0, 0, 0, COMPLETE, drive.law.work, False)
             found = apart
-            if touches or (drive.adhesion > 0 and a_old > 0):
-                guess = 0.3 * stop if drive.adhesion == 0 else stop
+            if touches or (adhesive and a_old > 0):
+                guess = 0.3 * stop
                 if a_old > 0:
-                    guess = a_old + h * (rate + bend * (h + since)) if drive.adhesion == 0 else a_old
-                    guess = min(stop, max(0.2 * a_old, guess))
-                found = _find_radius(h, target, by_force, guess, a_old, D, slope, run)
+                    guess = min(stop, max(0.2 * a_old, a_old + h * (rate + bend * (h + since))))
+                if adhesive:
+                    before = EdgeBefore(a_old, rate, since if rate < 0 else 0.0)
+                    found = _find_edge(guess, EdgeTask(h, target, by_force, before, D), run)
+                else:
+                    found = _find_radius(h, target, by_force, guess, a_old, D, slope, run)
                 taken += found.solutions
                 slope, status = found.slope, found.status
                 if status != COMPLETE:
@@ -1014,10 +1227,12 @@ def march(  # noqa: C901
                 if found.a == 0:
                     found = apart
             change = (found.a - a_old) / h
-            turned = rate * change < 0 and at > 1 and a_old > 0
+            turned = (rate * change < 0 or (rested and not found.rests)) and at > 1 and a_old > 0
             if turned:
                 _remember(state.marks, a_old)
             new = -1
+            if rested and edge >= 0 and not found.rests:
+                bent[_add_point(a_old - _TWIN * nodes.spacing, run)] = True
             if 0 < found.a < stop and body.local_times.size:
                 for k in range(1, _CLOSING + 1 if begins else 0):
                     _add_point(found.a - (found.a - a_old) * 0.5**k, run)
@@ -1026,8 +1241,9 @@ def march(  # noqa: C901
                 new = _add_point(found.a, run)
                 a = state.points.x[new]  # the same within rounding: the edge is a point
                 found = Radius(
-                    a, found.force, found.depth, found.slope, found.nodes, found.solutions, found.status
-                )
+                    a, found.force, found.depth, found.slope, found.nodes, found.solutions, found.status,
+                    found.release, found.rests,
+                )  # fmt: skip
             run.covered[0] = max(run.covered[0], found.a)
             lost += _close(h, found, a_old, D, run)
             if edge >= 0:
@@ -1037,14 +1253,24 @@ def march(  # noqa: C901
                 _transform_of(state.surface.memory[k], 0.0, run)
                 state.zeta[k - body.local_times.size] = work.transform
             if new >= 0:
-                surface.memory[:, -1], surface.sunk[-1] = surface.memory[:, new], surface.sunk[new]
-                _change_form(-1, run.branches.of_retarded, surface.memory, work.variables)
-                stays = bent[new] or begins
+                if found.rests and new == edge:
+                    _press(-1, _under(new, found.depth, run), run.step.near, run.branches, surface)
+                else:
+                    surface.memory[:, -1], surface.sunk[-1] = surface.memory[:, new], surface.sunk[new]
+                    surface.sunk[-1] -= _jump(found.a, found.release, run)
+                    _change_form(-1, run.branches.of_retarded, surface.memory, work.variables)
+                stays = (stays if found.rests else bent[new]) or begins
                 bent[new] = True
-            edge = new
+            edge, rested = new, found.rests
+            if not found.rests:
+                taken_up = (release if change < 0 and rate < 0 else found.release) + found.release
+                parted += math.pi * (a_old**2 - found.a**2) * taken_up / 2
+                release = found.release
             bend = (change - rate) / (h + since) if since > 0 else 0.0
             rate, a_old = change, found.a
             since = h if 0 < a_old < stop and not drive.breakpoints[at] else 0.0
+            if snaps:  # the speed of a jump tells nothing
+                rate, since, snaps = 0.0, 0.0, False
             if piece == 1:
                 break
             done, piece = done + (1 - done) * piece, 1.0
@@ -1054,12 +1280,12 @@ def march(  # noqa: C901
         if begins and a_old > 0:
             _remember(state.marks, a_old)
         out.force[at], out.depth[at], out.radius[at] = found.force, found.depth, a_old
-        out.stored[at], out.dissipated[at] = _stored(found, run), lost
+        out.stored[at], out.dissipated[at], out.parted[at] = _stored(found, run), lost, parted
         out.rise[at] = _rise(a_old, run) if a_old > 0 else 0.0
         if drive.snapshots[at]:
             _keep_fields(a_old, run, out.chi[snapshot], out.local[snapshot], out.spectrum[snapshot])
             snapshot += 1
     return Marched(
-        out.force, out.depth, out.radius, out.stored, out.dissipated, out.rise,
-        out.chi, out.local, out.spectrum, taken, status, stopped,
+        out.force, out.depth, out.radius, out.stored, out.dissipated, out.parted, out.rise,
+        out.chi, out.local, out.spectrum, taken + run.trials[0], status, stopped,
     )  # fmt: skip

@@ -28,7 +28,7 @@ from gfmdlayer.indentation.compliance import (
     gauss_rule,
     panels,
 )
-from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Branches, Drive, Marched, Nodes, march
+from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Branches, Drive, EdgeLaw, Marched, Nodes, march
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
@@ -39,6 +39,35 @@ class History(NamedTuple):
     time: FloatArray  # (nt,), ascending
     value: FloatArray  # (nt,)
     by_force: bool | BoolArray = False  # of all times, or (nt,) of the pieces that end at them
+
+
+class Edge(NamedTuple):
+    """Energies per area of a JKR edge, with the relaxed modulus 1/D of the surface's material.
+
+    A receding edge takes chi(a)^2 D/(pi a) = work (1 + (v/speed)^exponent) at a speed v. An advancing edge
+    gains u^2/(pi a D) = healing, with the jump u of the displacement. The body next to an edge is glassy,
+    with J0 in place of D: there an edge takes work J0/D and gains healing D/J0, which is not more.
+    """
+
+    work: float = 0.0  # energy per area
+    speed: float = math.inf  # length per time
+    exponent: float = 1.0
+    healing: float | None = None  # energy per area; None: as much as the edge takes
+
+    def law(self, body: Compliance) -> EdgeLaw:
+        """Return the energy release rates with J0; ValueError if the healing is too large."""
+        ratio = body.local / (body.local + float(body.local_modes.sum()))
+        most = self.work * ratio**2
+        healing = most if self.healing is None else self.healing
+        if healing > most * (1 + 1e-9):
+            raise ValueError(
+                f"healing_work: got {healing:.6g}; must be <= {most:.6g}, work_of_adhesion times the square "
+                "of the surface's relaxed over its glassy modulus: cycles would gain energy"
+            )
+        return EdgeLaw(self.work * ratio, healing / ratio, self.speed, self.exponent)
+
+
+NO_ADHESION = Edge()
 
 
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
@@ -103,7 +132,7 @@ def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Spa
 
 
 def find_space(
-    body: Body, profile: Revolution, history: History, tolerance: float = 1e-4, adhesion: float = 0.0
+    body: Body, profile: Revolution, history: History, tolerance: float = 1e-4, adhesion: Edge = NO_ADHESION
 ) -> Space:
     """Return the nodes for the largest contact of a history, found from the glassy and the relaxed body.
 
@@ -113,19 +142,20 @@ def find_space(
     if math.isfinite(profile.rim) and abel_transform(profile, profile.rim) == 0:
         return make_space(find_features(body, profile.rim), profile.rim, tolerance)
     largest = max(float(history.value.max()), 0.0)
-    if largest == 0 == adhesion:  # nothing touches, whatever the nodes
+    if largest == 0:  # nothing touches, whatever the nodes
         return make_space(Features(1.0, 0.0, 0.0), 1.0, tolerance)
     by_force = bool(np.any(history.by_force))
-    reach = min(_WIDER * _halfspace_radius(body, profile, largest, by_force, adhesion), profile.rim)
+    reach = min(_WIDER * _halfspace_radius(body, profile, largest, by_force, adhesion.work), profile.rim)
     features = find_features(body, reach)
     if features.last * reach > _MOST_PHASE:  # on a soft base the contact may be smaller
         reach = _MOST_PHASE / features.last
     ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), by_force)
     for _ in range(60):
         space = make_space(features, reach)
+        healing = Edge(adhesion.law(space.compliance(body)).healing)  # of either elastic limit
         try:
             limits = [
-                march_on(each, space, profile, ends, ends.time, adhesion)
+                march_on(each, space, profile, ends, ends.time, healing)
                 for each in _elastic_limits(body, space)
             ]
         except LeftGridError:
@@ -142,7 +172,7 @@ def march_on(
     profile: Revolution,
     history: History,
     time: FloatArray,
-    adhesion: float = 0.0,
+    adhesion: Edge = NO_ADHESION,
     snapshots: FloatArray | None = None,
 ) -> Marched:
     """Follow a history on given steps, see `on_steps`."""
@@ -151,7 +181,7 @@ def march_on(
     kept = np.isin(time, [] if snapshots is None else snapshots)
     pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
     by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
-    drive = Drive(time, value, by_force, breakpoints, kept, adhesion, _EDGE)
+    drive = Drive(time, value, by_force, breakpoints, kept, adhesion.law(body), _EDGE)
     found = march(body, _branches(body), profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
@@ -308,6 +338,8 @@ _ORDER, _ORDER_BETWEEN = 2.0, 4 / 3
 # New steps: part of the tolerance to reach; power of the step in the growth of the error; least and largest
 # number of them in place of one.
 _SAFE, _GROWTH_ORDER, _LEAST_PARTS, _MOST_PARTS = 0.8, 4.0, 0.5, 3.0
+_PARTS_OF_JUMP = 8.0  # of a step in which contact with adhesion begins or is lost
+_BEFORE_JUMPS = 0.1  # part of `everywhere` with adhesion: the largest errors are those of the place of a jump
 
 # Spread of `even_steps` for the first mesh, over the root of the tolerance; measured, mostly enough.
 _FIRST_SPREAD = 45.0
@@ -327,6 +359,7 @@ class Indentation(NamedTuple):
     radius: FloatArray  # 0 without contact
     stored: FloatArray
     dissipated: FloatArray
+    parted: FloatArray  # energy that the edge has taken, less that of healing
     rise: FloatArray  # 0 where pressure and gap are surely not negative, see `march.Marched`
     error: float  # largest estimated error of force, depth and radius, relative to their largest; or NaN
     solutions: int  # solved integral equations
@@ -340,19 +373,19 @@ def on_steps(
     profile: Revolution,
     history: History,
     time: FloatArray,
-    adhesion: float = 0.0,
+    adhesion: Edge = NO_ADHESION,
     snapshots: FloatArray | None = None,
 ) -> Indentation:
     """Follow a history on given times: the ends of the steps, among them its breakpoints and snapshots.
 
-    The body may be given by its compliance at the nodes of the space; with adhesion it is elastic. Raises
+    The body may be given by its compliance at the nodes of the space. Raises
     LeftGridError if the contact grows beyond the space, ArithmeticError if a contact radius is not found.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
     found = march_on(made, space, profile, history, time, adhesion, snapshots)
     return Indentation(
-        time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.rise,
-        math.nan, found.solutions, found, space,
+        time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.parted,
+        found.rise, math.nan, found.solutions, found, space,
     )  # fmt: skip
 
 
@@ -370,7 +403,7 @@ def on_halved_steps(
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
     coarse = on_steps(made, space, profile, history, time)
-    fine = on_steps(made, space, profile, history, halved(time), 0.0, snapshots)
+    fine = on_steps(made, space, profile, history, halved(time), NO_ADHESION, snapshots)
     return _extrapolated(coarse, fine, history)
 
 
@@ -381,28 +414,48 @@ def on_quartered_steps(
     history: History,
     time: FloatArray,
     snapshots: FloatArray | None = None,
+    adhesion: Edge = NO_ADHESION,
+    shift: float = 0.0,
 ) -> tuple[Indentation, FloatArray]:
     """Follow a history on the quarters of given steps, like `on_halved_steps`, with an estimate of its error.
 
     The result has 4 nt - 3 times. The estimates of force, depth and radius, relative to the largest of each,
-    have the shape (3, 2 nt - 1): they are for the times of half steps.
+    have the shape (3, 2 nt - 1): they are for the times of half steps, and do not count what a shift in time
+    mends, since a contact with adhesion jumps.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
-    whole, half = (on_steps(made, space, profile, history, each) for each in (time, halved(time)))
-    quarter = on_steps(made, space, profile, history, halved(half.time), 0.0, snapshots)
+    whole, half = (on_steps(made, space, profile, history, each, adhesion) for each in (time, halved(time)))
+    quarter = on_steps(made, space, profile, history, halved(half.time), adhesion, snapshots)
     rough, fine = _extrapolated(whole, half, history), _extrapolated(half, quarter, history)
     # Where contact is lost the radius falls like a root of time: then the error of its square counts.
     small = _SMALL * fine.radius.max() + 1e-300
     share = np.minimum(1.0, np.minimum(rough.radius, fine.radius[::2]) / small)
     errors = np.zeros((3, rough.time.size))
     for row, name in zip(errors, ("force", "depth", "radius"), strict=True):
-        values = getattr(fine, name)
-        row[:] = (values[::2] - getattr(rough, name)) / max(float(np.abs(values).max()), 1e-300)
+        values, other = getattr(fine, name), getattr(rough, name)
+        apart = _apart(fine.time, values, other, shift) if shift else values[::2] - other
+        row[:] = apart / max(float(np.abs(values).max()), 1e-300)
     errors[2] *= share
     errors[:, ::2] /= 2**_ORDER - 1
     errors[:, 1::2] /= 2**_ORDER_BETWEEN - 1
     solutions = whole.solutions + half.solutions + quarter.solutions
     return fine._replace(error=float(np.abs(errors).max()), solutions=solutions), errors
+
+
+def _apart(time: FloatArray, fine: FloatArray, rough: FloatArray, shift: float) -> FloatArray:
+    """Distance of a curve at every other time from another one that may be shifted in time."""
+    at = time[::2]
+    inside = time.searchsorted(at - shift), time.searchsorted(at + shift, "right")
+    ends = np.transpose([np.interp(each, time, fine) for each in (at - shift, at, at + shift)])
+    parts = [np.append(fine[i:j], each) for i, j, each in zip(*inside, ends, strict=True)]
+    low, high = np.array([(part.min(), part.max()) for part in parts]).T
+    return np.asarray(np.maximum(low - rough, 0.0) + np.minimum(high - rough, 0.0))
+
+
+def _jumps(found: Indentation, shift: float) -> IntArray:
+    """Steps, of which a run takes the quarters, with a quarter above the shift in which contact changes."""
+    touching = found.radius > 0
+    return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(found.time) > shift)) // 4
 
 
 def halved(time: FloatArray) -> FloatArray:
@@ -439,11 +492,12 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> I
         return found
 
     return fine._replace(
-        force=np.maximum(better(fine.force, coarse.force), 0.0),
+        force=np.maximum(better(fine.force, coarse.force), -math.inf if fine.parted.any() else 0.0),
         depth=better(fine.depth, coarse.depth),
         radius=np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)),
         stored=better(fine.stored, coarse.stored),
         dissipated=better(fine.dissipated, coarse.dissipated),
+        parted=better(fine.parted, coarse.parted),
         solutions=fine.solutions + coarse.solutions,
     )
 
@@ -465,7 +519,7 @@ def follow(
     history: History,
     *,
     tolerance: float = 1e-4,
-    adhesion: float = 0.0,
+    adhesion: Edge = NO_ADHESION,
     stops: Sequence[float] = (),
     snapshots: Sequence[float] = (),
     space: Space | None = None,
@@ -514,7 +568,7 @@ def _to_tolerance(
     history: History,
     landing: tuple[FloatArray, FloatArray],
     tolerance: float,
-    adhesion: float,
+    adhesion: Edge,
 ) -> Indentation:
     """Choose steps by a coarse run, and refine them until the estimated error is within the tolerance."""
     knots, kept = landing
@@ -522,18 +576,20 @@ def _to_tolerance(
         (float(each.min()) for each in (body.local_times, body.times) if each.size), default=math.inf
     )
     first = on_steps(body, space, profile, history, graded_steps(knots, shortest), adhesion)
-    if math.isinf(shortest):
+    if math.isinf(shortest) and math.isinf(adhesion.speed):
         time = even_steps(first, knots, 0.1)
         return on_steps(body, space, profile, history, time, adhesion, kept)._replace(error=0.0)
     time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
-    solutions = 0
+    solutions, shift = 0, tolerance * float(knots[-1] - knots[0]) if adhesion.work else 0.0
     for mesh in range(_MOST_MESHES):
-        found, errors = on_quartered_steps(body, space, profile, history, time, kept)
+        found, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
         solutions += found.solutions
-        if found.error <= tolerance or found.time.size > _MOST_STEPS:
+        jumps = _jumps(found, shift) if shift else np.zeros(0, dtype=int)
+        if (found.error <= tolerance and not jumps.size) or found.time.size > _MOST_STEPS:
             break
-        everywhere = (mesh + 1) / _MOST_MESHES
+        everywhere = (mesh + 1) / _MOST_MESHES * (_BEFORE_JUMPS if shift else 1.0)
         parts = _parts(found.radius[::4], errors, everywhere, tolerance)
+        parts[jumps] = _PARTS_OF_JUMP
         time = _refined(time, np.maximum(parts, 1.0) if mesh else parts, knots)
     return found._replace(solutions=solutions)
 
@@ -549,7 +605,7 @@ def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance:
     growth = growth[::2] + growth[1::2] + 1e-300
     growth += np.bincount(_passed_before(radius), growth, minlength=growth.size)
     growth += everywhere * (growth.mean() - growth)
-    whole, wanted = growth.sum(), _SAFE * tolerance / np.abs(errors).max()
+    whole, wanted = growth.sum(), _SAFE * tolerance / (np.abs(errors).max() + 1e-300)
     levels = np.sort(growth)
     below = np.cumsum(levels) + levels * np.arange(levels.size - 1, -1, -1)
     level = float(np.interp(wanted * whole, below, levels, left=wanted * whole / levels.size))

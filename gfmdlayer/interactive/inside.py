@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.depths import Place, beyond, places
 from gfmdlayer.body.inside import alike, stack_of
 from gfmdlayer.body.materials import Elastic, Law
+from gfmdlayer.body.solid import Place, beyond, places
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import ConfigError
 from gfmdlayer.config.layers import Layers

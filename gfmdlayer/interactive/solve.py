@@ -17,7 +17,7 @@ from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
-from gfmdlayer.contact.loading import CONTROLS
+from gfmdlayer.contact.loading import Loading
 from gfmdlayer.contact.problem import why_not_converged
 from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
@@ -38,9 +38,8 @@ from gfmdlayer.observables.contact_statistics import (
 )
 from gfmdlayer.periodic import too_deep, weak
 from gfmdlayer.programme import Programme
-from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.shape import Cell, Shape
-from gfmdlayer.punch.topography import numbers, outward_heights
+from gfmdlayer.punch.topography import fitting, numbers, outward_heights
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant
 from gfmdlayer.validation.problems import nearest, shown
@@ -229,7 +228,7 @@ def solve(
     if frictional:
         given = {"glassy": instantaneous, "solver": options, "interface": law}
         return with_friction(body, grid, heights, (control, target), **given, **frictional)
-    loading = CONTROLS[control](heights, Constant(target), law)
+    loading = Loading(heights, Constant(target), law, by_depth=control == "depth")
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)

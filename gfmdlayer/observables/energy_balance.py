@@ -16,7 +16,7 @@ follows from the balance; the error is at most `folds.across`, of first order in
 balance of the step closes by construction: the residual checks only the steps between the jumps.
 
 A voltage that changes does work too. The energy of the interface includes the field and its source,
-w(g, t) = -C(g) V(t)^2/2 per area (`interface.electrostatic`), and at a fixed gap it changes by -C V dV: a
+w(g, t) = -C(g) V(t)^2/2 per area (`interface.adhesion`), and at a fixed gap it changes by -C V dV: a
 rising voltage takes energy out of this balance, into the source. Over a step this is the mean of the change
 of w at the gap before and at the gap after it. The rest of the change of w is then, to rounding, the mean of
 its change at the law before and at the law after: the work of the traction.

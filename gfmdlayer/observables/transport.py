@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, Places, Value
-from gfmdlayer.transport.memory import flow_memory
+from gfmdlayer.transport import flow_memory
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

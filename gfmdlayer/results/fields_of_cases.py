@@ -9,7 +9,6 @@ file read as fast, but a file with another grid would be read without an error, 
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -41,18 +40,15 @@ class FieldOfCases(BackendArray):
         inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
         found = np.full((*files.shape, *inner), np.nan)
         for place, file in np.ndenumerate(files):
-            if file.is_file():
-                found[place] = self._read_case(file, part)
+            if not file.is_file():
+                continue
+            with h5py.File(file, locking=False) as h5:
+                field, wrong = h5[self._name], ""
+                if field.shape != self._inner:
+                    wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
+                elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
+                    wrong = "snapshots at other times than in the first case"
+                if wrong:
+                    raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
+                found[place] = field[part]
         return found
-
-    def _read_case(self, file: Path, part: tuple[int | slice, ...]) -> NDArray[np.float64]:
-        with h5py.File(file, locking=False) as h5:
-            field = h5[self._name]
-            wrong = ""
-            if field.shape != self._inner:
-                wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
-            elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
-                wrong = "snapshots at other times than in the first case"
-            if wrong:
-                raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-            return np.asarray(field[part])

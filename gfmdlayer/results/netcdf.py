@@ -26,6 +26,8 @@ from gfmdlayer.arrays import Attribute
 from gfmdlayer.files.whole import publish, seal, unfinished_path
 from gfmdlayer.results.schema import ResultsError
 
+PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+
 
 class _Stream(io.FileIO):
     """A new file that keeps its first failed write in `failure` and ignores the later ones."""
@@ -124,11 +126,7 @@ def contents(fill: Callable[[h5py.File], None]) -> bytes:
 
 
 def add_variable(
-    h5: h5py.File,
-    name: str,
-    dimensions: Sequence[str],
-    described: Mapping[str, str],
-    **options: Any,
+    h5: h5py.File, name: str, dimensions: Sequence[str], described: Mapping[str, str], **options: Any
 ) -> h5py.Dataset:
     """Create a variable on existing dimensions; `options` are those of h5py's create_dataset.
 

@@ -42,11 +42,10 @@ def case_path(directory: str | Path, index: int) -> Path:
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
-    """Whether a file holds a complete case, found by reading its contents.
+    """Whether a file holds a complete case, of this `digest` if one is given; raises nothing.
 
     A complete file is marked so, its columns and snapshots have as many rows as its attributes say, and its
-    bytes are those that were written. Any other file, missing, truncated, damaged or foreign, gives False,
-    never an exception. With `digest`, the case must have been computed from the configuration of this digest.
+    bytes are those that were written.
     """
     return _is_whole(Path(path), math.inf, digest)
 
@@ -58,9 +57,18 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
         if intact is False and not open_for_writing(path):  # HDF5 marks a file while it is
             return False
         with h5py.File(path, locking=False) as h5:
-            if digest is not None and h5.attrs.get("digest") != digest:
+            if h5.attrs["complete"] != 1 or digest not in (None, h5.attrs.get("digest")):
                 return False
-            return _has_all(h5, intact is True, most)
+            columns, fields = _growing(h5)
+            rows = [(column, h5.attrs["rows"], math.inf) for column in columns.values()]
+            for dataset, length, largest in (
+                *rows,
+                *((f, h5.attrs["snapshots"], most) for f in fields.values()),
+            ):
+                small = dataset.size * dataset.dtype.itemsize <= largest
+                if _length(dataset, read=small and not intact) != length:
+                    return False
+            return True
     except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
         return False
 
@@ -88,20 +96,6 @@ def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], dict[str, h5py.Dat
     # Earlier versions wrote no gap, and the hard wall has no traction.
     fields = {name: columns.pop(name) for name in ("snapshot", *SNAPSHOT_FIELDS) if name in columns}
     return columns, fields
-
-
-def _has_all(h5: h5py.File, intact: bool, most: float) -> bool:
-    """Whether the case has all of its rows and snapshots, read where the file is not known to be intact."""
-    rows, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]
-    columns, fields = _growing(h5)
-    small = {field.name for field in fields.values() if field.size * field.dtype.itemsize <= most}
-    return bool(
-        h5.attrs["complete"] == 1
-        and all(_length(column, read=not intact) == rows for column in columns.values())
-        and all(
-            _length(field, read=not intact and field.name in small) == snapshots for field in fields.values()
-        )
-    )
 
 
 def _length(dataset: h5py.Dataset, *, read: bool) -> int:
@@ -192,11 +186,8 @@ def open_results(directory: str | Path) -> xarray.Dataset:
         return _with_snapshots(found, directory)
     if len(complete) == 1:
         return _open(complete[0])
-    if complete:
-        raise ResultsError(
-            f"{directory}: {len(complete)} complete cases but no {SWEEP_FILE}; run the config again"
-        )
-    raise ResultsError(f"{directory}: no complete case")
+    several = f"{len(complete)} complete cases but no {SWEEP_FILE}; run the config again"
+    raise ResultsError(f"{directory}: {several if complete else 'no complete case'}")
 
 
 def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
@@ -216,15 +207,10 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
     if all(record.failed for record in records):
         raise ResultsError(f"{directory}: no complete case")
     times = (data.get("output") or {}).get("times")
-    return labelled(records, Swept.of(sweep, _unit(config), times))
-
-
-def _unit(config: Path) -> Callable[[str], str]:
-    """Return the labels of units of a stored configuration; words where it cannot be read in full."""
-    try:
-        return load(config).unit
-    except ConfigError:
-        return str
+    unit: Callable[[str], str] = str
+    with suppress(ConfigError):  # words, where it cannot be read in full
+        unit = load(config).unit
+    return labelled(records, Swept.of(sweep, unit, times))
 
 
 def _open(path: Path) -> xarray.Dataset:

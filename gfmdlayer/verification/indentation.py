@@ -12,7 +12,7 @@ from gfmdlayer.body.isolated import TOLERANCE
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.indentation.isolated import IsolatedIndentation
-from gfmdlayer.indentation.solve import History, follow, on_steps
+from gfmdlayer.indentation.solve import Edge, History, follow, on_steps
 from gfmdlayer.punch.revolution import Revolution, cone, flat, paraboloid, sphere
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ONE_STEP, run
@@ -153,7 +153,7 @@ def peeled_sphere(quick: bool) -> Iterator[Row]:  # noqa: ARG001
     """
     w, R = 1e-3, 1.0
     history = History(np.array([0.0, 1.0, 3.0]), np.array([-0.01, 0.02, -0.05]))
-    run = follow(_body(_ELASTIC, math.inf, 0.3), paraboloid(R), history, adhesion=w)
+    run = follow(_body(_ELASTIC, math.inf, 0.3), paraboloid(R), history, adhesion=Edge(w))
     theory = -1.5 * math.pi * w * R
     yield Row("pull-off force", theory, float(run.force.min()), 1e-3 * abs(theory), "JKR (1971)")
     E, a = 2 / 0.7, run.radius[run.radius > 0]
@@ -191,6 +191,6 @@ def pull_off(nu: float, ratio: float, work: float) -> tuple[float, float]:
     else:
         below, radius = math.sqrt(8 * work / 3) / ratio, ratio**3 / math.sqrt(96 * work)
     history = History(np.array([0.0, 1.0, 3.0]), np.array([-0.3, 2.0, -3.0]) * below)
-    run = follow(_body(_ELASTIC, 1.0, nu), paraboloid(radius), history, adhesion=work)
+    run = follow(_body(_ELASTIC, 1.0, nu), paraboloid(radius), history, adhesion=Edge(work))
     least = int(run.force.argmin())
     return float(1 / run.radius[least]), float(run.force[least] / (-math.pi * work * radius))

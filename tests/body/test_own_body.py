@@ -14,11 +14,25 @@ import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer import Case, Config, ConfigError, Wavevectors, Zener, load, simulate
+from gfmdlayer import (
+    Case,
+    Config,
+    ConfigError,
+    Layer,
+    LayeredHalfspace,
+    LayerStack,
+    ViscoelasticLayer,
+    Wavevectors,
+    Zener,
+    load,
+    simulate,
+)
+from gfmdlayer.body.body import Body
 from gfmdlayer.body.solid import fault
 from gfmdlayer.config import digest
 from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.figures.body_plot import body_figure
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.journal import Recording
 
 ROOT = Path(__file__).parents[2]
@@ -129,13 +143,6 @@ def test_layers_by_name_are_the_default() -> None:
     assert Config(**keys, body={"kind": "layers"}).solid == Config(**keys).solid
 
 
-@pytest.mark.usefixtures("here")
-def test_a_written_configuration_reads_back() -> None:
-    config = configured(BED, **{"body.tau": 3.0})
-    assert load("again.yaml", content=config.dump()).dump() == config.dump()
-    assert digest(load("again.yaml", content=config.dump())) == digest(config)
-
-
 def test_a_configuration_reaches_other_processes_when_the_file_is_gone(here: Path) -> None:
     config = configured(BED, sweep={"body.k": [1.0, 2.0]})
     every = pickle.dumps([case.config for case in cases(config)])
@@ -180,13 +187,10 @@ FILE = "{file: winkler.py, k: 1}"
         ("{file: winkler.py, k: 1, kk: 1}", "body.kk: unknown key; allowed: kind, k, tau, file; did"),
         ("{file: nothing.py, k: 1}", "nothing.py does not exist; must be the name of a readable file,"),
         (FILE + "\nlayer: {}", "case.yaml:4:1: layer: not available with body: {kind: winkler}; remove it"),
-        (
-            FILE + "\nhalfspace: {}",
-            "case.yaml:4:1: halfspace: not available with body: {kind: winkler}",
-        ),
+        (FILE + "\nhalfspace: {}", "case.yaml:4:1: halfspace: not available with body: {kind: winkler}"),
         (FILE + "\ngrid: {geometry: axisymmetric}", "axisymmetric, which this body does not allow; must be"),
     ],
-)
+)  # fmt: skip
 @pytest.mark.usefixtures("here")
 def test_impossible_keys_are_refused_with_their_place(text: str, expected: str) -> None:
     grid = "" if "grid:" in text else "grid: {points: 16}"
@@ -268,3 +272,40 @@ def test_a_body_names_what_it_lacks() -> None:
         simulate(case, Recording())
     with pytest.raises(TypeError, match=r"float has no .*; no spectrum.*must be a body, such as halfspace"):
         gfmdlayer.solve(1.0, punch, depth=0.01)  # type: ignore[arg-type]
+
+
+# --- wavevectors ---
+
+LAYER = ViscoelasticLayer(LayeredHalfspace(0.1, 0.4, 2.0), Zener())
+STACK = LayerStack((Layer(0.1, 0.4, Zener()), Layer(0.2, 0.5, Zener(tau=3.0))), rigid=True)
+
+
+@pytest.mark.parametrize("grid", [Grid((9,), (2.0,)), Grid((8, 6), (1.0, 3.0))])
+def test_the_grid_gives_the_wavevector_of_each_mode(grid: Grid) -> None:
+    waves = grid.waves
+    assert waves.qx.shape == waves.qy.shape == waves.magnitude.shape == waves.shape == grid.spectral_shape
+    np.testing.assert_array_equal(waves.magnitude, grid.wavenumbers)
+    np.testing.assert_allclose(np.hypot(waves.qx, waves.qy), waves.magnitude, rtol=1e-15)
+    # A wave exp(i q.x) on the grid has its transform at its own mode.
+    wave = np.unravel_index(3, grid.spectral_shape)
+    points = np.meshgrid(*grid.coordinates, indexing="ij")
+    phase = sum(q[wave] * x for q, x in zip((waves.qx, waves.qy), points, strict=False))
+    assert np.unravel_index(np.abs(np.fft.rfftn(np.cos(phase))).argmax(), grid.spectral_shape) == wave
+
+
+def test_plain_magnitudes_are_waves_along_x() -> None:
+    waves = Wavevectors.of([[0.0, 1.0], [2.0, 3.0]])
+    np.testing.assert_array_equal(waves.qx, [[0.0, 1.0], [2.0, 3.0]])
+    np.testing.assert_array_equal(waves.qy, 0.0)
+    assert Wavevectors.of(waves) is waves
+    assert np.shape(waves) == (2, 2)
+    np.testing.assert_array_equal(2 * np.asarray(waves), 2 * waves.magnitude)
+
+
+@pytest.mark.parametrize("body", [LAYER, STACK])
+def test_isotropic_bodies_answer_to_the_magnitude(body: Body) -> None:
+    grid = Grid((8, 6), (1.0, 3.0))
+    found, expected = body.spectrum(grid.waves), body.spectrum(grid.wavenumbers)
+    for name in ("relaxed", "weights", "times"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    np.testing.assert_array_equal(body.stiffness(grid.waves, 1j), body.stiffness(grid.wavenumbers, 1j))

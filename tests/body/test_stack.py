@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mpmath import matrix, mp, mpc, mpf
+from mpmath import matrix, mp, mpf
+from numpy.typing import NDArray
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Elastic, Prony, Zener
-from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.stack import Layer, LayerStack, merged
 from gfmdlayer.history.modes import SCHEMES, Modes
+from tests.body.printed import modulus
 
 # Of the stiffness: some tens of roundings of 2^-53 in each of at most seven layers.
 ROUNDING = 1e-13
@@ -25,19 +27,9 @@ SPECTRUM = 1e-11
 FREQUENCIES = np.array([0, 1e-4j, 0.1 + 0.03j, 1j, 30j, 1e4 + 1e4j, 1e9])
 
 
-def modulus(material: Prony, s: complex) -> mpc:
-    """G(s), Eq. (4)."""
-    exact = mp.mpmathify(complex(s))
-    return mpf(material.relaxed) + sum(
-        mpf(G) * exact * mpf(t) / (1 + exact * mpf(t)) for G, t in material.branches
-    )
-
-
 def layer_matrix(x: mpf, nu: mpf) -> matrix:
-    """Tractions on (W, U) of the upper and lower face, by their displacements, for q = G = 1.
-
-    From the basis psi = exp(-z), exp(z - x): (U, W) = (psi, psi') and (z psi, z psi' - (3 - 4 nu) psi).
-    """
+    """Tractions on (W, U) of the upper and lower face, by their displacements, for q = G = 1."""
+    # From the basis psi = exp(-z), exp(z - x): (U, W) = (psi, psi') and (z psi, z psi' - (3 - 4 nu) psi).
     displacement, traction = matrix(4, 4), matrix(4, 4)
     for column, (sign, kind) in enumerate(((-1, 0), (-1, 1), (1, 0), (1, 1))):
         for row, z in ((0, mpf(0)), (2, x)):
@@ -126,13 +118,8 @@ def test_modes_over_twelve_decades_of_times_keep_all_digits() -> None:
     """The bound is ten roundings of 2^-53 for each of the 144 internal variables, and what is negligible."""
     law = Prony(1.0, [(1.0, 10.0**k) for k in range(-9, 3)])
     other = Prony(2.0, [(0.5, 3 * 10.0**k) for k in range(-9, 3)])
-    layers = (
-        Layer(0.02, 0.4, law),
-        Layer(0.05, 0.45, other),
-        Layer(0.1, 0.3, law),
-        Layer(math.inf, 0.3, other),
-    )
-    stack, q = LayerStack(layers), np.array([0.3, 3.0, 30.0])
+    depths = ((0.02, 0.4, law), (0.05, 0.45, other), (0.1, 0.3, law), (math.inf, 0.3, other))
+    stack, q = LayerStack(tuple(Layer(*each) for each in depths)), np.array([0.3, 3.0, 30.0])
     found = stack.spectrum(q)
     for s in np.logspace(-5, 11, 17):
         np.testing.assert_allclose(found.stiffness(s), stack.stiffness(q, s), rtol=1e-12)
@@ -199,23 +186,13 @@ def test_mean_stiffness_is_that_of_layers_in_series() -> None:
 
 def test_internal_variables_give_the_stiffness() -> None:
     """K = free G_1 + g.g - g.B (1 + B^T B + s theta)^-1 B^T g at any s, whatever the times of the layers."""
-    body, q, s = (
-        LayerStack((Layer(0.3, 0.2, SOFT), Layer(0.1, 0.5, HARD), BASE)),
-        np.array([0.1, 3.0]),
-        0.3 + 2j,
-    )
-    shifted = LayerStack(
-        tuple(
-            Layer(
-                each.thickness,
-                each.poisson,
-                Prony(each.material.G0, [(G, shift * t) for G, t in each.material.branches]),
-            )
-            for each, shift in zip(body.layers, (0.1, 10.0, 3.0), strict=True)
-        )
-    )
-    network = body.network(q)
-    theta = network.times * np.array([0.1, 10.0, 3.0])[network.layer]
+    body = LayerStack((Layer(0.3, 0.2, SOFT), Layer(0.1, 0.5, HARD), BASE))
+    q, s, shifts, slower = np.array([0.1, 3.0]), 0.3 + 2j, np.array([0.1, 10.0, 3.0]), []
+    for each, shift in zip(body.layers, shifts.tolist(), strict=True):
+        law = Prony(each.material.relaxed, [(G, shift * t) for G, t in each.material.maxwell_branches])
+        slower.append(Layer(each.thickness, each.poisson, law))
+    shifted, network = LayerStack(tuple(slower)), body.network(q)
+    theta = network.times * shifts[network.layer]
     for i in range(q.size):
         g, B = network.force[i], network.coupling[i]
         relaxing = g @ B @ np.linalg.solve(np.diag(1 + s * theta) + B.T @ B, B.T @ g)
@@ -254,3 +231,60 @@ def test_steps_with_merged_modes_keep_to_the_bound() -> None:
         # Backward Euler's kappa is K at s = 1/dt.
         kappa, expected = (Modes(each, SCHEMES["backward_euler"]).terms(dt)[0] for each in (found, exact))
         np.testing.assert_allclose(kappa[1:], expected[1:], rtol=accuracy + 1e-13)
+
+
+# --- fewer modes ---
+
+S = np.concatenate([np.logspace(-8, 8, 65) * factor for factor in (1, 1j, 1 + 0.1j)])
+
+
+def relaxing(weights: Any, times: Any) -> NDArray[Any]:
+    """K(s) - K_0 over S."""
+    cycles = np.multiply.outer(S, times)
+    return np.asarray((weights * (cycles / (1 + cycles))).sum(axis=-1))
+
+
+modes = st.lists(
+    st.tuples(st.floats(-6, 0), st.floats(-4, 4)).map(lambda each: (10 ** each[0], 10 ** each[1])),
+    min_size=1,
+    max_size=30,
+)
+
+
+@settings(deadline=None, max_examples=60)
+@given(modes, st.floats(-10, -1))
+def test_the_bound_holds_in_the_right_half_plane(given: list[tuple[float, float]], exponent: float) -> None:
+    """It is reached at s = inf, so that it is not a loose one either."""
+    weights, times = np.array(given).T
+    bound = 10**exponent
+    few, theirs, reached = merged(weights, times, bound)
+    assert reached <= bound
+    assert few.size <= weights.size
+    assert (few >= 0).all()
+    assert (theirs > 0).all()
+    error = np.abs(relaxing(few, theirs) - relaxing(weights, times)).max()
+    rounding = 1e-12 * weights.sum()
+    assert error <= reached + rounding
+    assert weights.sum() - few.sum() >= 0.99 * reached - rounding
+
+
+def test_modes_of_one_time_are_one() -> None:
+    weights, times, reached = merged(np.array([1.0, 2.0, 3.0]), np.array([2.0, 2.0, 2.0]), 1e-12)
+    assert weights == pytest.approx([6.0])
+    assert times == pytest.approx([2.0])
+    assert reached < 1e-14
+
+
+def test_a_stack_reports_the_error_of_its_spectrum() -> None:
+    """The modes of a body of three layers of five branches, on a rigid base, go from 50 to about 20."""
+    law = [(2.0, 10.0**k) for k in range(-2, 3)]
+    layers = tuple(Layer(0.05, 0.45, Prony(G, law)) for G in (3.0, 0.5, 10.0))
+    q = 2 * np.pi * np.arange(1, 9)
+    exact = LayerStack(layers, rigid=True).spectrum(q)
+    found = LayerStack(layers, rigid=True, accuracy=1e-6).spectrum(q)
+    assert exact.error == 0
+    assert 1e-9 < found.error <= 1e-6
+    assert np.count_nonzero(found.weights) < 0.6 * np.count_nonzero(exact.weights)
+    np.testing.assert_array_equal(found.relaxed, exact.relaxed)
+    for s in S:
+        np.testing.assert_allclose(found.stiffness(s), exact.stiffness(s), rtol=found.error + 1e-12)

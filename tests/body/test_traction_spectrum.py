@@ -9,13 +9,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from gfmdlayer.body.body import bonded_layer
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.body.stack import Layer, LayerStack
-
-Floats = NDArray[np.float64]
+from tests.body.printed import modulus
 
 # Of K: some tens of roundings in each of the layers, times the condition of the modes, (Ginf/G0)^(1/2).
 ROUNDING = 1e-11
@@ -27,49 +25,20 @@ LAYERS = (
 )
 BASE = Layer(math.inf, 0.3, Prony(5.0, [(2.0, 0.05)]))
 STACKS = {
-    "halfspace": LayerStack((*LAYERS, BASE)),
-    "rigid": LayerStack(LAYERS, rigid=True),
-    "free": LayerStack(LAYERS),
-    "bare": LayerStack((BASE,)),
-    "one": LayerStack(LAYERS[:1], rigid=True),
-}
+    "halfspace": LayerStack((*LAYERS, BASE)), "rigid": LayerStack(LAYERS, rigid=True),
+    "free": LayerStack(LAYERS), "bare": LayerStack((BASE,)), "one": LayerStack(LAYERS[:1], rigid=True),
+}  # fmt: skip
 Q = np.array([0.4, 3.0, 12.0, 60.0, 239.0, 241.0, 5e3])
 FREQUENCIES = (0.0, 1e-3, 0.3, 10.0, 1e4)
 
 
-def through(layer: Layer, q: float, G: float, below: NDArray[Any]) -> NDArray[Any]:
-    """Carry states (W, U, sigma_zz/i, tau) from the lower face of a layer to its upper face."""
-    modulus = 2 * G * (1 - layer.poisson) / (1 - 2 * layer.poisson)  # lambda + 2 G
-    lame, ratio = modulus - 2 * G, layer.poisson / (1 - layer.poisson)
-    plate = modulus - lame * ratio  # sigma_xx of U where sigma_zz = 0
-    equations = np.array(
-        [
-            [0, ratio * q, 1 / modulus, 0],
-            [-q, 0, 0, 1 / G],
-            [0, 0, 0, q],
-            [0, plate * q**2, -ratio * q, 0],
-        ]
-    )
-    return np.asarray(expm(-layer.thickness * equations) @ below)
-
-
 @pytest.mark.parametrize("q", [0.5, 4.0, 15.0])
 @pytest.mark.parametrize("s", [0.0, 0.7, 1e3])
-def test_two_layers_obey_the_equations_of_elasticity(q: float, s: float) -> None:
-    """Matrix exponentials carry the states of the rigid base, which bears any stress, to the surface."""
-    layers = (LAYERS[0], LAYERS[1])
-    states = np.vstack((np.zeros((2, 2)), np.eye(2)))
-    for layer in reversed(layers):
-        states = through(layer, q, float(layer.material.laplace(s)), states)
-    exact = -states[2:] @ np.linalg.inv(states[:2])
-    found = LayerStack(layers, rigid=True).traction_spectrum([q]).in_plane.stiffness(s)[0]
-    np.testing.assert_allclose(found, exact, rtol=1e-9)  # exp of up to 2 q d = 4 in the states
-    G, d = zip(*((float(each.material.laplace(s)), each.thickness) for each in layers), strict=True)
-    below = G[1] * q / math.tanh(q * d[1])
-    across = G[0] * q * (below + G[0] * q * math.tanh(q * d[0])) / (G[0] * q + below * math.tanh(q * d[0]))
-    assert LayerStack(layers, rigid=True).traction_spectrum([q]).across.stiffness(s)[0] == pytest.approx(
-        across
-    )
+def test_shear_across_the_wave_passes_through_two_layers_to_a_rigid_base(q: float, s: float) -> None:
+    G, d = zip(*((float(each.material.laplace(s)), each.thickness) for each in LAYERS[:2]), strict=True)
+    below, top, t = G[1] * q / math.tanh(q * d[1]), G[0] * q, math.tanh(q * d[0])
+    found = LayerStack(LAYERS[:2], rigid=True).traction_spectrum([q]).across.stiffness(s)[0]
+    assert found == pytest.approx(top * (below + top * t) / (top + below * t))
 
 
 @pytest.mark.parametrize("stack", STACKS.values(), ids=STACKS)
@@ -128,7 +97,8 @@ def test_the_mean_is_sheared_in_series_on_a_rigid_base_and_fixed_elsewhere() -> 
 def test_modes_are_positive_and_one_for_each_wave_of_any_shape() -> None:
     q = np.array([[3.0, 60.0], [3.0, 1e3]])
     found = STACKS["halfspace"].traction_spectrum(q)
-    assert found.in_plane.fault() == ""
+    assert np.linalg.eigvalsh(found.in_plane.relaxed).min() > 0
+    assert (found.in_plane.times > 0).all()
     assert (found.across.weights >= 0).all()
     assert found.in_plane.relaxed.shape == (2, 2, 2, 2)
     np.testing.assert_array_equal(found.in_plane.vectors[:, 0, 0], found.in_plane.vectors[:, 1, 0])
@@ -159,27 +129,18 @@ def random_stack(random: np.random.Generator) -> LayerStack:
 
 def exact(stack: LayerStack, q: float, s: complex) -> NDArray[Any]:
     """Return K over (W, U) to 60 digits: series of the matrix exponentials of the equations of elasticity."""
-    q, s, layers = mp.mpf(q), mp.mpmathify(s), list(stack.layers)
+    q, layers = mp.mpf(q), list(stack.layers)
     states = mp.matrix([[0, 0], [0, 0], [1, 0], [0, 1]] if stack.rigid else [[1, 0], [0, 1], [0, 0], [0, 0]])
-
-    def modulus(material: Prony) -> Any:
-        branches = zip(material.branch_moduli, material.branch_times, strict=True)
-        return mp.mpf(material.relaxed) + sum(mp.mpf(g) * s * t / (1 + s * t) for g, t in branches)
-
     if math.isinf(layers[-1].thickness):
         base = layers.pop()
-        nu, G = mp.mpf(base.poisson), modulus(base.material)
+        nu, G = mp.mpf(base.poisson), modulus(base.material, s)
         C = mp.matrix([[2 - 2 * nu, 1 - 2 * nu], [1 - 2 * nu, 2 - 2 * nu]]) / (2 * G * q)
         states[2:, :] = -(C**-1)
     for layer in reversed(layers):
-        nu, G = mp.mpf(layer.poisson), modulus(layer.material)
+        nu, G = mp.mpf(layer.poisson), modulus(layer.material, s)
         ratio, give = nu / (1 - nu), (1 - 2 * nu) / (2 * G * (1 - nu))  # give is 0 where incompressible
-        equations = [
-            [0, ratio * q, give, 0],
-            [-q, 0, 0, 1 / G],
-            [0, 0, 0, q],
-            [0, 2 * G / (1 - nu) * q**2, -ratio * q, 0],
-        ]
+        equations = [[0, ratio * q, give, 0], [-q, 0, 0, 1 / G], [0, 0, 0, q]]
+        equations.append([0, 2 * G / (1 - nu) * q**2, -ratio * q, 0])
         states = mp.expm(-mp.mpf(layer.thickness) * mp.matrix(equations), method="taylor") * states
     return np.array((-states[2:, :] * states[:2, :] ** -1).tolist()).astype(complex)
 

@@ -12,20 +12,10 @@ from hypothesis import strategies as st
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.config import Config, ConfigError, digest, load, text
 from gfmdlayer.execution.sweep import input_errors
+from gfmdlayer.validation.units import Units
+from tests.config.reading import problems, read
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-
-
-def write(folder: Path, content: str) -> Path:
-    path = folder / "case.yaml"
-    path.write_text(content, encoding="utf-8")
-    return path
-
-
-def problems(path: Path, *overrides: str) -> list[str]:
-    with pytest.raises(ConfigError) as caught:
-        load(path, overrides)
-    return [problem.replace(f"{path.parent}/", "") for problem in caught.value.problems]
 
 
 # Rejected configurations: the text after "name: x", then place and key, then further words of the message.
@@ -57,29 +47,31 @@ for block in Path(__file__).with_name("rejected.txt").read_text("utf-8").split("
     ],
 )
 def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path: Path, content: str) -> None:
-    (found,) = problems(write(tmp_path, f"name: x\n{content}\n"))
+    (found,) = problems(tmp_path, f"name: x\n{content}\n")
     assert "did you mean" in found
 
 
 @pytest.mark.parametrize(
     ("sweep", "meant"),
-    [("thicknes: [1]", "'layer.thickness'"), ("zip: {laier.poisson: [1]}", "'layer.poisson'")],
+    [
+        ("thicknes: [1]", "'layer.thickness'"),
+        ("zip: {laier.poisson: [1]}", "'layer.poisson'"),
+        ("layer.poisson: {a: [1], b: [2]}", None),
+    ],
 )
-def test_an_unknown_key_of_a_sweep_is_rejected_with_the_nearest_keys_only(
-    tmp_path: Path, sweep: str, meant: str
+def test_a_sweep_is_rejected_with_the_nearest_keys_only(
+    tmp_path: Path, sweep: str, meant: str | None
 ) -> None:
-    (found,) = problems(write(tmp_path, f"name: x\nsweep: {{{sweep}}}\n"))
-    assert found.endswith(f"others (all: gfmdlayer schema); did you mean {meant}?")
-    assert len(found) < 250
-
-
-def test_a_dotted_key_is_suggested_once(tmp_path: Path) -> None:
-    (found,) = problems(write(tmp_path, "name: x\nsweep: {layer.poisson: {a: [1], b: [2]}}\n"))
-    assert found.count("layer.poisson") == 1
+    (found,) = problems(tmp_path, f"name: x\nsweep: {{{sweep}}}\n")
+    if meant is None:  # a dotted key is suggested once
+        assert found.count("layer.poisson") == 1
+    else:
+        assert found.endswith(f"others (all: gfmdlayer schema); did you mean {meant}?")
+        assert len(found) < 250
 
 
 def test_tabs_within_braces_and_texts_are_spaces(tmp_path: Path) -> None:
-    config = load(write(tmp_path, "name: x\nlayer: {\n\tthickness: 0.5}\n"))
+    config = read(tmp_path, "name: x\nlayer: {\n\tthickness: 0.5}\n")
     assert config.layer.thickness == 0.5
 
 
@@ -89,7 +81,7 @@ def test_tabs_within_braces_and_texts_are_spaces(tmp_path: Path) -> None:
 def test_an_error_names_place_key_and_allowed_values(
     tmp_path: Path, content: str, begins: str, holds: tuple[str, ...]
 ) -> None:
-    found = problems(write(tmp_path, "name: x\n" + content))
+    found = problems(tmp_path, "name: x\n" + content)
     assert len(found) == 1, found
     assert found[0].startswith("case.yaml:")
     assert begins in found[0]
@@ -102,13 +94,13 @@ def test_an_error_names_place_key_and_allowed_values(
     ["3", "a/b", "''", "..", ".hidden", "-x", "null", "[a]", "'a b'", "é", "x" * 129, "true", '"a\\n"'],
 )
 def test_a_name_that_is_no_folder_name_is_rejected(tmp_path: Path, name: str) -> None:
-    (problem,) = problems(write(tmp_path, f"name: {name}"))
+    (problem,) = problems(tmp_path, f"name: {name}")
     assert problem.startswith("case.yaml:1:7: name: got ")
     assert "letters, digits and . _ -" in problem
 
 
 def test_a_missing_name_is_an_error(tmp_path: Path) -> None:
-    (problem,) = problems(write(tmp_path, "grid: {points: 64}"))
+    (problem,) = problems(tmp_path, "grid: {points: 64}")
     assert problem.startswith("case.yaml:1:1: name: missing; must be text of at most 128 letters")
 
 
@@ -143,7 +135,7 @@ time: {end: 4, step: true}
 output: {snapshots: [1, 9]}
 sweep: {halfspace.poisson: [0.9, 0.5, x], layer.ticknes: [1]}
 """
-    found = problems(write(tmp_path, content))
+    found = problems(tmp_path, content)
     keys = [problem.split(" ")[0] + problem.split(" ")[1] for problem in found]
     assert keys == [
         "case.yaml:1:7:name:",
@@ -159,7 +151,7 @@ sweep: {halfspace.poisson: [0.9, 0.5, x], layer.ticknes: [1]}
 
 def test_a_rejected_value_causes_no_further_errors(tmp_path: Path) -> None:
     content = "name: x\ntime: {end: ten}\noutput: {snapshots: [9]}"
-    (problem,) = problems(write(tmp_path, content))
+    (problem,) = problems(tmp_path, content)
     assert problem.startswith("case.yaml:2:13: time.end:")
 
 
@@ -167,7 +159,7 @@ def test_more_than_a_million_cases_are_rejected(tmp_path: Path) -> None:
     values = [0.1 + i / 1000 for i in range(101)]
     keys = ("layer.thickness", "halfspace.shear_modulus", "time.end")
     content = "name: x\nsweep: {" + ", ".join(f"{key}: {values}" for key in keys) + "}"
-    (problem,) = problems(write(tmp_path, content))
+    (problem,) = problems(tmp_path, content)
     assert problem.startswith("case.yaml:2:8: sweep: got a product of 1030301 cases; must be at most 1000000")
 
 
@@ -211,17 +203,11 @@ FIGURES: dict[str, tuple[dict[str, list[float]], float, float]] = {
 def test_shipped_configurations_contain_the_papers_cases(name: str, quick: bool) -> None:
     sweep, Ginf, bulk = FIGURES[name]
     config = load(CONFIGS / f"{name}{'-quick' if quick else ''}.yaml")
-    expected = Config(name=config.name).with_values(
-        {
-            "layer.material.Ginf": Ginf,
-            "halfspace.shear_modulus": bulk,
-            "grid.points": 1024 if quick else 2**14,
-            "time.step": 0.05 if quick else 0.005,
-            "time.integrator": "backward_euler",
-            "solver.method": "fire",
-            "output.snapshots": [] if name == "indentation" else [0.5, 1.0, 2.0, 8.0],
-        }
-    )
+    expected = Config(name=config.name).with_values({
+        "layer.material.Ginf": Ginf, "halfspace.shear_modulus": bulk, "grid.points": 1024 if quick else 2**14,
+        "time.step": 0.05 if quick else 0.005, "time.integrator": "backward_euler", "solver.method": "fire",
+        "output.snapshots": [] if name == "indentation" else [0.5, 1.0, 2.0, 8.0],
+    })  # fmt: skip
     assert config.name == name + ("-quick" if quick else "")
     assert config.sweep == sweep
     assert config.with_values({}) == expected
@@ -242,35 +228,30 @@ def test_a_punch_at_rest_has_no_velocity_in_its_digest() -> None:
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        (
-            "0 1\n1 fast\n",
-            r"trajectory\.velocity_file: .*v\.txt:2: cannot read '1 fast'; .*\(time, velocity\)",
-        ),
-        ("1 1\n2 1\n", r"trajectory\.velocity_file: .*v\.txt: the first time is 1; must be 0"),
-        ("0 1\n1 0\n", r"trajectory\.velocity_file: .*v\.txt: ends at rest; .* remove time\.steady"),
+        ("0 1\n1 fast\n", r"v\.txt:2: cannot read '1 fast'; .*\(time, velocity\)"),
+        ("1 1\n2 1\n", r"v\.txt: the first time is 1; must be 0"),
+        ("0 1\n1 0\n", r"v\.txt: ends at rest; .* remove time\.steady"),
     ],
 )
 def test_an_unusable_table_of_velocities_is_rejected(tmp_path: Path, rows: str, message: str) -> None:
     (tmp_path / "v.txt").write_text(rows)
-    text = "name: x\ntrajectory: {velocity_file: v.txt}\ntime: {steady: 1.0e-3}"
-    with pytest.raises(ConfigError, match=message):
-        load(write(tmp_path, text), (), input_errors)
-
-
-def test_two_directions_share_one_period_or_have_two(tmp_path: Path) -> None:
-    both = load(write(tmp_path, "name: x\ngrid: {points: [64, 32], period: 2}"))
-    assert both.grid.period == (2.0, 2.0)
-    assert load(write(tmp_path, "name: x\ngrid: {points: [64, 32]}")).grid.period == (1.0, 1.0)
-    assert load(write(tmp_path, "name: x\ngrid: {points: [64, 32], period: [2, 1]}")).grid.period == (
-        2.0,
-        1.0,
+    (tmp_path / "case.yaml").write_text(
+        "name: x\ntrajectory: {velocity_file: v.txt}\ntime: {steady: 1.0e-3}", encoding="utf-8"
     )
+    with pytest.raises(ConfigError, match=rf"trajectory\.velocity_file: .*{message}"):
+        load(tmp_path / "case.yaml", (), input_errors)
+
+
+@pytest.mark.parametrize(
+    ("period", "found"), [("", (1.0, 1.0)), (", period: 2", (2.0, 2.0)), (", period: [2, 1]", (2.0, 1.0))]
+)
+def test_two_directions_share_one_period_or_have_two(tmp_path: Path, period: str, found: object) -> None:
+    assert read(tmp_path, f"name: x\ngrid: {{points: [64, 32]{period}}}").grid.period == found
 
 
 def test_yaml_is_read_as_version_1_2(tmp_path: Path) -> None:
-    config = load(
-        write(tmp_path, "name: 2024-01-02\nlayer: {thickness: 1e-3}\nhalfspace: {shear_modulus: 1_0}")
-    )
+    content = "name: 2024-01-02\nlayer: {thickness: 1e-3}\nhalfspace: {shear_modulus: 1_0}"
+    config = read(tmp_path, content)
     assert config.name == "2024-01-02"
     assert config.layer.thickness == 1e-3
 
@@ -278,26 +259,19 @@ def test_yaml_is_read_as_version_1_2(tmp_path: Path) -> None:
 def test_files_are_relative_to_the_configurations_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "in").mkdir()
-    (tmp_path / "in" / "heights.txt").write_text("0 0\n")
-    path = write(tmp_path / "in", "name: x\npunch: {shape: profile, file: heights.txt}")
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "heights.txt").write_text("0 0\n")
+    read(folder, "name: x\npunch: {shape: profile, file: heights.txt}")
     monkeypatch.chdir(tmp_path)
-    config = load("in/case.yaml")
-    assert config.punch.shape == "profile"
-    assert config.punch.file == path.parent / "heights.txt"
+    punch = load("in/case.yaml").punch
+    assert (punch.shape, punch.file) == ("profile", folder / "heights.txt")
 
 
 def test_a_sweep_is_valid_when_its_cases_are(tmp_path: Path) -> None:
     # None of these is possible with the configuration's own value of the other keys.
-    content = """\
-name: x
-trajectory: {control: load}
-sweep:
-  trajectory.load: [0.1, 0.2]
-  layer.material.G0: [15, 20]
-  layer.material.Ginf: [30, 40]
-"""
-    config = load(write(tmp_path, content))
+    swept = "{trajectory.load: [0.1, 0.2], layer.material.G0: [15, 20], layer.material.Ginf: [30, 40]}"
+    config = read(tmp_path, f"name: x\ntrajectory: {{control: load}}\nsweep: {swept}\n")
     case = config.with_values({"trajectory.load": 0.2, "layer.material.G0": 20, "layer.material.Ginf": 30})
     assert case.trajectory.load == 0.2
     assert case.sweep == {}
@@ -307,23 +281,15 @@ sweep:
 
 
 def test_overrides_replace_and_add(tmp_path: Path) -> None:
-    path = write(tmp_path, "name: x\ngrid: {points: 64}\nsweep: {layer.thickness: [1, 2]}")
-    config = load(
-        path,
-        [
-            "grid.points=[32, 16]",
-            "layer.material.tau=2",
-            "sweep.layer.thickness=[0, .inf]",
-            "punch={radius: 3}",
-        ],
-    )
+    content = "name: x\ngrid: {points: 64}\nsweep: {layer.thickness: [1, 2]}"
+    given = "grid.points=[32, 16]", "layer.material.tau=2", "sweep.layer.thickness=[0, .inf]"
+    config = read(tmp_path, content, *given, "punch={radius: 3}")
     assert config.grid.points == (32, 16)
-    assert config.layer.material.model == "zener"
-    assert config.layer.material.tau == 2.0
+    assert config.layer.material == Zener(tau=2.0)
     assert config.sweep == {"layer.thickness": [0, math.inf]}
     assert config.punch.shape == "parabola"
     assert config.punch.radius == 3.0
-    assert load(path, ["grid.points=32", "grid.points=16"]).grid.points == (16,)
+    assert read(tmp_path, content, "grid.points=32", "grid.points=16").grid.points == (16,)
 
 
 @pytest.mark.parametrize(
@@ -334,11 +300,8 @@ def test_overrides_replace_and_add(tmp_path: Path) -> None:
         ("grid..points=3", "--set: got 'grid..points=3'; must be dotted.key=value"),
         ("grid.points=", "--set: grid.points: got nothing (null); must be a whole number"),
         ("grid.points=4", "--set: grid.points: got 4; must be a whole number >= 8"),
-        (
-            "grid.point=4",
-            "--set: grid.point: unknown key; allowed: geometry, points, period, boundary, datum, extent; "
-            "did you mean 'points'?",
-        ),
+        ("grid.point=4", "--set: grid.point: unknown key; allowed: geometry, points, period, boundary, "
+         "datum, extent; did you mean 'points'?"),
         ("grid.points.x=4", "--set: grid.points.x: grid.points is not a mapping"),
         ("grid.points=[4", "--set: grid.points: not YAML:"),
         ("time.end=1", "case.yaml:3:22: output.snapshots[0]: got 2.0, past the end"),
@@ -347,10 +310,9 @@ def test_overrides_replace_and_add(tmp_path: Path) -> None:
         ("sweep=", "--set: sweep: got nothing (null)"),
         ("name=a/b", "--set: name: got the text 'a/b'"),
     ],
-)
+)  # fmt: skip
 def test_errors_of_overrides_name_the_option(tmp_path: Path, override: str, begins: str) -> None:
-    path = write(tmp_path, "name: x\ngrid: {points: 64}\noutput: {snapshots: [2]}")
-    (problem,) = problems(path, override)
+    (problem,) = problems(tmp_path, "name: x\ngrid: {points: 64}\noutput: {snapshots: [2]}", override)
     assert problem.startswith(begins)
 
 
@@ -373,12 +335,8 @@ def test_dump_writes_out_every_default_readably() -> None:
 
 def test_a_case_has_its_values_and_no_sweep() -> None:
     config = Config(name="x", sweep={"solver.method": ["fire", "active_set"]})
-    case = config.with_values(
-        {
-            "solver.method": "active_set",
-            "layer.material": {"model": "prony", "branches": [{"G": 1, "tau": 2}]},
-        }
-    )
+    law = {"model": "prony", "branches": [{"G": 1, "tau": 2}]}
+    case = config.with_values({"solver.method": "active_set", "layer.material": law})
     assert case.solver.inertia is None  # a default follows the method of the case
     assert isinstance(case.layer.material, Prony)
     assert case.sweep == {}
@@ -417,14 +375,12 @@ def test_digest_does_not_depend_on_name_sweep_or_how_values_are_written() -> Non
 
 
 def test_the_digest_depends_on_the_contents_of_files_not_on_their_paths(tmp_path: Path) -> None:
-    a, b = tmp_path / "a.txt", tmp_path / "b.txt"
-    a.write_text("0 1\n")
-    b.write_text("0 1\n")
-    configs = [
-        Config.model_validate({"name": "x", "punch": {"shape": "profile", "file": str(f)}}) for f in (a, b)
-    ]
+    files = [tmp_path / "a.txt", tmp_path / "b.txt"]
+    for file in files:
+        file.write_text("0 1\n")
+    configs = [Config(name="x", punch={"shape": "profile", "file": str(file)}) for file in files]
     assert digest(configs[0]) == digest(configs[1])
-    b.write_text("0 2\n")
+    files[1].write_text("0 2\n")
     assert digest(configs[0]) != digest(configs[1])
 
 
@@ -490,8 +446,65 @@ def test_long_lists_of_numbers_are_read_like_short_ones(
 
 
 def test_a_wrong_number_in_a_long_list_is_reported_at_its_place(tmp_path: Path) -> None:
-    path = write(tmp_path, f"name: long\nsweep:\n  punch.radius: [{LONG},\n    -2, 0.5]\n")
-    assert problems(path) == [
+    assert problems(tmp_path, f"name: long\nsweep:\n  punch.radius: [{LONG},\n    -2, 0.5]\n") == [
         "case.yaml:4:5: sweep.punch.radius[600]: got -2; must be a number > 0, or two of them, "
         "one for each direction"
     ]
+
+
+# --- units are labels ---
+
+
+@pytest.mark.parametrize(
+    ("length", "stress", "force", "per_length"),
+    [
+        ("m", "Pa", "N", "N/m"),
+        ("mm", "MPa", "N", "N/mm"),
+        ("um", "Pa", "pN", "pN/um"),
+        ("um", "GPa", "mN", "mN/um"),
+        ("mm", "GPa", "kN", "kN/mm"),
+        ("cm", "Pa", "Pa cm^2", "Pa cm"),  # 1e-4 N, for which there is no prefix
+        ("in", "psi", "psi in^2", "psi in"),
+    ],
+)
+def test_a_force_is_in_newtons_where_a_prefix_is_its_size(
+    length: str, stress: str, force: str, per_length: str
+) -> None:
+    units = Units(length=length, stress=stress, time="s")
+    assert units.label("force") == force
+    assert units.label("force / length") == units.label("pressure length") == per_length
+
+
+def test_words_become_labels_and_stay_without_units() -> None:
+    line = Config(name="line")
+    surface = line.with_values(
+        {"grid.points": [16, 16], "units": {"length": "mm", "stress": "MPa", "time": "h"}}
+    )
+    words = ("length", "pressure", "time", "length / time", "1", "force")
+    assert [surface.unit(each) for each in words] == ["mm", "MPa", "h", "mm/h", "1", "N"]
+    assert [line.unit(each) for each in words] == [*words[:-1], "force / length"]
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ("{length: m, stress: Pa}", "units.time: missing; must be a unit of time, such as s, ms, min or h"),
+        ("{length: Pa, stress: Pa, time: s}", "units.length: got the text 'Pa'; must be a unit of length"),
+        ("{length: m, stress: mpa, time: s}", "units.stress: got the text 'mpa'; must be a unit of stress"),
+        ("{length: m, stress: MPA, time: s}", "did you mean 'MPa'?"),
+        (
+            "{length: 1.0, stress: Pa, time: s}",
+            "units.length: got 1.0; must be a unit of length, such as m, mm",
+        ),
+        ("{lenght: m, stress: Pa, time: s}", "units.lenght: unknown key; allowed: length, stress, time"),
+        ("SI", "units: got the text 'SI'; must be a mapping"),
+        ("{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}", "units.length: cannot be swept"),
+    ],
+)
+def test_other_names_and_sweeps_of_labels_are_refused(tmp_path: Path, units: str, message: str) -> None:
+    assert message in "\n".join(problems(tmp_path, f"name: a\nunits: {units}\n"))
+
+
+def test_configurations_without_units_keep_their_digest() -> None:
+    # Of version 0.1: results of it stay valid.
+    assert digest(Config(name="x")) == "655824c9d0e292b21e7f13cad05f9044d3211883f6365e0bfbbb1fd7a51c1af1"

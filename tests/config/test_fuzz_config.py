@@ -36,10 +36,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyP
 
 
 def gfmdlayer(*arguments: str) -> tuple[int, str]:
-    """Exit status and error output of the command line; whatever it raises goes through.
-
-    The streams encode as a terminal's do.
-    """
+    """Exit status and error output of the command line; whatever it raises goes through."""
+    # The streams encode as a terminal's do.
     out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
     err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="backslashreplace")
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

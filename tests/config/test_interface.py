@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,14 @@ from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.model import stem
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.execution.sweep import cases, input_errors
-from gfmdlayer.interface.adhesion import Exponential
-from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.adhesion import Electrostatic, Exponential
 from gfmdlayer.validation.units import Units
 
 LAW: dict[str, Any] = {"law": "exponential", "work": 1e-3, "range": 4e-3}
 VOLTAGE: dict[str, Any] = {"law": "electrostatic", "voltage": 100.0, "insulation": 1e-6}
+VACUUM = {"permittivity": 1.0}
+HARD = {"law": "hard_wall", "hardness": 0.5}
+AXISYMMETRIC = {"grid": {"geometry": "axisymmetric"}}
 
 
 def test_the_hard_wall_is_the_default_and_has_its_digest() -> None:
@@ -44,22 +47,22 @@ def test_a_law_is_a_section_and_a_python_object() -> None:
         ({"law": "dugdale", "work": 1}, "interface.stress: missing; must be a number > 0"),
         ([LAW, {"law": "dugdale", "work": 1, "stress": 1, "smoothing": 0}], "interface[1].smoothing: got 0;"),
         ([LAW, LAW | {"wrk": 1}], "interface[1].wrk: unknown key; allowed: law, work, range"),
+        ({"work": 1, "range": 1, "stress": 3.0}, "interface.stress: unknown key; allowed: law, work, range"),
         ([], "interface: got an empty list; must have at least one"),
         (3, "interface: got 3; must be a mapping"),
         (VOLTAGE, "interface.permittivity: missing; must be given in units of pressure length^2/V^2"),
-        (VOLTAGE | {"voltage": "none.txt"}, "none.txt does not exist"),
-        (VOLTAGE | {"insulation": 0}, "interface.insulation: got 0; must be a number > 0"),
-        (VOLTAGE | {"insulation": []}, "interface.insulation: got an empty list"),
-        (
-            VOLTAGE | {"insulation": [{"thickness": 1, "permittivity": 0.5}]},
-            "interface.insulation[0].permittivity: got 0.5; must be a number >= 1, finite: relative",
-        ),
+        (VOLTAGE | VACUUM | {"insulation": 0}, "interface.insulation: got 0; must be a number > 0"),
+        (VOLTAGE | VACUUM | {"insulation": []}, "interface.insulation: got an empty list"),
+        (VOLTAGE | VACUUM | {"insulation": [{"thickness": 1, "permittivity": 0.5}]},
+         "interface.insulation[0].permittivity: got 0.5; must be a number >= 1, finite: relative"),
+        (VOLTAGE | VACUUM | {"voltage": "none.txt"}, "none.txt does not exist"),
     ],
-)
+)  # fmt: skip
 def test_impossible_laws_are_refused(interface: Any, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         Config(name="a", interface=interface)
-    assert any(message in line for line in caught.value.problems)
+    (found,) = caught.value.problems  # a key of another law is not taken for one of another section
+    assert message in found
 
 
 @pytest.mark.parametrize(
@@ -100,47 +103,26 @@ def test_the_solver_is_one_for_attraction_unless_another_is_named() -> None:
     assert [case.config.contact_solver.method for case in cases(swept)] == ["newton", "active_set"]
 
 
-def test_an_isolated_contact_has_no_law() -> None:
-    with pytest.raises(ConfigError) as caught:
-        Config(name="a", interface=LAW, grid={"geometry": "axisymmetric"})
-    (line,) = caught.value.problems
-    assert line.startswith("interface: not available with grid.geometry: axisymmetric")
-
-
-HARD = {"law": "hard_wall", "hardness": 0.5}
-
-
 @pytest.mark.parametrize(
     ("sections", "said"),
     [
+        (AXISYMMETRIC | {"interface": LAW}, "interface: not available with grid.geometry: axisymmetric"),
+        (AXISYMMETRIC,
+         "interface: its hardness is not available with grid.geometry: axisymmetric; remove it, or take"),
         ({"interface": HARD | {"hardness": 0}}, "interface.hardness: got 0; must be a number > 0"),
-        (
-            {"trajectory": {"control": "load", "load": 0.5}},
-            "trajectory.load: got 0.5; must be below 0.5, the interface.hardness over the whole cell",
-        ),
-        (
-            {"trajectory": {"control": "force", "force": 1.5}, "grid": {"points": 64, "period": 2.0}},
-            "trajectory.force: got 1.5; must be below 1, the interface.hardness over the whole cell",
-        ),
-        (
-            {"solver": {"method": "newton"}},
-            "solver.method: got newton, which is slow for a hardness; must be nested_gradient",
-        ),
-        (
-            {"interface": [LAW, HARD], "solver": {"method": "fire"}},
-            "solver.method: got fire, which cannot solve for a hardness; must be newton",
-        ),
-        (
-            {"solver": {"method": "active_set"}},
-            "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient",
-        ),
-        (
-            {"grid": {"geometry": "axisymmetric"}},
-            "interface: its hardness is not available with grid.geometry: axisymmetric; remove it, or take",
-        ),
+        ({"trajectory": {"control": "load", "load": 0.5}},
+         "trajectory.load: got 0.5; must be below 0.5, the interface.hardness over the whole cell"),
+        ({"trajectory": {"control": "force", "force": 1.5}, "grid": {"points": 64, "period": 2.0}},
+         "trajectory.force: got 1.5; must be below 1, the interface.hardness over the whole cell"),
+        ({"solver": {"method": "newton"}},
+         "solver.method: got newton, which is slow for a hardness; must be nested_gradient"),
+        ({"interface": [LAW, HARD], "solver": {"method": "fire"}},
+         "solver.method: got fire, which cannot solve for a hardness; must be newton"),
+        ({"solver": {"method": "active_set"}},
+         "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient"),
     ],
-)
-def test_a_hardness_that_cannot_be_is_refused(sections: dict[str, Any], said: str) -> None:
+)  # fmt: skip
+def test_a_law_or_hardness_that_cannot_be_is_refused(sections: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError) as refused:
         Config(name="a", **({"interface": HARD} | sections))
     (line,) = refused.value.problems
@@ -155,44 +137,29 @@ def test_a_hardness_has_a_digest_and_the_solver_that_can() -> None:
     assert plain.hardness is None
 
 
-def test_a_table_of_loads_beyond_the_hardness_is_refused_before_the_run(tmp_path: Path) -> None:
-    (tmp_path / "load.txt").write_text("0 0\n1 0.6\n")
-    given = tmp_path / "case.yaml"
-    given.write_text(
-        "name: a\ngrid: {points: 64}\ninterface: {law: hard_wall, hardness: 0.5}\n"
-        "trajectory: {control: load, kind: table, file: load.txt}\n"
-    )
-    with pytest.raises(
-        ConfigError, match=r"case.yaml:4:.*holds the load 0.6; must be below 0.5, the hardness"
-    ):
-        load(given, inspect=input_errors)
+EXPONENTIAL = "{law: exponential, work: 0.02, range: 0.01}, "  # its traction in contact is 2
 
 
 @pytest.mark.parametrize(
-    ("hardness", "given_load", "said"),
+    ("law", "hardness", "loads", "said"),
     [
-        (
-            1.5,
-            1.0,
-            "interface: got the hardness 1.5, which the attraction in contact exceeds; must be above 2",
-        ),
-        (
-            3.0,
-            1.0,
-            "trajectory.load: got 1; must be below 1, the hardness over the whole cell, less the attr",
-        ),
-        (3.0, 0.9, ""),
+        ("", 0.5, "kind: table, file: load.txt",
+         "case.yaml:4:.*holds the load 0.6; must be below 0.5, the hardness"),
+        (EXPONENTIAL, 1.5, "load: 1.0",
+         "interface: got the hardness 1.5, which the attraction in contact exceeds; must be above 2"),
+        (EXPONENTIAL, 3.0, "load: 1.0",
+         "trajectory.load: got 1; must be below 1, the hardness over the whole cell, less the attr"),
+        (EXPONENTIAL, 3.0, "load: 0.9", ""),
     ],
-)
-def test_a_hardness_has_to_bear_the_attraction(
-    tmp_path: Path, hardness: float, given_load: float, said: str
+)  # fmt: skip
+def test_a_hardness_has_to_bear_the_attraction_and_the_load(
+    tmp_path: Path, law: str, hardness: float, loads: str, said: str
 ) -> None:
-    """The exponential law has the traction 0.02/0.01 in contact."""
+    (tmp_path / "load.txt").write_text("0 0\n1 0.6\n")
     given = tmp_path / "case.yaml"
     given.write_text(
-        "name: a\ngrid: {points: 64}\n\ninterface: [{law: exponential, work: 0.02, range: 0.01}, "
-        f"{{law: hard_wall, hardness: {hardness}}}]\n"
-        f"trajectory: {{control: load, load: {given_load}}}\n"
+        f"name: a\ngrid: {{points: 64}}\ninterface: [{law}{{law: hard_wall, hardness: {hardness}}}]\n"
+        f"trajectory: {{control: load, {loads}}}\n"
     )
     if not said:
         assert load(given, inspect=input_errors).contact_solver.method == "newton"
@@ -200,7 +167,7 @@ def test_a_hardness_has_to_bear_the_attraction(
     with pytest.raises(ConfigError) as refused:
         load(given, inspect=input_errors)
     (line,) = refused.value.problems
-    assert said in line
+    assert re.search(said, line)
 
 
 def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None:
@@ -222,17 +189,10 @@ def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None
 def test_of_several_files_the_one_that_cannot_be_used_is_named_where_it_is_given(tmp_path: Path) -> None:
     (tmp_path / "good.txt").write_text("0 1\n1 2\n")
     (tmp_path / "bad.txt").write_text("0 1\n2 3\n1 4\n")
-    law = "{{law: electrostatic, voltage: {}, insulation: 0.1, permittivity: 1.0}}"
-    laws = "".join(f"  - {law.format(name)}\n" for name in ("good.txt", "bad.txt"))
+    law = "  - {{law: electrostatic, voltage: {}.txt, insulation: 0.1, permittivity: 1.0}}\n"
     given = tmp_path / "case.yaml"
-    given.write_text(f"name: a\ninterface:\n{laws}")
+    given.write_text("name: a\ninterface:\n" + law.format("good") + law.format("bad"))
     with pytest.raises(ConfigError) as refused:
         load(given, inspect=input_errors)
     (said,) = refused.value.problems
     assert said.startswith(f"{given}:4:35: interface[1].voltage: {tmp_path / 'bad.txt'}:3: time = 1 after 2")
-
-
-def test_a_key_of_another_law_is_not_taken_for_one_of_another_section() -> None:
-    with pytest.raises(ConfigError) as refused:
-        Config(name="a", interface={"work": 1e-3, "range": 0.01, "stress": 3.0})
-    assert refused.value.problems == ["interface.stress: unknown key; allowed: law, work, range"]

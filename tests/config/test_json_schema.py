@@ -42,8 +42,7 @@ class Bed(Solid):
 """
 # Sound configurations that have every key between them.
 SOUND = [
-    LINE
-    + """\
+    LINE + """\
 layer: {thickness: .inf, poisson: 0.3, material: {model: zener, G0: 1, Ginf: 10.0, tau: 2.0}}
 halfspace: {shear_modulus: 0, poisson: -0.2}
 punch: {shape: parabola, radius: 0.25}
@@ -59,8 +58,7 @@ output:
     gap: {max: 1.0, bins: 5, scale: log, min: 0.1}
 sweep: {layer.thickness: [0.1, .inf], layer.material.Ginf: [2, 3]}
 """,
-    LINE
-    + """\
+    LINE + """\
 layer: {material: {model: prony, G0: 1.0, branches: [{G: 1.0, tau: 1.0}, {G: 2.0, tau: 0.1}]}}
 punch: {shape: cylinder, radius: 3.0, along: y}
 trajectory: {control: load, load: 0.1, velocity: 0.1}
@@ -82,8 +80,7 @@ output:
     LINE + "output: {snapshots: [1.0], inside: {depths: [0, 0.1], times: [1.0], every: 2}}\n",
     LINE + "output: {inside: {points: 5, every: 1}}\n",
     LINE + "trajectory: {kind: table, file: heights.txt}\ntime: {step: adaptive}\noutput: {times: [1, 2]}\n",
-    LINE
-    + """\
+    LINE + """\
 layer:
   material:
     model: fractional_zener
@@ -95,8 +92,7 @@ layer:
     shift: {law: wlf, C1: 17.4, C2: 51.6, reference: 25}
 temperature: {value: 20}
 """,
-    LINE
-    + """\
+    LINE + """\
 layer: {material: {model: power_law, G: 1, G0: 0.1, exponent: 0.4, shift: {law: arrhenius,
   activation_energy: 8.0e+4, reference: 25}}}
 temperature: {file: degrees.txt}
@@ -104,8 +100,7 @@ temperature: {file: degrees.txt}
     LINE + "layer: {material: {model: havriliak_negami, Ginf: 10, alpha: 0.4, gamma: 1.5}}\n",
     LINE + "layer: {material: {model: kohlrausch, exponent: 1}}\n",
     LINE + "layer: {material: {model: elastic, G: 2}}\n",
-    LINE
-    + """\
+    LINE + """\
 layers:
   - {thickness: 0.01, poisson: 0.4, material: {model: prony, branches: [{G: 1, tau: 0.1}]}}
   - {thickness: .inf}
@@ -133,8 +128,7 @@ sweep:
     LINE + "counterbody: {body: {file: bed.py}}\n",
     LINE + "counterbody: {velocity_ratio: 1}\ntrajectory: {velocity: 2}\n",
     LINE + "counterbody: {body: {kind: layers}}\n",
-    LINE
-    + """\
+    LINE + """\
 counterbody:
   layers: [{thickness: 0.1, poisson: 0.4, material: {Ginf: 3}}]
   halfspace: {poisson: 0.3, material: {model: zener}}
@@ -143,28 +137,24 @@ sweep: {counterbody.layers.0.thickness: [0.1, 0.2]}
     "name: one\ngrid: {points: 64, boundary: isolated, datum: 2.0}\n",
     LINE + "interface: {law: exponential, work: 0.1, range: 0.01}\nsweep: {interface.work: [0.1, 0.2]}\n",
     LINE + "interface: {law: hard_wall, hardness: 0.5}\nsweep: {interface.hardness: [0.1, 0.2]}\n",
-    LINE
-    + """\
+    LINE + """\
 interface: [{law: coulomb, coefficient: 0.3}, {law: shear_strength, stress: 0.1}]
 trajectory:
   tangential: {control: force, kind: oscillation, force: 0.1, start: 1, period: 2, cycles: 1.5, direction: 0}
 sweep: {interface.0.coefficient: [0.1, heights.txt], interface.1.stress: [0, 0.1]}
 """,
-    SURFACE
-    + """\
+    SURFACE + """\
 interface: {law: coulomb, coefficient: heights.txt}
 trajectory: {tangential: {kind: ramp, displacement: 0.1, ramp_time: 1.0, direction: 45}}
 sweep: {trajectory.tangential.displacement: [0.1, 0.2]}
 """,
-    LINE
-    + """\
+    LINE + """\
 interface: {law: shear_strength, stress: 0}
 trajectory: {tangential: {kind: table, file: heights.txt}}
 """,
     LINE + "interface: {law: coulomb, coefficient: 1}\ntrajectory: {velocity: 1.0, creepage: -0.1}\n",
     LINE + "interface: {law: hard_wall}\nsweep: {interface: [{work: 1, range: 1}, {law: hard_wall}]}\n",
-    LINE
-    + """\
+    LINE + """\
 interface:
   - {law: dugdale, work: 0.1, stress: 2, smoothing: 0.3}
   - {law: lennard_jones, work: 0.1, separation: 0.01}
@@ -172,8 +162,7 @@ interface:
   - {law: hard_wall, hardness: 1.0e+6}
 sweep: {interface.0.work: [0.1, 0.2], interface.2.voltage: [5, heights.txt]}
 """,
-    LINE
-    + """\
+    LINE + """\
 units: {length: mm, stress: MPa, time: s}
 interface: {law: electrostatic, voltage: -100, insulation: [{thickness: 0.01, permittivity: 3}]}
 sweep: {interface.insulation.0.thickness: [0.1, 0.2]}
@@ -184,8 +173,7 @@ sweep: {interface.insulation.0.thickness: [0.1, 0.2]}
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
     SURFACE + "punch: {radius: [0.5, .inf]}\nunits: {length: um, stress: MPa, time: s}\n",
     LINE + "trajectory: {control: force, force: 1.0}\n",
-    LINE
-    + """\
+    LINE + """\
 trajectory: {kind: approach_retract, start: -0.1, depth: 0.01, approach_speed: 0.1, dwell: 1,
   retract_speed: 1, final: -0.2, cycles: 2}
 sweep: {trajectory.retract_speed: [0.1, 1]}
@@ -211,8 +199,7 @@ sweep: {trajectory.retract_speed: [0.1, 1]}
             "blunted_cone, slope: 0.1, tip_radius: 0.1",
         )
     ),
-    SURFACE
-    + """\
+    SURFACE + """\
 punch:
   {shape: self_affine, hurst: 0.8, short_cutoff: 0.2, roll_off: 0.4, long_cutoff: 1, rms_slope: 0.1, seed: 1}
 """,
@@ -220,13 +207,12 @@ punch:
     LINE + "punch: {shape: blunted_cone, slope: 0.1, tip_radius: 0.3}\n",
     AXISYMMETRIC + "  extent: 2.0\npunch: {shape: flat_punch, radius: 0.1}\n",
     AXISYMMETRIC + "punch: {shape: radial_profile, file: heights.txt}\n",
-    SURFACE
-    + """\
+    SURFACE + """\
 punch:
   {shape: topography, file: heights.txt, dataset: a, unit: 2.0, fill: membrane, detrend: plane, taper: 0.1,
    resample: fourier}
 """,
-]
+]  # fmt: skip
 # Types and ranges that most keys refuse. What a problem rests on besides its own key, the schema cannot know.
 ODD = (None, True, "adaptif", {}, [[]], -1, math.inf)
 

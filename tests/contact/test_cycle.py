@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numba as nb
 import numpy as np
 import pytest
 import scipy.linalg
@@ -21,11 +20,12 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential, LennardJones
+from gfmdlayer.kernels import kernel
 
 Floats = NDArray[np.float64]
 
 
-@nb.njit
+@kernel
 def _answers(given: Any, free: Any, stiffness: Any, forces: Any) -> Any:
     """Compile into one what the loop of the solver calls."""
     D = given.D[: free.size]
@@ -108,11 +108,9 @@ def followed(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch, *, cycles:
 def test_the_cycle_changes_pairs_and_no_solution(
     shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A law so weak that there is one minimum, w'' < kappa_1: both find it.
-
-    The residual 1e-6 is a traction over the strength. It is an error of the displacement of at most 1e-6
-    strength/(margin kappa_1/2), here 1e-6 of the range over the margin; either may have it.
-    """
+    """A law so weak that there is one minimum, w'' < kappa_1: both find it."""
+    # The residual 1e-6 is a traction over the strength. It is an error of the displacement of at most 1e-6
+    # strength/(margin kappa_1/2), here 1e-6 of the range over the margin; either may have it.
     by_transform = followed(shape, monkeypatch, cycles=False)
     by_cycle = followed(shape, monkeypatch, cycles=True)
     for one, other in zip(by_transform, by_cycle, strict=True):
@@ -123,11 +121,9 @@ def test_the_cycle_changes_pairs_and_no_solution(
 
 
 def test_the_margin_is_the_least_curvature_of_a_stiff_law(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lennard-Jones: that of a dense eigenvalue problem on the free points with a fixed mean.
-
-    The search ends where a turn lowers the margin by less than 2 % and .003; as the error falls by a factor
-    of 2 a turn and more, what is left is less than twice that. By transforms it ended at .86 to .91.
-    """
+    """Lennard-Jones: that of a dense eigenvalue problem on the free points with a fixed mean."""
+    # The search ends where a turn lowers the margin by less than 2 % and .003; as the error falls by a factor
+    # of 2 a turn and more, what is left is less than twice that. By transforms it ended at .86 to .91.
     monkeypatch.setattr(solver, "_WORTH_CYCLE", 0)
     shape, work, reach = (32, 32), 1e-3, 2e-3
     law, height = LennardJones(work=work, separation=reach).interaction(), rough(shape, 7)

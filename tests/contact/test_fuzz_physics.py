@@ -194,12 +194,10 @@ def test_the_mechanics_of_any_case(tmp_path: Path, recorder: Any, case: Any) -> 
 
 
 def assert_balanced(config: Config, found: Any) -> None:
-    """Compare the energies, which come from the modes, with the work of the pressure on the surface.
-
-    Over a step of an elastic body what is stored is work of the mean of both pressures, exactly. With
-    backward Euler what is stored and lost is the work of the last pressure less, for each mode, K |du|^2/2
-    and w |dy|^2/2, K its spring and w that of a relaxing mode with stretch y.
-    """
+    """Compare the energies, which come from the modes, with the work of the pressure on the surface."""
+    # Over a step of an elastic body what is stored is work of the mean of both pressures, exactly. With
+    # backward Euler what is stored and lost is the work of the last pressure less, for each mode, K |du|^2/2
+    # and w |dy|^2/2, K its spring and w that of a relaxing mode with stretch y.
     elastic = config.layer.material.elastic
     if not elastic and config.time.integrator != "backward_euler":
         return

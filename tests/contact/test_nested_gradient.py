@@ -28,10 +28,8 @@ SIZES = (64, 65, 67, 81, 90, 96, 97, 100, 101, 127, 128, 131, 144, 150, 180, 191
 
 
 def problem_of(seed: int, sizes: tuple[int, ...] = SIZES) -> tuple[Case, Problem]:
-    """A rough surface on a layer on a base up to a thousand times softer or stiffer, or on a halfspace.
-
-    Loads go from one point in contact to full contact, or to the depths that these give.
-    """
+    """A rough surface on a layer on a base up to a thousand times softer or stiffer, or on a halfspace."""
+    # Loads go from one point in contact to full contact, or to the depths that these give.
     draw = np.random.default_rng(seed)
     nx = int(draw.choice(sizes))
     ny = nx if draw.random() < 0.7 else int(draw.choice(sizes))
@@ -118,14 +116,12 @@ def test_two_hundred_random_rough_problems_are_solved(first: int) -> None:
 
 @pytest.mark.parametrize("first", range(0, 60, 20))
 def test_it_agrees_with_the_active_set(first: int) -> None:
-    """The difference of two pressures is bounded by the tolerance.
-
-    With the gap = gap0 + A p, p and gap >= 0, and gap <= tolerance D wherever p > 0, the differences dp and
-    dg = A dp of two solutions obey dp.A dp = dp.dg <= tolerance D sum |dp|: where both press, both gaps are
-    within tolerance D, and where one does, dp dg is at most its p times its gap. No value of A is below
-    1/max kappa, so that the norm of dp is at most max kappa tolerance D sqrt(points that press). Under a
-    given load dg may have a shift too, which does no work on dp, whose sum is zero.
-    """
+    """The difference of two pressures is bounded by the tolerance."""
+    # With the gap = gap0 + A p, p and gap >= 0, and gap <= tolerance D wherever p > 0, the differences dp and
+    # dg = A dp of two solutions obey dp.A dp = dp.dg <= tolerance D sum |dp|: where both press, both gaps are
+    # within tolerance D, and where one does, dp dg is at most its p times its gap. No value of A is below
+    # 1/max kappa, so that the norm of dp is at most max kappa tolerance D sqrt(points that press). Under a
+    # given load dg may have a shift too, which does no work on dp, whose sum is zero.
     for seed in range(first, first + 20):
         case, problem = problem_of(seed, sizes=(64, 65, 67))
         found = solved(case, problem)
@@ -256,10 +252,8 @@ def test_more_threads_give_the_same_solution(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_preconditioner_depends_on_the_spacing_alone() -> None:
-    """The stencil of a halfspace, scaled by the spacing, is the same on a long cell and on a square.
-
-    Both are fitted to samples of 64 waves along an axis, whose errors are of the order of 1/64^2.
-    """
+    """The stencil of a halfspace, scaled by the spacing, is the same on a long cell and on a square."""
+    # Both are fitted to samples of 64 waves along an axis, whose errors are of the order of 1/64^2.
     found = []
     for points in ((128, 128), (4096, 128), (2000, 128)):
         grid = Grid(points, (points[0] / 128, 1.0))

@@ -15,8 +15,7 @@ from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem, Solution, Solver, project
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
-from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
 from gfmdlayer.interface.law import HARD_WALL, Interaction, total
 from gfmdlayer.punch.self_affine import SelfAffine
 
@@ -51,6 +50,12 @@ def dense(kappa: Floats, shape: tuple[int, ...]) -> Floats:
     axes = tuple(range(1, unit.ndim))
     rows = np.fft.irfftn(kappa.reshape(spectral) * np.fft.rfftn(unit, axes=axes), s=shape, axes=axes)
     return rows.reshape(len(unit), -1)
+
+
+def history(of: Problem, shape: tuple[int, ...]) -> Floats:
+    """Intercept at the points."""
+    spectrum = of.intercept.reshape(TRANSFORMS[shape].spectral_shape)
+    return np.fft.irfftn(spectrum, s=shape, axes=tuple(range(len(shape)))).ravel()
 
 
 def random_law(rng: np.random.Generator) -> Interaction:
@@ -121,17 +126,13 @@ def test_a_minimum_is_found_in_each_of_a_thousand_random_problems() -> None:
     for seed in range(334):
         start, K = None, None
         for each, shape in random_problems(seed):
-            solver = Newton(TRANSFORMS[shape])
             start = at_rest(each.obstacle.size) if start is None else start
             K = dense(each.stiffness, shape) if K is None else K
-            found = solver.solve(each, start, tolerance)
+            found = Newton(TRANSFORMS[shape]).solve(each, start, tolerance)
             start = found.gap
             # The residual, from K as a matrix; its scales are the strength at least and the range at most.
             assert found.converged, seed
-            history = np.fft.irfftn(
-                each.intercept.reshape(TRANSFORMS[shape].spectral_shape), s=shape, axes=range(len(shape))
-            )
-            force = history.ravel() - K @ found.displacement
+            force = history(each, shape) - K @ found.displacement
             pressure = force + (found.pressure - force).mean()
             wall, law = each.wall_pressure(pressure, found.gap), each.interface
             np.testing.assert_allclose(pressure, found.pressure, atol=1e-9 * law.strength)
@@ -153,16 +154,11 @@ def test_the_energy_never_rises_along_a_relaxation_at_a_fixed_punch() -> None:
         each, shape = next(random_problems(seed))
         if each.mean_pressure is not None:
             continue
-        K, n = dense(each.stiffness, shape), each.obstacle.size
-        history = np.fft.irfftn(
-            each.intercept.reshape(TRANSFORMS[shape].spectral_shape), s=shape, axes=tuple(range(len(shape)))
-        )
-        whole = Newton(TRANSFORMS[shape]).solve(each, at_rest(n))
-        states = [
-            Newton(TRANSFORMS[shape]).solve(each, at_rest(n), limit=k).displacement
-            for k in range(1, whole.iterations + 1)
-        ]
-        found = [energy(each, K, history.ravel(), u) for u in (*states, whole.displacement)]
+        K, rest, newton = dense(each.stiffness, shape), at_rest(each.obstacle.size), TRANSFORMS[shape]
+        whole = Newton(newton).solve(each, rest)
+        states = [Newton(newton).solve(each, rest, limit=k) for k in range(1, whole.iterations + 1)]
+        b = history(each, shape)
+        found = [energy(each, K, b, state.displacement) for state in (*states, whole)]
         # To rounding of its parts, which the loop itself cannot see: 1e-13 of each, in K 1e-15 n.
         assert (np.diff(found) <= 1e-11 * (np.abs(found[1:]) + np.abs(found[:-1]))).all(), seed
 
@@ -343,14 +339,19 @@ def film() -> tuple[Floats, Interaction, float]:
     return kappa, law, law.range * np.log(law.strength / law.range / kappa[1:].min())
 
 
-def test_an_even_film_becomes_uneven_though_its_balance_stays() -> None:
-    # An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum.
-    kappa, law, gap = film()
-    even = Newton(Transforms((N,))).solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N), 1e-9)
+@pytest.mark.parametrize("after_full_contact", [False, True])
+def test_an_even_film_becomes_uneven_though_its_balance_stays(after_full_contact: bool) -> None:
+    """An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum."""
+    (kappa, law, gap), newton = film(), Newton(Transforms((N,)))
+    if after_full_contact:  # in which there is no deformation to follow
+        full = newton.solve(problem(kappa, np.zeros(N), law, law.strength), at_rest(N), 1e-9)
+        assert full.contact_area == 1
+    even, uneven = (
+        newton.solve(problem(kappa, np.full(N, part * gap), law), at_rest(N), 1e-9) for part in (1.01, 0.99)
+    )
     assert np.ptp(even.gap) == 0
     assert 0 < even.margin < 0.1
     assert even.released_energy == 0
-    uneven = Newton(Transforms((N,))).solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N), 1e-9)
     assert np.ptp(uneven.gap) > 0.1 * law.range
     assert uneven.margin > 0
     assert uneven.released_energy > 0
@@ -369,17 +370,6 @@ def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_mo
     found = newton.solve(problem(kappa, np.full(N, after), law), before + uneven * law.range * lowest, 1e-6)
     assert found.converged
     assert abs(found.displacement.mean()) < 1e-12 * law.range
-
-
-def test_full_contact_does_not_end_the_search_for_instabilities() -> None:
-    # In full contact there is no deformation to follow; the film as above has to be found uneven after it.
-    kappa, law, gap = film()
-    solver = Newton(Transforms((N,)))
-    assert solver.solve(problem(kappa, np.zeros(N), law, law.strength), at_rest(N), 1e-9).contact_area == 1
-    even = solver.solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N), 1e-9)
-    assert 0 < even.margin < 0.1
-    uneven = solver.solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N), 1e-9)
-    assert np.ptp(uneven.gap) > 0.1 * law.range
 
 
 @pytest.mark.parametrize(("G", "L"), [(1e11, 1e-9), (1e12, 1e-10), (1e-12, 1e9)])

@@ -21,10 +21,6 @@ def edge_law(squared_width: float) -> tuple[Floats, Floats]:
     return np.sqrt(SLOPE * np.maximum(inside, 0)), OPENING * np.maximum(-inside, 0) ** 1.5
 
 
-def test_nothing_is_guessed_from_nothing() -> None:
-    np.testing.assert_array_equal(PressurePrediction(5).at(1.0), np.zeros(5))
-
-
 @pytest.mark.parametrize("degree", [0, 1, 2])
 def test_pressures_of_a_fixed_contact_are_extrapolated_exactly(degree: int) -> None:
     # As many steps as a polynomial of the degree needs, at uneven times.
@@ -91,13 +87,13 @@ def test_steps_before_a_breakpoint_do_not_count() -> None:
     np.testing.assert_allclose(prediction.at(7) ** 2, expected**2, atol=1e-14 * SLOPE)
 
 
-def test_a_guess_belongs_to_whoever_asked_for_it() -> None:
+def test_nothing_is_guessed_from_nothing_and_a_guess_belongs_to_whoever_asked_for_it() -> None:
     prediction = PressurePrediction(3)
-    prediction.at(0.0)[:] = 9.0
-    np.testing.assert_array_equal(prediction.at(0.0), np.zeros(3))
-    prediction.remember(0.0, np.ones(3), np.zeros(3))
-    prediction.at(1.0)[:] = 9.0
-    np.testing.assert_array_equal(prediction.at(1.0), np.ones(3))
+    for expected in (np.zeros(3), np.ones(3)):
+        np.testing.assert_array_equal(prediction.at(1.0), expected)
+        prediction.at(1.0)[:] = 9.0
+        np.testing.assert_array_equal(prediction.at(1.0), expected)
+        prediction.remember(0.0, np.ones(3), np.zeros(3))
 
 
 def test_a_contact_that_vanishes_far_from_one_that_stays_is_seen() -> None:

@@ -22,8 +22,7 @@ Floats = NDArray[np.float64]
 Run = Callable[[dict[str, object]], Any]
 
 E = 4.0  # E* = 2 G/(1 - nu) of the halfspace below, G = 1 and nu = 1/2
-# Sums over the points X of the square lattice without the origin, |X|^-1 less its integral, and |X|^-3.
-LATTICE_1, LATTICE_3 = -3.90026492, 9.03362168
+LATTICE_3 = 9.03362168  # sum of |X|^-3 over the points X of the square lattice without the origin
 METHODS = ["fire", "active_set", "conjugate_gradient"]
 methods = pytest.mark.parametrize("method", METHODS)
 
@@ -32,58 +31,28 @@ def settled(
     run: Run, points: object, punch: dict[str, object], load: float, method: str = "active_set"
 ) -> Any:
     """A halfspace, E* = 4, under a load that is brought on in a single step."""
-    return run(
-        {
-            "grid.points": points,
-            "layer.thickness": 0.0,
-            "punch": punch,
-            "trajectory": {"control": "load", "load": load},
-            "time": {"end": 1.0, "step": 1.0},
-            "solver": {"method": method, "tolerance": 1e-9},
-            "output.snapshots": [1.0],
-        }
-    )
+    values = {"grid.points": points, "layer.thickness": 0.0, "punch": punch, "output.snapshots": [1.0]}
+    values |= {"trajectory": {"control": "load", "load": load}, "time": {"end": 1.0, "step": 1.0}}
+    return run(values | {"solver": {"method": method, "tolerance": 1e-9}})
 
 
 # --- closed forms ---
 
 
-def hertz(load: float) -> tuple[float, float, float]:
-    """Radius, depth and largest pressure under a sphere of R = 1 in a cell of 1 x 1.
-
-    The neighbours' displacement around the middle, F/(pi E*) (LATTICE_1 + LATTICE_3 r^2/4 + ...), acts like a
-    shift and a curvature of the sphere; its mean over Hertz's pressure has <r^2> = 2 a^2/5. The next term is
-    of the order (a/L)^5.
-    """
-    curvature = LATTICE_3 * load / (4 * np.pi * E)
-    R = 1 / (1 + 2 * curvature)
+def hertz(load: float) -> tuple[float, float]:
+    """Radius and largest pressure under a sphere of R = 1 in a cell of 1 x 1."""
+    # The neighbours' displacement around the middle, F/(pi E*) LATTICE_3 r^2/4, acts like a curvature of the
+    # sphere. The next term is of the order (a/L)^5.
+    R = 1 / (1 + 2 * LATTICE_3 * load / (4 * np.pi * E))
     a = (3 * load * R / (4 * E)) ** (1 / 3)
-    depth = a**2 / R + LATTICE_1 * load / (np.pi * E) + curvature * 2 * a**2 / 5
-    return a, depth, 1.5 * load / (np.pi * a**2)
+    return a, 1.5 * load / (np.pi * a**2)
 
 
 @methods
-def test_hertz_under_a_sphere_to_second_order_in_the_grid(method: str, run: Run) -> None:
-    off: dict[str, list[float]] = {"depth": [], "peak": []}
-    for n, radius in [(32, 0.1), (48, 0.1), (64, 0.1), (96, 0.1), (96, 0.05), (128, 0.1)]:
-        a, depth, peak = hertz(4 * E * radius**3 / 3)
-        found = settled(run, [n, n], {"radius": 1.0}, 4 * E * radius**3 / 3, method)
-        m, row = a * n, found.rows[-1]  # points in the radius
-        off["depth"].append((row["depth"] / depth - 1) * m**2)
-        off["peak"].append((found.snapshots[-1][2].max() / peak - 1) * m**2)
-        # The edge is known to half a cell.
-        assert row["contact_area"] == pytest.approx(np.pi * a**2, rel=1 / m)
-    # As in a line contact the error is a function of where between the points the edge lies, times m^-2;
-    # measured over m = 2 to 26 it is between -0.054 and 0.036, and -0.08 and 0.125.
-    assert -0.06 < min(off["depth"]) < max(off["depth"]) < 0.06
-    assert -0.15 < min(off["peak"]) < max(off["peak"]) < 0.15
-    assert np.ptp(off["depth"]) > 0.02
-
-
-def test_a_sphere_flattens_as_hertz_says(run: Run) -> None:
+def test_a_sphere_flattens_as_hertz_says(method: str, run: Run) -> None:
     n, load = 128, 4 * E * 0.1**3 / 3
-    a, _, peak = hertz(load)
-    (_, _, pressure) = settled(run, [n, n], {"radius": 1.0}, load).snapshots[-1]
+    a, peak = hertz(load)
+    (_, _, pressure) = settled(run, [n, n], {"radius": 1.0}, load, method).snapshots[-1]
     r = np.hypot(*np.meshgrid(*Grid((n, n), (1.0, 1.0)).coordinates, indexing="ij"))
     exact = peak * np.sqrt(np.maximum(1 - (r / a) ** 2, 0))
     assert np.abs(pressure - exact)[r < 0.8 * a].max() < peak / (a * n) ** 2
@@ -139,29 +108,22 @@ def test_johnsons_isotropic_wave_closes_beyond_its_limit(method: str, run: Run) 
 def test_waves_in_both_directions_relax_each_at_its_own_pace(run: Run) -> None:
     amplitude, lengths, thickness, times = (0.01, 0.02), (1.0, 0.6), 0.1, [0.25, 1.0, 4.0]
     waves = {"shape": "sinusoid", "amplitude": list(amplitude), "wavelength": list(lengths)}
-    found = run(
-        {
-            "grid": {"points": [16, 13], "period": list(lengths)},
-            "layer.thickness": thickness,
-            "punch": waves,
-            "trajectory": {"control": "load", "load": 50.0, "ramp_time": 1e-9},
-            "time": {"end": 4.0, "step": 0.25},
-            "output.snapshots": times,
-        }
-    )
+    load = {"control": "load", "load": 50.0, "ramp_time": 1e-9}
+    values = {"grid": {"points": [16, 13], "period": list(lengths)}, "layer.thickness": thickness}
+    values |= {"punch": waves, "trajectory": load, "time": {"end": 4.0, "step": 0.25}}
+    found = run(values | {"output.snapshots": times})
     assert found["contact_area"][-1] == 1
     q = 2 * np.pi / np.array(lengths)
     spectrum = relaxation_spectrum(LayeredHalfspace(thickness, 0.5, 1.0, 0.5), Zener(1.0, 10.0, 1.0), q)
     axes = np.meshgrid(*Grid((16, 13), lengths).coordinates, indexing="ij")
+    cosines = [np.cos(each * x) for each, x in zip(q, axes, strict=True)]
     for time, displacement, pressure in found.snapshots:
         # In full contact from the beginning: u = h, and K(q, t) what is left of the glassy stiffness.
         left = spectrum.relaxed + (spectrum.weights * np.exp(-time / spectrum.times)).sum(axis=0)
-        cosines = [np.cos(each * x) for each, x in zip(q, axes, strict=True)]
         exact = sum(a * K * wave for a, K, wave in zip(amplitude, left, cosines, strict=True))
+        flat = -sum(a * wave for a, wave in zip(amplitude, cosines, strict=True))
         np.testing.assert_allclose(pressure - pressure.mean(), exact, atol=1e-7)
-        np.testing.assert_allclose(
-            displacement, -sum(a * wave for a, wave in zip(amplitude, cosines, strict=True)), atol=1e-12
-        )
+        np.testing.assert_allclose(displacement, flat, atol=1e-12)
 
 
 # --- lines and axes ---
@@ -214,24 +176,17 @@ def test_a_surface_that_is_constant_along_an_axis_is_a_line(
 @methods
 @pytest.mark.parametrize("points", [(24, 36), (25, 36), (24, 35), (25, 35)])
 def test_the_two_axes_are_alike(points: tuple[int, int], method: str, run: Run, tmp_path: Path) -> None:
-    rough = SelfAffine(hurst=0.8, short_cutoff=0.2, rms_height=0.01, seed=1)
-    heights = rough.heights(Grid(points, (1.0, 1.5)))
+    heights = SelfAffine(hurst=0.8, short_cutoff=0.2, rms_height=0.01, seed=1).heights(
+        Grid(points, (1.0, 1.5))
+    )
+    values = {"trajectory.depth": 0.02, "time": {"end": 1.5, "step": 0.25}, "output.snapshots": [1.5]}
+    values |= {"solver": {"method": method, "tolerance": 1e-11}}
+    values |= {"punch": {"shape": "profile", "file": str(tmp_path / "h.npy")}}
     found = []
     for turned in (False, True):
         np.save(tmp_path / "h.npy", heights.T if turned else heights)
         order = slice(None, None, -1 if turned else 1)
-        found.append(
-            run(
-                {
-                    "grid": {"points": list(points)[order], "period": [1.0, 1.5][order]},
-                    "punch": {"shape": "profile", "file": str(tmp_path / "h.npy")},
-                    "trajectory.depth": 0.02,
-                    "time": {"end": 1.5, "step": 0.25},
-                    "solver": {"method": method, "tolerance": 1e-11},
-                    "output.snapshots": [1.5],
-                }
-            )
-        )
+        found.append(run(values | {"grid": {"points": list(points)[order], "period": [1.0, 1.5][order]}}))
     one, other = found
     for name in ("contact_area", "mean_pressure", "stored", "dissipated"):
         np.testing.assert_allclose(other[name], one[name], rtol=1e-8)

@@ -22,7 +22,7 @@ from gfmdlayer.execution.preflight import machine_problem
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
 from gfmdlayer.fitting.indentation.curve_files import entries
-from gfmdlayer.punch.height_files import load_array
+from gfmdlayer.punch.topography import read_heights
 
 TINY = """\
 name: tiny
@@ -243,7 +243,7 @@ def test_a_header_that_promises_more_than_the_file_holds_is_named(monkeypatch: p
     monkeypatch.setattr(np, "load", load)
     Path("heights.npy").write_bytes(b"")
     with pytest.raises(TableError, match=r"heights\.npy: its header names more numbers than memory holds"):
-        load_array(Path("heights.npy"))
+        read_heights(Path("heights.npy"), 1)
 
 
 @pytest.mark.parametrize(("name", "told"), [("a", ": a"), (None, "")])

@@ -203,7 +203,8 @@ def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
 # Rank 0 compiles; what the other rank does meanwhile is given.
 COMPILING = """
 import os, sys, time
-from gfmdlayer.execution import case_run, run
+from gfmdlayer.cli import run as verb
+from gfmdlayer.execution import run
 def compile_for_long(*_, **__):
     open("compiling", "w").close()
     time.sleep(600)
@@ -211,7 +212,7 @@ def meanwhile():
     while not os.path.exists("compiling"):
         time.sleep(0.01)
     {}
-run.warm_up, case_run.prepare = compile_for_long, meanwhile
+run.warm_up, verb.prepare = compile_for_long, meanwhile
 from gfmdlayer.cli import main
 sys.exit(main(["run", "tiny.yaml"]))
 """

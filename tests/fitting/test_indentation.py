@@ -244,16 +244,12 @@ def test_curves_impossible_for_the_model_are_rejected(
     ("make", "message"),
     [
         (lambda c: replace(c, force=1e3 * c.force), "Do force, depth, punch and moduli have the same units"),
-        (
-            lambda c: replace(c, depth=1.0 * c.depth, time=1.0 * c.time, force=c.force[::-1].copy()),
-            "residuals",
-        ),
-        (
-            lambda c: ForceCurve("a", *(np.delete(x, slice(20, 45)) for x in (c.time, c.depth, c.force))),
-            "gap of 0.52 after row 20",
-        ),
+        (lambda c: replace(c, depth=1.0 * c.depth, time=1.0 * c.time, force=c.force[::-1].copy()),
+         "residuals"),
+        (lambda c: ForceCurve("a", *(np.delete(x, slice(20, 45)) for x in (c.time, c.depth, c.force))),
+         "gap of 0.52 after row 20"),
     ],
-)
+)  # fmt: skip
 def test_a_fit_warns_about_odd_curves(make: Callable[[ForceCurve], ForceCurve], message: str) -> None:
     fit = fit_indentation(
         make(curve(on_halfspace(TIME))), body(), {ZENER[0]: [1e-3, 1e9], ZENER[1]: [1e-3, 1e9]}

@@ -14,10 +14,11 @@ import pytest
 import gfmdlayer
 from gfmdlayer import ConfigError, ForceCurve, fit_indentation
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.indentation.curve import Drive
+from gfmdlayer.fitting.indentation.curve import Correction, Drive
 from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions
-from gfmdlayer.fitting.indentation.problem import Correction, Model, Prediction, with_spring
+from gfmdlayer.fitting.indentation.problem import Model, Prediction
+from gfmdlayer.fitting.indentation.stepped import with_spring
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.model import IsolatedContact

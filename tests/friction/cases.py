@@ -10,6 +10,13 @@ from gfmdlayer.friction.response import Response
 from gfmdlayer.grid.grid import Grid
 
 
+def halfspace(grid: Grid, modulus: float, poisson: float) -> Response:
+    """Response of an elastic halfspace of fixed mean displacement."""
+    q = grid.wavenumbers
+    unit = np.divide(1, modulus * q, out=np.zeros(q.shape), where=q > 0)
+    return Response((1 - poisson) * unit, 0.5 * (1 - 2 * poisson) * unit, (1 - poisson) * unit, unit)
+
+
 def rough(grid: Grid, random: np.random.Generator, hurst: float) -> FloatArray:
     """Self-affine heights of rms 1."""
     axes = tuple(range(len(grid.points)))
@@ -47,12 +54,7 @@ def random_problem(seed: int, axes: int) -> tuple[Grid, Problem]:
     path = r.standard_normal(axes) * 10 ** r.uniform(-4, -1.5)
     depth = float(h.mean()) * 10 ** r.uniform(-1, 0)
     return grid, Problem(
-        Response.of_halfspace(grid, 1.0, nu),
-        h,
-        Law(mu),
-        load=load if load_is_given or force_is_given else None,
-        depth=depth,
-        force=force if force_is_given else None,
-        path=None if force_is_given else path,
-        offset=offset,
-    )
+        halfspace(grid, 1.0, nu), h, Law(mu),
+        load=load if load_is_given or force_is_given else None, depth=depth,
+        force=force if force_is_given else None, path=None if force_is_given else path, offset=offset,
+    )  # fmt: skip

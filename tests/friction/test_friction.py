@@ -19,14 +19,14 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL
-from tests.friction.cases import random_problem, rough
+from tests.friction.cases import halfspace, random_problem, rough
 
 
 def setting(
     points: tuple[int, ...], period: float = 1.0, poisson: float = 0.5
 ) -> tuple[Grid, Response, FrictionSolver]:
     grid = Grid(points, (period,) * len(points))
-    return grid, Response.of_halfspace(grid, 1.0, poisson), FrictionSolver(grid, Transforms(points))
+    return grid, halfspace(grid, 1.0, poisson), FrictionSolver(grid, Transforms(points))
 
 
 def parabola(grid: Grid, radius: float) -> np.ndarray:
@@ -34,11 +34,9 @@ def parabola(grid: Grid, radius: float) -> np.ndarray:
 
 
 def obeys_coulomb(problem: Problem, found: Solution, tolerance: float) -> bool:
-    """Whether each point separates, sticks, or slips against its traction, to the residual's meaning.
-
-    Inequalities of the tractions hold to rounding. Gaps and slips hold to the tolerance in the largest
-    displacement, or where the traction can make up for it: |slip| <= 2 tolerance on a point that sticks.
-    """
+    """Whether each point separates, sticks, or slips against its traction, to the residual's meaning."""
+    # Inequalities of the tractions hold to rounding. Gaps and slips hold to the tolerance in the largest
+    # displacement, or where the traction can make up for it: |slip| <= 2 tolerance on a point that sticks.
     p, t, bound = found.pressure, found.traction, problem.law.bound(found.pressure)
     softest = float(problem.response.normal.max())
     Cx = found.displacement - (0 if problem.offset is None else problem.offset)
@@ -59,11 +57,9 @@ def obeys_coulomb(problem: Problem, found: Solution, tolerance: float) -> bool:
 
 @pytest.mark.parametrize("shape", ["parabola", "rough"])
 def test_shear_of_a_line_is_the_difference_of_two_pressures(shape: str) -> None:
-    """Cattaneo, Mindlin, Jaeger, Ciavarella: t = mu (p(P) - p(P - Q/mu)), where both responses are equal.
-
-    Each solution has the residual 1e-9. The pressure between the points of a rough contact amplifies it by
-    some 100, since a displacement of the longest wave is n/2 times softer than one of the shortest.
-    """
+    """Cattaneo, Mindlin, Jaeger, Ciavarella: t = mu (p(P) - p(P - Q/mu)), where both responses are equal."""
+    # Each solution has the residual 1e-9. The pressure between the points of a rough contact amplifies it by
+    # some 100, since a displacement of the longest wave is n/2 times softer than one of the shortest.
     grid, response, solver = setting((1024,))
     h = parabola(grid, 0.25) if shape == "parabola" else rough(grid, np.random.default_rng(5), 0.8) * 0.003
     mu, load = 0.4, 0.002 if shape == "parabola" else 0.02
@@ -89,7 +85,7 @@ def test_a_window_responds_as_the_whole_surface(points: tuple[int, ...]) -> None
     held[(slice(-20, None),) * len(points)] = held[(slice(0, 9),) * len(points)] = 1.0  # across the boundary
     near = np.flatnonzero(held.ravel() * (r.random(grid.size) < 0.7))
     spent = Spent()
-    response = Operator(grid, Response.of_halfspace(grid, 1.0, 0.1), Work(Transforms(points), spent, 1.0))
+    response = Operator(grid, halfspace(grid, 1.0, 0.1), Work(Transforms(points), spent, 1.0))
     x = np.zeros((1 + len(points), grid.size))
     x[:, near] = r.standard_normal((1 + len(points), near.size))
     whole = response(x)[:, near]
@@ -104,7 +100,7 @@ def test_plans_beside_those_that_are_kept_are_always_the_same(tmp_path: Path) ->
     """So the bits of a run repeat: a plan that is measured in the run may round differently each time."""
     points, found = (48, 48), set()
     wisdom, grid = planned(points, tmp_path), Grid(points, (1.0, 1.0))
-    response = Response.of_halfspace(grid, 1.0, 0.3)
+    response = halfspace(grid, 1.0, 0.3)
     problem = Problem(response, parabola(grid, 0.25), Law(0.4), load=0.01, force=np.array([1e-3, 0.0]))
     for _ in range(3):
         forget_wisdom()
@@ -146,16 +142,14 @@ def test_many_small_contacts_take_no_more_pairs_than_one() -> None:
 
 
 def test_a_sphere_has_the_numbers_of_contact() -> None:
-    """Vollebregt's CONTACT: contact radius 1, stick radius 0.5, p_max 4.390, shift 8.172e-3.
-
-    The two bodies are equal: their coupling cancels. The cell of 12 radii adds a uniform displacement,
-    3.9003/(2 pi L) times the force and the mean of C_UU q and C_VV q; it is taken off. Its next term is
-    (a/L)^3, 0.06 %. Radii have half a spacing, 0.05.
-    """
+    """Vollebregt's CONTACT: contact radius 1, stick radius 0.5, p_max 4.390, shift 8.172e-3."""
+    # The two bodies are equal: their coupling cancels. The cell of 12 radii adds a uniform displacement,
+    # 3.9003/(2 pi L) times the force and the mean of C_UU q and C_VV q; it is taken off. Its next term is
+    # (a/L)^3, 0.06 %. Radii have half a spacing, 0.05.
     period, mu, radius, load = 12.0, 0.4, 50.0, 9.1954
     force = 7 / 8 * mu * load
     grid = Grid((128, 128), (period, period))
-    one = Response.of_halfspace(grid, 200.0, 0.42)
+    one = halfspace(grid, 200.0, 0.42)
     both = Response(2 * one.normal, 0 * one.coupling, 2 * one.along, 2 * one.across)
     given = {"load": load / period**2, "force": np.array([force, 0.0]) / period**2}
     solver = FrictionSolver(grid, Transforms(grid.points))
@@ -229,10 +223,8 @@ def test_a_surface_that_is_a_line_has_the_solution_of_the_line() -> None:
 
 
 def test_limits_of_the_coefficient(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
-    """Without friction nothing depends on the path; with unlimited friction nothing slips.
-
-    A step without slip need not have a solution if shear moves the surface up and down: here it does not.
-    """
+    """Without friction nothing depends on the path; with unlimited friction nothing slips."""
+    # A step without slip need not have a solution if shear moves the surface up and down: here it does not.
     solver, problem, _ = on_a_surface
     response = replace(problem.response, coupling=0 * problem.response.coupling)
     moved = replace(problem, force=None, path=np.array([0.01, 0.0]), response=response)
@@ -248,9 +240,9 @@ def test_limits_of_the_coefficient(on_a_surface: tuple[FrictionSolver, Problem, 
 def test_the_critical_coefficient_of_a_halfspace_is_that_of_its_poisson_ratio() -> None:
     grid, *_ = setting((16, 16))
     for poisson in (0.0, 0.3):
-        critical = Response.of_halfspace(grid, 2.0, poisson).critical_coefficient
+        critical = halfspace(grid, 2.0, poisson).critical_coefficient
         assert critical == pytest.approx((2 - 2 * poisson) / (1 - 2 * poisson), rel=1e-14)
-    assert Response.of_halfspace(grid, 2.0, 0.5).critical_coefficient == np.inf
+    assert halfspace(grid, 2.0, 0.5).critical_coefficient == np.inf
 
 
 def test_a_shear_strength_ends_the_traction(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
@@ -268,10 +260,8 @@ def test_a_shear_strength_ends_the_traction(on_a_surface: tuple[FrictionSolver, 
 @pytest.mark.parametrize("axes", [1, 2])
 @pytest.mark.parametrize("seed", [10, 27, 144])
 def test_random_steps_obey_coulomb(axes: int, seed: int) -> None:
-    """Rough, smooth and noisy punches, any past, coefficients up to 2, all four combinations of control.
-
-    Case 10 of the surfaces is a point that carries nearly all of a light load.
-    """
+    """Rough, smooth and noisy punches, any past, coefficients up to 2, all four combinations of control."""
+    # Case 10 of the surfaces is a point that carries nearly all of a light load.
     grid, problem = random_problem(seed, axes)
     found = FrictionSolver(grid, Transforms(grid.points)).solve(problem)
     assert found.converged
@@ -346,10 +336,9 @@ def attracted(points: tuple[int, ...], poisson: float, law: Interface) -> tuple[
 
 @pytest.mark.parametrize("shape", ["parabola", "rough"])
 def test_beside_attraction_shear_is_the_difference_of_two_pressures_of_the_wall(shape: str) -> None:
-    """With the attraction tau kept, p - Q/mu solves the contact of a punch of the height h - C tau.
-
-    t = mu (p - p*) then has the displacement D where p* > 0, as without attraction (docs/theory/friction.md).
-    """
+    """With the attraction tau kept, p - Q/mu solves the contact of a punch of the height h - C tau."""
+    # t = mu (p - p*) then has the displacement D where p* > 0, as without attraction
+    # (docs/theory/friction.md).
     solver, whole = attracted((512,), 0.5, Exponential(work=1e-4, range=2e-3))
     grid = Grid((512,), (1.0,))
     if shape == "rough":
@@ -425,10 +414,8 @@ def test_a_punch_that_attracts_without_contact_is_solved_to_the_tolerance() -> N
 
 
 def test_limits_of_an_attraction_beside_friction() -> None:
-    """Without work of adhesion the contact is that of the hard wall; without friction the adhesive one.
-
-    Under no load friction is mu times the attraction, and with a shear strength its stress times the area.
-    """
+    """Without work of adhesion the contact is that of the hard wall; without friction the adhesive one."""
+    # Under no load friction is mu times the attraction, and with a shear strength its stress times the area.
     solver, problem = attracted((256,), 0.3, Exponential(work=1e-13, range=2e-3))
     weak, plain = solver.solve(problem), solver.solve(replace(problem, interface=HARD_WALL))
     np.testing.assert_allclose(weak.tractions, plain.tractions, rtol=0, atol=1e-6 * plain.pressure.max())

@@ -26,29 +26,15 @@ def fields(shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
     return np.random.default_rng(3).standard_normal(shape)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_forward_is_the_unnormalised_real_transform(shape: tuple[int, ...]) -> None:
-    u = fields(shape)
-    exact = np.fft.rfftn(u)
-    error = Transforms(shape).forward(u) - exact.ravel()
-    assert np.linalg.norm(error) <= rounding(shape) * np.linalg.norm(exact)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_backward_of_forward_multiplies_by_the_number_of_points(shape: tuple[int, ...]) -> None:
+@pytest.mark.parametrize("shape", [*SHAPES, (512,), (24, 40)])
+def test_forward_is_numpys_and_backward_multiplies_it_by_the_number_of_points(shape: tuple[int, ...]) -> None:
     transforms, u = Transforms(shape), fields(shape)
-    back = transforms.backward(transforms.forward(u))
-    n = u.size
-    assert np.linalg.norm(back / n - u.ravel()) <= 2 * rounding(shape) * np.linalg.norm(u)
-
-
-@pytest.mark.parametrize("shape", [(512,), (24, 40)])
-def test_backward_leaves_the_callers_spectrum_alone(shape: tuple[int, ...]) -> None:
-    transforms = Transforms(shape)
-    spectrum = transforms.forward(fields(shape))
+    exact, spectrum = np.fft.rfftn(u), transforms.forward(u)
+    assert np.linalg.norm(spectrum - exact.ravel()) <= rounding(shape) * np.linalg.norm(exact)
     before = spectrum.copy()
-    transforms.backward(spectrum)
-    np.testing.assert_array_equal(spectrum, before)
+    back = transforms.backward(spectrum) / u.size
+    assert np.linalg.norm(back - u.ravel()) <= 2 * rounding(shape) * np.linalg.norm(u)
+    np.testing.assert_array_equal(spectrum, before)  # backward leaves the caller's spectrum alone
 
 
 def test_plans_of_the_same_wisdom_are_made_once_and_live_as_long_as_they_are_used() -> None:

@@ -35,14 +35,11 @@ def prony(*branches: tuple[float, float]) -> dict[str, object]:
 
 
 BODIES: dict[str, dict[str, object]] = {
-    "Ginf 2": {"layer.material.Ginf": 2.0},
-    "default": {},
-    "Ginf 100": {"layer.material.Ginf": 100.0},
-    "bulk 10": {"halfspace.shear_modulus": 10.0},
-    "rigid base": {"halfspace.shear_modulus": math.inf},
+    "Ginf 2": {"layer.material.Ginf": 2.0}, "default": {}, "Ginf 100": {"layer.material.Ginf": 100.0},
+    "bulk 10": {"halfspace.shear_modulus": 10.0}, "rigid base": {"halfspace.shear_modulus": math.inf},
     "three branches": prony((3.0, 0.1), (3.0, 1.0), (3.0, 10.0)),
     "eight branches": prony(*((2.0, 10.0**k) for k in np.linspace(-2, 3, 8))),
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -193,17 +190,12 @@ def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts
 def test_a_punch_at_rest_between_grid_points_is_not_in_contact(run) -> None:  # type: ignore[no-untyped-def]
     # Its depth at rest is not zero. After a first step as short as after a jump the load would be so small
     # that the heights of the punch are equal to rounding relative to it.
-    recording = run(
-        {
-            "grid.points": 14,
-            "layer": {"thickness": 1.0, "poisson": 0.5},
-            "halfspace.shear_modulus": math.inf,
-            "punch": {"shape": "array", "counts": 2, "element": {"shape": "parabola", "radius": 0.1}},
-            "time": {"end": 1000.0, "integrator": "exponential", "step": "adaptive", "tolerance": 0.1},
-            "trajectory": {"control": "load", "load": 0.01, "ramp_time": 500.0},
-            "solver.method": "active_set",
-        }
-    )
+    recording = run({
+        "grid.points": 14, "layer": {"thickness": 1.0, "poisson": 0.5}, "halfspace.shear_modulus": math.inf,
+        "punch": {"shape": "array", "counts": 2, "element": {"shape": "parabola", "radius": 0.1}},
+        "time": {"end": 1000.0, "integrator": "exponential", "step": "adaptive", "tolerance": 0.1},
+        "trajectory": {"control": "load", "load": 0.01, "ramp_time": 500.0}, "solver.method": "active_set",
+    })  # fmt: skip
     assert recording["time"][1] > 1e-3
     np.testing.assert_allclose(recording["mean_pressure"][-1], 0.005, rtol=1e-12)
 
@@ -246,15 +238,12 @@ def test_under_a_stiff_glass_contact_is_solved_as_steps_need(run: Run) -> None:
     """What a solver leaves open, times the glassy over the relaxed modulus, is kept below their tolerance."""
     branches = [(3.4e8, 0.22), (4.4, 4.7e4), (12.6, 65.0)]
     stiff = {
-        "grid.points": [8, 8],
-        "layer": {"thickness": 0.005, "poisson": 0.5},
+        "grid.points": [8, 8], "layer": {"thickness": 0.005, "poisson": 0.5},
         "layer.material": {"model": "prony", "branches": [{"G": G, "tau": tau} for G, tau in branches]},
-        "halfspace.shear_modulus": 0.0,
-        "punch": {"shape": "flat", "width": 0.3, "edge_radius": 0.2},
+        "halfspace.shear_modulus": 0.0, "punch": {"shape": "flat", "width": 0.3, "edge_radius": 0.2},
         "trajectory": {"control": "force", "force": 800.0, "ramp_time": 6.5e4},
-        "time": {"end": 2300.0, "step": "adaptive", "tolerance": 0.05},
-        "solver.method": "active_set",
-    }
+        "time": {"end": 2300.0, "step": "adaptive", "tolerance": 0.05}, "solver.method": "active_set",
+    }  # fmt: skip
     contrast = 1 + sum(G for G, _ in branches)
     as_needed = run(stiff | {"solver.tolerance": 0.05 / contrast})
     assert np.array_equal(run(stiff)["time"], as_needed["time"])

@@ -175,11 +175,9 @@ def test_a_film_under_a_rising_voltage_is_pulled_in_when_theory_says(tmp_path: P
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
 def test_a_relaxing_film_is_pulled_in_late(tolerance: float, tmp_path: Path) -> None:
-    """Between the glassy and the relaxed threshold the film creeps to its fold and jumps there.
-
-    K u + w y = tau(h - u) with dy/dt + y/tau_r = du/dt, w = (Ginf/G0 - 1) K: the film is stable as long as
-    its glassy stiffness exceeds -tau', and moves by du/dt = (tau - K u)/(K + w + tau')/tau_r.
-    """
+    """Between the glassy and the relaxed threshold the film creeps to its fold and jumps there."""
+    # K u + w y = tau(h - u) with dy/dt + y/tau_r = du/dt, w = (Ginf/G0 - 1) K: the film is stable as long as
+    # its glassy stiffness exceeds -tau', and moves by du/dt = (tau - K u)/(K + w + tau')/tau_r.
     contrast = 1.5
     glassy, fold = contrast * K, -RANGE * math.log(contrast * K * RANGE**2 / WORK)
     height = (fold + traction(fold) / glassy + HEIGHT_IN) / 2  # between the two thresholds
@@ -192,14 +190,9 @@ def test_a_relaxing_film_is_pulled_in_late(tolerance: float, tmp_path: Path) -> 
     expected = quad(slowness, start, height - fold, epsabs=0, epsrel=1e-10)[0]
     at_rest = {"kind": "table", "file": table(tmp_path, "depth.txt", f"0 {-height}\n99 {-height}\n")}
     zener = {"model": "zener", "G0": 1.0, "Ginf": contrast, "tau": 1.0}
-    recording = film(
-        {
-            "layer.material": zener,
-            "trajectory": at_rest,
-            "time.end": 3 * expected,
-            "time.tolerance": tolerance,
-        }
-    )
+    recording = film({
+        "layer.material": zener, "trajectory": at_rest, "time.end": 3 * expected, "time.tolerance": tolerance,
+    })  # fmt: skip
     found = recording.noted
     assert found["instabilities"] == 1
     assert found["instability_time"][0] == pytest.approx(expected, rel=20 * tolerance)

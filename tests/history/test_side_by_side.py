@@ -51,14 +51,14 @@ def march(history: Any, count: int) -> complex:
 
 def test_backward_euler_is_the_step_of_the_modes_of_the_pair() -> None:
     """Backward differences commute with the elimination of the displacement between the bodies."""
-    pair, two = Modes(in_series(*bodies()).spectrum, backward_euler), both(backward_euler)
+    pair, two = Modes(in_series(*bodies()), backward_euler), both(backward_euler)
     assert march(two, 80) == pytest.approx(march(pair, 80), rel=1e-13)
     energies = two.stored + two.dissipated, pair.stored + pair.dissipated
     assert energies[0] == pytest.approx(energies[1], rel=1e-12)
 
 
 def test_the_exponential_scheme_is_of_second_order_and_of_third_with_the_curvature() -> None:
-    exact = march(Modes(in_series(*bodies()).spectrum, exponential), 20_000)
+    exact = march(Modes(in_series(*bodies()), exponential), 20_000)
     off = [abs(march(both(exponential), count) - exact) for count in (50, 100)]
     assert off[0] / off[1] == pytest.approx(4, rel=0.1)
     curved = [abs(march(ErrorControl(both(exponential), ONE, 1e-4), count) - exact) for count in (100, 200)]

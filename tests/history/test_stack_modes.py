@@ -216,12 +216,9 @@ def heated(tmp_path: Path) -> dict[str, Any]:
     """A rise of the temperature by 12 degrees, while the punch is pressed in and after it."""
     (tmp_path / "rise.txt").write_text("0 18\n0.5 18\n1.5 30\n4 30\n")
     return {
-        "grid.points": 64,
-        "trajectory": {"depth": 0.01, "ramp_time": 1.0},
-        "temperature": {"file": str(tmp_path / "rise.txt")},
-        "solver.tolerance": 1e-10,
-        **BODY,
-    }
+        "grid.points": 64, "trajectory": {"depth": 0.01, "ramp_time": 1.0},
+        "temperature": {"file": str(tmp_path / "rise.txt")}, "solver.tolerance": 1e-10, **BODY,
+    }  # fmt: skip
 
 
 def run(values: dict[str, Any], time: dict[str, Any]) -> Recording:

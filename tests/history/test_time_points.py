@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import whole_steps
@@ -71,7 +70,6 @@ def test_steps_land_on_every_snapshot_and_breakpoint(
             assert any(math.isclose(time, t, rel_tol=1e-9, abs_tol=2e-6 * step) for t in found)
 
 
-Floats = NDArray[np.float64]
 Run = Callable[[dict[str, object]], Any]
 SMALL: dict[str, object] = {"grid.points": 256, "time.end": 1.5, "time.step": 0.125}
 
@@ -93,27 +91,15 @@ def test_every_step_from_rest_on_has_a_row(integrator: str, run: Run) -> None:
         assert abs(u.mean()) <= 1e-15
 
 
-def test_a_step_that_does_not_converge_ends_the_run() -> None:
-    class Nothing:
-        def row(self, **_values: float) -> None: ...
-        def snapshot(self, time: float, displacement: Floats, pressure: Floats) -> None: ...
-
+def test_a_step_that_does_not_converge_ends_the_run(recorder: Any) -> None:
     config = Config(name="hopeless").with_values(SMALL | {"solver.max_iterations": 3})
     with pytest.raises(
         ConvergenceError, match=r"t = 0\.125: residual .* after 3 iterations of active_set; the tolerance"
     ):
-        simulate(config, Nothing())
+        simulate(config, recorder())
 
 
-def test_progress_is_called_after_every_step_and_may_stop_the_run() -> None:
-    class Counting:
-        rows = 0
-
-        def row(self, **_values: float) -> None:
-            self.rows += 1
-
-        def snapshot(self, time: float, displacement: Floats, pressure: Floats) -> None: ...
-
+def test_progress_is_called_after_every_step_and_may_stop_the_run(recorder: Any) -> None:
     times: list[float] = []
 
     def stop(time: float) -> None:
@@ -121,7 +107,7 @@ def test_progress_is_called_after_every_step_and_may_stop_the_run() -> None:
         if time >= 0.5:
             raise KeyboardInterrupt
 
-    recorder = Counting()
+    found = recorder()
     with pytest.raises(KeyboardInterrupt):
-        simulate(Config(name="stopped").with_values(SMALL), recorder, stop)
-    assert recorder.rows == len(times) == 5
+        simulate(Config(name="stopped").with_values(SMALL), found, stop)
+    assert len(found.rows) == len(times) == 5

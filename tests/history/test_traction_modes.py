@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from gfmdlayer import Layer, LayerStack, Prony, Zener
 from gfmdlayer.body.relaxation import VectorSpectrum
 from gfmdlayer.friction.problem import Law, Problem
-from gfmdlayer.friction.response import Operator, Response, Spent, Work
+from gfmdlayer.friction.response import Operator, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.traction_modes import TractionModes, VectorModes
+from tests.friction.cases import halfspace
 
 Floats = NDArray[np.float64]
 Spectra = NDArray[np.complex128]
@@ -73,13 +74,11 @@ def crept(body: LayerStack, grid: Grid, steps: int, *, end: float = 1.0) -> Trac
 
 @pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS)
 def test_creep_of_a_halfspace_under_tractions_in_all_directions(grid: Grid) -> None:
-    """All compliances of a homogeneous halfspace are proportional to the creep of its material.
-
-    The solver's own operator has the elastic response. The scheme is of second order; the error that is left
-    after extrapolation is of the fourth: (dt/theta)^4 < 1e-6 with the smallest time, tau = 1.
-    """
+    """All compliances of a homogeneous halfspace are proportional to the creep of its material."""
+    # The solver's own operator has the elastic response. The scheme is of second order; the error that is
+    # left after extrapolation is of the fourth: (dt/theta)^4 < 1e-6 with the smallest time, tau = 1.
     work = Work(Transforms(grid.points), Spent(), 1.0)
-    elastic = Operator(grid, Response.of_halfspace(grid, 1.0, 0.3), work)
+    elastic = Operator(grid, halfspace(grid, 1.0, 0.3), work)
     creep = 1 / SOLID.G0 - (1 / SOLID.G0 - 1 / SOLID.Ginf) * math.exp(-SOLID.G0 / (SOLID.tau * SOLID.Ginf))
     expected = creep * elastic(random_tractions(grid))
     found = [fields_of(crept(HALFSPACE, grid, steps).displacement, grid) for steps in (20, 40)]
@@ -108,10 +107,8 @@ def test_work_is_stored_or_turns_into_heat(grid: Grid) -> None:
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_moving_load_meets_the_complex_stiffness(axis: int) -> None:
-    """Tractions at rest on a material that moves by V dt a step: each wave sees s = -i q.V, for dt -> 0.
-
-    Under held tractions this body creeps no longer than 3 tau = 0.9: the start is forgotten to exp(-24).
-    """
+    """Tractions at rest on a material that moves by V dt a step: each wave sees s = -i q.V, for dt -> 0."""
+    # Under held tractions this body creeps no longer than 3 tau = 0.9: the start is forgotten to exp(-24).
     solid = Zener(G0=1.0, Ginf=3.0, tau=0.3)
     body = LayerStack((Layer(0.05, 0.5, solid), Layer(0.1, 0.2, Prony(2.0, [(5.0, 0.1)]))), rigid=True)
     grid, speed = Grid((8, 8), (1.0, 1.0)), 0.4
@@ -168,11 +165,9 @@ def displaced(t: float) -> float:
 
 
 def test_partial_slip_on_a_relaxing_layer() -> None:
-    """A punch is pressed on a layer on a halfspace, and moved to and fro: a dense solution of 1024 points.
-
-    Here 30 points are in contact. The width of the stick zone, and with it force and heat, is known to half
-    of one; the depth to second order. The work of the punch is stored, relaxed, or slipped, to (dt/tau)^2.
-    """
+    """A punch is pressed on a layer on a halfspace, and moved to and fro: a dense solution of 1024 points."""
+    # Here 30 points are in contact. The width of the stick zone, and with it force and heat, is known to half
+    # of one; the depth to second order. The work of the punch is stored, relaxed, or slipped, to (dt/tau)^2.
     grid, dt, mu = Grid((256,), (1.0,)), 0.05, 0.4
     body = LayerStack((Layer(0.05, 0.5, SOLID), Layer(math.inf, 0.3, Prony(1.0))))
     history = TractionModes(grid, body.traction_spectrum(grid.wavenumbers))
@@ -185,14 +180,9 @@ def test_partial_slip_on_a_relaxing_layer() -> None:
         response, offset = history.terms(dt)
         load = 0.02 * min(t, 1.0)
         problem = Problem(
-            response,
-            heights,
-            Law(mu),
-            load=load,
-            path=np.array([displaced(t) - displaced(t - dt)]),
-            offset=fields_of(offset, grid),
-            before=before[1:],
-        )
+            response, heights, Law(mu), load=load, path=np.array([displaced(t) - displaced(t - dt)]),
+            offset=fields_of(offset, grid), before=before[1:],
+        )  # fmt: skip
         solution = solver.solve(problem, start)
         assert solution.converged, f"t = {t}: {solution.reason}"
         start = solution.tractions

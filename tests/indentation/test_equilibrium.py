@@ -19,7 +19,7 @@ from gfmdlayer.indentation.equilibrium import (
     find_nodes,
     halfspace,
 )
-from gfmdlayer.indentation.solve import History, find_space, on_steps
+from gfmdlayer.indentation.solve import Edge, History, find_space, on_steps
 from gfmdlayer.punch import revolution
 from gfmdlayer.punch.revolution import Revolution
 
@@ -67,8 +67,8 @@ def test_contacts_are_those_of_the_equation_over_time(punch: Revolution, base: f
     for work in (0.0, WORK):
         course = depths if work else np.linspace(0.0, 0.1, 9)
         history = History(np.arange(course.size, dtype=float), course)
-        space = find_space(body, punch, history, 1e-8, work)
-        found = on_steps(body, space, punch, history, history.time, work)
+        space = find_space(body, punch, history, 1e-8, Edge(work))
+        found = on_steps(body, space, punch, history, history.time, Edge(work))
         _, force, radius = made.branch(BY_DEPTH, Adhesion(work))(course)
         # below 1e-6: the polynomials
         assert force[1:] == pytest.approx(found.force[1:], abs=1e-6 * found.force.max())

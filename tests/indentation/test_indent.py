@@ -47,7 +47,6 @@ def test_every_variable_has_a_meaning_and_units() -> None:
         ({"radius": 1.0}, [0, 1], {"depth": [0, np.nan]}, "must be finite"),
         ({"radius": 1.0}, [0, 1], {"depth": [0, 1.2]}, "must be above the rigid base, < 1.0"),
         ({"radius": 1.0}, [0, 1], {"force": [0, -1]}, "must be >= 0 without adhesion"),
-        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "work_of_adhesion": 0.1}, "got a viscoelastic body"),
         ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "snapshots": [2.0]}, "between the first and the last"),
     ],
 )

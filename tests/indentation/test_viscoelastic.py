@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gfmdlayer
-from gfmdlayer import LayeredHalfspace, Prony, Zener
+from gfmdlayer import LayeredHalfspace, Prony, Zener, bonded_layer
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.materials import Material
 from gfmdlayer.indentation.isolated import IsolatedIndentation
@@ -26,7 +26,7 @@ from gfmdlayer.indentation.solve import (
     work_done,
 )
 from gfmdlayer.punch import revolution
-from gfmdlayer.punch.revolution import Revolution
+from gfmdlayer.punch.revolution import Revolution, sphere
 
 ZENER = Zener(1.0, 10.0, 1.0)
 # G(t) ~ t^-0.3 from 1e-3 to 1e3, one branch a decade.
@@ -88,21 +88,6 @@ def test_loading_and_unloading_of_a_halfspace_is_ting_s(shape: str, material: Ma
     expected = ting(material, elastic / (1 - NU), 1.5 if shape == "paraboloid" else 2.0, run.time[1:])
     assert run.error <= 1e-4
     np.testing.assert_allclose(run.force[1:], expected, rtol=0, atol=1e-4 * expected.max())
-
-
-def test_loading_over_a_rigid_base_is_the_hereditary_integral_of_the_elastic_force() -> None:
-    """F(t) = G(0) F_el(t) + int G'(t - s) F_el(s) ds, by Gauss's rule in s = t y^2 (F_el ~ depth^1.5)."""
-    sphere, history = revolution.sphere(5.0), History(np.array([0.0, 1.0]), np.array([0.0, 0.2]))
-    body, elastic = BODIES["rigid base"], layer(Prony(1.0), 1.0, 0.5, math.inf)
-    run = follow(body, sphere, history, tolerance=1e-6)
-    y, w = np.polynomial.legendre.leggauss(30)
-    y, w = (y + 1) / 2, w / 2
-    assert run.space is not None
-    s = np.concatenate(([0.0], y**2, [1.0]))
-    force = on_steps(elastic, run.space, sphere, history, s).force
-    memory = -(ZENER.Ginf - ZENER.G0) * np.exp(-(1 - s[1:-1]))
-    expected = ZENER.Ginf * force[-1] + w @ (2 * y * memory * force[1:-1])
-    assert run.force[-1] == pytest.approx(expected, rel=1e-6)
 
 
 def test_depth_creeps_under_a_sudden_force() -> None:
@@ -327,3 +312,21 @@ def test_depth_creeps_evenly_while_the_contact_passes_the_end_of_a_blunted_cone(
     rate = np.diff(run.depth[42:]) / np.diff(time[42:])
     assert 0.2 < run.radius[42] < 0.98 * run.radius[-1]
     assert np.abs(np.diff(rate)).max() < 0.02 * rate.max()
+
+
+# --- histories whose control changes between depth and force ---
+
+
+def test_force_in_place_of_depth_in_the_middle_of_a_history_gives_the_same_contact() -> None:
+    # The forces of a run under depth are prescribed between 0.5 and 2.5. Both are extrapolated in the step,
+    # to some 1e-5 of the largest values with these 60 steps.
+    body, profile = bonded_layer(thickness=2.0, material=Zener(1.5, 6.0, 0.8), base=np.inf), sphere(5.0)
+    history = History(np.array([0.0, 1.0, 5.0]), np.array([0.0, 0.4, 0.2]))
+    times = np.unique(np.concatenate((np.linspace(0, 1, 20), np.linspace(1, 5, 40))))
+    space = find_space(body, profile, history)
+    found = on_halved_steps(body, space, profile, history, times)
+    by_force = (found.time > 0.5) & (found.time < 2.5)
+    mixed = History(found.time, np.where(by_force, found.force, found.depth), by_force)
+    again = on_halved_steps(body, space, profile, mixed, times)
+    assert np.abs(again.depth - found.depth).max() < 1e-4 * found.depth.max()
+    assert np.abs(again.force - found.force).max() < 1e-4 * found.force.max()

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from gfmdlayer.interface.adhesion import Dugdale, Exponential, HardWall, LennardJones
-from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
 from gfmdlayer.interface.forms import interact
-from gfmdlayer.interface.friction import Friction
+from gfmdlayer.interface.interface import Friction, HardWall
 from gfmdlayer.interface.law import HARD_WALL, Driven, Interaction, total
 from gfmdlayer.interface.laws import LAWS
 

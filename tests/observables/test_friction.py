@@ -6,7 +6,7 @@ import importlib.util
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Material, Prony, Zener
+from gfmdlayer.config import Config
+from gfmdlayer.observables.steady_state import SteadyState
 
 Floats = NDArray[np.float64]
 Run = Callable[[dict[str, object]], Any]
@@ -63,16 +65,13 @@ def full_contact(name: str, velocity: float) -> dict[str, object]:
         {"G": G, "tau": tau} for G, tau in zip(material.branch_moduli, material.branch_times, strict=True)
     ]
     return {
-        "grid.points": 16,
-        "layer.thickness": body.thickness,
-        "layer.poisson": body.poisson,
+        "grid.points": 16, "layer.thickness": body.thickness, "layer.poisson": body.poisson,
         "layer.material": {"model": "prony", "G0": material.relaxed, "branches": branches},
         "halfspace": {"shear_modulus": body.bulk_modulus, "poisson": body.bulk_poisson},
         "punch": {"shape": "sinusoid", "amplitude": AMPLITUDE, "wavelength": 1.0},
         "trajectory": {"control": "load", "load": 1.0, "velocity": velocity},
-        "time": {"end": 300.0, "step": 5.0},
-        "solver": SOLVER,
-    }
+        "time": {"end": 300.0, "step": 5.0}, "solver": SOLVER,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -87,21 +86,20 @@ def test_friction_in_full_contact_is_the_closed_form_over_six_decades_of_speed(r
         assert power == pytest.approx(velocity * expected, rel=1e-6)  # what is asked is 1e-3
 
 
-@pytest.mark.parametrize("points", [[12, 9], [9, 12]])
-def test_a_wave_across_the_motion_rubs_nothing(run: Run, points: list[int]) -> None:
-    # The punch is the sum of a wave along x and one along y.
-    recording = run(full_contact("default layer", 0.3) | {"grid.points": points, "grid.period": 1.0})
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        ("default layer", {"grid.points": [12, 9], "grid.period": 1.0}),  # a wave along x and one along y
+        ("default layer", {"grid.points": [9, 12], "grid.period": 1.0}),
+        ("thin on a rigid base", {"trajectory": {"depth": 0.01, "velocity": 0.3}}),
+    ],
+)
+def test_a_wave_across_the_motion_and_a_given_depth_change_no_friction(
+    run: Run, name: str, more: dict[str, object]
+) -> None:
+    recording = run(full_contact(name, 0.3) | more)
     assert recording["contact_area"][-1] == 1
-    expected = closed_form(*BODIES["default layer"], 0.3)
-    assert recording["tangential_force"][-1] == pytest.approx(expected, rel=1e-6)
-
-
-def test_at_a_given_depth_a_compressible_layer_rubs_alike(run: Run) -> None:
-    case = full_contact("thin on a rigid base", 0.3)
-    recording = run(case | {"trajectory": {"depth": 0.01, "velocity": 0.3}})
-    assert recording["contact_area"][-1] == 1
-    expected = closed_form(*BODIES["thin on a rigid base"], 0.3)
-    assert recording["tangential_force"][-1] == pytest.approx(expected, rel=1e-6)
+    assert recording["tangential_force"][-1] == pytest.approx(closed_form(*BODIES[name], 0.3), rel=1e-6)
 
 
 def test_friction_peaks_where_a_wave_passes_in_a_relaxation_time_and_vanishes_far_from_there(
@@ -282,3 +280,44 @@ def test_an_elastic_body_is_steady_after_one_passage(run: Run) -> None:
     case = moving(0.5) | {"layer.material": {"Ginf": 1.0}}
     recording = run(case | {"time": {"end": 50.0, "step": 0.1, "steady": 1e-6}})
     assert recording.noted["steady_time"] == pytest.approx(1.0 + 1 / 0.5, abs=0.11)
+
+
+# --- nothing changes over a whole window of time ---
+
+CONFIG = Config(name="steady").with_values({"trajectory.velocity": 1.0, "time.steady": 1e-3})
+
+
+def steady_time(friction: Callable[[float], float], since: float = 0.0) -> float:
+    """Return the time at which a window of length 2 is steady, with steps of 0.25."""
+    slow = SimpleNamespace(slowest=lambda _tolerance: 2.0)
+    case: Any = SimpleNamespace(config=CONFIG, integrator=slow, breakpoints=(since,), reduced_time=None)
+    observable = SteadyState(case)
+    solution, surface = SimpleNamespace(mean_pressure=1.0), SimpleNamespace(depth=0.01)
+    for time in (0.25 * i for i in range(1000)):
+        row = {"friction": friction(time)}
+        step: Any = SimpleNamespace(time=time, solution=solution, surface=surface, row=row)
+        assert observable.measure(step) == {}
+        if observable.finished:
+            assert observable.attributes == {"settled": 1, "steady_time": time}
+            assert observable.warning == ""
+            return time
+    assert observable.attributes == {"settled": 0}
+    assert "NOT STEADY" in observable.warning
+    return math.inf
+
+
+@pytest.mark.parametrize(
+    ("friction", "since", "expected"),
+    [
+        (lambda _: 0.1, 0.0, 2.0),
+        (lambda _: 0.1, 3.1, 5.25),
+        (lambda t: 0.1 * (1 + math.exp(-t)), 0.0, 10.0),  # exp(-8) = 3e-4 is left as the window begins
+        (lambda t: 0.1 * (1 + 0.01 * math.sin(t)), 0.0, math.inf),
+        (lambda t: math.nan if t < 7 else 0.1, 0.0, 9.0),
+    ],
+    ids=["constant", "after a breakpoint", "decaying", "oscillating", "without contact at first"],
+)
+def test_it_is_reached_after_a_window_without_change(
+    friction: Callable[[float], float], since: float, expected: float
+) -> None:
+    assert steady_time(friction, since) == expected

@@ -15,14 +15,15 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import SweepCase
+from gfmdlayer.model import simulate
 from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
 from gfmdlayer.observables.observable import Parts
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
-from gfmdlayer.results.reader import open_case
+from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.resumable import State
+from gfmdlayer.verification.runs import Recording
+from tests.observables.conftest import RunUpTo
 
 CONFIG = Config(name="rms").with_values(
     {"grid.points": 32, "time": {"end": 1.5, "step": 0.125}, "output.snapshots": [0.5, 1.0, 1.5]}
@@ -52,29 +53,15 @@ class RmsPressure(Observable):
         self._largest = float(state["largest"])
 
 
-def stop_at(time: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the next run stop after a simulated time, as a signal does."""
-    advance = StatusFile.advance
-
-    def stopping(self: StatusFile, simulated_time: float) -> None:
-        advance(self, simulated_time)
-        if simulated_time >= time:
-            raise Stopped
-
-    monkeypatch.setattr(StatusFile, "advance", stopping)
-
-
 def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_up_to: RunUpTo
 ) -> None:
     before = estimate(CONFIG).storage
     monkeypatch.setitem(OBSERVABLES, "pressure_rms", RmsPressure)
     assert estimate(CONFIG).storage - before == 2 * 8 * 512  # a block of rows for each column
     folder, case = Folder(tmp_path), SweepCase(0, CONFIG, {})
     folder.cases.mkdir()
-    with monkeypatch.context() as once:
-        stop_at(1.25, once)  # after the largest pressure, at the end of the ramp
-        assert run_case(case, folder).state == "stopped"
+    run_up_to(1.25, case, folder)  # after the largest pressure, at the end of the ramp
     assert run_case(case, folder).state == "complete"
     with open_case(folder.case(0)) as found:
         rms = found["pressure_rms"]
@@ -119,3 +106,72 @@ def test_a_configuration_has_the_columns_of_its_options(
     assert always <= asked.keys()
     if "gap_histogram" in asked:
         assert asked["gap_histogram"].size == 8  # the last bin is beyond max
+
+
+# --- mean stress and force, prescribed and measured, with units ---
+
+UNITS = {"length": "mm", "stress": "MPa", "time": "s"}
+LINE = Config(name="line").with_values(
+    {"grid": {"points": 64, "period": 2.0}, "time": {"end": 1.0, "step": 0.25}, "layer.material.G0": 3.0,
+     "layer.material.Ginf": 5.0}
+)  # fmt: skip
+SURFACE = LINE.with_values({"grid": {"points": [16, 8], "period": [2.0, 1.5]}})
+
+
+def rows(config: Config) -> dict[str, np.ndarray]:
+    recording = Recording()
+    simulate(config, recording)
+    return {name: np.asarray(recording[name]) for name in ("mean_pressure", "mean_stress", "force", "depth")}
+
+
+@pytest.mark.parametrize(("config", "cell"), [(LINE, 2.0), (SURFACE, 3.0)], ids=["line", "surface"])
+def test_force_and_mean_stress_follow_from_ptilde(config: Config, cell: float) -> None:
+    found = rows(config)
+    assert found["force"][-1] > 0
+    np.testing.assert_allclose(found["mean_stress"], 2 * 3.0 * found["mean_pressure"], rtol=1e-14)
+    np.testing.assert_allclose(found["force"], cell * found["mean_stress"], rtol=1e-14)
+
+
+@pytest.mark.parametrize(("config", "cell"), [(LINE, 2.0), (SURFACE, 3.0)], ids=["line", "surface"])
+def test_a_prescribed_force_is_the_load_times_the_cell(config: Config, cell: float, tmp_path: Path) -> None:
+    by_load = rows(config.with_values({"trajectory": {"control": "load", "load": 0.5}}))
+    by_force = rows(config.with_values({"trajectory": {"control": "force", "force": 0.5 * cell}}))
+    for name, values in by_load.items():
+        np.testing.assert_array_equal(by_force[name], values)
+    table = tmp_path / "force.txt"
+    table.write_text(f"time force\n0 0\n1 {0.5 * cell}\n")
+    trajectory = {"control": "force", "kind": "table", "file": str(table)}
+    by_table = rows(config.with_values({"trajectory": trajectory}))
+    np.testing.assert_allclose(by_table["force"], by_load["force"], rtol=1e-12)
+    np.testing.assert_allclose(by_table["depth"], by_load["depth"], rtol=1e-12)
+
+
+def test_files_of_cases_and_sweeps_name_units_and_modulus(tmp_path: Path) -> None:
+    folder, records = Folder(tmp_path), []
+    folder.cases.mkdir()
+    histogram = {"max": 1.0, "bins": 2}
+    config = LINE.with_values(
+        {"units": UNITS, "output.histograms": {"pressure": histogram}, "output.snapshots": [1.0]}
+    )
+    for index, force in enumerate((0.5, 1.0)):
+        values = {"trajectory": {"control": "force", "force": force}}
+        assert run_case(SweepCase(index, config.with_values(values), {}), folder).state == "complete"
+        records.append(CaseRecord(index, folder.case(index), {"trajectory.force": force}))
+    collect(tmp_path, records, Swept(["trajectory.force"], unit=config.unit))
+    expected = {
+        "time": "s", "mean_pressure": "1", "mean_stress": "MPa", "depth": "mm", "work": "N/mm",
+        "pressure_bin": "MPa", "pressure_bin_end": "MPa",
+    }  # fmt: skip
+    with open_case(folder.case(0)) as case:
+        fields = {"x": "mm", "snapshot": "s", "displacement": "mm", "pressure": "MPa", "gap": "mm"}
+        for name, label in (expected | fields | {"force": "N/mm"}).items():
+            assert case[name].attrs["units"] == label, name
+        assert case.attrs["G0"] == 3.0
+        assert case.attrs["units"] == "length: mm, stress: MPa, time: s"
+    with open_results(tmp_path) as sweep:
+        for name, label in (expected | {"force": "N/mm", "force_over_time": "N/mm"}).items():
+            assert sweep[name].attrs["units"] == label, name
+        assert sweep["force"].dims == ("force",)  # the swept key
+        np.testing.assert_allclose(sweep["force_over_time"].sel(time=1.0), [0.5, 1.0], rtol=1e-6)
+        assert sweep.attrs["G0"] == 3.0
+        assert sweep.attrs["units"] == "length: mm, stress: MPa, time: s"

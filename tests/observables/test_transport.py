@@ -18,14 +18,13 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.reader import open_case
 from gfmdlayer.transport.leakage import bruggeman, flow_through
 from gfmdlayer.transport.percolation import throats
 from gfmdlayer.transport.spots import Spots, impedance, inverse
+from tests.observables.conftest import RunUpTo
 
 MPIRUN = Path(sys.executable).parent / "mpirun"
 FREQUENCIES = [0.0, 0.5, float("inf")]
@@ -124,23 +123,14 @@ def test_columns_of_every_nth_row_are_nan_in_the_others_but_for_snapshots_and_th
     assert data.critical_gap_x.notnull().all()
 
 
-def test_a_stopped_run_continues_with_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stopped_run_continues_with_the_same_bits(tmp_path: Path, run_up_to: RunUpTo) -> None:
     config = Config(**CASE).with_values({"trajectory.load": 0.12})
     found, said = [], []
-    for name, stops in (("once", False), ("twice", True)):
+    for name in ("once", "twice"):
         folder, case = Folder(tmp_path / name), SweepCase(0, config, {})
         folder.cases.mkdir(parents=True)
-        if stops:
-            advance = StatusFile.advance
-
-            def stopping(self: StatusFile, time: float) -> None:
-                advance(self, time)  # noqa: B023
-                if time >= 0.6:
-                    raise Stopped
-
-            with monkeypatch.context() as once:
-                once.setattr(StatusFile, "advance", stopping)
-                assert run_case(case, folder).state == "stopped"
+        if name == "twice":
+            run_up_to(0.6, case, folder)
         ended = run_case(case, folder)
         assert ended.state == "complete"
         said.append(ended.note)

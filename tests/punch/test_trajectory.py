@@ -21,17 +21,12 @@ def written(tmp_path: Path, text: str) -> Path:
     return file
 
 
-@pytest.mark.parametrize(
-    ("time", "depth"), [(0.0, 0.0), (0.5, 0.005), (1.0, 0.01), (1.5, 0.01), (1e9, 0.01), (math.inf, 0.01)]
-)
-def test_the_punch_of_eq_30_goes_down_and_stays(time: float, depth: float) -> None:
-    assert RampHold(0.01, 1.0)(time) == pytest.approx(depth, rel=1e-15)
-
-
-def test_the_slope_of_eq_30_jumps_at_the_end_of_the_ramp() -> None:
-    trajectory = RampHold(0.02, 0.5)
-    assert trajectory.breakpoints == (0.5,)
-    assert trajectory(0.25) == pytest.approx(0.01, rel=1e-15)
+def test_the_punch_of_eq_30_goes_down_and_stays_and_its_slope_jumps_at_the_end_of_the_ramp() -> None:
+    at = (0.0, 0.25, 0.5, 1.0, 1.5, 1e9, math.inf)
+    expected = [0.0, 0.0025, 0.005, 0.01, 0.01, 0.01, 0.01]
+    assert [RampHold(0.01, 1.0)(time) for time in at] == pytest.approx(expected, rel=1e-15)
+    assert RampHold(0.02, 0.5).breakpoints == (0.5,)
+    assert RampHold(0.02, 0.5)(0.25) == pytest.approx(0.01, rel=1e-15)
 
 
 def test_a_table_is_linear_between_its_rows_and_constant_after_them(tmp_path: Path) -> None:
@@ -50,12 +45,8 @@ def test_the_ramp_as_a_table_is_the_ramp(tmp_path: Path) -> None:
 
 
 BACK = {
-    "kind": "approach_retract",
-    "start": -0.01,
-    "approach_speed": 0.02,
-    "dwell": 0.5,
-    "retract_speed": 0.1,
-}
+    "kind": "approach_retract", "start": -0.01, "approach_speed": 0.02, "dwell": 0.5, "retract_speed": 0.1,
+}  # fmt: skip
 
 
 def test_a_punch_approaches_dwells_and_retracts() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gfmdlayer.body.depths import Place
+from gfmdlayer.body.solid import Place
 from gfmdlayer.results import paraview
 from gfmdlayer.results.reader import is_complete, open_case
 from gfmdlayer.results.schema import in_order

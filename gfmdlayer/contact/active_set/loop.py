@@ -186,10 +186,8 @@ def begin(  # groups of arrays; one call takes less time than two
     guess: FloatArray,
     load: float,
 ) -> None:
-    """Write the surface without pressure, a guess of the pressure, and the contact set where it is positive.
-
-    ``load`` is the mean pressure where it is given. Half a pair of transforms.
-    """
+    """Write the surface without pressure, a guess of the pressure, and the set where it is positive."""
+    # ``load`` is the mean pressure where it is given. Half a pair of transforms.
     now = work.now[0]
     for k in range(free.size):
         free[k] = system.compliance[k] * b[k]
@@ -239,15 +237,13 @@ def iterate(  # groups of arrays, and the limits of one call
     limit: int,
     checked: bool,
 ) -> tuple[bool, int, int]:
-    """Find the contact set and its pressure.
-
-    The gap need not be known at the beginning; pressure and gap are an exact pair on return. `shift` is the
-    gap in the contact that is aimed at [length], `rounds` the most changes of the contact set, `limit` the
-    most iterations. `checked` says that the caller evaluates the result on a larger surface: a contact of one
-    stretch, near which the gap is known, then needs no evaluation here.
-
-    Returns whether set and pressure were found, the transforms and the iterations.
-    """
+    """Find the contact set and its pressure."""
+    # The gap need not be known at the beginning; pressure and gap are an exact pair on return. `shift` is the
+    # gap in the contact that is aimed at [length], `rounds` the most changes of the contact set, `limit` the
+    # most iterations. `checked` says that the caller evaluates the result on a larger surface: a contact of
+    # one stretch, near which the gap is known, then needs no evaluation here.
+    #
+    # Returns whether set and pressure were found, the transforms and the iterations.
     transforms, carried, now = 0, at.p.sum(), work.now[0]
     if not now.exact:
         evaluate(plans, system, at, work)
@@ -336,10 +332,8 @@ def _restore_load(system: System, at: Iterate, contact: ContactSet, carried: flo
 
 @kernel(inner=True)
 def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: float, everywhere: bool) -> bool:
-    """Let points under tension leave and overlapping ones join; return whether the pressure changed.
-
-    The gap is known ``everywhere``, or near the contact.
-    """
+    """Let points under tension leave and overlapping ones join; return whether the pressure changed."""
+    # The gap is known ``everywhere``, or near the contact.
     changed, runs, near, member = False, contact.runs, contact.near, contact.member
     for k in range(1 if everywhere else contact.counts[0].near):
         first, end = (0, p.size) if everywhere else (near[k, 0], near[k, 1])
@@ -357,10 +351,8 @@ def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: floa
 
 @kernel(reorder=True, inner=True)
 def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: Work, shift: float) -> bool:
-    """Scale the pressure so that the energy is least, and keep it for conjugacy; return whether that is done.
-
-    It needs no transform. Under a given load the pressure cannot be scaled.
-    """
+    """Scale the pressure to the least energy, and keep it for conjugacy; return whether this is done."""
+    # It needs no transform. Under a given load the pressure cannot be scaled.
     now, counts = work.now[0], contact.counts[0]
     now.energy = 0.0
     if system.load_given or counts.points == 0:
@@ -402,10 +394,8 @@ def _precondition(
 def _next_direction(
     system: System, at: Iterate, contact: ContactSet, work: Work, shift: float, memory: float
 ) -> tuple[float, float]:
-    """Write the next direction of conjugate gradients; return r.z and r.d.
-
-    ``memory`` is 1/(r.z) of the last iteration, or 0. Under a given load directions have no mean.
-    """
+    """Write the next direction of conjugate gradients; return r.z and r.d."""
+    # ``memory`` is 1/(r.z) of the last iteration, or 0. Under a given load directions have no mean.
     z, d, now = work.z, work.direction, work.now[0]
     runs, count = contact.runs, contact.counts[0].runs
     if system.load_given:
@@ -466,11 +456,9 @@ def _along_residual(at: Iterate, contact: ContactSet, x: FloatArray, shift: floa
 def _violations(
     system: System, at: Iterate, contact: ContactSet, work: Work, shift: float
 ) -> tuple[float, float, float]:
-    """Range of the gaps in the contact, tension there, and overlap where the gap is known.
-
-    Each in the residual's scales, which are set. Under a given load the punch is shifted first, so that the
-    gap in the contact is right in the mean.
-    """
+    """Range of the gaps in the contact, tension there, and overlap where the gap is known."""
+    # Each in the residual's scales, which are set. Under a given load the punch is shifted first, so that the
+    # gap in the contact is right in the mean.
     now, counts = work.now[0], contact.counts[0]
     if system.load_given and counts.points > 0:
         excess = mean(contact, at.gap) - shift

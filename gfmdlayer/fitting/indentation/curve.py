@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.solve import corners
+from gfmdlayer.punch.revolution import Revolution, abel_transform
 from gfmdlayer.validation.units import Units
 
 FEWEST_ROWS = 8
@@ -481,6 +484,85 @@ def _least_squares(time: FloatArray, depth: FloatArray, corners: FloatArray) -> 
     np.add.at(moment, piece + 1, right * depth)
     found = np.asarray(solveh_banded(banded, moment))
     return found, float(np.sum((depth - np.interp(time, corners, found)) ** 2))
+
+
+# What a prediction of a curve depends on: body and indenter, corrections of its columns, straight pieces.
+
+
+class Correction(NamedTuple):
+    """Values of a curve that correct its columns, and the adhesion under its indenter."""
+
+    contact_point: float = 0.0
+    drift: float = 0.0
+    force_offset: float = 0.0
+    force_drift: float = 0.0
+    tilt: float = 0.0
+    stiffness: float = math.inf
+    adhesion: Adhesion = Adhesion()
+
+
+OF_A_CURVE = Correction._fields[:-1]
+
+
+def baseline(curve: ForceCurve, at: Correction) -> FloatArray:
+    """Return the force that a curve has without contact, at its rows."""
+    position = curve.position_of_drive
+    since = curve.time - curve.time[0]
+    return np.asarray(at.force_offset + at.force_drift * since + at.tilt * (position - position[0]))
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A body and its indenter."""
+
+    body: Body
+    profile: Revolution
+
+    @cached_property
+    def onset(self) -> float:
+        """Power of the depth with which the force begins."""
+        return onset(self.profile)
+
+
+def onset(profile: Revolution) -> float:
+    """Return the power of the depth with which the force begins: 1 + 1/n for a profile r^n, 1 for a flat."""
+    small = 1e-6 * (profile.rim if math.isfinite(profile.rim) else 1.0)
+    near, far = abel_transform(profile, small), abel_transform(profile, 2 * small)
+    return 1.0 if far == 0 else 1 + 1 / math.log2(far / near)
+
+
+class Pieces(NamedTuple):
+    """The prescribed quantity, without its corrections, in pieces that are straight in time."""
+
+    begin: FloatArray  # times at which the pieces begin and end, shape (pieces,)
+    end: FloatArray
+    first: FloatArray  # values there
+    last: FloatArray
+    by_force: BoolArray
+    breakpoints: FloatArray  # times between which the response is smooth
+
+    def at(self, times: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return the values at times, of the pieces that end there or later, and whether they are forces."""
+        piece = np.clip(np.searchsorted(self.end, times), 0, self.end.size - 1)
+        part = (times - self.begin[piece]) / (self.end[piece] - self.begin[piece])
+        return self.first[piece] + part * (self.last[piece] - self.first[piece]), self.by_force[piece]
+
+    def largest(self, by_force: bool) -> float:
+        """Return the largest prescribed force or position; -inf if none is prescribed."""
+        own = self.by_force == by_force
+        return float(np.concatenate((self.first[own], self.last[own])).max(initial=-math.inf))
+
+    @property
+    def first_contact(self) -> tuple[int, float]:
+        """The piece in which the value first becomes positive, and the time; the end if none does."""
+        if self.first[0] >= 0:
+            return 0, float(self.begin[0])
+        rising = np.flatnonzero(self.last > 0)
+        if not rising.size:
+            return self.end.size - 1, float(self.end[-1])
+        piece = int(rising[0])
+        part = max(-self.first[piece] / (self.last[piece] - self.first[piece]), 0.0)
+        return piece, float(self.begin[piece] + part * (self.end[piece] - self.begin[piece]))
 
 
 # Units of measured columns in headings, and their sizes in metres, seconds and newtons.

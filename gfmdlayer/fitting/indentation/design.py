@@ -20,15 +20,15 @@ from gfmdlayer.fitting.indentation.curve import (
     BASE,
     DEPTH,
     FORCE,
+    OF_A_CURVE,
     PRESCRIBED,
+    Correction,
     ForceCurve,
     column,
 )
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
 from gfmdlayer.fitting.indentation.problem import (
-    OF_A_CURVE,
     SECTIONS,
-    Correction,
     Free,
     LeastSquares,
     Model,

@@ -18,23 +18,46 @@ Ann. Stat. 15 (1987) 1321).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
+from scipy.optimize import brentq
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError
-from gfmdlayer.indentation.equilibrium import BY_FORCE, Adhesion, Branch, Control, Equilibria, touches
+from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, Setup, noise_of
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.equilibrium import (
+    BY_DEPTH,
+    BY_FORCE,
+    Adhesion,
+    Branch,
+    Control,
+    Equilibria,
+    Nodes,
+    by_base,
+    equilibria,
+    find_nodes,
+    halfspace,
+    touches,
+)
 from gfmdlayer.validation.fields import Positive
 from gfmdlayer.validation.sections import Kind, OneOf, Section
 
 CHANGE = 26.0  # variance of a change point, over the fourth power of noise/jump and the square of the spacing
 LEAST_JUMP = 0.5  # of the noise: a smaller jump is not seen
 NEAR = 3.0  # spreads of a jump before which rows in contact do not count
+WIDER_ELASTIC = 1.5  # factor by which the nodes are extended when a contact grows beyond them
+KEPT_TABLES = 3
+FAR = 1e8  # see `gfmdlayer.indentation.solve`
+MOST_PHASE = 300.0  # contact radius times the last wavenumber of the layers: some twelve thicknesses
+WIDER_BEGIN = 3.0  # the same at the begin of a search, less so that the begin is never refused in it
 
 
 class JKR(Kind):
@@ -105,6 +128,12 @@ class Contacts:
         """The contacts under a prescribed force."""
         return self.equilibria.branch(BY_FORCE, self.adhesion)
 
+    @property
+    def jumps(self) -> list[float]:
+        """The forces where contact begins and ends under a prescribed position."""
+        ends = np.array([0.0, self.position.end])
+        return self.position(ends)[1].tolist()  # type: ignore[no-any-return]
+
     def of(self, value: FloatArray, by_force: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Return depth and force in contact at prescribed values, each of the shape of `value`."""
         depth, force = np.zeros(value.size), np.zeros(value.size)
@@ -173,3 +202,153 @@ def jumps_between(
         if certain > 0:
             found.append(Jump(int(row), bool(touching[row]), spread, certain))
     return found
+
+
+class Touch:
+    """The rows of a curve in contact, and the places of its jumps, as measured where there is adhesion."""
+
+    def __init__(self, rows: int) -> None:
+        self.touching: BoolArray | None = None  # by the model as long as it is None
+        self.jumps: list[Jump] = []
+        self.uncertain = np.zeros(rows, dtype=bool)  # rows in contact next to the end of it
+
+    def find(
+        self, curve: ForceCurve, used: BoolArray, contacts: Contacts, pieces: Pieces, own: float,
+        worse: FloatArray, error: Callable[[float], float],
+    ) -> None:  # fmt: skip
+        """Take rows and jumps from the measurement.
+
+        `own` measured forces are one of the model; `worse` are squares of residuals in contact less those
+        without, `error` is the standard error of the prescribed value at a time.
+        """
+        value, by_force = pieces.at(curve.time)
+        noise = max(noise_of(curve.force), 1e-12 * float(np.ptp(curve.force)))
+        sizes = [abs(own * force) / noise for force in contacts.jumps]
+        ends = (0.0, contacts.position.end)
+        hidden = [end if size < LEAST_JUMP else None for end, size in zip(ends, sizes, strict=True)]
+        self.touching = measured_contact(value, by_force, worse, hidden)
+        self.jumps = []
+        for each in jumps_between(self.touching, by_force, used, value, sizes):
+            pair = slice(each.row - 1, each.row + 1)
+            spread = math.hypot(each.spread, error(float(curve.time[pair].mean())))
+            self.jumps.append(each._replace(spread=spread))
+            if not each.begins:
+                before = slice(0, each.row)
+                near = value[before] < value[pair].mean() + NEAR * spread
+                self.uncertain[before] |= self.touching[before] & near
+
+    def places(self, curve: ForceCurve, contacts: Contacts, pieces: Pieces) -> FloatArray:
+        """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
+        found = []
+        for each in self.jumps:
+            measured = float(np.mean(pieces.at(curve.time[each.row - 1 : each.row + 1])[0]))
+            found.append(((0.0 if each.begins else contacts.position.end) - measured) / each.spread)
+        return np.array(found)
+
+    @property
+    def doubt(self) -> float:
+        """Twice the logarithm of the part that one row has in the distributions of the jumps."""
+        return 2 * sum(math.log(each.spread / each.certain) for each in self.jumps)
+
+
+class ElasticContact:
+    """Contacts of the elastic bodies of one curve; nodes and tables serve similar bodies."""
+
+    def __init__(self, curve: ForceCurve) -> None:
+        self.changes = 0  # of the nodes
+        self._curve = curve
+        self._nodes: Nodes | None = None
+        self._tables: list[tuple[Nodes, FloatArray, Equilibria]] = []
+        self._known: list[tuple[Setup, Correction, Contacts]] = []  # the last two
+
+    def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
+        """Choose the nodes by the lengths of the body; FitError if the contact is very wide."""
+        self._nodes, self._known, self.changes = None, [], self.changes + 1
+        self.contacts(setup, at, pieces, WIDER_BEGIN * MOST_PHASE)
+
+    def response(
+        self, setup: Setup, at: Correction, pieces: Pieces, touching: BoolArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth at the rows, in contact where the rows are `touching`."""
+        rows, contacts = self._curve.time, self.contacts(setup, at, pieces)
+        value, by_force = pieces.at(rows)
+        if touching is None:
+            times = np.union1d(rows, pieces.end)
+            touching = contacts.touching(*pieces.at(times))[np.searchsorted(times, rows)]
+        depth, force = contacts.of(value, by_force)
+        return np.where(touching, force, 0.0), np.where(touching, depth, np.where(by_force, 0.0, value))
+
+    def contacts(
+        self, setup: Setup, at: Correction, pieces: Pieces, most_phase: float = MOST_PHASE
+    ) -> Contacts:
+        """Return the stable contacts up to the largest prescribed values."""
+        for known, same, made in self._known:
+            if known is setup and same == at:
+                return made
+        position = by_base(at.stiffness) if self._curve.by_base else BY_DEPTH
+        most = [(control, pieces.largest(control is BY_FORCE)) for control in (position, BY_FORCE)]
+        reach = self._nodes.reach if self._nodes else self._first_reach(setup, at.adhesion, most)
+        while True:
+            try:
+                if self._nodes is None or self._nodes.reach != reach:
+                    self._nodes = self._find_nodes(setup.body, reach, most_phase)
+                found = self._equilibria(setup)
+            except ArithmeticError:  # the lengths of the body have changed much
+                self._nodes, self.changes = self._find_nodes(setup.body, reach, most_phase), self.changes + 1
+                found = self._equilibria(setup)
+            if all(found.largest(control, at.adhesion) >= value for control, value in most):
+                break
+            reach *= WIDER_ELASTIC
+        contacts = Contacts(found, position, at.adhesion)
+        self._known = [(setup, at, contacts), *self._known[:1]]
+        return contacts
+
+    def _find_nodes(self, body: Body, reach: float, most_phase: float) -> Nodes:
+        try:
+            found = find_nodes(body, reach)
+        except ValueError as error:
+            raise FitError(f"curve {self._curve.name}: {error}") from error
+        if found.last * reach > most_phase:
+            raise FitError(
+                f"curve {self._curve.name}: the contact is more than some twelve times as wide as the "
+                "thinnest layer is thick; must be less with adhesion"
+            )
+        return found
+
+    def _equilibria(self, setup: Setup) -> Equilibria:
+        assert self._nodes is not None
+        local, C = self._nodes.compliance(setup.body)
+        for nodes, known, found in self._tables:
+            similar = nodes is self._nodes and np.allclose(C, known, rtol=1e-12, atol=1e-14)
+            if similar and np.array_equal(np.hstack(found.profile), np.hstack(setup.profile)):
+                return replace(found, local=local)
+        found = equilibria(local, C, self._nodes, setup.profile)
+        self._tables = [(self._nodes, C, found), *self._tables[:KEPT_TABLES]]
+        return found
+
+    def _first_reach(self, setup: Setup, adhesion: Adhesion, most: Sequence[tuple[Control, float]]) -> float:
+        """Return the contact radius on a halfspace of the surface's material, within a factor of two."""
+        reach = float(np.ptp(self._curve.depth))
+        while True:
+            far = FAR / reach
+            local = far / float(setup.body.stiffness(np.array([far]), 0.0)[0])
+            half = halfspace(local, setup.profile, reach)
+            if half.reach < reach or all(half.largest(each, adhesion) >= value for each, value in most):
+                return half.reach
+            reach *= 2
+
+
+def work_for(pull: float, made: Equilibria) -> float:
+    """Return JKR's work of adhesion with which a contact is lost at a tensile force."""
+
+    def excess(logarithm: float) -> float:
+        end = made.branch(BY_FORCE, Adhesion(math.exp(logarithm))).end
+        return math.log(max(-end / pull, 1e-300))
+
+    # The pull grows with the work by a power between 1/2 (flat punch) and 1 (paraboloid), or around it.
+    low = high = 0.0
+    while excess(low) > 0:
+        low -= 5.0
+    while excess(high) < 0:
+        high += 5.0
+    return math.exp(brentq(excess, low, high, xtol=1e-3)) if low < high else 1.0

@@ -244,7 +244,9 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
         columns = np.stack([np.broadcast_to(column[i], each.used.shape) for column in derivatives], axis=1)
         band = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", columns, spread, columns), 0.0))
         force, depth = each.in_columns(problem.config(u, each.curve.name), problem.correction(u, each.curve))
-        found = CurveFit(each.curve, force, depth, band, each.used & ~each.uncertain, math.nan, math.nan)
+        found = CurveFit(
+            each.curve, force, depth, band, each.used & ~each.touch.uncertain, math.nan, math.nan
+        )
         noise = []
         for k, given in enumerate((each.curve.noise, each.curve.depth_noise)):
             rows = found.used & (each.curve.by_force == bool(k))
@@ -259,7 +261,7 @@ def _criteria(
     """Return AIC and BIC; an estimated noise counts as a parameter. `further`: residuals beside rows."""
     twice, count = float(np.sum(further**2)), parameters
     for i, each in enumerate(fitted):
-        twice += problem.log_determinant(i) + problem.predictions[i].doubt
+        twice += problem.log_determinant(i) + problem.predictions[i].touch.doubt
         for k, given in enumerate(problem.noise_is_given(i)):
             own = each.curve.by_force == bool(k)
             # Rows that count with one adhesion and not with another have the mean square of the others.

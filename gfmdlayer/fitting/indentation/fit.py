@@ -257,7 +257,7 @@ def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
     """Set the noise of forces and depths from the residuals at u, where it is not given."""
     for i, (found, each) in enumerate(zip(problem.measured(u), problem.predictions, strict=True)):
         for k in np.flatnonzero(~problem.noise_is_given(i)):
-            rows = each.used & ~each.uncertain & (each.curve.by_force == bool(k))
+            rows = each.used & ~each.touch.uncertain & (each.curve.by_force == bool(k))
             problem.noise[i, k] = _spread((found - each.curve.measured)[rows], loss)
 
 

@@ -23,129 +23,46 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise
-from typing import Any, Literal, NamedTuple
+from itertools import groupby
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import ValidationError
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import brentq
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.body.body import Body
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.model import explain
 from gfmdlayer.config.sweeps import assigned
 from gfmdlayer.fitting.indentation.curve import (
     DEPTH,
     FORCE,
+    OF_A_CURVE,
     SIGMAS,
+    Correction,
     CurveError,
     Drive,
     ForceCurve,
-    noise_of,
+    Pieces,
+    Setup,
+    baseline,
+    onset,
     straight_derivatives,
 )
-from gfmdlayer.fitting.indentation.elastic import (
-    LEAST_JUMP,
-    NEAR,
-    Contacts,
-    Jump,
-    adhesion_of,
-    jumps_between,
-    measured_contact,
-    read_adhesion,
-)
+from gfmdlayer.fitting.indentation.elastic import Contacts, ElasticContact, Touch, adhesion_of, read_adhesion
+from gfmdlayer.fitting.indentation.stepped import SteppedContact
 from gfmdlayer.fitting.measurement import FitError
-from gfmdlayer.indentation.compliance import Compliance
-from gfmdlayer.indentation.equilibrium import (
-    BY_DEPTH,
-    BY_FORCE,
-    Adhesion,
-    Control,
-    Equilibria,
-    Nodes,
-    by_base,
-    equilibria,
-    find_nodes,
-    halfspace,
-)
+from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.model import IsolatedContact
-from gfmdlayer.indentation.solve import History, LeftGridError, Space, find_space, make_space, on_halved_steps
-from gfmdlayer.punch.revolution import Revolution, abel_transform
 from gfmdlayer.validation.problems import shown, unknown_key
 
-# The response of a model at the rows of a measured curve.
-#
-# A fit chooses the times of the solution once, so that the response depends smoothly on the parameters:
-# between two corners of the prescribed quantity the times are fixed fractions of the piece, or of its rest
-# after first contact. They are denser where the response bends, which evens out the errors of interpolation
-# (de Boor 1973) and of the solution.
-#
-# The base of a cantilever is at depth + F/k. With F = 4 X(0), the spring is a further compliance
-# of the body at q = 0, and the base takes the place of the depth.
-
-STEPS = 32  # of a mesh; each piece has at least FEWEST
-FEWEST = 2
-TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
-WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
-EVEN = 0.3  # fraction of the steps that is spread evenly over the time
 SHIFT = 1e-3  # of the range: smallest step of a difference to a corner
 CLOSE = 0.2  # of the shortest piece: largest step of a difference to the time of a corner
 LEAST_FORCE = 0.01  # of the largest: rows of a prescribed force below it do not count
-WIDER_ELASTIC = 1.5  # the same for an elastic body
-KEPT_TABLES = 3  # contacts of elastic bodies
-FAR = 1e8  # see `gfmdlayer.indentation.solve`
-WIDER_BEGIN = 3.0
-MOST_PHASE = 300.0  # contact radius times the last wavenumber of the layers: some twelve thicknesses
 RETRACTED = 0.05  # of the range: a motion back by more is a retraction
 NOISY = 0.1  # noise of the prescribed quantity, over that of the measured one, that counts; both over ranges
-
-
-class Correction(NamedTuple):
-    """Values of a curve that correct its columns, and the adhesion under its indenter."""
-
-    contact_point: float = 0.0
-    drift: float = 0.0
-    force_offset: float = 0.0
-    force_drift: float = 0.0
-    tilt: float = 0.0
-    stiffness: float = math.inf
-    adhesion: Adhesion = Adhesion()
-
-
-OF_A_CURVE = Correction._fields[:-1]
-
-
-class _Pieces(NamedTuple):
-    """The prescribed quantity, without its corrections, in pieces that are straight in time."""
-
-    begin: FloatArray  # times at which the pieces begin and end, shape (pieces,)
-    end: FloatArray
-    first: FloatArray  # values there
-    last: FloatArray
-    by_force: BoolArray
-
-    def at(self, times: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return the values at times, of the pieces that end there or later, and whether they are forces."""
-        piece = np.clip(np.searchsorted(self.end, times), 0, self.end.size - 1)
-        part = (times - self.begin[piece]) / (self.end[piece] - self.begin[piece])
-        return self.first[piece] + part * (self.last[piece] - self.first[piece]), self.by_force[piece]
-
-    @property
-    def first_contact(self) -> tuple[int, float]:
-        """The piece in which the value first becomes positive, and the time; the end if none does."""
-        if self.first[0] >= 0:
-            return 0, float(self.begin[0])
-        rising = np.flatnonzero(self.last > 0)
-        if not rising.size:
-            return self.end.size - 1, float(self.end[-1])
-        piece = int(rising[0])
-        part = max(-self.first[piece] / (self.last[piece] - self.first[piece]), 0.0)
-        return piece, float(self.begin[piece] + part * (self.end[piece] - self.begin[piece]))
 
 
 class Prediction:
@@ -168,9 +85,11 @@ class Prediction:
                 self.used[part.first : part.end] = not segments or part.name in segments
         if (by_force := curve.by_force).any():
             # Without force the indenter may be anywhere above the surface.
-            forces = np.interp(curve.time, *self._joined())
-            scatter = max(each.error for each, kind in self._of_kind(FORCE))
-            least = max(LEAST_FORCE * float(np.max(curve.force) - offset), SIGMAS * scatter / 10**0.5)
+            times = np.concatenate([each.time for each in self.drives])
+            forces = np.interp(curve.time, times, np.concatenate([each.value for each in self.drives]))
+            kinds = zip(self.drives, self._kinds, strict=True)
+            errors = [each.error for each, kind in kinds if kind == FORCE]
+            least = max(LEAST_FORCE * float(np.max(curve.force) - offset), SIGMAS * max(errors) / 10**0.5)
             counts = (np.abs(forces - offset) if adhesive else forces - offset) > least
             if adhesive and counts.any():  # from push to pull there is contact
                 first, *_, last = np.flatnonzero(counts).tolist() * 2
@@ -182,28 +101,17 @@ class Prediction:
                 f"curve {curve.name}: no row is left in the segments {', '.join(segments) or known}; it has "
                 f"{known}"
             )
-        self._parts: list[FloatArray] | None = None
-        self._space: Space | None = None
-        self._made: list[tuple[Config, Space, Compliance]] = []
-        self._bodies: list[tuple[Config, Body]] = []
+        self._setups: list[tuple[Config, Setup]] = []  # the last two
         self._relaxes: bool | None = None
-        self._most_phase = MOST_PHASE  # in a search less than at its begin, which then is never refused
+        self._elastic, self._stepped = ElasticContact(curve), SteppedContact(curve)
         self._in_steps = False  # whether an elastic body is solved in steps too
-        self._nodes: Nodes | None = None  # of an elastic body
-        self._tables: list[tuple[Nodes, FloatArray, Equilibria]] = []
-        self._known: list[tuple[Config, Correction, Contacts]] = []
-        self._touching: BoolArray | None = None  # rows in contact, as measured
-        self._jumps: list[Jump] = []
-        self.uncertain = np.zeros(curve.time.size, dtype=bool)  # rows in contact next to the end of it
-        self.changes = 0  # of times and nodes; responses before and after a change must not be compared
+        self.touch = Touch(curve.time.size)
+        self._labels = 0
 
-    def _joined(self) -> tuple[FloatArray, FloatArray]:
-        return np.concatenate([each.time for each in self.drives]), np.concatenate(
-            [each.value for each in self.drives]
-        )
-
-    def _of_kind(self, kind: str) -> list[tuple[Drive, str]]:
-        return [each for each in zip(self.drives, self._kinds, strict=True) if each[1] == kind]
+    @property
+    def changes(self) -> int:
+        """Number of changes of times, nodes and rows in contact, across which responses are not compared."""
+        return self._labels + self._elastic.changes + self._stepped.changes
 
     def corrected(self, at: Correction) -> tuple[FloatArray, FloatArray]:
         """Return the corners of the prescribed quantity without its corrections: times and values."""
@@ -217,136 +125,43 @@ class Prediction:
 
     def adapt(self, config: Config, at: Correction) -> None:
         """Choose the times by the bends of the response of a model, and the nodes by its lengths."""
-        self._space, self._nodes, self._known, self.changes = None, None, [], self.changes + 1
-        pieces = self._pieces(at)
+        setup, pieces = self.setup(config), self._pieces(at)
         if self.is_elastic(config):
-            self._most_phase = WIDER_BEGIN * MOST_PHASE
             try:
-                self.contacts(config, at)
+                self._elastic.adapt(setup, at, pieces)
             except FitError:
-                self._in_steps = at.adhesion == Adhesion()  # a very wide contact
-            self._most_phase = MOST_PHASE
+                if at.adhesion != Adhesion():
+                    raise
+                self._in_steps = True  # a very wide contact
             if not self._in_steps:
                 return
-        self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
-        times, force, depth = self._solution(config, at, pieces)
-        if times.size > 2 and np.ptp(force) > 0:
-            self._parts = _graded(times, force, depth, pieces, onset(as_revolution(config.punch)))
+        self._stepped.adapt(setup, at, pieces)
 
     def response(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
         """Return force and depth of the indenter at the rows."""
-        rows, pieces = self.curve.time, self._pieces(at)
+        setup, pieces = self.setup(config), self._pieces(at)
         if self.is_elastic(config) and not self._in_steps:
-            return self._elastic(config, at, pieces)
-        times, force, depth = self._solution(config, at, pieces)
-        power = onset(as_revolution(config.punch))
-        value, by_force = pieces.at(rows)
-        forces, depths = np.where(by_force, np.maximum(value, 0.0), 0.0), np.zeros(rows.size)
-        edges = [times[0], *(time for time in self._breakpoints if time > times[0])]
-        for first, last in pairwise(edges):
-            inside = (rows >= first) & (rows <= last)
-            nodes = (times >= first) & (times <= last)
-            # What is prescribed needs no interpolation.
-            if (free := inside & ~by_force).any():
-                forces[free] = _until_it_opens(times[nodes], force[nodes], rows[free], power)
-            if (held := inside & by_force).any():
-                depths[held] = _as_power(times[nodes], depth[nodes], rows[held], power)
-        return forces, np.where(
-            by_force, depths, value - forces / at.stiffness if self.curve.by_base else value
-        )
+            return self._elastic.response(setup, at, pieces, self.touch.touching)
+        return self._stepped.response(setup, at, pieces)
+
+    def contacts(self, config: Config, at: Correction) -> Contacts:
+        """Return the stable contacts of an elastic body, up to the largest prescribed values."""
+        return self._elastic.contacts(self.setup(config), at, self._pieces(at))
 
     def is_elastic(self, config: Config) -> bool:
         """Whether the body of a model does not relax."""
         if self._relaxes is None:
-            self._relaxes = bool(self._body(config).spectrum(np.array([1.0])).weights.size)
+            self._relaxes = bool(self.setup(config).body.spectrum(np.array([1.0])).weights.size)
         return not self._relaxes
 
-    def _body(self, config: Config) -> Body:
-        """Return the body of a model; the last two are kept."""
-        for known, body in self._bodies:
+    def setup(self, config: Config) -> Setup:
+        """Return body and indenter of a model."""
+        for known, setup in self._setups:
             if known is config:
-                return body
-        body = IsolatedContact(config).body
-        self._bodies = [(config, body), *self._bodies[:1]]
-        return body
-
-    def _elastic(self, config: Config, at: Correction, pieces: _Pieces) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth of an elastic body at the rows."""
-        rows = self.curve.time
-        value, by_force = pieces.at(rows)
-        contacts = self.contacts(config, at)
-        touching = self._touching
-        if touching is None:
-            times = np.union1d(rows, pieces.end)
-            touching = contacts.touching(*pieces.at(times))[np.searchsorted(times, rows)]
-        depth, force = contacts.of(value, by_force)
-        return np.where(touching, force, 0.0), np.where(touching, depth, np.where(by_force, 0.0, value))
-
-    def contacts(self, config: Config, at: Correction) -> Contacts:
-        """Return the stable contacts of an elastic body, up to the largest prescribed values."""
-        for known, same, found in self._known:
-            if known is config and same == at:
-                return found
-        found = self._contacts(config, at)
-        self._known = [(config, at, found), *self._known[:1]]
-        return found
-
-    def _contacts(self, config: Config, at: Correction) -> Contacts:
-        pieces, profile, body = self._pieces(at), as_revolution(config.punch), self._body(config)
-        position = by_base(at.stiffness) if self.curve.by_base else BY_DEPTH
-        most = []
-        for by_force, control in ((False, position), (True, BY_FORCE)):
-            own = pieces.by_force == by_force
-            if own.any():
-                most.append((control, float(np.concatenate((pieces.first[own], pieces.last[own])).max())))
-        reach = self._nodes.reach if self._nodes else self._first_reach(body, profile, at.adhesion, most)
-        while True:
-            try:
-                if self._nodes is None or self._nodes.reach != reach:
-                    self._nodes = self._find_nodes(body, reach)
-                found = self._equilibria(body, profile)
-            except ArithmeticError:  # the lengths of the body have changed much
-                self._nodes, self.changes = self._find_nodes(body, reach), self.changes + 1
-                found = self._equilibria(body, profile)
-            if all(found.largest(control, at.adhesion) >= value for control, value in most):
-                return Contacts(found, position, at.adhesion)
-            reach *= WIDER_ELASTIC
-
-    def _find_nodes(self, body: Body, reach: float) -> Nodes:
-        try:
-            found = find_nodes(body, reach)
-        except ValueError as error:
-            raise FitError(f"curve {self.curve.name}: {error}") from error
-        if found.last * reach > self._most_phase:
-            raise FitError(
-                f"curve {self.curve.name}: the contact is more than some twelve times as wide as the "
-                "thinnest layer is thick; must be less with adhesion"
-            )
-        return found
-
-    def _equilibria(self, body: Body, profile: Revolution) -> Equilibria:
-        """Return the contacts of an elastic body; the last ones serve similar bodies."""
-        assert self._nodes is not None
-        local, C = self._nodes.compliance(body)
-        for nodes, known, found in self._tables:
-            similar = nodes is self._nodes and np.allclose(C, known, rtol=1e-12, atol=1e-14)
-            if similar and np.array_equal(np.hstack(found.profile), np.hstack(profile)):
-                return replace(found, local=local)
-        found = equilibria(local, C, self._nodes, profile)
-        self._tables = [(self._nodes, C, found), *self._tables[:KEPT_TABLES]]
-        return found
-
-    def _first_reach(
-        self, body: Body, profile: Revolution, adhesion: Adhesion, most: Sequence[tuple[Control, float]]
-    ) -> float:
-        """Return the contact radius on a halfspace of the surface's material, within a factor of two."""
-        reach = float(np.ptp(self.curve.depth))
-        while True:
-            far = FAR / reach
-            half = halfspace(far / float(body.stiffness(np.array([far]), 0.0)[0]), profile, reach)
-            if half.reach < reach or all(half.largest(each, adhesion) >= value for each, value in most):
-                return half.reach
-            reach *= 2
+                return setup
+        setup = Setup(IsolatedContact(config).body, as_revolution(config.punch))
+        self._setups = [(config, setup), *self._setups[:1]]
+        return setup
 
     @property
     def retracts(self) -> bool:
@@ -360,78 +175,33 @@ class Prediction:
                 found |= bool(drive[top] - drive[rows[-1]] > RETRACTED * np.ptp(drive))
         return found
 
-    def work_for(self, pull: float, config: Config, at: Correction) -> float:
-        """Return JKR's work of adhesion with which a contact is lost at a tensile force."""
-        made = self.contacts(config, at._replace(adhesion=Adhesion())).equilibria
-
-        def excess(logarithm: float) -> float:
-            end = made.branch(BY_FORCE, Adhesion(math.exp(logarithm))).end
-            return math.log(max(-end / pull, 1e-300))
-
-        # The pull grows with the work by a power between 1/2 (flat punch) and 1 (paraboloid), or around it.
-        low = high = 0.0
-        while excess(low) > 0:
-            low -= 5.0
-        while excess(high) < 0:
-            high += 5.0
-        return math.exp(brentq(excess, low, high, xtol=1e-3)) if low < high else 1.0
-
     def label(self, config: Config, at: Correction) -> None:
         """Take the rows in contact, and the jumps, from the measurement, where there is adhesion."""
-        self._touching, self._jumps, self.changes = None, [], self.changes + 1
-        self.uncertain[:] = False
+        self.touch, self._labels = Touch(self.used.size), self._labels + 1
         if at.adhesion == Adhesion():
             return
-        value, by_force = self._pieces(at).at(self.curve.time)
-        contacts = self.contacts(config, at)
         squares = []
         for touching in (True, False):
-            self._touching = np.full(value.size, touching)
+            self.touch.touching = np.full(self.used.size, touching)
             squares.append((self.measured(config, at) - self.curve.measured) ** 2)
         own = 1.0 if self.curve.stiffness is None else self.curve.stiffness / at.stiffness
-        ends = np.array([0.0, contacts.position.end])
-        noise = max(noise_of(self.curve.force), 1e-12 * float(np.ptp(self.curve.force)))
-        sizes = (np.abs(own * contacts.position(ends)[1]) / noise).tolist()
-        hidden = [end if size < LEAST_JUMP else None for end, size in zip(ends.tolist(), sizes, strict=True)]
-        self._touching = measured_contact(value, by_force, squares[0] - squares[1], hidden)
-        found = jumps_between(self._touching, by_force, self.used, value, sizes)
-        self._jumps = [
-            each._replace(spread=math.hypot(each.spread, self._error_of_drive(each.row))) for each in found
-        ]
-        for each in self._jumps:
-            if not each.begins:
-                last = value[each.row - 1 : each.row + 1].mean() + NEAR * each.spread
-                self.uncertain[: each.row] |= self._touching[: each.row] & (value[: each.row] < last)
+        seen = self.curve, self.used, self.contacts(config, at), self._pieces(at), own
+        self.touch.find(*seen, squares[0] - squares[1], self._error_of_drive)
 
-    def _error_of_drive(self, row: int) -> float:
-        """Return the standard error of the prescribed value before a row."""
-        time = self.curve.time[row - 1 : row + 1].mean(keepdims=True)
-        drive = next(each for each in self.drives[::-1] if each.time[0] <= time[0] or each is self.drives[0])
+    def _error_of_drive(self, time: float) -> float:
+        """Return the standard error of the prescribed value at a time."""
+        drive = next(each for each in self.drives[::-1] if each.time[0] <= time or each is self.drives[0])
         if drive.time.size < 2:
             return 0.0
-        along = straight_derivatives(time, drive.time, drive.value)[0][: drive.covariance.shape[0]]
+        along = straight_derivatives(np.array([time]), drive.time, drive.value)[0]
+        along = along[: drive.covariance.shape[0]]
         return drive.error * math.sqrt(max(float(along @ drive.covariance @ along), 0.0))
 
     def jumps(self, config: Config, at: Correction) -> FloatArray:
         """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
-        if not self._jumps:
+        if not self.touch.jumps:
             return np.zeros(0)
-        end, pieces = self.contacts(config, at).position.end, self._pieces(at)
-        found = []
-        for each in self._jumps:
-            measured = float(np.mean(pieces.at(self.curve.time[each.row - 1 : each.row + 1])[0]))
-            found.append(((0.0 if each.begins else end) - measured) / each.spread)
-        return np.array(found)
-
-    @property
-    def jump_count(self) -> int:
-        """Number of jumps whose places count."""
-        return len(self._jumps)
-
-    @property
-    def doubt(self) -> float:
-        """Twice the logarithm of the part that one row has in the distributions of the jumps."""
-        return 2 * sum(math.log(each.spread / each.certain) for each in self._jumps)
+        return self.touch.places(self.curve, self.contacts(config, at), self._pieces(at))
 
     def in_columns(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
         """Return force and depth as the columns of the curve would have them, at the rows."""
@@ -479,13 +249,7 @@ class Prediction:
             columns.append(drive.error * np.stack(derivatives, axis=1) @ root)
         return np.hstack(columns) if columns else np.zeros((base.size, 0)), solutions
 
-    @property
-    def _breakpoints(self) -> FloatArray:
-        """Times between which the response is smooth; the first piece of a drive begins at the last's end."""
-        found = [each.breakpoints for each in self.drives]
-        return np.concatenate([found[0], *(each[1:] if each.size > 1 else each for each in found[1:])])
-
-    def _pieces(self, at: Correction) -> _Pieces:
+    def _pieces(self, at: Correction) -> Pieces:
         curve, parts = self.curve, []
         begin: float | None = None
         for drive, kind in zip(self.drives, self._kinds, strict=True):
@@ -503,153 +267,11 @@ class Prediction:
                 time, value = np.append(begin, time), np.append(first, value)
             parts.append((time[:-1], time[1:], value[:-1], value[1:], np.full(time.size - 1, kind == FORCE)))
             begin = float(time[-1])
-        return _Pieces(*(np.concatenate(each) for each in zip(*parts, strict=True)))
-
-    def _solution(
-        self, config: Config, at: Correction, pieces: _Pieces
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return times, forces and depths of the indenter from the first contact on."""
-        parts = self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
-        times = _mesh(pieces, parts)
-        both = np.empty(2 * times.size - 1)
-        both[::2], both[1::2] = times, (times[1:] + times[:-1]) / 2
-        history = History(both, *pieces.at(both))
-        profile = as_revolution(config.punch)
-        if not history.value.max() > 0:
-            return times, np.zeros(times.size), np.zeros(times.size)
-        while True:
-            space = self._space = self._space or self._find_space(config, at, pieces)
-            try:
-                made = self._compliance(config, space)
-                if self.curve.by_base:
-                    space, made = with_spring(space, made, at.stiffness)
-                found = on_halved_steps(made, space, profile, history, times)
-            except LeftGridError:
-                nodes = self._space.nodes
-                self._space = make_space(self._space.features, min(WIDER * nodes.reach, profile.rim))
-                self.changes += 1
-            except ArithmeticError as error:
-                raise FitError(f"curve {self.curve.name}: {error}") from error
-            else:
-                force, depth = found.force[::2], found.depth[::2]
-                return times, force, depth - force / at.stiffness if self.curve.by_base else depth
-
-    def _compliance(self, config: Config, space: Space) -> Compliance:
-        """Return the compliance of the body at the nodes of a space; the last two are kept."""
-        for known, nodes, made in self._made:
-            if known is config and nodes is space:
-                return made
-        made = space.compliance(self._body(config))
-        self._made = [(config, space, made), *self._made[:1]]
-        return made
-
-    def _find_space(self, config: Config, at: Correction, pieces: _Pieces) -> Space:
-        """Return the nodes for the largest contact of each prescribed quantity."""
-        body, profile = self._body(config), as_revolution(config.punch)
-        found = []
-        for by_force in (False, True):
-            own = pieces.by_force == by_force
-            largest = float(np.concatenate((pieces.first[own], pieces.last[own])).max(initial=0.0))
-            if not by_force and self.curve.by_base:
-                largest = min(largest, float(np.max(self.curve.depth)) - at.contact_point)
-            if largest > 0:
-                ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), by_force)
-                found.append(find_space(body, profile, ends))
-        if not found:
-            found = [find_space(body, profile, History(np.array([0.0, 1.0]), np.zeros(2)))]
-        return max(found, key=lambda space: space.nodes.reach)
-
-
-def with_spring(space: Space, body: Compliance, stiffness: float) -> tuple[Space, Compliance]:
-    """Return a space with the node q = 0, and the body with a spring of this stiffness there.
-
-    (2/pi) C X(0) = F/stiffness for the weight 1, with F = 4 X(0).
-    """
-    cosines = np.column_stack((space.nodes.cosines, np.ones(space.nodes.cosines.shape[0])))
-    q, weights = np.append(space.q, 0.0), np.append(space.weights, 1.0)
-    rigid = np.zeros((body.modes.shape[0], 1))
-    with_spring = body._replace(
-        q=q,
-        weights=weights,
-        instant=np.append(body.instant, 2 * math.pi / stiffness),
-        modes=np.hstack((body.modes, rigid)),
-        times=np.hstack((body.times, rigid + 1.0)),
-    )
-    return space._replace(q=q, weights=weights, nodes=space.nodes._replace(cosines=cosines)), with_spring
-
-
-def onset(profile: Revolution) -> float:
-    """Return the power of the depth with which the force begins: 1 + 1/n for a profile r^n, 1 for a flat."""
-    small = 1e-6 * (profile.rim if math.isfinite(profile.rim) else 1.0)
-    near, far = abel_transform(profile, small), abel_transform(profile, 2 * small)
-    return 1.0 if far == 0 else 1 + 1 / math.log2(far / near)
-
-
-def _mesh(pieces: _Pieces, parts: list[FloatArray]) -> FloatArray:
-    """Return the times of a mesh, from the first contact on."""
-    first, begin = pieces.first_contact
-    times = []
-    for piece in range(first, len(parts)):
-        end = pieces.end[piece]
-        times.append(begin + (end - begin) * parts[piece][:-1])
-        begin = end
-    return np.append(np.concatenate(times), pieces.end[-1])
-
-
-def _as_power(times: FloatArray, values: FloatArray, rows: FloatArray, power: float) -> FloatArray:
-    """Interpolate values^power, which is smooth where the contact begins."""
-    raised = np.maximum(values, 0.0) ** power
-    if times.size < 2 or not rows.size:
-        return np.full(rows.size, values[0] if values.size else 0.0)
-    return np.asarray(np.maximum(PchipInterpolator(times, raised)(rows), 0.0) ** (1 / power))
-
-
-def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, power: float) -> FloatArray:
-    """Interpolate F^(1/power), which is smooth where the contact begins, until the contact opens.
-
-    From the last two times in contact, it is extended linearly to zero, at most to the next time. So the
-    result stays continuous when a further time gets a small contact force.
-    """
-    root = np.maximum(force, 0.0) ** (1 / power)
-    touching = np.flatnonzero(root > 0)
-    if touching.size < 2:
-        return np.asarray(np.interp(rows, times, force)) if times.size else np.zeros(rows.size)
-    last = int(touching[-1])
-    if last < times.size - 1 and root[last] < root[last - 1]:
-        pace = (root[last - 1] - root[last]) / (times[last] - times[last - 1])
-        leaves = min(times[last] + root[last] / pace, times[last + 1])
-        times, root = np.append(times[: last + 1], leaves), np.append(root[: last + 1], 0.0)
-    inside = rows <= times[-1]
-    found = np.zeros(rows.size)
-    found[inside] = np.maximum(PchipInterpolator(times, root)(rows[inside]), 0.0) ** power
-    return found
-
-
-def _graded(
-    times: FloatArray, force: FloatArray, depth: FloatArray, pieces: _Pieces, power: float
-) -> list[FloatArray]:
-    """Return the fractions of each piece at which the error of interpolation is even."""
-    first, begin = pieces.first_contact
-    by_force = pieces.at(times[1:])[1]
-    straight = np.maximum(force, 0.0) ** (1 / power), np.maximum(depth, 0.0) ** power
-    slopes = [np.diff(each) / np.diff(times) / max(float(np.ptp(each)), 1e-300) for each in straight]
-    slope = np.where(by_force, slopes[1], slopes[0])
-    bend = np.abs(np.diff(slope)) / (times[2:] - times[:-2])
-    bend[np.isin(times[1:-1], pieces.end)] = 0.0  # a corner of the prescribed quantity is a node
-    bend = np.concatenate((bend[:1], bend, bend[-1:]))
-    density = np.sqrt(np.maximum(bend[1:], bend[:-1]))
-    density += EVEN * np.sum(density * np.diff(times)) / np.ptp(times) + 1e-300
-    level = np.concatenate(([0.0], np.cumsum(density * np.diff(times))))
-    parts = [np.linspace(0, 1, FEWEST + 1)] * pieces.end.size
-    for piece in range(first, len(parts)):
-        end = pieces.end[piece]
-        low, high = np.interp([begin, end], times, level)
-        steps = max(FEWEST, round(STEPS * (high - low) / level[-1]))
-        inner = np.interp(np.linspace(low, high, steps + 1), level, times)
-        parts[piece] = np.clip((inner - begin) / (end - begin), 0.0, 1.0)
-        parts[piece][[0, -1]] = 0.0, 1.0
-        begin = end
-    return parts
+        # The first piece of a drive begins at the end of the last one.
+        found = [each.breakpoints for each in self.drives]
+        later = [each[1:] if each.size > 1 else each for each in found[1:]]
+        parts_of = [np.concatenate(each) for each in zip(*parts, strict=True)]
+        return Pieces._make([*parts_of, np.concatenate([found[0], *later])])
 
 
 # The free parameters: keys of the model and values of a curve, their bounds and scales.
@@ -942,7 +564,7 @@ class LeastSquares:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
         each = self.predictions[i]
         noise = np.where(each.curve.by_force, self.noise[i, 1], self.noise[i, 0])
-        return np.where(each.uncertain, np.inf, noise)
+        return np.where(each.touch.uncertain, np.inf, noise)
 
     def noise_is_given(self, i: int) -> BoolArray:
         """Whether the noise of force and depth of a curve is given, or needs no estimate; shape (2,)."""
@@ -1005,7 +627,7 @@ class LeastSquares:
     @property
     def _further(self) -> int:
         """Number of residuals beside those of rows."""
-        return len(self._given) + sum(each.jump_count for each in self.predictions)
+        return len(self._given) + sum(len(each.touch.jumps) for each in self.predictions)
 
     def _scaled(self, rows: Sequence[FloatArray]) -> FloatArray:
         """Return values at the rows of each curve that count, over the noise, uncorrelated."""
@@ -1126,13 +748,6 @@ class _Root:
 
     def __matmul__(self, values: FloatArray) -> FloatArray:
         return np.asarray(values + self._vectors @ (self._less * (self._vectors.T @ values)))
-
-
-def baseline(curve: ForceCurve, at: Correction) -> FloatArray:
-    """Return the force that a curve has without contact, at its rows."""
-    position = curve.position_of_drive
-    since = curve.time - curve.time[0]
-    return np.asarray(at.force_offset + at.force_drift * since + at.tilt * (position - position[0]))
 
 
 def _added(key: str, prediction: Prediction) -> FloatArray | None:

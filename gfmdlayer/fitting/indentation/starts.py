@@ -14,8 +14,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
-from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve, noise_of
-from gfmdlayer.fitting.indentation.elastic import KINDS, NO_ADHESION
+from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve, baseline, noise_of
+from gfmdlayer.fitting.indentation.elastic import KINDS, NO_ADHESION, work_for
 from gfmdlayer.fitting.indentation.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
 from gfmdlayer.fitting.indentation.problem import (
     MODULI,
@@ -27,9 +27,7 @@ from gfmdlayer.fitting.indentation.problem import (
     Model,
     Parameter,
     Prediction,
-    baseline,
     free_parameters,
-    onset,
 )
 from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.indent import as_revolution
@@ -245,7 +243,8 @@ def _sticking(problem: LeastSquares, u: FloatArray) -> float:
         pull = max(pull, 1e-4 * float(np.max(force)))
         if kind == "jkr":
             config = problem.config(u, each.curve.name)
-            pull = each.work_for(pull, config, at)
+            bare = each.contacts(config, at._replace(adhesion=Adhesion()))
+            pull = work_for(pull, bare.equilibria)
         found.append(pull)
     return float(np.median(found))
 
@@ -267,7 +266,7 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
             touching = depth > 0.05 * float(np.max(depth))
             ratio = np.maximum(own[touching], 0.0) / depth[touching]
             force = np.where(depth > 0, force, 0.0)
-            force[touching] *= ratio ** onset(as_revolution(config.punch))
+            force[touching] *= ratio ** each.setup(config).onset
         predicted.append(force[each.used])
         measured.append((each.curve.force - baseline(each.curve, at))[each.used])
     x, y = np.concatenate(predicted), np.concatenate(measured)

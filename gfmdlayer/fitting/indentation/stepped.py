@@ -1,0 +1,201 @@
+"""The response of a body under a prescribed quantity in steps of time.
+
+A fit chooses the times of the solution once, so that the response depends smoothly on the parameters:
+between two corners of the prescribed quantity the times are fixed fractions of the piece, or of its rest
+after first contact. They are denser where the response bends, which evens out the errors of interpolation
+(de Boor 1973) and of the solution.
+
+The base of a cantilever is at depth + F/k. With F = 4 X(0), the spring is a further compliance
+of the body at q = 0, and the base takes the place of the depth.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, Setup
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.compliance import Compliance
+from gfmdlayer.indentation.solve import History, LeftGridError, Space, find_space, make_space, on_halved_steps
+
+STEPS = 32  # of a mesh; each piece has at least FEWEST
+FEWEST = 2
+TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
+WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
+EVEN = 0.3  # fraction of the steps that is spread evenly over the time
+
+
+class SteppedContact:
+    """Responses of the bodies of one curve; times and nodes stay until the contact leaves the nodes."""
+
+    def __init__(self, curve: ForceCurve) -> None:
+        self.changes = 0  # of times and nodes
+        self._curve = curve
+        self._parts: list[FloatArray] | None = None
+        self._space: Space | None = None
+        self._made: list[tuple[Setup, Space, Compliance]] = []  # the last two
+
+    def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
+        """Choose the times by the bends of the response, and the nodes by the lengths of the body."""
+        self._space, self.changes = None, self.changes + 1
+        self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
+        times, force, depth = self._solution(setup, at, pieces)
+        if times.size > 2 and np.ptp(force) > 0:
+            self._parts = _graded(times, force, depth, pieces, setup.onset)
+
+    def response(self, setup: Setup, at: Correction, pieces: Pieces) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth of the indenter at the rows."""
+        rows = self._curve.time
+        times, force, depth = self._solution(setup, at, pieces)
+        value, by_force = pieces.at(rows)
+        forces, depths = np.where(by_force, np.maximum(value, 0.0), 0.0), np.zeros(rows.size)
+        edges = [times[0], *(time for time in pieces.breakpoints if time > times[0])]
+        for first, last in pairwise(edges):
+            inside = (rows >= first) & (rows <= last)
+            nodes = (times >= first) & (times <= last)
+            # What is prescribed needs no interpolation.
+            if (free := inside & ~by_force).any():
+                forces[free] = _until_it_opens(times[nodes], force[nodes], rows[free], setup.onset)
+            if (held := inside & by_force).any():
+                depths[held] = _as_power(times[nodes], depth[nodes], rows[held], setup.onset)
+        away = forces / at.stiffness if self._curve.by_base else 0.0
+        return forces, np.where(by_force, depths, value - away)
+
+    def _solution(
+        self, setup: Setup, at: Correction, pieces: Pieces
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return times, forces and depths of the indenter from the first contact on."""
+        times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
+        both = np.empty(2 * times.size - 1)
+        both[::2], both[1::2] = times, (times[1:] + times[:-1]) / 2
+        history = History(both, *pieces.at(both))
+        if not history.value.max() > 0:
+            return times, np.zeros(times.size), np.zeros(times.size)
+        while True:
+            space = self._space = self._space or self._find_space(setup, at, pieces)
+            try:
+                made = self._compliance(setup, space)
+                if self._curve.by_base:
+                    space, made = with_spring(space, made, at.stiffness)
+                found = on_halved_steps(made, space, setup.profile, history, times)
+            except LeftGridError:
+                reach = min(WIDER * self._space.nodes.reach, setup.profile.rim)
+                self._space, self.changes = make_space(self._space.features, reach), self.changes + 1
+            except ArithmeticError as error:
+                raise FitError(f"curve {self._curve.name}: {error}") from error
+            else:
+                force, depth = found.force[::2], found.depth[::2]
+                return times, force, depth - force / at.stiffness if self._curve.by_base else depth
+
+    def _compliance(self, setup: Setup, space: Space) -> Compliance:
+        for known, nodes, made in self._made:
+            if known is setup and nodes is space:
+                return made
+        made = space.compliance(setup.body)
+        self._made = [(setup, space, made), *self._made[:1]]
+        return made
+
+    def _find_space(self, setup: Setup, at: Correction, pieces: Pieces) -> Space:
+        """Return the nodes for the largest contact of each prescribed quantity."""
+        found = []
+        for by_force in (False, True):
+            largest = max(pieces.largest(by_force), 0.0)
+            if not by_force and self._curve.by_base:
+                largest = min(largest, float(np.max(self._curve.depth)) - at.contact_point)
+            if largest > 0:
+                ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), by_force)
+                found.append(find_space(setup.body, setup.profile, ends))
+        if not found:
+            none = History(np.array([0.0, 1.0]), np.zeros(2))
+            return find_space(setup.body, setup.profile, none)
+        return max(found, key=lambda space: space.nodes.reach)
+
+
+def with_spring(space: Space, body: Compliance, stiffness: float) -> tuple[Space, Compliance]:
+    """Return a space with the node q = 0, and the body with a spring of this stiffness there.
+
+    (2/pi) C X(0) = F/stiffness for the weight 1, with F = 4 X(0).
+    """
+    cosines = np.column_stack((space.nodes.cosines, np.ones(space.nodes.cosines.shape[0])))
+    q, weights = np.append(space.q, 0.0), np.append(space.weights, 1.0)
+    rigid = np.zeros((body.modes.shape[0], 1))
+    with_spring = body._replace(
+        q=q,
+        weights=weights,
+        instant=np.append(body.instant, 2 * math.pi / stiffness),
+        modes=np.hstack((body.modes, rigid)),
+        times=np.hstack((body.times, rigid + 1.0)),
+    )
+    return space._replace(q=q, weights=weights, nodes=space.nodes._replace(cosines=cosines)), with_spring
+
+
+def _mesh(pieces: Pieces, parts: list[FloatArray]) -> FloatArray:
+    """Return the times of a mesh, from the first contact on."""
+    first, begin = pieces.first_contact
+    times = []
+    for piece in range(first, len(parts)):
+        end = pieces.end[piece]
+        times.append(begin + (end - begin) * parts[piece][:-1])
+        begin = end
+    return np.append(np.concatenate(times), pieces.end[-1])
+
+
+def _as_power(times: FloatArray, values: FloatArray, rows: FloatArray, power: float) -> FloatArray:
+    """Interpolate values^power, which is smooth where the contact begins."""
+    raised = np.maximum(values, 0.0) ** power
+    if times.size < 2 or not rows.size:
+        return np.full(rows.size, values[0] if values.size else 0.0)
+    return np.asarray(np.maximum(PchipInterpolator(times, raised)(rows), 0.0) ** (1 / power))
+
+
+def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, power: float) -> FloatArray:
+    """Interpolate F^(1/power), which is smooth where the contact begins, until the contact opens.
+
+    From the last two times in contact, it is extended linearly to zero, at most to the next time. So the
+    result stays continuous when a further time gets a small contact force.
+    """
+    root = np.maximum(force, 0.0) ** (1 / power)
+    touching = np.flatnonzero(root > 0)
+    if touching.size < 2:
+        return np.asarray(np.interp(rows, times, force)) if times.size else np.zeros(rows.size)
+    last = int(touching[-1])
+    if last < times.size - 1 and root[last] < root[last - 1]:
+        pace = (root[last - 1] - root[last]) / (times[last] - times[last - 1])
+        leaves = min(times[last] + root[last] / pace, times[last + 1])
+        times, root = np.append(times[: last + 1], leaves), np.append(root[: last + 1], 0.0)
+    inside = rows <= times[-1]
+    found = np.zeros(rows.size)
+    found[inside] = np.maximum(PchipInterpolator(times, root)(rows[inside]), 0.0) ** power
+    return found
+
+
+def _graded(
+    times: FloatArray, force: FloatArray, depth: FloatArray, pieces: Pieces, power: float
+) -> list[FloatArray]:
+    """Return the fractions of each piece at which the error of interpolation is even."""
+    first, begin = pieces.first_contact
+    by_force = pieces.at(times[1:])[1]
+    straight = np.maximum(force, 0.0) ** (1 / power), np.maximum(depth, 0.0) ** power
+    slopes = [np.diff(each) / np.diff(times) / max(float(np.ptp(each)), 1e-300) for each in straight]
+    slope = np.where(by_force, slopes[1], slopes[0])
+    bend = np.abs(np.diff(slope)) / (times[2:] - times[:-2])
+    bend[np.isin(times[1:-1], pieces.end)] = 0.0  # a corner of the prescribed quantity is a node
+    bend = np.concatenate((bend[:1], bend, bend[-1:]))
+    density = np.sqrt(np.maximum(bend[1:], bend[:-1]))
+    density += EVEN * np.sum(density * np.diff(times)) / np.ptp(times) + 1e-300
+    level = np.concatenate(([0.0], np.cumsum(density * np.diff(times))))
+    parts = [np.linspace(0, 1, FEWEST + 1)] * pieces.end.size
+    for piece in range(first, len(parts)):
+        end = pieces.end[piece]
+        low, high = np.interp([begin, end], times, level)
+        steps = max(FEWEST, round(STEPS * (high - low) / level[-1]))
+        inner = np.interp(np.linspace(low, high, steps + 1), level, times)
+        parts[piece] = np.clip((inner - begin) / (end - begin), 0.0, 1.0)
+        parts[piece][[0, -1]] = 0.0, 1.0
+        begin = end
+    return parts
