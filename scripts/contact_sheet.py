@@ -25,8 +25,7 @@ import gfmdlayer
 from gfmdlayer.config import Config, load
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
-from gfmdlayer.figures.inside_plot import inside_figure
-from gfmdlayer.figures.interface_plots import stick_figure
+from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.labels import SCALES
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import animated

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from gfmdlayer.figures import selection
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
-from gfmdlayer.figures.inside_plot import inside_figure
-from gfmdlayer.figures.interface_plots import stick_figure
+from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.adhesion import Adhesion
+from gfmdlayer.observables.adhesion import Adhesion, Instabilities
 from gfmdlayer.observables.contact import (
     INDENTATION,
     TOTALS,
@@ -19,7 +19,6 @@ from gfmdlayer.observables.contact import (
 )
 from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
 from gfmdlayer.observables.energy_balance import Bodies, EnergyBalance
-from gfmdlayer.observables.folds import Instabilities
 from gfmdlayer.observables.friction import Friction, Slip
 from gfmdlayer.observables.inside import PLACE, SHEAR, VON_MISES, Inside
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts

@@ -9,11 +9,11 @@ order in dt with the exponential scheme and of first order with backward Euler.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
-an instability has work before the jump and behind it (`observables.folds`); the loss is this work less the
+an instability has work before the jump and behind it (`observables.adhesion`); the loss is this work less the
 gain of the energies. Its error is the error of the work, of higher than first order in the step. If the end
 of the branch is not known, the loss is the solver's, with the work of the trapezoidal rule, and the work
-follows from the balance; the error is at most `folds.across`, of first order in the step. In both cases the
-balance of the step closes by construction: the residual checks only the steps between the jumps.
+follows from the balance; the error is at most `adhesion.across`, of first order in the step. In both cases
+the balance of the step closes by construction: the residual checks only the steps between the jumps.
 
 A voltage that changes does work too. The energy of the interface includes the field and its source,
 w(g, t) = -C(g) V(t)^2/2 per area (`interface.adhesion`), and at a fixed gap it changes by -C V dV: a
@@ -34,7 +34,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.folds import Point, Row, across, work_over_fold
+from gfmdlayer.observables.adhesion import Point, Row, across, work_over_fold
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.resumable import State
 

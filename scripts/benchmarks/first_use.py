@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchmarks.common import Effort, Table, default_case
-from benchmarks.rough_peers import rough
+from benchmarks.rough import rough
 from numba.core import event
 
 from gfmdlayer.config import Config

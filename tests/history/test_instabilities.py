@@ -20,7 +20,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.status import overview
 from gfmdlayer.model import simulate
-from gfmdlayer.observables.folds import Row, work_over_fold
+from gfmdlayer.observables.adhesion import Row, work_over_fold
 from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
