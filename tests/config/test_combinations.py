@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.config import Config, digest, load
-from gfmdlayer.config.sweeps import count
+from gfmdlayer.config.sweeps import combinations, count
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.sweep import cases, label
 from gfmdlayer.execution.workers import assemble
@@ -42,7 +42,7 @@ def rows(config: Config) -> list[tuple[object, ...]]:
 
 
 def column(config: Config, key: str) -> np.ndarray:
-    return np.array([case.values[key] for case in cases(config)], dtype=float)
+    return np.array([row[key] for row in combinations(config.sweep)], dtype=float)
 
 
 def test_zip_takes_the_first_with_the_first(read: Read) -> None:

@@ -217,7 +217,9 @@ punch:
 ODD = (None, True, "adaptif", {}, [[]], -1, math.inf)
 
 
+@cache
 def plain(content: str) -> Any:
+    """Return the data of a text, which no test changes."""
     return text.read(content, "").data
 
 
