@@ -45,7 +45,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def leak(options: argparse.Namespace) -> int:
     """Print the flow at each snapshot of results, and draw the flow of one case."""
-    from gfmdlayer.figures.flow_plot import flow_figure
+    from gfmdlayer.figures.field_plots import flow_figure
     from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
     from gfmdlayer.figures.snapshot_plots import cases_with_snapshots
     from gfmdlayer.files.whole import unfinished
