@@ -145,9 +145,8 @@ def _problems_of_revolution(config: Any) -> Iterator[Problem]:
         )
         yield Problem(("interface",), message, _GEOMETRY)
     elif config.hardness is not None:
-        message = (
-            "its hardness is not available with grid.geometry: axisymmetric; remove it, or take periodic"
-        )
+        allowed = "remove it, or take periodic"
+        message = f"its hardness is not available with grid.geometry: axisymmetric; {allowed}"
         yield Problem(("interface",), message, _GEOMETRY)
     if config.trajectory.control == "load":
         yield Problem(("trajectory", "control"), _LOAD, _GEOMETRY)

@@ -64,7 +64,6 @@ class Checkpoints:
         earlier: Earlier | None = None,
         ranks: Ranks = ALONE,
     ) -> None:
-
         self._folder, self._index, self._ranks = folder, index, ranks
         self._checkpoint, self._journal_file, self._state = (
             folder.case(index, kind) for kind in ("checkpoint", "journal", "state")
@@ -80,7 +79,6 @@ class Checkpoints:
         self._begin()
 
     def _begin(self) -> None:
-
         self._begun = time.monotonic()
         self.started, self._before = provenance.now(), 0.0  # of the first start; seconds up to the checkpoint
         self._time, self._unsaved = 0.0, False
@@ -103,9 +101,8 @@ class Checkpoints:
                 elif self._ranks.first:
                     position = Position(*about["journal"])
                     if position.columns and (changed := set(columns) ^ set(position.columns)):
-                        raise CheckpointError(
-                            f"its rows have other columns, see {', '.join(sorted(changed))}"
-                        )
+                        names = ", ".join(sorted(changed))
+                        raise CheckpointError(f"its rows have other columns, see {names}")
                     try:
                         journal.go_on(position)
                     except ValueError as error:
@@ -218,7 +215,6 @@ class Checkpoints:
                 self._warn(f"continues, but its state cannot be kept: {error.strerror or error}")
 
     def _save(self, path: Path, about: dict[str, Any], ranks: Ranks = ALONE) -> None:
-
         assert self._memory is not None
         known = {"started": self.started, "elapsed": self.elapsed, **about}
         checkpoint.write_checkpoint(path, self._made_by, known, self._memory.state(), ranks)
@@ -344,7 +340,6 @@ class _Run:
         return digest(self.case.config)
 
     def _compute(self, checkpoints: Checkpoints) -> str:
-
         config, ranks = self.case.config, self.ranks
         plans = RankWisdom(ranks, config.grid.points, self.folder.wisdom, self.threads)
         model = model_of(config, plans.read() or self.wisdom, self.threads, ranks)
