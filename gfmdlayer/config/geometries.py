@@ -111,7 +111,10 @@ def _problems_of_the_datum(config: Any) -> Iterator[Problem]:
 
 
 def _plainly_possible_in_a_cell(config: Any) -> bool:
-    """Whether no file has to be read, and the depth is well below a mean height in closed form."""
+    """Whether no file has to be read, and the depth is well below a mean height in closed form.
+
+    A hardness and an attraction have to be compared.
+    """
     if config.body is not None or config.grid.isolated:
         return False
     if config.hardness is not None and config.interfaces:

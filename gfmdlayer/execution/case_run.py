@@ -49,7 +49,9 @@ _PART = 0.02  # of the time that checkpoints take, at most, unless one is asked 
 class Checkpoints:
     """Writes the checkpoints of a case, and lets it go on from the last one; each rank calls every method.
 
-    `stem` is given where this case keeps a state for a later end, `earlier` is a case that has kept one.
+    The case writes one every `interval` seconds (0: after every step; later where writing takes long), and
+    when the run is asked to stop. A case that fails leaves its last one, from which the next run goes on.
+    `stem` is given where this case keeps a state for a later end; `earlier` is a case that has kept one.
     `report_time` takes the simulated time after each attempt at a step and may raise `Stopped`.
     """
 

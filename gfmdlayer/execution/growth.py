@@ -110,7 +110,10 @@ def with_inputs(folder: Folder, changed: bool) -> Change:
 
 
 def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) -> Change:
-    """Give a case that has not begun the complete case from whose kept state it goes on, if any."""
+    """Give a case that has not begun the complete case from whose kept state it goes on, if any.
+
+    States of the `omitted` cases are not read. `files` are the numbers of `Folder.numbers`.
+    """
     states = [number for number in files["state"] & files["h5"] if number not in omitted]
     if not states:
         return lambda case: case

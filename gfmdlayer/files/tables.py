@@ -36,8 +36,10 @@ def read_columns(
     at_least: int = 2,
     row_error: RowError | None = None,
 ) -> FloatArray:
-    """Read columns of numbers behind lines of words; `increasing` asks for a first column that grows.
+    """Read columns of numbers separated by commas, semicolons or white space.
 
+    Empty lines, lines that start with ``#``, and lines of words before the numbers are passed over.
+    `names` are the columns in messages; `increasing` asks for a first column that grows from row to row;
     `row_error` gives the reason why the numbers of a row cannot be used. TableError names file and line.
     """
     import numpy as np

@@ -118,7 +118,8 @@ class CaseWriter:
     """Write one case; a context manager, after which the file is complete, or removed after an exception.
 
     `coordinates` are in the order of the arrays' axes; `attributes` replace those of the provenance;
-    `elapsed` are seconds of earlier runs. ResultsError, which names the file, if it cannot be written.
+    `elapsed` are seconds of earlier runs; `places` are those of the fields below the surface.
+    ResultsError, which names the file, if it cannot be written.
     """
 
     def __init__(
