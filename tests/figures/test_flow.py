@@ -5,7 +5,7 @@ import pytest
 
 import gfmdlayer
 from gfmdlayer.figures.curve_plots import curves_figure
-from gfmdlayer.figures.flow_plot import flow_figure
+from gfmdlayer.figures.field_plots import flow_figure
 from gfmdlayer.results.schema import ResultsError
 
 SEAL = {

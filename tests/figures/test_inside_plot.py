@@ -5,7 +5,7 @@ import pytest
 
 import gfmdlayer
 from gfmdlayer.figures import curves_figure
-from gfmdlayer.figures.inside_plot import inside_figure
+from gfmdlayer.figures.field_plots import inside_figure
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.report.cases import Listed
 from gfmdlayer.figures.report.page import payload

@@ -226,7 +226,7 @@ def test_the_symbols_of_curves_and_their_scales_are_explained(thicknesses):
     with open_results(thicknesses) as data:
         words = curves_figure(data).get_supxlabel()
     assert r"$\tilde{a}$: relative contact area;" in words
-    assert r"$\tilde{p}$: mean contact pressure $\bar{p}/(2G_0)$" in words
+    assert r"$\tilde{p}$: mean pressure over the cell $\bar{p}/(2G_0)$" in words
     assert r"$t$: time" in words
     assert r"$\tau$: relaxation time" in words
     assert r"$G_0$: relaxed shear modulus" in words  # of the mean pressure
