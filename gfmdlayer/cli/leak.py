@@ -56,9 +56,8 @@ def leak(options: argparse.Namespace) -> int:
     path, style = Path(options.path), STYLES[options.style]
     if options.fields is not None:
         check_suffix(Path(options.fields), (".h5",))
-    seal = {
-        name: getattr(options, name) for name in ("viscosity", "pressure_drop", "along", "length", "width")
-    }
+    keys = ("viscosity", "pressure_drop", "along", "length", "width")
+    seal = {key: getattr(options, key) for key in keys}
     with open_case(path) if path.is_file() else open_results(path) as results:
         name = str(results.attrs.get("name") or path.resolve().stem)
         default = path.with_name(f"{path.stem}-leak.png") if path.is_file() else path / f"{name}-leak.png"

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.solid import Place
-from gfmdlayer.config.inside import DEPTH_PAIRS, interfaces
+from gfmdlayer.body.solid import DEPTH_PAIRS, Place
+from gfmdlayer.config.layers import interfaces
 from gfmdlayer.observables.observable import AcceptedStep, Column, Parts, Places, Value
 from gfmdlayer.observables.transport import Every
 

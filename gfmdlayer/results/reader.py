@@ -24,7 +24,7 @@ from gfmdlayer.files.locks import open_for_writing, read_json, regular
 from gfmdlayer.files.whole import is_intact
 from gfmdlayer.results.gathering import WAITING, CaseRecord, Swept, labelled
 from gfmdlayer.results.schema import FIELDS, SNAPSHOT_FIELDS, SWEEP_FILE, ResultsError, in_order
-from gfmdlayer.results.stored import case_numbers, document
+from gfmdlayer.results.stored import case_numbers, document, must_agree
 
 if TYPE_CHECKING:
     import xarray
@@ -196,9 +196,7 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
     if not (sweep := data.get("sweep")):
         return None
     records, numbers, swept = [], case_numbers(config), combinations(sweep)
-    if len(numbers) != len(swept):
-        named = f"names {len(numbers)} cases, and its sweep has {len(swept)}"
-        raise ResultsError(f"{config}: {named}; must be as the run wrote it")
+    must_agree(config, numbers, len(swept))
     for number, values in zip(numbers, swept, strict=True):
         path = case_path(directory, number)
         failure = read_json(path.with_suffix(".failed")) or {}

@@ -13,7 +13,8 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.self_affine import SelfAffine
 
 E = 4.0  # E* = 2 G/(1 - nu) of the halfspace below, G = 1 and nu = 1/2
-LATTICE_3 = 9.03362168  # sum of |X|^-3 over the points X of the square lattice without the origin
+# Sums over the points X of the square lattice without the origin, |X|^-1 less its integral, and |X|^-3.
+LATTICE_1, LATTICE_3 = -3.90026492, 9.03362168
 METHODS = ["fire", "active_set", "conjugate_gradient"]
 methods = pytest.mark.parametrize("method", METHODS)
 
@@ -29,22 +30,30 @@ def settled(run, points, punch, load, method="active_set"):
 
 
 def hertz(load):
-    """Radius and largest pressure under a sphere of R = 1 in a cell of 1 x 1."""
-    # The neighbours' displacement around the middle, F/(pi E*) LATTICE_3 r^2/4, acts like a curvature of the
-    # sphere. The next term is of the order (a/L)^5.
-    R = 1 / (1 + 2 * LATTICE_3 * load / (4 * np.pi * E))
+    """Radius, depth and largest pressure under a sphere of R = 1 in a cell of 1 x 1."""
+    # The neighbours' displacement around the middle, F/(pi E*) (LATTICE_1 + LATTICE_3 r^2/4 + ...), acts like
+    # a shift and a curvature of the sphere; its mean over Hertz's pressure has <r^2> = 2 a^2/5. The next term
+    # is of the order (a/L)^5.
+    curvature = LATTICE_3 * load / (4 * np.pi * E)
+    R = 1 / (1 + 2 * curvature)
     a = (3 * load * R / (4 * E)) ** (1 / 3)
-    return a, 1.5 * load / (np.pi * a**2)
+    depth = a**2 / R + LATTICE_1 * load / (np.pi * E) + curvature * 2 * a**2 / 5
+    return a, depth, 1.5 * load / (np.pi * a**2)
 
 
 @methods
 def test_a_sphere_flattens_as_hertz_says(method, run):
     n, load = 128, 4 * E * 0.1**3 / 3
-    a, peak = hertz(load)
-    (_, _, pressure) = settled(run, [n, n], {"radius": 1.0}, load, method).snapshots[-1]
+    a, depth, peak = hertz(load)
+    found = settled(run, [n, n], {"radius": 1.0}, load, method)
+    (_, _, pressure), m = found.snapshots[-1], a * n  # points in the radius
+    # The edge is known to half a cell. The errors of depth and peak are m^-2 times a function of its place.
+    assert found["contact_area"][-1] == pytest.approx(np.pi * a**2, rel=1 / m)
+    assert found["depth"][-1] == pytest.approx(depth, rel=0.06 / m**2)
+    assert pressure.max() == pytest.approx(peak, rel=0.15 / m**2)
     r = np.hypot(*np.meshgrid(*Grid((n, n), (1.0, 1.0)).coordinates, indexing="ij"))
     exact = peak * np.sqrt(np.maximum(1 - (r / a) ** 2, 0))
-    assert np.abs(pressure - exact)[r < 0.8 * a].max() < peak / (a * n) ** 2
+    assert np.abs(pressure - exact)[r < 0.8 * a].max() < peak / m**2
     assert (pressure[r > a + 1.5 / n] < 1e-8 * peak).all()
 
 
