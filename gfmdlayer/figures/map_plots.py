@@ -145,7 +145,7 @@ def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
-    """Draw the parameters of a force map, or those in `z`, with their errors: over x and y, or the curves."""
+    """Draw fitted parameters, all or those in `z`, with their errors: over the sample, or over its curves."""
     fitted = str(fits.attrs["fitted"]).split()
     if unknown := [name for name in z if name not in fitted]:
         raise ResultsError(f"{unknown[0]} was not fitted; must be one of {', '.join(fitted)}")

@@ -393,7 +393,10 @@ def height_of_map(columns: int, view: Window) -> float:
 def draw_map(
     axes: Axes, case: Dataset, field: DataArray, view: Window, ends: tuple[float, float], cmap: Any = None
 ) -> AxesImage:
-    """Draw a field over the part `view` of the surface, with colours between two `ends` of its values."""
+    """Draw a field over the part `view` of the surface, with colours between two `ends`.
+
+    Both are in the units of the case. A closed gap has the colour of the contact.
+    """
     cmap = cmap or {"pressure": PRESSURE_COLOURS, "gap": GAP_COLOURS}.get(str(field.name), "viridis")
     x, y = (quantity(case[name], case.attrs) for name in "xy")
     scale = quantity(field, case.attrs).scale

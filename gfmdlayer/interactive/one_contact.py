@@ -1,4 +1,4 @@
-"""Labelled data of one contact, and of what follows from snapshots; numbers and bodies that a user gives."""
+"""Labelled data of one contact and of quantities derived from snapshots; numbers that a user gives."""
 
 from __future__ import annotations
 
@@ -65,9 +65,10 @@ def derived(
     kept: Collection[str],
     coords: Mapping[str, tuple[str, NDArray[Any]]] | None = None,
 ) -> xarray.Dataset:
-    """Return what follows from data, dimensions and array by name, with the data's coordinates along `kept`.
+    """Return derived quantities as a dataset; `values` has the dimensions and the array of each.
 
-    `meanings` are long names and units in words, which the data's own units replace.
+    The coordinates of the data along `kept` stay. `meanings` are long names and units in words; the units of
+    the data replace the words.
     """
     import xarray
 

@@ -166,7 +166,7 @@ _NAMES = "body", "counterbody"
 
 
 class Bodies(Observable):
-    """Stored and dissipated energy of each of two deformable bodies, parts of those of the balance."""
+    """Stored and dissipated energy of each of two deformable bodies; the balance has their sums."""
 
     COLUMNS = (
         *(Column(f"stored_{name}", f"elastic energy stored in the {name}, per area", _UNITS,
