@@ -16,7 +16,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gfmdlayer.config.inside import DEPTH_PAIRS, thicknesses
+from gfmdlayer.body.solid import DEPTH_PAIRS
+from gfmdlayer.config.layers import thicknesses
 from gfmdlayer.contact.solvers import ATTRACTED, FRICTIONAL, SOLVERS
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.history.time_points import number_of_steps

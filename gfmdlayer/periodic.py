@@ -152,9 +152,8 @@ class PeriodicContact(Model):
             for key, quantity in _FILES:  # noqa: B007 - of the one that fails
                 getattr(self.programme, quantity)
         except TableError as error:
-            blamed = (
-                name for name, path in names.items() if name.startswith(key) and str(path) in str(error)
-            )
+            of_key = {name: str(path) for name, path in names.items() if name.startswith(key)}
+            blamed = (name for name, path in of_key.items() if path in str(error))
             yield next(blamed, key).replace("[", ".").replace("]", ""), str(error)
             return
         except MemoryError:
@@ -274,9 +273,8 @@ def weak(law: Interaction, hardness: float | None) -> str:
     pull = law.traction_in_contact if law.attracts else 0.0
     if hardness is None or hardness > pull:
         return ""
-    return (
-        f"got the hardness {hardness:.6g}, which the attraction in contact exceeds; must be above {pull:.6g}"
-    )
+    exceeds = "which the attraction in contact exceeds"
+    return f"got the hardness {hardness:.6g}, {exceeds}; must be above {pull:.6g}"
 
 
 def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:

@@ -310,9 +310,8 @@ class Case:
         if given is None:
             return None
         if (stack := stack_of(self.body)) is None:
-            raise TypeError(
-                f"output.inside: a {type(self.body).__name__} has no layers; must be a LayerStack"
-            )
+            kind = type(self.body).__name__
+            raise TypeError(f"output.inside: a {kind} has no layers; must be a LayerStack")
         places = given.places(self.config.solid, self.config.grid.period)
         return Interior(stack, self.grid, places, self.body.spectrum)
 

@@ -1,13 +1,10 @@
 """Compiled kernels follow their sources, those of other modules included."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,13 +17,13 @@ PACKAGE = Path(gfmdlayer.__file__).parent
 
 
 @kernel(inner=True)
-def half(x: Any) -> Any:
+def half(x):
     """An inner kernel, which two others call."""
     return 0.5 * x
 
 
 @kernel
-def inverse_of_half(x: Any, count: int) -> Any:
+def inverse_of_half(x, count):
     """A kernel that fails for x = 0."""
     return count / half(x)
 
@@ -35,13 +32,13 @@ _inverse_of_half = call_at(inverse_of_half)
 
 
 @kernel
-def at_an_address(address: int, x: Any) -> Any:
+def at_an_address(address, x):
     """Call the kernel at an address, with a number of another type too, and an inner one."""
     values = np.array([half(x), _inverse_of_half(address, (x, 3))])
     return maximum(values)
 
 
-def test_a_kernel_calls_another_one_at_its_address_and_passes_on_its_error() -> None:
+def test_a_kernel_calls_another_one_at_its_address_and_passes_on_its_error():
     address = address_of(inverse_of_half, 1.0, 1)
     assert at_an_address(address, 0.5) == inverse_of_half(0.5, 3) == 12.0
     assert at_an_address(address, 100.0) == 50.0
@@ -52,7 +49,7 @@ def test_a_kernel_calls_another_one_at_its_address_and_passes_on_its_error() -> 
 
 
 @pytest.mark.slow
-def test_numba_of_an_unknown_version_compiles_the_same_kernels(tmp_path: Path) -> None:
+def test_numba_of_an_unknown_version_compiles_the_same_kernels(tmp_path):
     program = "import numba; numba.version_info = numba.version_info._replace(short=(99, 0));"
     program += "from test_kernels import address_of, at_an_address, half, inverse_of_half;"
     program += "print(at_an_address(address_of(inverse_of_half, 1.0, 1), 0.5), len(half.overloads));"
@@ -75,12 +72,12 @@ print(satisfies_kkt(system, -ones, 0.5 * ones, 0.0, 1e-3), "scipy.linalg" in sys
 """
 
 
-def copied(folder: Path) -> Path:
+def copied(folder):
     """Return a copy of the package, without what is compiled."""
     return Path(shutil.copytree(PACKAGE, folder / "gfmdlayer", ignore=shutil.ignore_patterns("__pycache__")))
 
 
-def printed(program: str, folder: Path, **environment: str) -> str:
+def printed(program, folder, **environment):
     """What a program prints with the package in a folder."""
     command = [sys.executable, "-c", program]
     env = os.environ | {"PYTHONPATH": str(folder)} | environment
@@ -88,9 +85,7 @@ def printed(program: str, folder: Path, **environment: str) -> str:
     return done.stdout.strip()
 
 
-def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_module_has_changed(
-    tmp_path: Path,
-) -> None:
+def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_module_has_changed(tmp_path):
     residual, kept = copied(tmp_path) / "contact" / "residual.py", tmp_path / "cache"
     assert printed(PROGRAM, tmp_path, NUMBA_CACHE_DIR=str(kept)) == "False True"
     # Numba's compiler is not loaded with the kernel.
@@ -119,9 +114,7 @@ print(user_cache())
 
 
 @pytest.mark.parametrize(("home", "taken"), [("/proc/nowhere", False), (None, False), (None, True)])
-def test_an_installation_and_a_home_that_cannot_be_written_are_done_without(
-    home: str | None, taken: bool, tmp_path: Path
-) -> None:
+def test_an_installation_and_a_home_that_cannot_be_written_are_done_without(home, taken, tmp_path):
     """As in a container whose user the system does not know; even root cannot make a folder below a file."""
     (copied(tmp_path) / "__pycache__").write_text("")
     (tmp_path / "program.py").write_text(HOMELESS)
@@ -142,7 +135,7 @@ def test_an_installation_and_a_home_that_cannot_be_written_are_done_without(
     assert {path.name for path in tmp_path.iterdir()} == {"gfmdlayer", "program.py", "tmp"}
 
 
-def test_the_digest_of_sources_is_that_of_the_module_and_of_what_it_imports(tmp_path: Path) -> None:
+def test_the_digest_of_sources_is_that_of_the_module_and_of_what_it_imports(tmp_path):
     package = copied(tmp_path)
     modules = Path("contact/active_set/solver.py"), Path("grid/grid.py")
     solver, grid = (source_digest(PACKAGE / path) for path in modules)

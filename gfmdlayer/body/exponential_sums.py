@@ -78,13 +78,11 @@ def prony_series(law: Law, shortest: float, longest: float, tolerance: float) ->
 
 
 class _Fit:
-    """Sums of exponentials with a small largest error at samples of a range of times.
-
-    The rows are the errors of G(t), G'(omega) and G''(omega) relative to |G|. The branches are measured by
-    the law's modulus at their relaxation times.
-    """
+    """Sums of exponentials with a small largest error at samples of a range of times."""
 
     def __init__(self, law: Law, shortest: float, longest: float, tolerance: float) -> None:
+        # The rows are the errors of G(t), G'(omega) and G''(omega) relative to |G|. The branches are measured
+        # by the law's modulus at their relaxation times.
         self._law, self._tolerance, self._range = law, tolerance, (shortest, longest)
         self._samples = np.geomspace(*self._range, math.ceil(PER_DECADE * math.log10(longest / shortest)) + 2)
         self._times = np.append(0.0, self._samples) if math.isfinite(law.glassy) else self._samples

@@ -147,7 +147,8 @@ class Inside:
         return ((forces + stretched) / w).T, (forces * w).T
 
     def transfer(self, depth: FloatArray, number: int) -> FloatArray:
-        """Return W, U for strains, s_zz, S, s_nn, s_tt for forces of one of each spring: (6, springs, nq)."""
+        """Return the fields at a depth, in the layer of this number, for each of its springs."""
+        # W and U for a strain of one, s_zz, S, s_nn and s_tt for a force of one: (6, springs, nq).
         layer, own = self.stack.present[number], np.flatnonzero(self.layer == number)
         z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
         form = _uppermost if not number else _below if math.isinf(layer.thickness) else _between

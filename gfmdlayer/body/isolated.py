@@ -124,7 +124,9 @@ class Isolated:
 
 
 def isolated(body: Body, period: tuple[float, ...], datum: float | None = None) -> Isolated:
-    """Return a body for a cell of this period; ValueError without an isolated state within `TOLERANCE`."""
+    """Return a body for a periodic cell, whose response within reach has no periodic images."""
+    # `datum`, of a line: distance from a load at which the surface counts as at rest, at least the period.
+    # ValueError if the body has no isolated state, or no reach has an error within `TOLERANCE`.
     lengths = tuple(map(float, period))
     if isinstance(body, ViscoelasticLayer | LayerStack):  # which never change
         return _kept(body, lengths, datum)

@@ -44,9 +44,8 @@ def check(options: argparse.Namespace) -> int:
         first = some if part == 1 else every[:LISTED]
         lines += cut_short((f"  {case.index:04d}  {label(case.values)}" for case in first), len(every))
     if part < 1:
-        lines.append(
-            f"examined   {len(some)} cases at random, as a run does; it checks each before its start"
-        )
+        checks = "as a run does; it checks each before its start"
+        lines.append(f"examined   {len(some)} cases at random, {checks}")
     lines += [
         f"steps      {'about ' * (part < 1)}{cost.steps:,}",
         *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),

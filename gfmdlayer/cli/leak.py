@@ -45,7 +45,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def leak(options: argparse.Namespace) -> int:
     """Print the flow at each snapshot of results, and draw the flow of one case."""
-    from gfmdlayer.figures.flow_plot import flow_figure
+    from gfmdlayer.figures.field_plots import flow_figure
     from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
     from gfmdlayer.figures.snapshot_plots import cases_with_snapshots
     from gfmdlayer.files.whole import unfinished
@@ -56,9 +56,8 @@ def leak(options: argparse.Namespace) -> int:
     path, style = Path(options.path), STYLES[options.style]
     if options.fields is not None:
         check_suffix(Path(options.fields), (".h5",))
-    seal = {
-        name: getattr(options, name) for name in ("viscosity", "pressure_drop", "along", "length", "width")
-    }
+    keys = ("viscosity", "pressure_drop", "along", "length", "width")
+    seal = {key: getattr(options, key) for key in keys}
     with open_case(path) if path.is_file() else open_results(path) as results:
         name = str(results.attrs.get("name") or path.resolve().stem)
         default = path.with_name(f"{path.stem}-leak.png") if path.is_file() else path / f"{name}-leak.png"

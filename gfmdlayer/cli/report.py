@@ -46,19 +46,18 @@ def report(options: argparse.Namespace) -> int:
 def _listed(folder: Folder) -> list[Listed]:
     """Return all cases of a folder, with the state of each."""
     from gfmdlayer.config.sweeps import combinations
-    from gfmdlayer.execution.growth import must_agree
     from gfmdlayer.execution.status import overview
     from gfmdlayer.figures.report.cases import Listed
+    from gfmdlayer.results.stored import must_agree
 
     numbers, seen = folder.case_numbers(), overview(folder)
     states = dict.fromkeys(folder.numbers()["failed"], ("failed", ""))
-    states |= {case.index: ("failed", case.reason) for case in seen.failures}
+    states |= {record.index: ("failed", record.reason) for record in seen.failures}
     states |= dict.fromkeys(folder.numbers()["h5"], ("complete", ""))
-    states |= {
-        case.index: ("running", f"at time {case.simulated_time:g} of {case.end:g}") for case in seen.running
-    }
+    for case in seen.running:
+        states[case.index] = "running", f"at time {case.simulated_time:g} of {case.end:g}"
     values = list(combinations(folder.stored_sweep()))
-    must_agree(folder, numbers, len(values))
+    must_agree(folder.config, numbers, len(values))
     return [
         Listed(number, folder.case(number), swept, *states.get(number, ("waiting", "")))
         for number, swept in zip(numbers, values, strict=True)

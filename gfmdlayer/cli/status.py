@@ -114,8 +114,7 @@ def _records(records: list[Record], number: int, state: str) -> list[str]:
     if number <= LISTED:
         return [f"  {r.index:04d} {state}: {r.reason}  {label(dict(r.values))}".rstrip() for r in records]
     groups = group_by_reason(records)
-    lines = cut_short(
-        [f"  {len(group)} {state} like {group[0].index:04d}: {group[0].reason}" for group in groups]
-    )
+    firsts = ((len(group), group[0]) for group in groups)
+    lines = cut_short(f"  {number} {state} like {r.index:04d}: {r.reason}" for number, r in firsts)
     unread = number - len(records)
     return [*lines, f"  {unread} more {state}; see cases/*.{state}"] if unread else lines

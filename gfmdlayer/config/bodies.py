@@ -28,7 +28,7 @@ from gfmdlayer.config.layers import (
     Halfspace,
     Layer,
     Layers,
-    StackedLayer,
+    StackedLayers,
     layered,
     problems_of_the_body,
 )
@@ -172,9 +172,7 @@ class Counterbody(Section):
 
     body: Annotated[Solid | None, BODY, given] = None
     """the counterbody; layers, by the three keys below, or {file: mine.py, ...}"""
-    layers: Annotated[tuple[StackedLayer, ...] | None, given] = Field(
-        default=None, json_schema_extra={"minItems": 1}
-    )
+    layers: Annotated[StackedLayers | None, given] = None
     """layers of the counterbody, from its surface inwards"""
     layer: Annotated[Layer | None, given] = None
     """the only layer of the counterbody; without it and layers, the halfspace is the counterbody"""
@@ -236,9 +234,8 @@ class TwoBodies(Compound):
 
         first, second = self._bodies
         own = len(first.laws)
-        return Pair(
-            first.with_series(materials[:own], accuracy), second.with_series(materials[own:], accuracy)
-        )
+        above = second.with_series(materials[own:], accuracy)
+        return Pair(first.with_series(materials[:own], accuracy), above)
 
     @property
     def mean_stiffness(self) -> float:

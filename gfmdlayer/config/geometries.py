@@ -111,7 +111,10 @@ def _problems_of_the_datum(config: Any) -> Iterator[Problem]:
 
 
 def _plainly_possible_in_a_cell(config: Any) -> bool:
-    """Whether no file has to be read, and the depth is well below a mean height in closed form."""
+    """Whether no file has to be read, and the depth is well below a mean height in closed form.
+
+    A hardness and an attraction have to be compared.
+    """
     if config.body is not None or config.grid.isolated:
         return False
     if config.hardness is not None and config.interfaces:
@@ -145,9 +148,8 @@ def _problems_of_revolution(config: Any) -> Iterator[Problem]:
         )
         yield Problem(("interface",), message, _GEOMETRY)
     elif config.hardness is not None:
-        message = (
-            "its hardness is not available with grid.geometry: axisymmetric; remove it, or take periodic"
-        )
+        allowed = "remove it, or take periodic"
+        message = f"its hardness is not available with grid.geometry: axisymmetric; {allowed}"
         yield Problem(("interface",), message, _GEOMETRY)
     if config.trajectory.control == "load":
         yield Problem(("trajectory", "control"), _LOAD, _GEOMETRY)

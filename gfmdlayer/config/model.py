@@ -25,9 +25,8 @@ from gfmdlayer.body.solid import Solid
 from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.bodies import BODY, Counterbody, TwoBodies, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
-from gfmdlayer.config.inside import problems_of_the_inside
-from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
-from gfmdlayer.config.sections import Output
+from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayers, layered, problems_of_the_body
+from gfmdlayer.config.sections import Output, problems_of_the_inside
 from gfmdlayer.config.sweeps import unswept
 from gfmdlayer.config.trajectory import (
     Trajectory,
@@ -70,11 +69,8 @@ from gfmdlayer.validation.units import Units
 
 # Young's moduli, and the shear moduli that a configuration takes instead.
 _YOUNGS = {
-    "E0": ("G0",),
-    "Einf": ("Ginf",),
-    "E": ("G", "shear_modulus"),
-    "youngs_modulus": ("shear_modulus",),
-}
+    "E0": ("G0",), "Einf": ("Ginf",), "E": ("G", "shear_modulus"), "youngs_modulus": ("shear_modulus",),
+}  # fmt: skip
 
 
 def with_hidden(data: dict[str, Any], found: list[Problem]) -> list[Problem]:
@@ -187,9 +183,8 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
     most = config.hardness * (area if control == "force" else 1.0)
     if control != "depth" and given is not None and given >= most:
         key = dotted((*at, "hardness"))
-        message = (
-            f"got {given!r}; must be below {most:.6g}, the {key} over the whole cell: more has no equilibrium"
-        )
+        limit = f"{most:.6g}, the {key} over the whole cell: more has no equilibrium"
+        message = f"got {given!r}; must be below {limit}"
         yield Problem(("trajectory", control), message, (key, "grid.period"))
 
 
@@ -230,9 +225,7 @@ class Config(Section):
     """the periodic cell and its points"""
     body: Annotated[Solid | None, BODY, given] = None
     """the body; layers, by the three keys below, or {file: mine.py, ...}"""
-    layers: Annotated[tuple[StackedLayer, ...] | None, given] = Field(
-        default=None, json_schema_extra={"minItems": 1}
-    )
+    layers: Annotated[StackedLayers | None, given] = None
     """layers from the surface downwards, in place of layer"""
     layer: Annotated[Layer | None, given] = Field(
         default_factory=lambda data: Layer() if data.get("layers") is None and layered(data) else None

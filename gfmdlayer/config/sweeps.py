@@ -281,9 +281,8 @@ def keys_of(listed: Iterable[str]) -> list[str]:
 def _samples(method: str, design: Mapping[str, Any]) -> list[Row]:
     ranges = {key: Range.model_validate(design[key]) for key in keys_of(design)}
     points = _points(method, len(ranges), design["samples"], design["seed"])
-    return [
-        {key: r.at(part) for (key, r), part in zip(ranges.items(), point, strict=True)} for point in points
-    ]
+    every = (zip(ranges.items(), point, strict=True) for point in points)
+    return [{key: one.at(part) for (key, one), part in each} for each in every]
 
 
 @lru_cache(maxsize=4)
@@ -363,9 +362,8 @@ def conflicts(
     }
     usable = {axis: places for axis, places in left.items() if places}
     if usable:
-        everywhere = [
-            p for p in unswept if not any(_rests_on(p, key) for axis in usable for key in axis.rows[0])
-        ]
+        swept = [key for axis in usable for key in axis.rows[0]]
+        everywhere = [p for p in unswept if not any(_rests_on(p, key) for key in swept)]
         yield from everywhere
         yield from _of_cases(usable, lambda case: [p for p in validate(case) if p not in everywhere])
 
@@ -521,7 +519,6 @@ def _at_value(problem: Problem, factors: Sequence[Axis], at: Sequence[int], vari
     swept = [(n, key) for n, axis in enumerate(factors) for key in axis.rows[0]]
     touched = ((n, key) for name in names for n, key in swept if f"{name}.".startswith(f"{key}."))
     n, key = next(touched, (varied, next(iter(factors[varied].rows[0]))))
-    message = (
-        problem.message if key == problem.key else f"with {shown(factors[n].rows[at[n]][key])}, {problem}"
-    )
+    value = shown(factors[n].rows[at[n]][key])
+    message = problem.message if key == problem.key else f"with {value}, {problem}"
     return Problem(factors[n].place(key, at[n]), message, names)

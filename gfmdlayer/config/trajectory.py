@@ -345,10 +345,9 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Problem]:
         if message:
             yield Problem(place, f"{message} with friction at the interface", law)
     if config.hardness is not None:
-        message = (
-            "friction beside a hardness is not available: where surfaces yield, shear lowers the hardness"
-        )
-        yield Problem(at, f"{message}; remove one of the two laws", ("interface",), chooses=True)
+        reason = "where surfaces yield, shear lowers the hardness; remove one of the two laws"
+        message = f"friction beside a hardness is not available: {reason}"
+        yield Problem(at, message, ("interface",), chooses=True)
     different = {shift for shift in shifts(config).values() if shift is not None}
     if config.temperature is not None and len(different) > 1:
         message = "needs one common shift of all materials with friction at the interface"

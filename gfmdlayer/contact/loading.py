@@ -183,12 +183,10 @@ def pulled_off(problem: Problem, solution: Solution) -> bool:
 
 
 class Imprint:
-    """The height W that punch and surface have lost, one value a point; accepted steps change it.
-
-    With an infinite hardness nothing yields, and it has no points.
-    """
+    """The height W that punch and surface have lost, one value a point; accepted steps change it."""
 
     def __init__(self, size: int, hardness: float) -> None:
+        # With an infinite hardness nothing yields, and it has no points.
         self.hardness, self.yields = hardness, hardness < math.inf
         self.depth = np.zeros(size if self.yields else 0)
 

@@ -224,12 +224,10 @@ _MIXED = 6  # surfaces at most
 
 
 class LossStiffnessSolver:
-    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance.
-
-    `weights` are those of each mode in the mean over the surface.
-    """
+    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance."""
 
     def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:
+        # `weights` are those of each mode in the mean over the surface.
         self.starts_from = solver.starts_from
         self._solver, self._transforms = solver, transforms
         self._weights = np.ravel(weights)

@@ -30,12 +30,10 @@ LastThree = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class DisplacementPrediction:
-    """The parabola in time through the last three accepted displacements (fewer where there are fewer).
-
-    `size` is the number of points of this process; before the first step the guess is zero.
-    """
+    """The parabola in time through the last three accepted displacements (fewer where there are fewer)."""
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
+        # `size` is the number of points of this process; before the first step the guess is zero.
         self._ranks = ranks
         self._times: deque[float] = deque(maxlen=3)
         self._fields: deque[FloatArray] = deque(maxlen=3)

@@ -15,7 +15,7 @@ from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
 from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, violation
 from gfmdlayer.grid.ranks import Ranks
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, kernel, minimum
 
 _ROUNDING = 1e-12  # part of the height of the punch
@@ -57,6 +57,23 @@ class SurfaceState(NamedTuple):
     p: FloatArray
     gap: FloatArray
     spectrum: ComplexArray  # of u, unnormalised
+
+
+@kernel(reorder=True, inner=True)
+def apply_to(
+    plans: Plans,
+    factors: FloatArray,
+    field: FloatArray,
+    spectrum: ComplexArray,
+    work: ComplexArray,
+    found: FloatArray,
+) -> None:
+    """Write A or kappa times a field, by the factors of the modes, and its transform; two transforms."""
+    # The transform may be the work array: then it is not kept.
+    forward(plans, field, spectrum)
+    for k in range(work.size):
+        work[k] = factors[k] * spectrum[k]
+    backward(plans, work, found)
 
 
 @kernel

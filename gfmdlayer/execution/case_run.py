@@ -49,7 +49,9 @@ _PART = 0.02  # of the time that checkpoints take, at most, unless one is asked 
 class Checkpoints:
     """Writes the checkpoints of a case, and lets it go on from the last one; each rank calls every method.
 
-    `stem` is given where this case keeps a state for a later end, `earlier` is a case that has kept one.
+    The case writes one every `interval` seconds (0: after every step; later where writing takes long), and
+    when the run is asked to stop. A case that fails leaves its last one, from which the next run goes on.
+    `stem` is given where this case keeps a state for a later end; `earlier` is a case that has kept one.
     `report_time` takes the simulated time after each attempt at a step and may raise `Stopped`.
     """
 
@@ -64,7 +66,6 @@ class Checkpoints:
         earlier: Earlier | None = None,
         ranks: Ranks = ALONE,
     ) -> None:
-
         self._folder, self._index, self._ranks = folder, index, ranks
         self._checkpoint, self._journal_file, self._state = (
             folder.case(index, kind) for kind in ("checkpoint", "journal", "state")
@@ -80,7 +81,6 @@ class Checkpoints:
         self._begin()
 
     def _begin(self) -> None:
-
         self._begun = time.monotonic()
         self.started, self._before = provenance.now(), 0.0  # of the first start; seconds up to the checkpoint
         self._time, self._unsaved = 0.0, False
@@ -103,9 +103,8 @@ class Checkpoints:
                 elif self._ranks.first:
                     position = Position(*about["journal"])
                     if position.columns and (changed := set(columns) ^ set(position.columns)):
-                        raise CheckpointError(
-                            f"its rows have other columns, see {', '.join(sorted(changed))}"
-                        )
+                        names = ", ".join(sorted(changed))
+                        raise CheckpointError(f"its rows have other columns, see {names}")
                     try:
                         journal.go_on(position)
                     except ValueError as error:
@@ -218,7 +217,6 @@ class Checkpoints:
                 self._warn(f"continues, but its state cannot be kept: {error.strerror or error}")
 
     def _save(self, path: Path, about: dict[str, Any], ranks: Ranks = ALONE) -> None:
-
         assert self._memory is not None
         known = {"started": self.started, "elapsed": self.elapsed, **about}
         checkpoint.write_checkpoint(path, self._made_by, known, self._memory.state(), ranks)
@@ -344,7 +342,6 @@ class _Run:
         return digest(self.case.config)
 
     def _compute(self, checkpoints: Checkpoints) -> str:
-
         config, ranks = self.case.config, self.ranks
         plans = RankWisdom(ranks, config.grid.points, self.folder.wisdom, self.threads)
         model = model_of(config, plans.read() or self.wisdom, self.threads, ranks)

@@ -163,9 +163,8 @@ class Folder:
                 return kept
             kept.parent.mkdir(exist_ok=True)
             if not (changed or same) and any(f"-{place}-" in other.name for other in kept.parent.iterdir()):
-                raise FolderError(
-                    f"{path}: has changed since the results in {self.path} were begun; {WAYS_OUT}"
-                )
+                begun = f"the results in {self.path} were begun"
+                raise FolderError(f"{path}: has changed since {begun}; {WAYS_OUT}")
             with unfinished(kept) as part:
                 write_new(part, content)
         except OSError as error:

@@ -30,7 +30,8 @@ from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Cases, Change, Earlier, SweepCase, with_files
 from gfmdlayer.files.locks import exclusive, no_link, open_for_writing, try_lock
 from gfmdlayer.files.whole import cannot_be_written, is_intact, is_unfinished, unfinished_path
-from gfmdlayer.results.schema import numbered
+from gfmdlayer.results.schema import ResultsError, numbered
+from gfmdlayer.results.stored import must_agree
 from gfmdlayer.validation.sections import files_named
 
 _MAY_GROW = ("sweep.", "time.end", "output.snapshots", "output.times", "output.keep_state")
@@ -57,8 +58,8 @@ def compare(folder: Folder, config: Config) -> Growth:
     try:
         stored = folder.stored_config()
         numbers = folder.case_numbers()
-        must_agree(folder, numbers, len(Cases(stored)))
-    except FolderError as error:
+        must_agree(folder.config, numbers, len(Cases(stored)))
+    except (FolderError, ResultsError) as error:
         raise FolderError(f"{error}; {WAYS_OUT}") from None
     if not (changed := changed_keys(stored, config)):
         return Growth(numbers)
@@ -67,11 +68,9 @@ def compare(folder: Folder, config: Config) -> Growth:
     had = dict(zip((digest(case.config) for case in before), numbers, strict=True))
     digests = [digest(case.config) for case in after]
     if had.keys().isdisjoint(digests) and not all(key.startswith(_MAY_GROW) for key in changed):
-        raise FolderError(
-            f"{folder.path}: holds results of another configuration ({'; '.join(changed)}); {WAYS_OUT}"
-        )
+        other = f"another configuration ({'; '.join(changed)})"
+        raise FolderError(f"{folder.path}: holds results of {other}; {WAYS_OUT}")
     from gfmdlayer.results.reader import attributes
-    from gfmdlayer.results.schema import ResultsError
 
     known = {}  # digest -> number
     for number in files["h5"].difference(numbers):  # of cases that the sweep has lost before
@@ -95,22 +94,9 @@ def compare(folder: Folder, config: Config) -> Growth:
     return Growth(found, True, reasons)
 
 
-def must_agree(folder: Folder, numbers: Sequence[int], count: int) -> None:
-    """Refuse a configuration of results that was changed: it names other cases than its sweep has."""
-    if len(numbers) != count:
-        raise FolderError(
-            f"{folder.config}: names {len(numbers)} cases, and its sweep has {count}; "
-            "must be as the run wrote it"
-        )
-
-
-def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Change:
-    """Let a case read the folder's copies of its input files, which no one changes.
-
-    The files of `some` cases are copied at once, others when the first case that names them is made.
-    """
-    files = {path for case in some for path in files_named(case.config).values()}
-    kept = {path: folder.keep_input(path, changed).absolute() for path in sorted(files)}
+def with_inputs(folder: Folder, changed: bool) -> Change:
+    """Let a case read the folder's copies of its input files, made when the first case names them."""
+    kept: dict[Path, Path] = {}
 
     def copied(case: SweepCase) -> SweepCase:
         named = set(files_named(case.config).values())
@@ -124,7 +110,10 @@ def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Cha
 
 
 def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) -> Change:
-    """Give a case that has not begun the complete case from whose kept state it goes on, if any."""
+    """Give a case that has not begun the complete case from whose kept state it goes on, if any.
+
+    States of the `omitted` cases are not read. `files` are the numbers of `Folder.numbers`.
+    """
     states = [number for number in files["state"] & files["h5"] if number not in omitted]
     if not states:
         return lambda case: case
@@ -180,12 +169,9 @@ def lines(files: Numbers, growth: Growth, numbers: Sequence[int], made: Iterable
 def changed_keys(before: Config, after: Config) -> list[str]:
     """Return the keys that differ, other than the name, as ``key: before -> after``."""
     old, new = _flat(before.model_dump()), _flat(after.model_dump())
-    absent = "(absent)"
-    return [
-        f"{key}: {old.get(key, absent)} -> {new.get(key, absent)}"
-        for key in dict.fromkeys((*old, *new))
-        if key != "name" and old.get(key, absent) != new.get(key, absent)
-    ]
+    keys, absent = dict.fromkeys((*old, *new)), "(absent)"
+    every = ((key, old.get(key, absent), new.get(key, absent)) for key in keys if key != "name")
+    return [f"{key}: {earlier} -> {later}" for key, earlier, later in every if earlier != later]
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -31,7 +31,7 @@ _OTHER_LINES = 6  # of the terminal, left free
 
 
 class Display:
-    """Shows progress, by itself nothing; each complete case gets a line where `lists_complete`."""
+    """Shows progress; this base shows nothing. Complete cases get a line where `lists_complete`."""
 
     lists_complete = False
 

@@ -144,7 +144,7 @@ def run_sweep(
     with claimed(folder, config, options.restart, own.indices) as found:
         files = folder.numbers()
         own = own.numbered(found.numbers)
-        own = own.each(growth.with_inputs(folder, own.examined, found.changed))
+        own = own.each(growth.with_inputs(folder, found.changed))
         if options.ranks_per_case == 1:
             own = own.each(growth.with_earlier(folder, files, _of_no_use(config, own, found.numbers)))
         work = _Work(folder, files, own, options.only_failed)
@@ -318,7 +318,6 @@ class _Records(InTurn[CaseRecord]):
         return len(self._numbers)
 
     def _at(self, place: int) -> CaseRecord:
-
         number = self._numbers[place]
         values, reason = self._every.values(place), self._reasons.get(number)
         return CaseRecord(number, self._folder.case(number), values, reason)

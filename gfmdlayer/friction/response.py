@@ -105,12 +105,10 @@ class Spent:
 
 
 class Work:
-    """Transforms of a grid and of windows in it, with their fields, which all operators on it share.
-
-    The plan of the grid in single precision is `measured` where another solver has it too.
-    """
+    """Transforms of a grid and of windows in it, with their fields, which all operators on it share."""
 
     def __init__(self, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False) -> None:
+        # The plan of the grid in single precision is `measured` where another solver has it too.
         self.shape, self._measured = transforms.shape, measured
         self._transforms, self.spent, self._share = transforms, spent, share
         self._parts = parts(self.shape)
@@ -196,12 +194,10 @@ def _extent(places: NDArray[Any], n: int) -> tuple[int, int]:
 
 
 class Operator:
-    """A response at the points of a grid, in double and in single precision.
-
-    `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
-    """
+    """A response at the points of a grid, in double and in single precision."""
 
     def __init__(self, grid: Grid, response: Response, work: Work, counted: Collection[int] = ()) -> None:
+        # `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
         self.size, self.axes = grid.size, len(grid.points)
         self._response, self.work, self._counted = response, work, counted
         self._double = self._parts(grid)

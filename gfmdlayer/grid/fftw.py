@@ -129,13 +129,11 @@ class PlanPair:
 
 
 class SlabPlans(PlanPair):
-    """Plans of a rank that holds some rows of a surface and some columns of its transform.
-
-    The shape is (rows, n) and (n, columns), one after the other. `forward` and `backward` act along the rows,
-    `columns_forward` and `columns_backward` along the columns, complex and in place.
-    """
+    """Plans of a rank that holds some rows of a surface and some columns of its transform."""
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
+        # The shape is (rows, n) and (n, columns), one after the other. `forward` and `backward` act along the
+        # rows, `columns_forward` and `columns_backward` along the columns, complex and in place.
         count, length, height, width = shape
         modes = length // 2 + 1
         sizes = count * length, 2 * count * modes, 2 * height * width

@@ -105,15 +105,13 @@ ALONE = Ranks()
 
 
 class MpiRanks(Ranks):
-    """The ranks of an MPI communicator.
-
-    Sums are added up in the order of the ranks, whatever the MPI library does: their bits depend only on the
-    number of ranks, and are the same on all of them. `control` is a communicator of the same ranks for other
-    messages, `exchanges` has those of `slabs.transposition` by shape and type, `window` the bytes of each
-    rank in the memory that they share, with its `mpi4py.MPI.Win`.
-    """
+    """The ranks of an MPI communicator."""
 
     def __init__(self, communicator: Any) -> None:
+        # Sums are added up in the order of the ranks, whatever the MPI library does: their bits depend only
+        # on the number of ranks, and are the same on all of them. `control` is a communicator of the same
+        # ranks for other messages, `exchanges` has those of `slabs.transposition` by shape and type, `window`
+        # the bytes of each rank in the memory that they share, with its `mpi4py.MPI.Win`.
         self.communicator, self.control = communicator, communicator.Dup()
         self.exchanges: dict[Any, Any] = {}
         self.window: tuple[int, Any] = (0, None)

@@ -369,12 +369,7 @@ def array_at(place: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
 
 
 class SlabTransforms(Transforms):
-    """Transforms of the fields of a grid over ranks: along the rows, exchange, along the columns.
-
-    All ranks call them together; each gives and gets its parts. Compiled kernels call them like those of one
-    process: the functions at their addresses return to Python for the exchange, which takes some microseconds
-    beside the milliseconds of a transform. `shared`: ranks on one computer may share memory.
-    """
+    """Transforms of the fields of a grid over ranks: along the rows, exchange, along the columns."""
 
     def __init__(
         self,
@@ -386,6 +381,10 @@ class SlabTransforms(Transforms):
         *,
         shared: bool = True,
     ) -> None:
+        # All ranks call them together; each gives and gets its parts. Compiled kernels call them like those
+        # of one process: the functions at their addresses return to Python for the exchange, which takes some
+        # microseconds beside the milliseconds of a transform. `shared`: ranks on one computer may share
+        # memory.
         self._grid, self._shared, self._fftw = grid, shared, SINGLE if single else DOUBLE
         self.size, self.ranks = grid.size, grid.ranks
         self._kind = np.dtype(np.complex64 if single else np.complex128)

@@ -147,12 +147,7 @@ class _Position:
 
 
 class AdaptiveSteps:
-    """Steps chosen during the run: `accepts` judges each before the next is yielded.
-
-    They land on the `stops`, from the start to the end. `slowdown` is the factor by which relaxation times
-    are longer at the start than `control.shortest_time`. `least` has the smallest scales of response and
-    depth; the scale of the depth is the range of an interface that attracts, and zero for a hard wall.
-    """
+    """Steps chosen during the run: `accepts` judges each before the next is yielded."""
 
     def __init__(
         self,
@@ -161,6 +156,10 @@ class AdaptiveSteps:
         slowdown: float = 1.0,
         least: tuple[float, float] = (0.0, 0.0),
     ) -> None:
+        # They land on the `stops`, from the start to the end. `slowdown` is the factor by which relaxation
+        # times are longer at the start than `control.shortest_time`. `least` has the smallest scales of
+        # response and depth; the scale of the depth is the range of an interface that attracts, and zero for
+        # a hard wall.
         self._control, self._stops, self._slowdown = control, stops, slowdown
         self._tolerance = tolerance = control.tolerance
         self._attracted = least[1] > 0

@@ -65,14 +65,12 @@ Integrator = Modes | SideBySide
 
 
 class ErrorControl:
-    """Controls the error of an integrator with the exponential scheme and steps that vary in length.
-
-    The tolerance is the largest error of the mean pressure relative to its largest value so far (of the
-    depth, in load control), and of the displacement relative to the largest depth so far. `curved`: the
-    stress of a step includes the curvature, see above.
-    """
+    """Controls the error of an integrator with the exponential scheme and steps that vary in length."""
 
     def __init__(self, integrator: Integrator, sums: Sums, tolerance: float, *, curved: bool = False) -> None:
+        # The tolerance is the largest error of the mean pressure relative to its largest value so far (of the
+        # depth, in load control), and of the displacement relative to the largest depth so far. `curved`: the
+        # stress of a step includes the curvature, see above.
         self._integrator, self._sums, self._curved = integrator, sums, curved
         self.tolerance = tolerance
         self._contact_motion: ComplexArray | None = None  # change of u over the last step of a moving punch

@@ -268,16 +268,14 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """The relaxing modes of a surface: their history, stiffness and energy; see `error_control.Integrator`.
-
-    Energies are means over the surface of the grid. Without `sums` every wave has weight one.
-    """
+    """The relaxing modes of a surface: their history, stiffness and energy; an `error_control.Integrator`."""
 
     stiffness: FloatArray  # kappa of the last `terms`, (nq,)
     loss_stiffness: FloatArray | None = None  # its imaginary part under a moving punch
     slope: ComplexArray | None = None  # factors i q of the slope along the motion of the punch, (nq,)
 
     def __init__(self, spectrum: Spectrum, scheme: Scheme, sums: Sums | None = None) -> None:
+        # Energies are means over the surface of the grid. Without `sums` every wave has weight one.
         self.relaxed = np.ravel(spectrum.relaxed)
         size = self.relaxed.size
         self._sums = Sums(np.ones(size)) if sums is None else sums

@@ -61,11 +61,7 @@ class Waves(NamedTuple):
 
 
 class SlidingModes(Modes):
-    """The relaxing modes of a surface in the frame of a punch that moves along it, by the exponential scheme.
-
-    `wavenumbers_x`, shape (2, *q.shape): wavenumbers along x of the two waves whose mean is the mode; mostly
-    they are the same. `velocity`: v at a time, linear in time over each step.
-    """
+    """The relaxing modes of a surface in the frame of a moving punch, by the exponential scheme."""
 
     loss_stiffness: FloatArray  # (nq,), imaginary part of the stiffness at the end of the step
     slope: ComplexArray  # (nq,), i q, with the mean q of the two waves of a mode
@@ -73,6 +69,8 @@ class SlidingModes(Modes):
     def __init__(
         self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, velocity: Trajectory
     ) -> None:
+        # `wavenumbers_x`, shape (2, *q.shape): wavenumbers along x of the two waves whose mean is the mode;
+        # mostly they are the same. `velocity`: v at a time, linear in time over each step.
         # The base class has the springs K_0 but no dashpots.
         springs = Spectrum(spectrum.relaxed, spectrum.weights[:0], spectrum.times[:0], spectrum.error)
         super().__init__(springs, exponential, sums)

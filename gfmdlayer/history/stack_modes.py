@@ -265,11 +265,7 @@ def network_energy(elements: Elements, xi: FloatArray, u: FloatArray, energy: Fl
 
 
 class StackModes(Modes):
-    """A stack whose layers have reduced times of their own: modes of the uppermost layer, and a network.
-
-    `reduced_times` has one for each law of the body, None where the times do not change; elastic layers below
-    need none. `halved`: each step is corrected for ratios that change within it, for steps of varying length.
-    """
+    """A stack whose layers have reduced times of their own: modes of the uppermost layer, and a network."""
 
     def __init__(
         self,
@@ -280,6 +276,9 @@ class StackModes(Modes):
         reduced_times: Sequence[ReducedTime | None],
         halved: bool = False,
     ) -> None:
+        # `reduced_times` has one for each law of the body, None where the times do not change; elastic layers
+        # below need none. `halved`: each step is corrected for ratios that change within it, for steps of
+        # varying length.
         super().__init__(internal.uppermost, scheme, sums)
         network, at, self._halved = internal.network, internal.number, halved
         self._rule = EXPONENTIAL if scheme is exponential else _BACKWARD_EULER

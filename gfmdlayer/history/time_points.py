@@ -51,12 +51,10 @@ def fingerprint(stops: Iterable[Instant]) -> str:
 
 
 class FixedSteps:
-    """Steps that are known before the run; each is accepted.
-
-    Between two of the `stops` all steps have the length of the later one, at most `step`.
-    """
+    """Steps that are known before the run; each is accepted."""
 
     def __init__(self, instants: Iterable[Instant], stops: Sequence[Instant], step: float) -> None:
+        # Between two of the `stops` all steps have the length of the later one, at most `step`.
         self._instants, self._stops = instants, stops
         self._count = 0
         # Steps of the largest length suit a later end too; others were fitted to this end.

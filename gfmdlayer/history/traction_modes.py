@@ -136,11 +136,7 @@ class VectorModes:
 
 
 class TractionModes:
-    """The history of a surface: displacements (W, u_x[, u_y]) = C tractions (p, t_x[, t_y]) + offset.
-
-    All are transforms, (1 + axes, modes). stored + dissipated is the work per area. `velocity` of the contact
-    along x at the end of the run serves `slowest`.
-    """
+    """The history of a surface: displacements (W, u_x[, u_y]) = C tractions (p, t_x[, t_y]) + offset."""
 
     def __init__(
         self,
@@ -149,6 +145,8 @@ class TractionModes:
         scheme: Scheme = exponential,
         velocity: float = 0.0,
     ) -> None:
+        # All are transforms, (1 + axes, modes). stored + dissipated is the work per area. `velocity` of the
+        # contact along x at the end of the run serves `slowest`.
         self._velocity = velocity
         self._grid, self._axes = grid, len(grid.points)
         self._vectors, self._mode, self._share = _waves(grid)
@@ -282,13 +280,12 @@ class TractionModes:
 
 
 class TractionControl:
-    """Controls the error of `TractionModes` with the exponential scheme and steps that vary in length.
-
-    The tolerance is the largest error of pressure and tangential force relative to their largest values so
-    far (of the depth, where the load is given), and of the displacement relative to the largest depth.
-    """
+    """Controls the error of `TractionModes` with the exponential scheme and steps that vary in length."""
 
     def __init__(self, modes: TractionModes, tolerance: float) -> None:
+        # The tolerance is the largest error of pressure and tangential force relative to their largest values
+        # so far (of the depth, where the load is given), and of the displacement relative to the largest
+        # depth.
         self._modes, self.tolerance = modes, tolerance
         self._velocities: list[ComplexArray] | None = None  # of the waves over the last step
         self._motion: list[ComplexArray] | None = None  # change of them over the last step of a moving punch

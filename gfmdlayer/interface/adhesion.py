@@ -1,11 +1,10 @@
 """Attraction across the gap: adhesion by a work and a range or a stress, and by a voltage.
 
-Every law of adhesion is stated by its work w, so that -w is the energy in contact and 0
-that far away; tau is the traction. See `docs/theory/adhesion.md`.
+A law of adhesion is given by its work w: the energy is -w in contact and 0 far away; tau is the traction. See
+`docs/theory/adhesion.md`.
 
-Electrostatic attraction of conducting punch and base across an air gap and insulating layers.
-
-Locally parallel plates: with the relative permittivities eps_i and thicknesses t_i of the insulators, and
+A conducting punch and base attract each other electrostatically across an air gap and insulating layers. They
+are locally parallel plates: with the relative permittivities eps_i and thicknesses t_i of the insulators, and
 h0 = sum of t_i/eps_i, a voltage V stores the charge eps0 V/(g + h0) per area, and at a constant voltage the
 energy of field and source together is
 

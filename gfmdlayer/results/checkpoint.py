@@ -50,8 +50,9 @@ def write_checkpoint(
     state: Mapping[str, Any],
     ranks: Ranks = ALONE,
 ) -> None:
-    """Write the states of all ranks, from each; `made_by` has all else on which the bits depend.
+    """Write the states of all ranks; each rank calls this with its own.
 
+    `made_by` has all else on which the bits of later results depend: input, versions, processor.
     An OSError on the first rank leaves the checkpoint before in place.
     """
     arrays = {name: np.asarray(values) for name, values in state.items()}

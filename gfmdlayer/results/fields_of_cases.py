@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.results.schema import SAME_TIME, ResultsError
 
 
@@ -24,7 +25,7 @@ class FieldOfCases(BackendArray):
     """One field of all cases, along the swept keys and then the field's own axes."""
 
     def __init__(
-        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: NDArray[np.float64]
+        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: FloatArray
     ) -> None:
         self._files, self._name, self._inner, self._times = files, name, shape, times
         self.shape = (*files.shape, *shape)
@@ -34,7 +35,7 @@ class FieldOfCases(BackendArray):
         support = indexing.IndexingSupport.BASIC
         return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
 
-    def _read(self, key: tuple[int | slice, ...]) -> NDArray[np.float64]:
+    def _read(self, key: tuple[int | slice, ...]) -> FloatArray:
         outer, part = key[: self._files.ndim], key[self._files.ndim :]
         files = np.asarray(self._files[outer], dtype=object)
         inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory

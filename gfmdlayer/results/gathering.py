@@ -42,6 +42,7 @@ import numpy as np
 from h5py import h5a, h5f, h5g
 from numpy.typing import NDArray
 
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.config.sweeps import as_label, is_listed, sampling, swept_keys
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
@@ -91,7 +92,7 @@ class Column(NamedTuple):
 
     described: Mapping[str, str]
     bins: str = ""  # name of the dimension of the bins; empty for a number
-    edges: Mapping[str, tuple[Mapping[str, str], NDArray[np.float64]]] = MappingProxyType({})
+    edges: Mapping[str, tuple[Mapping[str, str], FloatArray]] = MappingProxyType({})
 
 
 class Labelled(NamedTuple):
@@ -139,7 +140,7 @@ class _File:
     def attribute(self, name: str) -> object:
         return attribute(self._file, name)
 
-    def values(self, name: str) -> NDArray[np.float64]:
+    def values(self, name: str) -> FloatArray:
         return column(self._file, name)
 
     def columns(self) -> Iterator[tuple[str, Column]]:
@@ -179,7 +180,7 @@ class _Memory:
     def attribute(self, name: str) -> object:
         return self._data.attrs.get(name)
 
-    def values(self, name: str) -> NDArray[np.float64]:
+    def values(self, name: str) -> FloatArray:
         return self._data[name].to_numpy()
 
     def columns(self) -> Iterator[tuple[str, Column]]:
@@ -207,11 +208,11 @@ class _Times:
     """The times of the cases; those of the longest case, and those that all share, are in memory."""
 
     def __init__(self) -> None:
-        self.longest: NDArray[np.float64] = np.empty(0)
-        self._shared: NDArray[np.float64] | None = None
+        self.longest: FloatArray = np.empty(0)
+        self._shared: FloatArray | None = None
         self._end, self._nested = 0.0, True
 
-    def add(self, times: NDArray[np.float64]) -> None:
+    def add(self, times: FloatArray) -> None:
         """Add the times of a case."""
         if np.array_equal(times, self.longest):
             return
@@ -220,7 +221,7 @@ class _Times:
         self._shared = times if self._shared is None else self._shared[rows_at(times, self._shared) >= 0]
         self._end = max(self._end, *times[-1:])
 
-    def common(self, asked: Asked) -> NDArray[np.float64] | None:
+    def common(self, asked: Asked) -> FloatArray | None:
         """Return times for all cases: those of the longest, or those asked for; None without such times."""
         if self._nested or self._shared is None:
             return self.longest
@@ -354,7 +355,7 @@ class Gathered:
     def _name(self, column: str) -> str:
         return f"{column}{OVER_TIME}" if column in self._layout.labels else column
 
-    def curves(self) -> Iterator[tuple[tuple[int, ...], dict[str, NDArray[np.float64]]]]:
+    def curves(self) -> Iterator[tuple[tuple[int, ...], dict[str, FloatArray]]]:
         """Yield the place of each complete case, and its columns at the common times or in all rows."""
         for record, place in zip(self._records, self.places, strict=True):
             if record.index in self.failed:
@@ -366,7 +367,7 @@ class Gathered:
             else:
                 yield place, found
 
-    def _read(self, record: CaseRecord) -> dict[str, NDArray[np.float64]]:
+    def _read(self, record: CaseRecord) -> dict[str, FloatArray]:
         with _open(record) as case:
             names = sorted(self._held[record.index])
             if self.along == ROW:
@@ -413,9 +414,7 @@ class Gathered:
         return {**self._shared, **self._swept.sampling, **own}
 
 
-def rows_at(
-    times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool = False
-) -> NDArray[np.int64]:
+def rows_at(times: FloatArray, wanted: FloatArray, *, steady: bool = False) -> IntArray:
     """Find the rows of a case at given times, -1 where there is none; both increase.
 
     After a steady state, the last row stands for all later times.
@@ -542,9 +541,9 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
     first = cases[0] if cases else xarray.Dataset()
     if first.sizes.get("snapshot") and _agree(cases, "snapshot", "x", "y"):
         below = _agree(cases, "z", "layer", "spring")
-        for name in (
-            each for each in (SNAPSHOT_FIELDS if below else FIELDS) if all(each in case for case in cases)
-        ):
+        for name in SNAPSHOT_FIELDS if below else FIELDS:
+            if not all(name in case for case in cases):
+                continue
             fields = np.full((*sweep.shape, *first[name].shape), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
                 if isinstance(record.source, xarray.Dataset):

@@ -22,7 +22,7 @@ import numpy as np
 from h5py import h5a, h5d, h5f, h5p, h5s, h5t
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.arrays import Attribute
+from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.files.whole import publish, seal, unfinished_path
 from gfmdlayer.results.schema import ResultsError
 
@@ -196,7 +196,7 @@ def opened(path: Path) -> Iterator[h5f.FileID]:
         file.close()
 
 
-def column(file: h5f.FileID, name: str) -> NDArray[np.float64]:
+def column(file: h5f.FileID, name: str) -> FloatArray:
     """Read a column, checksums included; KeyError if the file has none of this name."""
     dataset = h5d.open(file, name.encode())
     values = np.empty(dataset.shape)

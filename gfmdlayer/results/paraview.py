@@ -11,8 +11,8 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.locks import write_new
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.netcdf import PACKED, naming
@@ -42,7 +42,7 @@ def describe(h5: h5py.File, path: Path) -> Path:
     return written
 
 
-def _add_points(h5: h5py.File, name: str, z: NDArray[np.float64]) -> None:
+def _add_points(h5: h5py.File, name: str, z: FloatArray) -> None:
     """Add the coordinates of the points at these depths, some rows of the grid at a time."""
     x, y = h5["x"][()], h5["y"][()]
     rows = min(x.size, -(-BLOCK // y.size))  # equal rows of one chunk compress well

@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -24,7 +25,7 @@ from gfmdlayer.files.locks import open_for_writing, read_json, regular
 from gfmdlayer.files.whole import is_intact
 from gfmdlayer.results.gathering import WAITING, CaseRecord, Swept, labelled
 from gfmdlayer.results.schema import FIELDS, SNAPSHOT_FIELDS, SWEEP_FILE, ResultsError, in_order
-from gfmdlayer.results.stored import case_numbers, document
+from gfmdlayer.results.stored import case_numbers, document, must_agree
 
 if TYPE_CHECKING:
     import xarray
@@ -196,9 +197,7 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
     if not (sweep := data.get("sweep")):
         return None
     records, numbers, swept = [], case_numbers(config), combinations(sweep)
-    if len(numbers) != len(swept):
-        named = f"names {len(numbers)} cases, and its sweep has {len(swept)}"
-        raise ResultsError(f"{config}: {named}; must be as the run wrote it")
+    must_agree(config, numbers, len(swept))
     for number, values in zip(numbers, swept, strict=True):
         path = case_path(directory, number)
         failure = read_json(path.with_suffix(".failed")) or {}
@@ -215,13 +214,32 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
 
 def _open(path: Path) -> xarray.Dataset:
     import xarray
+    from xarray.backends import CachingFileManager, H5NetCDFStore
 
     try:
         if is_intact(path, VERIFIED) is not False:
-            return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
+            file = CachingFileManager(_measured, str(path), mode="r", kwargs={"locking": False})
+            data = xarray.open_dataset(H5NetCDFStore(file, mode="r"))
+            data.encoding["source"] = str(path)
+            return data
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ResultsError(f"{path}: {_reason(path)}") from error
     raise ResultsError(f"{path}: {_reason(path)}")
+
+
+def _measured(path: str, mode: str, **options: Any) -> Any:
+    """Open a file whose dimensions keep their sizes; xarray then takes a quarter of the time.
+
+    h5netcdf looks at all variables for the size of a growing dimension, and does so for each variable.
+    """
+    import h5netcdf
+    from h5netcdf.dimensions import Dimension
+
+    known = type("Known", (Dimension,), {"size": cached_property(Dimension.size.fget)})
+    file = h5netcdf.File(path, mode, decode_vlen_strings=True, **options)
+    for dimension in file.dimensions.values():
+        dimension.__class__ = known
+    return file
 
 
 def _reason(path: Path) -> str:

@@ -28,7 +28,7 @@ import numpy as np
 from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.arrays import Attribute
+from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.results.gathering import dimension_names, labels
 from gfmdlayer.results.netcdf import PACKED, NewFile, add_variable, append, contents, new_file, set_attributes
@@ -106,18 +106,9 @@ def add_field(
     """Add a variable of the snapshots, in blocks of at most BLOCK points."""
     shape = tuple(len(h5[axis]) for axis in axes)
     rows = -(-shape[0] // -(-math.prod(shape) // BLOCK))
-    return add_variable(
-        h5,
-        name,
-        ("snapshot", *axes),
-        known.described,
-        dtype=known.dtype,
-        shape=(0, *shape),
-        maxshape=(None, *shape),
-        chunks=(1, rows, *shape[1:]),
-        **CHECKED,
-        **options,
-    )
+    grows = {"shape": (0, *shape), "maxshape": (None, *shape), "chunks": (1, rows, *shape[1:])}
+    options = {"dtype": known.dtype, **grows, **CHECKED, **options}
+    return add_variable(h5, name, ("snapshot", *axes), known.described, **options)
 
 
 ROWS_HELD = 512
@@ -127,7 +118,8 @@ class CaseWriter:
     """Write one case; a context manager, after which the file is complete, or removed after an exception.
 
     `coordinates` are in the order of the arrays' axes; `attributes` replace those of the provenance;
-    `elapsed` are seconds of earlier runs. ResultsError, which names the file, if it cannot be written.
+    `elapsed` are seconds of earlier runs; `places` are those of the fields below the surface.
+    ResultsError, which names the file, if it cannot be written.
     """
 
     def __init__(
@@ -152,7 +144,7 @@ class CaseWriter:
         self._elapsed = elapsed
         self._columns: tuple[str, ...] | None = None
         self._growing: dict[str, h5d.DatasetID] = {}
-        self._held: list[tuple[float | NDArray[np.float64], ...]] = []
+        self._held: list[tuple[float | FloatArray, ...]] = []
         self._rows = 0
         self._last_time = -math.inf
 
@@ -186,7 +178,7 @@ class CaseWriter:
         """Seconds spent on the case so far."""
         return self._elapsed + time.monotonic() - self._begun
 
-    def row(self, **values: float | NDArray[np.float64]) -> None:
+    def row(self, **values: float | FloatArray) -> None:
         """Record one accepted step: its `time`, later than in the row before, and the other columns.
 
         All rows have the columns of the first.
@@ -194,9 +186,8 @@ class CaseWriter:
         if self._columns is None:
             self._begin(tuple(values))
         elif values.keys() != set(self._columns):
-            raise ValueError(
-                f"{self.path}: row has columns {sorted(values)}, the first had {sorted(self._columns)}"
-            )
+            first = f"the first had {sorted(self._columns)}"
+            raise ValueError(f"{self.path}: row has columns {sorted(values)}, {first}")
         time_now = float(values["time"])
         if not time_now > self._last_time:
             raise ValueError(f"{self.path}: row at time {time_now} follows one at {self._last_time}")
@@ -208,9 +199,9 @@ class CaseWriter:
     def snapshot(
         self,
         time: float,
-        displacement: NDArray[np.float64],
-        pressure: NDArray[np.float64],
-        *others: NDArray[np.float64] | None,
+        displacement: FloatArray,
+        pressure: FloatArray,
+        *others: FloatArray | None,
     ) -> None:
         """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`.
 
@@ -270,9 +261,8 @@ class CaseWriter:
             known = ", ".join(sorted(self._declared))
             raise KeyError(f"{self.path}: no variable {min(unknown)!r} is declared; known: {known}")
         axes = tuple((name, len(values)) for name, values in self._coordinates.items())
-        self._h5 = self._file.begin(
-            case_template(tuple(self._declared[name] for name in columns), axes, self._fields)
-        )
+        declared = tuple(self._declared[name] for name in columns)
+        self._h5 = self._file.begin(case_template(declared, axes, self._fields))
         for name, values in self._coordinates.items():
             self._h5[name][...] = values
         growing = dict.fromkeys((*columns, *SNAPSHOTS))

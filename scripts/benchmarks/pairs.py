@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from benchmarks.common import METHODS, STEP, default_case, run
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import METHODS, STEP, Cell, Effort, Table, default_case, run
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import halfspace
@@ -91,11 +90,7 @@ def _counts(trace: Recording) -> dict[str, Cell]:
     """Mean FFT pairs of a step in the ramp, in the hold, and in both."""
     times, pairs = trace["time"][1:], trace["transforms"][1:]
     in_ramp = times <= 1 + STEP / 2
-    return {
-        "ramp": _mean(pairs[in_ramp]),
-        "hold": _mean(pairs[~in_ramp]),
-        "all": _mean(pairs),
-    }
+    return {"ramp": _mean(pairs[in_ramp]), "hold": _mean(pairs[~in_ramp]), "all": _mean(pairs)}
 
 
 def _mean(values: FloatArray) -> float | None:

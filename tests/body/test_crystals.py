@@ -1,11 +1,7 @@
 """Anisotropic halfspaces, lattices of springs and tables: closed forms, limits, symmetries, contacts."""
 
-from __future__ import annotations
-
 import io
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,16 +14,16 @@ from gfmdlayer.body.solid import fault
 R = math.sqrt(0.5)
 
 
-def cubic(next_nearest: float, **more: Any) -> Lattice:
+def cubic(next_nearest, **more):
     return Lattice(crystal="simple_cubic", nearest=1.0, next_nearest=next_nearest, spacing=1.0, **more)
 
 
-def fcc(**more: Any) -> Lattice:
+def fcc(**more):
     """Edge of the cubic cell 1: surface atoms at a distance of 2^-1/2."""
     return Lattice(crystal="fcc", nearest=1.0, spacing=R, **more)
 
 
-def at(angles: Any, q: float) -> Wavevectors:
+def at(angles, q):
     phi = np.radians(angles)
     return Wavevectors.of_components(q * np.cos(phi), q * np.sin(phi))
 
@@ -47,13 +43,13 @@ LATTICES = {
 }  # fmt: skip
 
 
-def continuum(lattice: Lattice) -> Anisotropic:
+def continuum(lattice):
     C11, C12, C44 = lattice.constants
     return Anisotropic(C11=C11, C12=C12, C44=C44, angle=45.0 if lattice.crystal == "fcc" else 0.0)
 
 
 @pytest.mark.parametrize("name", LATTICES)
-def test_long_waves_of_a_lattice_are_those_of_its_continuum_and_short_ones_of_its_springs(name: str) -> None:
+def test_long_waves_of_a_lattice_are_those_of_its_continuum_and_short_ones_of_its_springs(name):
     lattice, expected, first, short = LATTICES[name]
     assert isinstance(lattice.material, Elastic)
     angles = [0.0, 22.5, 45.0]
@@ -72,7 +68,7 @@ def test_long_waves_of_a_lattice_are_those_of_its_continuum_and_short_ones_of_it
 
 
 @pytest.mark.parametrize("lattice", [*(cubic(ratio) for ratio in (0.05, 1.0, 20.0)), fcc(), fcc(layers=3)])
-def test_lattices_are_stable_on_the_whole_zone(lattice: Lattice) -> None:
+def test_lattices_are_stable_on_the_whole_zone(lattice):
     q = 2 * np.pi * np.fft.fftfreq(64) / lattice.spacing
     waves = Wavevectors.of_components(q[:, np.newaxis], q)
     found = lattice.stiffness(waves, 0.0)
@@ -91,14 +87,14 @@ def test_lattices_are_stable_on_the_whole_zone(lattice: Lattice) -> None:
         (fcc(layers=4), 0.763185188684),
     ],
 )
-def test_layers_on_a_rigid_one_are_stiffer(lattice: Lattice, expected: float) -> None:
+def test_layers_on_a_rigid_one_are_stiffer(lattice, expected):
     waves = Wavevectors.of_components([0.0, 0.5 / lattice.spacing], [0.0, 0.2 / lattice.spacing])
     found = lattice.stiffness(waves, 0.0)
     assert found[1] * lattice.spacing == pytest.approx(expected, rel=1e-11)
     assert found[0] == pytest.approx(lattice.mean_stiffness, rel=1e-12)
 
 
-def test_many_layers_tend_to_a_layer_on_a_rigid_base_in_the_first_order() -> None:
+def test_many_layers_tend_to_a_layer_on_a_rigid_base_in_the_first_order():
     """Poisson's ratio 1/4, q d = 1: off by 3.16e-4 and 4.71e-5 with 8 and 64 layers."""
     off = []
     for layers in (8, 64):
@@ -108,7 +104,7 @@ def test_many_layers_tend_to_a_layer_on_a_rigid_base_in_the_first_order() -> Non
     np.testing.assert_allclose(np.abs(off), [3.16e-4, 4.71e-5], rtol=5e-3)
 
 
-def test_an_isotropic_halfspace_is_one_of_all_directions() -> None:
+def test_an_isotropic_halfspace_is_one_of_all_directions():
     """K = q G/(1 - nu) with C11 - C12 = 2 C44; a transversely isotropic one has no direction in the plane."""
     angles = np.linspace(0, 360, 13)
     one = Anisotropic(C11=3.0, C12=1.0, C44=1.0)
@@ -121,7 +117,7 @@ def test_an_isotropic_halfspace_is_one_of_all_directions() -> None:
     np.testing.assert_allclose(found, math.sqrt((C11 * C33 - C13**2) / (C11 * softness)), rtol=1e-12)
 
 
-def test_bodies_turn_with_their_angle_and_keep_their_promises(tmp_path: Path) -> None:
+def test_bodies_turn_with_their_angle_and_keep_their_promises(tmp_path):
     turned = Anisotropic(C11=165.8, C12=63.9, C44=79.6, angle=20.0)
     plain = Anisotropic(C11=165.8, C12=63.9, C44=79.6)
     waves, back = at([30.0, 110.0], 3.0), at([10.0, 90.0], 3.0)
@@ -141,7 +137,7 @@ def test_bodies_turn_with_their_angle_and_keep_their_promises(tmp_path: Path) ->
         np.testing.assert_allclose(glassy, 4 * body.stiffness(grid, 0.0), rtol=1e-12)  # Ginf/G0
 
 
-def test_a_table_is_a_body_between_its_rows(tmp_path: Path) -> None:
+def test_a_table_is_a_body_between_its_rows(tmp_path):
     table = tmp_path / "stiffness.txt"
     q = np.geomspace(1.0, 1e4, 30)
     np.savetxt(table, np.column_stack((q, 2 * q)))
@@ -156,13 +152,13 @@ def test_a_table_is_a_body_between_its_rows(tmp_path: Path) -> None:
         gfmdlayer.run(config, body={"kind": "table", "table": str(table)})
 
 
-def test_an_array_of_another_code_is_a_body_on_its_grid(tmp_path: Path) -> None:
+def test_an_array_of_another_code_is_a_body_on_its_grid(tmp_path):
     """The stiffness of a lattice over the waves of a grid, in the order of NumPy's FFT."""
     n, lattice = 32, Lattice(crystal="fcc", nearest=1.0, spacing=1 / 32)
     q = 2 * np.pi * np.fft.fftfreq(n, 1 / n)
     table = tmp_path / "lattice.npy"
     np.save(table, lattice.stiffness(Wavevectors.of_components(q[:, np.newaxis], q), 0.0))
-    config: dict[str, Any] = {"grid": {"points": [n, n]}, "time": {"end": 1.0, "step": 0.5}}
+    config = {"grid": {"points": [n, n]}, "time": {"end": 1.0, "step": 0.5}}
     config |= {"punch": {"shape": "parabola", "radius": [1.0, 2.0]}, "trajectory": {"depth": 0.01}}
     own = {"kind": "table", "table": str(table), "period": 1.0}
     crystal = {"kind": "lattice", "crystal": "fcc", "nearest": 1.0, "spacing": 1 / n}
@@ -183,7 +179,7 @@ def test_an_array_of_another_code_is_a_body_on_its_grid(tmp_path: Path) -> None:
         gfmdlayer.run(config | {"grid": {"points": [16, 32]}}, body=own)
 
 
-def stroh(constants: Any, axes: Any, phi: float) -> float:
+def stroh(constants, axes, phi):
     """Return K/q by Stroh's six-dimensional eigenproblem; the rows of `axes` are x, y and z of the grid."""
     voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
     C = np.asarray(constants)[voigt[:, :, None, None], voigt]
@@ -195,7 +191,7 @@ def stroh(constants: Any, axes: Any, phi: float) -> float:
     return float(1 / (z @ (1j * A @ np.linalg.inv(B)) @ z).real)
 
 
-def test_any_elastic_constants_in_any_orientation_agree_with_stroh() -> None:
+def test_any_elastic_constants_in_any_orientation_agree_with_stroh():
     random = np.random.default_rng(4)
     for _ in range(8):
         X, z = random.standard_normal((6, 6)), random.standard_normal(3)
@@ -209,9 +205,9 @@ def test_any_elastic_constants_in_any_orientation_agree_with_stroh() -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-def test_the_orientation_turns_the_crystal() -> None:
+def test_the_orientation_turns_the_crystal():
     """About [001] like `angle`; the threefold axis of a face (111) is a sixfold one of K(q) = K(-q)."""
-    silicon: dict[str, Any] = {"C11": 165.8, "C12": 63.9, "C44": 79.6}
+    silicon = {"C11": 165.8, "C12": 63.9, "C44": 79.6}
     turned, angled = Anisotropic(**silicon, along=(1, 1, 0)), Anisotropic(**silicon, angle=-45.0)
     waves = at([0.0, 10.0, 50.0], 3.0)
     np.testing.assert_allclose(turned.stiffness(waves, 0.0), angled.stiffness(waves, 0.0), rtol=1e-13)
@@ -223,21 +219,21 @@ def test_the_orientation_turns_the_crystal() -> None:
     assert face.stiffness(at(40.0, 1.0), 0.0) != pytest.approx(six[0], rel=1e-3)
 
 
-def coefficients(n: int, m: int, axes: int) -> Any:
+def coefficients(n, m, axes):
     """Return random Hermitian Phi(q) > 0 with Phi(-q) = conj Phi(q), shape (n, m, axes, axes)."""
     fields = np.random.default_rng(5).standard_normal((n, m, axes, axes))
     A = np.fft.fft2(fields, axes=(0, 1))
     return A @ A.swapaxes(-1, -2).conj() + np.eye(axes)
 
 
-def fix_gfc(Phi: Any, cell: Any, atoms: int = 1) -> bytes:
+def fix_gfc(Phi, cell, atoms=1):
     """Return the file that LAMMPS's `fix gfc` writes."""
     n, m, size, _ = Phi.shape
     head = np.array([size // atoms, n, m, atoms], dtype="<i4").tobytes() + np.float64(8.6e-5).tobytes()
     return bytes(head + Phi.astype("<c16").tobytes() + np.ravel(cell).tobytes() + np.zeros(size).tobytes())
 
 
-def test_stiffness_measured_by_molecular_dynamics_is_a_body(tmp_path: Path) -> None:
+def test_stiffness_measured_by_molecular_dynamics_is_a_body(tmp_path):
     """The relaxed stiffness of the atoms along the normal: Phi_zz less what the other directions give."""
     Phi, table = coefficients(8, 10, 3), tmp_path / "crystal.bin.5000"
     table.write_bytes(fix_gfc(Phi, [[0.5, 0], [0, 0.25]]))
@@ -257,16 +253,13 @@ def test_stiffness_measured_by_molecular_dynamics_is_a_body(tmp_path: Path) -> N
         h5["stiffness"] = K
         h5["stiffness"].attrs["period"] = [4.0, 2.5]
     np.testing.assert_allclose(Tabulated(table=other).stiffness(waves, 0.0), found, rtol=1e-12)
-    config: dict[str, Any] = {
-        "grid": {"points": [8, 10], "period": [4.0, 2.5]},
-        "trajectory": {"depth": 0.01},
-    }
+    config = {"grid": {"points": [8, 10], "period": [4.0, 2.5]}, "trajectory": {"depth": 0.01}}
     config |= {"time": {"end": 1.0, "step": 1.0}, "punch": {"shape": "parabola", "radius": 2.0}}
     one, two = (gfmdlayer.run(config, body={"kind": "table", "table": str(each)}) for each in (table, other))
     assert float(one.force[-1]) == pytest.approx(float(two.force[-1]), rel=1e-10)
 
 
-def test_a_chain_of_atoms_is_a_line(tmp_path: Path) -> None:
+def test_a_chain_of_atoms_is_a_line(tmp_path):
     Phi, table = coefficients(16, 1, 2), tmp_path / "chain.bin.1"
     table.write_bytes(fix_gfc(Phi, [[0.5, 0], [0, 0]]))
     freed = Phi[:, 0, 1, 1].real - np.abs(Phi[:, 0, 0, 1]) ** 2 / Phi[:, 0, 0, 0].real
@@ -274,7 +267,7 @@ def test_a_chain_of_atoms_is_a_line(tmp_path: Path) -> None:
     np.testing.assert_allclose(Tabulated(table=table).stiffness(q, 0.0), freed[1:9] / 0.5, rtol=1e-12)
 
 
-def saved(values: Any) -> bytes:
+def saved(values):
     stream = io.BytesIO()
     np.save(stream, values)
     return stream.getvalue()
@@ -296,9 +289,7 @@ def saved(values: Any) -> bytes:
         ("h5", b"no HDF5", "cannot be read as an array"),
     ],
 )  # fmt: skip
-def test_files_that_hold_no_stiffness_are_refused(
-    tmp_path: Path, name: str, data: bytes, message: str
-) -> None:
+def test_files_that_hold_no_stiffness_are_refused(tmp_path, name, data, message):
     table = tmp_path / f"crystal.{name}"
     table.write_bytes(data)
     body = {"kind": "table", "table": str(table)} | ({"period": 1.0} if name == "npy" else {})
@@ -306,12 +297,12 @@ def test_files_that_hold_no_stiffness_are_refused(
         gfmdlayer.Config(name="a", grid={"points": [8, 8], "period": 1.0}, body=body)
 
 
-def test_atoms_are_points_of_the_grid_in_solve_too() -> None:
+def test_atoms_are_points_of_the_grid_in_solve_too():
     with pytest.raises(gfmdlayer.ConfigError, match=r"spacing: got 1\.0 on a grid of spacing 0\.125"):
         gfmdlayer.solve(cubic(1.0), gfmdlayer.Parabola(radius=1.0), depth=0.01, points=(8, 8), period=1.0)
 
 
-def test_a_contact_on_a_crystal_tends_to_that_on_its_continuum() -> None:
+def test_a_contact_on_a_crystal_tends_to_that_on_its_continuum():
     """A sphere of 2^-1/2 times the number of atoms over the radius; the area is known to a ring of atoms."""
     areas = []
     for points in (32, 96):
@@ -329,7 +320,7 @@ def test_a_contact_on_a_crystal_tends_to_that_on_its_continuum() -> None:
 
 
 @pytest.mark.parametrize("method", ["active_set", "nested_gradient", "conjugate_gradient"])
-def test_all_solvers_find_the_same_contact_on_a_lattice(method: str) -> None:
+def test_all_solvers_find_the_same_contact_on_a_lattice(method):
     config = {"grid": {"points": [32, 32]}, "time": {"end": 1.0, "step": 1.0}, "trajectory": {"depth": 0.01}}
     config |= {"body": {"kind": "lattice", "crystal": "fcc", "nearest": 1.0, "spacing": 1 / 32}}
     config |= {"punch": {"shape": "parabola", "radius": 1.0}, "output": {"snapshots": [1.0]}}

@@ -1,7 +1,5 @@
 """Relaxing modes of several components against the network that they come from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -15,7 +13,7 @@ ROUNDING = 1e-12
 NQ, REDUNDANT, INTERNAL = 4, 3, 6
 
 
-def random_network(components: int, phases: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def random_network(components, phases):
     rng = np.random.default_rng(components)
     force = rng.normal(size=(NQ, REDUNDANT, components))
     if phases:  # a displacement along the wave is i times a real one
@@ -23,7 +21,7 @@ def random_network(components: int, phases: bool) -> tuple[np.ndarray, np.ndarra
     return force, rng.normal(size=(NQ, REDUNDANT, INTERNAL)), 10 ** rng.uniform(-2, 2, INTERNAL)
 
 
-def is_passive(found: VectorSpectrum) -> bool:
+def is_passive(found):
     """Whether K_0 is Hermitian and not negative, to rounding, and all times are positive."""
     size = ROUNDING * np.abs(found.relaxed).max()
     hermitian = np.abs(found.relaxed - np.swapaxes(found.relaxed, -1, -2).conj()).max() <= size
@@ -32,7 +30,7 @@ def is_passive(found: VectorSpectrum) -> bool:
 
 @pytest.mark.parametrize("phases", [False, True])
 @pytest.mark.parametrize("components", [1, 2, 3])
-def test_modes_add_up_to_the_response_of_the_network(components: int, phases: bool) -> None:
+def test_modes_add_up_to_the_response_of_the_network(components, phases):
     g, B, times = random_network(components, phases)
     found = vector_spectrum(g, B, times)
     assert found.vectors.shape == (INTERNAL, NQ, components)
@@ -46,7 +44,7 @@ def test_modes_add_up_to_the_response_of_the_network(components: int, phases: bo
     np.testing.assert_allclose(found.glassy, adjoint @ g, rtol=0, atol=ROUNDING * scale)
 
 
-def test_one_component_is_the_scalar_spectrum() -> None:
+def test_one_component_is_the_scalar_spectrum():
     stack = LayerStack((Layer(0.1, 0.4, Zener()), Layer(0.2, 0.5, Zener(tau=3.0))), rigid=True)
     scalar = stack.spectrum(np.array([[1.0, 5.0, 20.0]]))
     found = VectorSpectrum.of(scalar)
@@ -57,7 +55,7 @@ def test_one_component_is_the_scalar_spectrum() -> None:
     np.testing.assert_allclose(found.stiffness(s)[..., 0, 0], scalar.stiffness(s), rtol=ROUNDING)
 
 
-def test_the_normal_response_of_a_stack_is_that_of_its_network() -> None:
+def test_the_normal_response_of_a_stack_is_that_of_its_network():
     base = Layer(np.inf, 0.3, Prony(2.0, [(1.0, 0.2), (3.0, 5.0)]))
     stack, q = LayerStack((Layer(0.1, 0.5, Zener()), base)), np.array([0.5, 3.0, 10.0])
     network = stack.network(q)

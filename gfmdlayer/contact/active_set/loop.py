@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.contact.pressure_form import Iterate, System
+from gfmdlayer.contact.pressure_form import Iterate, System, apply_to
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
+from gfmdlayer.grid.transforms import Plans, Transforms, backward
 from gfmdlayer.kernels import LANES, kernel, maximum, minimum
 
 _LINES = 2  # on either side that are close to a contact on a surface
@@ -286,7 +286,7 @@ def iterate(  # groups of arrays, and the limits of one call
             continue
         _precondition(plans, system, at, contact, work, shift)
         product, slope = _next_direction(system, at, contact, work, shift, 1.0 / last if last > 0.0 else 0.0)
-        _apply(plans, system, work)
+        apply_to(plans, system.compliance, work.direction, work.spectrum, work.spectrum, work.change)
         transforms += 4
         curvature = dot(contact, work.direction, work.change)
         if not (curvature > 0.0 and slope > 0.0):
@@ -309,10 +309,7 @@ def iterate(  # groups of arrays, and the limits of one call
 def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
     """Gap of the pressure at every point, and the mean displacement; two transforms."""
     now = work.now[0]
-    forward(plans, at.p, at.spectrum)
-    for k in range(work.spectrum.size):
-        work.spectrum[k] = system.compliance[k] * at.spectrum[k]
-    backward(plans, work.spectrum, at.gap)
+    apply_to(plans, system.compliance, at.p, at.spectrum, work.spectrum, at.gap)
     for i in range(at.gap.size):
         at.gap[i] += system.gap0[i]
     now.mean = now.free_mean - system.mean_compliance * at.spectrum[0].real
@@ -384,10 +381,7 @@ def _precondition(
         gap = at.gap[contact.runs[k, 0] : contact.runs[k, 1]]
         for i in range(z.size):
             z[i] = shift - gap[i]
-    forward(plans, work.z, work.spectrum)
-    for k in range(work.spectrum.size):
-        work.spectrum[k] *= system.stiffness[k]
-    backward(plans, work.spectrum, work.z)
+    apply_to(plans, system.stiffness, work.z, work.spectrum, work.spectrum, work.z)
 
 
 @kernel(reorder=True, inner=True)
@@ -412,15 +406,6 @@ def _next_direction(
     if along != 0.0:
         add(runs, count, -along, work.pressure, d)
     return product, _along_residual(at, contact, d, shift)
-
-
-@kernel(reorder=True, inner=True)
-def _apply(plans: Plans, system: System, work: Work) -> None:
-    """Effect of the direction on the gaps; two transforms."""
-    forward(plans, work.direction, work.spectrum)
-    for k in range(work.spectrum.size):
-        work.spectrum[k] *= system.compliance[k]
-    backward(plans, work.spectrum, work.change)
 
 
 @kernel(inner=True)

@@ -367,7 +367,7 @@ class Windows:
     def solve(
         self, problem: Problem, guess: FloatArray, tolerance: float, rounds: int, limit: int
     ) -> WindowResult:
-        """Solve in the shortest window around a guess of the pressure, then in larger ones if it grows."""
+        """Solve in the shortest window around a guess of the pressure; in larger ones if it is too small."""
         # Without contact in the guess, the overlap of the surface without pressure takes its place. The
         # result is empty where nothing overlaps, or no window is short enough.
         surface = WholeSurface(

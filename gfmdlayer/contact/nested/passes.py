@@ -337,14 +337,12 @@ def settle(
 
 
 class ParallelPasses:
-    """Calls kernels with stretches of the points, first and end, and completes their results over all points.
-
-    Kernels release the interpreter's lock, so threads of Python do. Each takes a stretch of whole rows,
-    always the same one: sums have the same bits from run to run. `shape` takes the place of the grid's, as
-    for modes.
-    """
+    """Calls kernels with stretches of the points, first and end, and completes their results over all."""
 
     def __init__(self, grid: Grid, threads: int, shape: tuple[int, ...] | None = None) -> None:
+        # Kernels release the interpreter's lock, so threads of Python do. Each takes a stretch of whole rows,
+        # always the same one: sums have the same bits from run to run. `shape` takes the place of the grid's,
+        # as for modes.
         self._sums, self._whole, shape = grid.sums, grid.is_whole, shape or grid.shape
         size, columns = prod(shape), max(shape[-1], 1)
         threads = min(threads, size // columns) if size >= WORTH_THREADS else 1

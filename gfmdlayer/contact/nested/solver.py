@@ -222,15 +222,13 @@ _AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the 
 
 
 class NestedGradient:
-    """The solver for the steps of one run, on a grid or else on the grid of the transforms, of period 1.
-
-    `spent` counts the FFT pairs of the last step in double and in single precision, those of coarser grids as
-    parts.
-    """
+    """The solver for the steps of one run, on a grid or else on the grid of the transforms, of period 1."""
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
     def __init__(self, transforms: Transforms, grid: Grid | None = None) -> None:
+        # `spent` counts the FFT pairs of the last step in double and in single precision, those of coarser
+        # grids as parts.
         self._transforms = transforms
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: Level | None = None
