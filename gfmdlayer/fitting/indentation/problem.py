@@ -15,9 +15,9 @@ covariance C from least squares. With the derivatives P of the predictions to th
 have the covariance noise^2 + P C P^T; they are multiplied by its inverse root (generalised least squares).
 
 Derivatives are forward differences of solutions without extrapolation to zero step, whose error of second
-order in the step hardly changes between two of them. Some are exact and need no solution: the derivatives to corrections of
-the measured quantity, and, where all moduli of the body are free and depths prescribed, the derivative to the
-last modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
+order in the step hardly changes between two of them. Some are exact and need no solution: the derivatives to
+corrections of the measured quantity, and, where all moduli of the body are free and depths prescribed, the
+derivative to the last modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
 """
 
 from __future__ import annotations
