@@ -60,11 +60,12 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
         with h5py.File(path, locking=False) as h5:
             if h5.attrs["complete"] != 1 or digest not in (None, h5.attrs.get("digest")):
                 return False
+            count, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]  # fits of curves have none
             columns, fields = _growing(h5)
-            rows = [(column, h5.attrs["rows"], math.inf) for column in columns.values()]
+            rows = [(column, count, math.inf) for column in columns.values()]
             for dataset, length, largest in (
                 *rows,
-                *((f, h5.attrs["snapshots"], most) for f in fields.values()),
+                *((f, snapshots, most) for f in fields.values()),
             ):
                 small = dataset.size * dataset.dtype.itemsize <= largest
                 if _length(dataset, read=small and not intact) != length:
