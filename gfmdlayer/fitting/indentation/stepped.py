@@ -21,12 +21,21 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, Setup
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.compliance import Compliance
-from gfmdlayer.indentation.solve import History, LeftGridError, Space, find_space, make_space, on_halved_steps
+from gfmdlayer.indentation.solve import (
+    History,
+    LeftGridError,
+    Space,
+    find_space,
+    make_space,
+    on_halved_steps,
+    on_steps,
+)
 
 STEPS = 32  # of a mesh; each piece has at least FEWEST
 FEWEST = 2
 TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
 WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
+KEPT = 8  # compliances: as many as the derivatives to all parameters of one body need
 EVEN = 0.3  # fraction of the steps that is spread evenly over the time
 
 
@@ -38,7 +47,7 @@ class SteppedContact:
         self._curve = curve
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
-        self._made: list[tuple[Setup, Space, Compliance]] = []  # the last two
+        self._made: list[tuple[Setup, Space, Compliance]] = []  # the last ones
 
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
         """Choose the times by the bends of the response, and the nodes by the lengths of the body."""
@@ -48,10 +57,12 @@ class SteppedContact:
         if times.size > 2 and np.ptp(force) > 0:
             self._parts = _graded(times, force, depth, pieces, setup.onset)
 
-    def response(self, setup: Setup, at: Correction, pieces: Pieces) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth of the indenter at the rows."""
+    def response(
+        self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth of the indenter at the rows; `rough` for differences, see `_solution`."""
         rows = self._curve.time
-        times, force, depth = self._solution(setup, at, pieces)
+        times, force, depth = self._solution(setup, at, pieces, rough)
         value, by_force = pieces.at(rows)
         forces, depths = np.where(by_force, np.maximum(value, 0.0), 0.0), np.zeros(rows.size)
         edges = [times[0], *(time for time in pieces.breakpoints if time > times[0])]
@@ -67,9 +78,12 @@ class SteppedContact:
         return forces, np.where(by_force, depths, value - away)
 
     def _solution(
-        self, setup: Setup, at: Correction, pieces: Pieces
+        self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return times, forces and depths of the indenter from the first contact on."""
+        """Return times, forces and depths of the indenter from the first contact on.
+
+        A `rough` solution has an error of second order in the step, of which differences are nearly free.
+        """
         times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
         both = np.empty(2 * times.size - 1)
         both[::2], both[1::2] = times, (times[1:] + times[:-1]) / 2
@@ -82,14 +96,15 @@ class SteppedContact:
                 made = self._compliance(setup, space)
                 if self._curve.by_base:
                     space, made = with_spring(space, made, at.stiffness)
-                found = on_halved_steps(made, space, setup.profile, history, times)
+                steps = on_steps if rough else on_halved_steps
+                found = steps(made, space, setup.profile, history, times)
             except LeftGridError:
                 reach = min(WIDER * self._space.nodes.reach, setup.profile.rim)
                 self._space, self.changes = make_space(self._space.features, reach), self.changes + 1
             except ArithmeticError as error:
                 raise FitError(f"curve {self._curve.name}: {error}") from error
             else:
-                force, depth = found.force[::2], found.depth[::2]
+                force, depth = (each if rough else each[::2] for each in (found.force, found.depth))
                 return times, force, depth - force / at.stiffness if self._curve.by_base else depth
 
     def _compliance(self, setup: Setup, space: Space) -> Compliance:
@@ -97,7 +112,7 @@ class SteppedContact:
             if known is setup and nodes is space:
                 return made
         made = space.compliance(setup.body)
-        self._made = [(setup, space, made), *self._made[:1]]
+        self._made = [(setup, space, made), *self._made[: KEPT - 1]]
         return made
 
     def _find_space(self, setup: Setup, at: Correction, pieces: Pieces) -> Space:
