@@ -404,7 +404,7 @@ def on_halved_steps(
     made = body if isinstance(body, Compliance) else space.compliance(body)
     coarse = on_steps(made, space, profile, history, time)
     fine = on_steps(made, space, profile, history, halved(time), NO_ADHESION, snapshots)
-    return _extrapolated(coarse, fine, history)
+    return _extrapolated(coarse, fine, history, NO_ADHESION)
 
 
 def on_quartered_steps(
@@ -426,7 +426,8 @@ def on_quartered_steps(
     made = body if isinstance(body, Compliance) else space.compliance(body)
     whole, half = (on_steps(made, space, profile, history, each, adhesion) for each in (time, halved(time)))
     quarter = on_steps(made, space, profile, history, halved(half.time), adhesion, snapshots)
-    rough, fine = _extrapolated(whole, half, history), _extrapolated(half, quarter, history)
+    rough = _extrapolated(whole, half, history, adhesion)
+    fine = _extrapolated(half, quarter, history, adhesion)
     # Where contact is lost the radius falls like a root of time: then the error of its square counts.
     small = _SMALL * fine.radius.max() + 1e-300
     share = np.minimum(1.0, np.minimum(rough.radius, fine.radius[::2]) / small)
@@ -465,7 +466,7 @@ def halved(time: FloatArray) -> FloatArray:
     return both
 
 
-def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> Indentation:
+def _extrapolated(coarse: Indentation, fine: Indentation, history: History, adhesion: Edge) -> Indentation:
     """Return a run on halved steps without its error of second order, by the run on the steps.
 
     The gain is known where both runs touch, or both do not; between these times it is a parabola, and beyond
@@ -492,7 +493,7 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> I
         return found
 
     return fine._replace(
-        force=np.maximum(better(fine.force, coarse.force), -math.inf if fine.parted.any() else 0.0),
+        force=np.maximum(better(fine.force, coarse.force), -math.inf if adhesion.work else 0.0),
         depth=better(fine.depth, coarse.depth),
         radius=np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)),
         stored=better(fine.stored, coarse.stored),
