@@ -493,10 +493,11 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History, adhe
             found[at] += gain[at]
         return found
 
+    reach = math.inf if fine.space is None else fine.space.nodes.reach  # at most the rim of the indenter
     return fine._replace(
         force=np.maximum(better(fine.force, coarse.force), -math.inf if adhesion.work else 0.0),
         depth=better(fine.depth, coarse.depth),
-        radius=np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)),
+        radius=np.minimum(np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)), reach),
         stored=better(fine.stored, coarse.stored),
         dissipated=better(fine.dissipated, coarse.dissipated),
         parted=better(fine.parted, coarse.parted),

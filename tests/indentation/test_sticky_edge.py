@@ -153,6 +153,16 @@ def test_an_elastic_flat_punch_pulls_off_at_kendalls_force_within_the_tolerance(
     assert 0 <= kendall - found.attrs["pull_off_force"] < 4.0 * shift
 
 
+def test_the_contact_of_a_flat_punch_is_never_wider_than_its_end():
+    """The extrapolation to steps of no length was 2 % wider at this tolerance."""
+    body, punch = gfmdlayer.halfspace(Prony(1.0, [(9.0, 1.0)])), ([0.0, 0.15, 0.3], [0.0, 0.0, 0.0])
+    given = {"work_of_adhesion": 1e-3, "edge_speed": 0.5, "tolerance": 1e-2}
+    found = gfmdlayer.indent(
+        body, punch, [0.0, 1.0, 1.5, 2.5, 3.5], depth=[0, 0.05, 0.05, -0.3, 0.04], **given
+    )
+    assert float(found.contact_radius.max()) <= 0.3
+
+
 def test_whole_numbers_are_the_same_edge():
     """Another type of a number would compile the kernels again, which takes half a minute."""
     body = find_space(LAYER, paraboloid(1.0), PRESS_AND_RETRACT).compliance(LAYER)
