@@ -61,11 +61,9 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
             if h5.attrs["complete"] != 1 or digest not in (None, h5.attrs.get("digest")):
                 return False
             columns, fields = _growing(h5)
-            rows = [(column, h5.attrs["rows"], math.inf) for column in columns.values()]
-            for dataset, length, largest in (
-                *rows,
-                *((f, h5.attrs["snapshots"], most) for f in fields.values()),
-            ):
+            growing = [(column, h5.attrs["rows"], math.inf) for column in columns.values()]
+            growing += [(field, h5.attrs["snapshots"], most) for field in fields.values()]
+            for dataset, length, largest in growing:
                 small = dataset.size * dataset.dtype.itemsize <= largest
                 if _length(dataset, read=small and not intact) != length:
                     return False
