@@ -64,7 +64,8 @@ class Edge(NamedTuple):
                 f"healing_work: got {healing:.6g}; must be <= {most:.6g}, work_of_adhesion times the square "
                 "of the surface's relaxed over its glassy modulus: cycles would gain energy"
             )
-        return EdgeLaw(self.work * ratio, healing / ratio, self.speed, self.exponent)
+        # Whole numbers would compile the kernels once more.
+        return EdgeLaw(self.work * ratio, healing / ratio, float(self.speed), float(self.exponent))
 
 
 NO_ADHESION = Edge()
@@ -404,7 +405,7 @@ def on_halved_steps(
     made = body if isinstance(body, Compliance) else space.compliance(body)
     coarse = on_steps(made, space, profile, history, time)
     fine = on_steps(made, space, profile, history, halved(time), NO_ADHESION, snapshots)
-    return _extrapolated(coarse, fine, history)
+    return _extrapolated(coarse, fine, history, NO_ADHESION)
 
 
 def on_quartered_steps(
@@ -426,7 +427,8 @@ def on_quartered_steps(
     made = body if isinstance(body, Compliance) else space.compliance(body)
     whole, half = (on_steps(made, space, profile, history, each, adhesion) for each in (time, halved(time)))
     quarter = on_steps(made, space, profile, history, halved(half.time), adhesion, snapshots)
-    rough, fine = _extrapolated(whole, half, history), _extrapolated(half, quarter, history)
+    rough = _extrapolated(whole, half, history, adhesion)
+    fine = _extrapolated(half, quarter, history, adhesion)
     # Where contact is lost the radius falls like a root of time: then the error of its square counts.
     small = _SMALL * fine.radius.max() + 1e-300
     share = np.minimum(1.0, np.minimum(rough.radius, fine.radius[::2]) / small)
@@ -453,9 +455,20 @@ def _apart(time: FloatArray, fine: FloatArray, rough: FloatArray, shift: float) 
 
 
 def _jumps(found: Indentation, shift: float) -> IntArray:
-    """Steps, of which a run takes the quarters, with a quarter above the shift in which contact changes."""
+    """Steps of a run above the shift in which contact begins or is lost."""
     touching = found.radius > 0
-    return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(found.time) > shift)) // 4
+    return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(found.time) > shift))
+
+
+def _beside_the_pull(found: Indentation, tolerance: float) -> IntArray:
+    """The two steps at the row of the largest pull, if the force bends there by more than the tolerance."""
+    at = int(found.force.argmin())
+    near = slice(max(at - 1, 0), at + 2)
+    if found.force[at] >= 0 or not found.radius[near].all() or found.force[near].size < 3:
+        return np.zeros(0, dtype=int)
+    # Between equal steps a parabola is at most an eighth of its second difference below its least row.
+    bend = float(np.diff(found.force[near], 2)[0]) / 8
+    return np.array([at - 1, at] if bend > tolerance * np.abs(found.force).max() else [], dtype=int)
 
 
 def halved(time: FloatArray) -> FloatArray:
@@ -465,7 +478,7 @@ def halved(time: FloatArray) -> FloatArray:
     return both
 
 
-def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> Indentation:
+def _extrapolated(coarse: Indentation, fine: Indentation, history: History, adhesion: Edge) -> Indentation:
     """Return a run on halved steps without its error of second order, by the run on the steps.
 
     The gain is known where both runs touch, or both do not; between these times it is a parabola, and beyond
@@ -491,10 +504,11 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> I
             found[at] += gain[at]
         return found
 
+    reach = math.inf if fine.space is None else fine.space.nodes.reach  # at most the rim of the indenter
     return fine._replace(
-        force=np.maximum(better(fine.force, coarse.force), -math.inf if fine.parted.any() else 0.0),
+        force=np.maximum(better(fine.force, coarse.force), -math.inf if adhesion.work else 0.0),
         depth=better(fine.depth, coarse.depth),
-        radius=np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)),
+        radius=np.minimum(np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)), reach),
         stored=better(fine.stored, coarse.stored),
         dissipated=better(fine.dissipated, coarse.dissipated),
         parted=better(fine.parted, coarse.parted),
@@ -578,13 +592,24 @@ def _to_tolerance(
     first = on_steps(body, space, profile, history, graded_steps(knots, shortest), adhesion)
     if math.isinf(shortest) and math.isinf(adhesion.speed):
         time = even_steps(first, knots, 0.1)
-        return on_steps(body, space, profile, history, time, adhesion, kept)._replace(error=0.0)
+        shift = tolerance * float(knots[-1] - knots[0]) if adhesion.work else math.inf
+        for _ in range(
+            _MOST_MESHES
+        ):  # each step is exact: only a jump and the largest pull depend on its steps
+            found = on_steps(body, space, profile, history, time, adhesion, kept)
+            coarse = np.append(_jumps(found, shift), _beside_the_pull(found, tolerance))
+            if not coarse.size:
+                break
+            parts = np.ones(time.size - 1)
+            parts[coarse] = _PARTS_OF_JUMP
+            time = _refined(time, parts, knots)
+        return found._replace(error=0.0)
     time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
     solutions, shift = 0, tolerance * float(knots[-1] - knots[0]) if adhesion.work else 0.0
     for mesh in range(_MOST_MESHES):
         found, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
         solutions += found.solutions
-        jumps = _jumps(found, shift) if shift else np.zeros(0, dtype=int)
+        jumps = _jumps(found, shift) // 4 if shift else np.zeros(0, dtype=int)
         if (found.error <= tolerance and not jumps.size) or found.time.size > _MOST_STEPS:
             break
         everywhere = (mesh + 1) / _MOST_MESHES * (_BEFORE_JUMPS if shift else 1.0)

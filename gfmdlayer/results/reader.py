@@ -60,9 +60,10 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
         with h5py.File(path, locking=False) as h5:
             if h5.attrs["complete"] != 1 or digest not in (None, h5.attrs.get("digest")):
                 return False
+            count, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]  # fits of curves have none
             columns, fields = _growing(h5)
-            growing = [(column, h5.attrs["rows"], math.inf) for column in columns.values()]
-            growing += [(field, h5.attrs["snapshots"], most) for field in fields.values()]
+            growing = [(column, count, math.inf) for column in columns.values()]
+            growing += [(field, snapshots, most) for field in fields.values()]
             for dataset, length, largest in growing:
                 small = dataset.size * dataset.dtype.itemsize <= largest
                 if _length(dataset, read=small and not intact) != length:

@@ -122,6 +122,8 @@ class ForceCurve:
             return
         if self.time.size < FEWEST_ROWS:
             yield f"has {self.time.size} rows; a fit needs at least {FEWEST_ROWS}"
+        if not self.time.size:
+            return
         sound = True
         for key in sizes:
             values = getattr(self, key)
