@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.body import Body
 
 FIELDS = ("pressure", "displacement", "gap")
+_FINEST = 1e-9  # least tolerance: far below it nodes fill the memory (1e-20: 238 GiB)
 
 
 def indent(
@@ -58,7 +59,7 @@ def indent(
         Estimated error of force, depth and contact radius, relative to the largest of each. A radius below a
         tenth of the largest counts by its square: it falls like a root of time where contact is lost. With
         adhesion contact jumps: then an error does not count that a shift in time mends, by up to `tolerance`
-        times the duration.
+        times the duration. Not below 1e-9.
     work_of_adhesion : float
         Energy per area that a slowly receding edge of the contact takes (JKR), with the relaxed modulus.
     edge_speed, edge_exponent : float
@@ -84,7 +85,7 @@ def indent(
     Raises
     ------
     TypeError
-        If the body lacks what an indentation needs.
+        If the body lacks what an indentation needs, or a number is none.
     ValueError
         If the input is impossible; the message has the reason and the allowed values.
     ArithmeticError
@@ -103,14 +104,7 @@ def indent(
 
     check_body(body, "stiffness", "spectrum")
     history = _history(time, depth, force)
-    for name, value in {"work_of_adhesion": work_of_adhesion, "healing_work": healing_work or 0.0}.items():
-        if not 0 <= value < math.inf:
-            raise ValueError(f"{name}: got {value!r}; must be finite and >= 0")
-    if not edge_speed > 0:
-        raise ValueError(f"edge_speed: got {edge_speed!r}; must be > 0")
-    for name, value in {"edge_exponent": edge_exponent, "tolerance": tolerance}.items():
-        if not 0 < value < math.inf:
-            raise ValueError(f"{name}: got {value!r}; must be finite and > 0")
+    _check_numbers(tolerance, work_of_adhesion, edge_speed, edge_exponent, healing_work or 0.0)
     if not work_of_adhesion and history.by_force and history.value.min() < 0:
         raise ValueError(f"force: got {history.value.min():.6g}; must be >= 0 without adhesion")
     if not history.by_force and history.value.max() >= (floor := getattr(body, "rigid_below", math.inf)):
@@ -167,9 +161,37 @@ def as_revolution(indenter: Any) -> Revolution:
     raise ValueError(f"got {indenter!r}; must be a shape of revolution, its keys, or radii and heights")
 
 
+def _check_numbers(
+    tolerance: float, work_of_adhesion: float, edge_speed: float, edge_exponent: float, healing_work: float
+) -> None:
+    numbers = {
+        "work_of_adhesion": work_of_adhesion,
+        "edge_speed": edge_speed,
+        "edge_exponent": edge_exponent,
+        "healing_work": healing_work,
+        "tolerance": tolerance,
+    }
+    for name, value in numbers.items():
+        if np.ndim(value) or np.asarray(value).dtype.kind not in "iuf":
+            raise TypeError(f"{name}: got {value!r}; must be a number")
+    for name in ("work_of_adhesion", "healing_work"):
+        if not 0 <= numbers[name] < math.inf:
+            raise ValueError(f"{name}: got {numbers[name]!r}; must be finite and >= 0")
+    if not edge_speed > 0:
+        raise ValueError(f"edge_speed: got {edge_speed!r}; must be > 0")
+    if not 0 < edge_exponent < math.inf:
+        raise ValueError(f"edge_exponent: got {edge_exponent!r}; must be finite and > 0")
+    if not _FINEST <= tolerance < math.inf:
+        raise ValueError(f"tolerance: got {tolerance!r}; must be finite and >= {_FINEST:g}")
+    if not work_of_adhesion and (edge_speed < math.inf or healing_work):
+        name = "edge_speed" if edge_speed < math.inf else "healing_work"
+        raise ValueError(f"{name}: got {numbers[name]!r} without adhesion; must have a work_of_adhesion > 0")
+
+
 def _history(time: ArrayLike, depth: ArrayLike | None, force: ArrayLike | None) -> History:
     if (depth is None) == (force is None):
-        raise ValueError("depth, force: must be given one of the two")
+        got = "neither" if depth is None else "both"
+        raise ValueError(f"depth, force: got {got}; must be one of the two")
     name = "depth" if force is None else "force"
     times = np.asarray(time, dtype=float)
     values: FloatArray = np.asarray(depth if force is None else force, dtype=float)

@@ -32,8 +32,16 @@ def test_every_variable_has_a_meaning_and_units():
         ({"shape": "wedge", "slope": 0.1}, [0, 1], {"depth": [0, 0.1]}, "must be a shape of revolution"),
         ({"shape": "ball"}, [0, 1], {"depth": [0, 0.1]}, "shape: got 'ball'; must be one of parabola"),
         ({"radius": [1.0, 2.0]}, [0, 1], {"depth": [0, 0.1]}, "radius: got .*one number"),
-        ({"radius": 1.0}, [0, 1], {}, "depth, force: must be given one of the two"),
-        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "force": [0, 1]}, "one of the two"),
+        ({"radius": 1.0}, [0, 1], {}, "depth, force: got neither; must be one of the two"),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "force": [0, 1]}, "got both; must be one of the two"),
+        (
+            {"radius": 1.0},
+            [0, 1],
+            {"depth": [0, 0.1], "work_of_adhesion": "0.1"},
+            "got '0.1'; must be a number",
+        ),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "edge_speed": 0.1}, "must have a work_of_adhesion > 0"),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "tolerance": 1e-20}, "tolerance: got 1e-20; must be"),
         ({"radius": 1.0}, [0, 0], {"depth": [0, 0.1]}, "time: got 0 after 0; must ascend"),
         ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1, 0.2]}, "depth: got shape"),
         ({"radius": 1.0}, [0, 1], {"depth": [0, np.nan]}, "must be finite"),
@@ -43,5 +51,5 @@ def test_every_variable_has_a_meaning_and_units():
     ],
 )
 def test_impossible_input_is_refused(indenter, time, values, said):
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises((TypeError, ValueError), match=said):
         gfmdlayer.indent(BODY, indenter, time, **values)

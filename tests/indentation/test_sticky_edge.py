@@ -187,7 +187,7 @@ def test_whole_numbers_are_the_same_edge():
             {"work_of_adhesion": 1.0, "edge_exponent": math.inf},
             "edge_exponent: got inf; must be finite and > 0",
         ),
-        ({"tolerance": 0.0}, "tolerance: got 0.0; must be finite and > 0"),
+        ({"tolerance": 0.0}, "tolerance: got 0.0; must be finite and >= 1e-09"),
         ({"work_of_adhesion": 1.0, "healing_work": 0.05}, "healing_work: got 0.05; must be <= 0.04"),
     ],
 )
