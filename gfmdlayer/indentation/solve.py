@@ -174,6 +174,7 @@ def march_on(
     time: FloatArray,
     adhesion: Edge = NO_ADHESION,
     snapshots: FloatArray | None = None,
+    located: float = 1.0,
 ) -> Marched:
     """Follow a history on given steps, see `on_steps`."""
     value = np.interp(time, history.time, history.value)
@@ -181,7 +182,7 @@ def march_on(
     kept = np.isin(time, [] if snapshots is None else snapshots)
     pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
     by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
-    drive = Drive(time, value, by_force, breakpoints, kept, adhesion.law(body), _EDGE)
+    drive = Drive(time, value, by_force, breakpoints, kept, adhesion.law(body), located, _EDGE)
     found = march(body, _branches(body), profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
@@ -365,6 +366,7 @@ class Indentation(NamedTuple):
     solutions: int  # solved integral equations
     fields: Marched | None = None  # with the fields at the snapshots
     space: Space | None = None
+    lost: FloatArray | None = None  # (losses, 2), times and forces before it, if they are located
 
 
 def on_steps(
@@ -375,6 +377,7 @@ def on_steps(
     time: FloatArray,
     adhesion: Edge = NO_ADHESION,
     snapshots: FloatArray | None = None,
+    located: float = 1.0,
 ) -> Indentation:
     """Follow a history on given times: the ends of the steps, among them its breakpoints and snapshots.
 
@@ -382,7 +385,7 @@ def on_steps(
     LeftGridError if the contact grows beyond the space, ArithmeticError if a contact radius is not found.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
-    found = march_on(made, space, profile, history, time, adhesion, snapshots)
+    found = march_on(made, space, profile, history, time, adhesion, snapshots, located)
     return Indentation(
         time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.parted,
         found.rise, math.nan, found.solutions, found, space,
@@ -396,15 +399,29 @@ def on_halved_steps(
     history: History,
     time: FloatArray,
     snapshots: FloatArray | None = None,
+    adhesion: Edge = NO_ADHESION,
+    located: float = 1.0,
 ) -> Indentation:
     """Follow a history on given times and their middles, without the error of second order in the step.
 
     The arguments are those of `on_steps`. The result has 2 nt - 1 times, and no estimate of its error.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
-    coarse = on_steps(made, space, profile, history, time)
-    fine = on_steps(made, space, profile, history, halved(time), NO_ADHESION, snapshots)
-    return _extrapolated(coarse, fine, history)
+    coarse = on_steps(made, space, profile, history, time, adhesion, None, located)
+    fine = on_steps(made, space, profile, history, halved(time), adhesion, snapshots, located)
+    found = _extrapolated(coarse, fine, history)
+    return found._replace(lost=_losses(coarse, fine)) if adhesion.work else found
+
+
+def _losses(coarse: Indentation, fine: Indentation) -> FloatArray:
+    """Return times at which contact is lost, without their error of second order, and forces before it."""
+    assert coarse.fields is not None
+    assert fine.fields is not None
+    whole, half = (np.flatnonzero(np.isfinite(each.fields.lost)) for each in (coarse, fine))  # type: ignore[union-attr]
+    times, forces = fine.fields.lost[half], fine.fields.last_force[half]
+    if whole.size == half.size:
+        times = times + (times - coarse.fields.lost[whole]) / 3
+    return np.column_stack((times, forces))
 
 
 def on_quartered_steps(

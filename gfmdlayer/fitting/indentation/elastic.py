@@ -22,7 +22,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Protocol
 
 import numpy as np
 from pydantic import ValidationError
@@ -67,6 +67,10 @@ class JKR(Kind):
     """adhesion at the edge of the contact"""
     work: Positive
     """work of adhesion: pressure length"""
+    speed: Positive | None = None
+    """speed of a receding edge at which the work doubles: length / time; none: it does not grow"""
+    exponent: Positive = 0.6
+    """exponent of its growth"""
 
 
 class DMT(Kind):
@@ -89,7 +93,7 @@ KINDS: Mapping[str, str] = {"jkr": "work", "dmt": "force"}  # and their paramete
 def read_adhesion(data: object) -> dict[str, str | float]:
     """Return the section `adhesion` of a model; ConfigError with every error."""
     try:
-        return dict(_Holder.model_validate({"adhesion": data}).adhesion.model_dump())
+        return dict(_Holder.model_validate({"adhesion": data}).adhesion.model_dump(exclude_none=True))
     except ValidationError as error:
         found = _Holder.all_problems({"adhesion": data}, error)
         raise ConfigError(map(str, found)) from None
@@ -97,8 +101,7 @@ def read_adhesion(data: object) -> dict[str, str | float]:
 
 def adhesion_of(section: Mapping[str, str | float] | None) -> Adhesion:
     """Return the adhesion that a section `adhesion` describes."""
-    values = {} if section is None else {key: float(section[key]) for key in KINDS.values() if key in section}
-    return Adhesion(**values)
+    return Adhesion(**{key: float(value) for key, value in (section or {}).items() if key != "model"})
 
 
 class Jump(NamedTuple):
@@ -131,8 +134,11 @@ class Contacts:
     @property
     def jumps(self) -> list[float]:
         """The forces where contact begins and ends under a prescribed position."""
-        ends = np.array([0.0, self.position.end])
-        return self.position(ends)[1].tolist()  # type: ignore[no-any-return]
+        return self.position(np.array([0.0, self.position.end]))[1].tolist()  # type: ignore[no-any-return]
+
+    def end(self, time: float) -> float:  # noqa: ARG002
+        """Return the prescribed position at which contact is lost, at any time."""
+        return self.position.end
 
     def of(self, value: FloatArray, by_force: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Return depth and force in contact at prescribed values, each of the shape of `value`."""
@@ -204,6 +210,17 @@ def jumps_between(
     return found
 
 
+class Jumping(Protocol):
+    """A contact that jumps: `Contacts`, or the response of a body that relaxes."""
+
+    @property
+    def jumps(self) -> list[float]:
+        """The forces where contact begins, and before it is lost."""
+
+    def end(self, time: float) -> float:
+        """Return the prescribed position at which contact is lost, of several the one next to a time."""
+
+
 class Touch:
     """The rows of a curve in contact, and the places of its jumps, as measured where there is adhesion."""
 
@@ -213,7 +230,7 @@ class Touch:
         self.uncertain = np.zeros(rows, dtype=bool)  # rows in contact next to the end of it
 
     def find(
-        self, curve: ForceCurve, used: BoolArray, contacts: Contacts, pieces: Pieces, own: float,
+        self, curve: ForceCurve, used: BoolArray, contacts: Jumping, pieces: Pieces, own: float,
         worse: FloatArray, error: Callable[[float], float],
     ) -> None:  # fmt: skip
         """Take rows and jumps from the measurement.
@@ -224,7 +241,7 @@ class Touch:
         value, by_force = pieces.at(curve.time)
         noise = max(noise_of(curve.force), 1e-12 * float(np.ptp(curve.force)))
         sizes = [abs(own * force) / noise for force in contacts.jumps]
-        ends = (0.0, contacts.position.end)
+        ends = (0.0, contacts.end(math.inf))
         hidden = [end if size < LEAST_JUMP else None for end, size in zip(ends, sizes, strict=True)]
         self.touching = measured_contact(value, by_force, worse, hidden)
         self.jumps = []
@@ -237,12 +254,13 @@ class Touch:
                 near = value[before] < value[pair].mean() + NEAR * spread
                 self.uncertain[before] |= self.touching[before] & near
 
-    def places(self, curve: ForceCurve, contacts: Contacts, pieces: Pieces) -> FloatArray:
+    def places(self, curve: ForceCurve, contacts: Jumping, pieces: Pieces) -> FloatArray:
         """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
         found = []
         for each in self.jumps:
-            measured = float(np.mean(pieces.at(curve.time[each.row - 1 : each.row + 1])[0]))
-            found.append(((0.0 if each.begins else contacts.position.end) - measured) / each.spread)
+            times = curve.time[each.row - 1 : each.row + 1]
+            end = 0.0 if each.begins else contacts.end(float(times.mean()))
+            found.append((end - float(np.mean(pieces.at(times)[0]))) / each.spread)
         return np.array(found)
 
     @property

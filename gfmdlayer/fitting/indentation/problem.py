@@ -50,7 +50,14 @@ from gfmdlayer.fitting.indentation.curve import (
     onset,
     straight_derivatives,
 )
-from gfmdlayer.fitting.indentation.elastic import Contacts, ElasticContact, Touch, adhesion_of, read_adhesion
+from gfmdlayer.fitting.indentation.elastic import (
+    Contacts,
+    ElasticContact,
+    Jumping,
+    Touch,
+    adhesion_of,
+    read_adhesion,
+)
 from gfmdlayer.fitting.indentation.stepped import SteppedContact
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import Adhesion
@@ -69,8 +76,14 @@ class Prediction:
     """Forces and depths under the prescribed quantity of a measured curve."""
 
     def __init__(
-        self, curve: ForceCurve, segments: Sequence[str] = (), offset: float = 0.0, adhesive: bool = False
+        self,
+        curve: ForceCurve,
+        segments: Sequence[str] = (),
+        offset: float = 0.0,
+        adhesion: Mapping[str, Any] | None = None,
     ) -> None:
+        adhesive = adhesion is not None
+        self._rated = "speed" in (adhesion or {})  # the edge takes more at larger speeds
         self.curve = curve
         self.drives: list[Drive] = []
         self._kinds: list[str] = []
@@ -142,17 +155,22 @@ class Prediction:
         setup, pieces = self.setup(config), self._pieces(at)
         if self.is_elastic(config) and not self._in_steps:
             return self._elastic.response(setup, at, pieces, self.touch.touching)
-        return self._stepped.response(setup, at, pieces)
+        return self._stepped.response(setup, at, pieces, self.touch.touching)
+
+    def _jumping(self, config: Config, at: Correction) -> Jumping:
+        if self.is_elastic(config):
+            return self.contacts(config, at)
+        return self._stepped.course(self.setup(config), at, self._pieces(at))
 
     def contacts(self, config: Config, at: Correction) -> Contacts:
-        """Return the stable contacts of an elastic body, up to the largest prescribed values."""
+        """Return the stable contacts of the relaxed body, up to the largest prescribed values."""
         return self._elastic.contacts(self.setup(config), at, self._pieces(at))
 
     def is_elastic(self, config: Config) -> bool:
-        """Whether the body of a model does not relax."""
+        """Whether the body of a model does not relax, nor its edge."""
         if self._relaxes is None:
             self._relaxes = bool(self.setup(config).body.spectrum(np.array([1.0])).weights.size)
-        return not self._relaxes
+        return not self._relaxes and not self._rated
 
     def setup(self, config: Config) -> Setup:
         """Return body and indenter of a model."""
@@ -185,7 +203,7 @@ class Prediction:
             self.touch.touching = np.full(self.used.size, touching)
             squares.append((self.measured(config, at) - self.curve.measured) ** 2)
         own = 1.0 if self.curve.stiffness is None else self.curve.stiffness / at.stiffness
-        seen = self.curve, self.used, self.contacts(config, at), self._pieces(at), own
+        seen = self.curve, self.used, self._jumping(config, at), self._pieces(at), own
         self.touch.find(*seen, squares[0] - squares[1], self._error_of_drive)
 
     def _error_of_drive(self, time: float) -> float:
@@ -201,7 +219,7 @@ class Prediction:
         """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
         if not self.touch.jumps:
             return np.zeros(0)
-        return self.touch.places(self.curve, self.contacts(config, at), self._pieces(at))
+        return self.touch.places(self.curve, self._jumping(config, at), self._pieces(at))
 
     def in_columns(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
         """Return force and depth as the columns of the curve would have them, at the rows."""
@@ -803,13 +821,11 @@ def refuse_adhesion(problem: LeastSquares) -> None:
     adhesion = problem.model.adhesion
     if adhesion is None:
         return
-    if not problem.is_elastic:
+    if adhesion["model"] == "dmt" and not problem.is_elastic:
         raise ConfigError(
             [
-                f"adhesion: got {adhesion['model']!r} under a body that relaxes; must be left out, or the "
-                "body elastic: material {model: elastic, G: ...}, or Ginf equal to G0 and not free. What "
-                "holds a viscoelastic contact depends on the speed of its edge; without adhesion, fit rows "
-                "whose force is far above the pull"
+                "adhesion: got 'dmt' under a body that relaxes; must be 'jkr', or the body elastic: material "
+                "{model: elastic, G: ...}, or Ginf equal to G0 and not free"
             ]
         )
     if any(each.key.startswith(STICKING) for each in problem.parameters) and not any(

@@ -103,7 +103,7 @@ def make_problem(
                 curve,
                 options.segments,
                 offsets.get(curve.name, offsets.get("", 0.0)),
-                adhesive=model.adhesion is not None,
+                adhesion=model.adhesion,
             )
             for curve in curves
         ],
