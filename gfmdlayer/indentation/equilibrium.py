@@ -47,9 +47,6 @@ class Adhesion(NamedTuple):
 
     work: float = 0.0  # energy per area
     force: float = 0.0  # attraction of a contact of any size
-    # Of an edge that recedes with a finite speed, see `solve.Edge`; an elastic contact has none.
-    speed: float = math.inf
-    exponent: float = 0.6
 
 
 class Control(NamedTuple):

@@ -43,13 +43,14 @@ _MOST_ITERATIONS = 80
 _SAME_RADIUS = 1e-11  # width of the bracket of a radius, relative to it, at which it is found
 _INSTANT = 1e-9  # part of a step at whose ends a change of contact is not inside
 _CLOSING = 12  # points that close in on the edge at a breakpoint, where it may turn
-_SUBSTEPS = 60  # of one step: contact found and lost
+_SUBSTEPS = 100  # of one step: contact found and lost
 _PLACES = 4 * _SUBSTEPS  # of points for the steps in which the loss of contact is located
 _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
 _BESIDE = 1e-12  # relative distance from the edge of trials on its two sides
 _LEAST_STRIDE = 1e-4  # of a search for the edge, over the largest radius
 _VANISHED = 1e-6  # radius, over the largest, below which a receding contact is lost
 _GOLDEN, _GOLDEN_STEPS = 0.6180339887498949, 20
+_FALLS = 2  # trials of falling excess after which contact is lost, where the loss is located
 _SNAP = 1e-9  # part of a step in which a contact with adhesion begins
 _TWIN = 1e-8  # distance of a second point at an edge that rested, over the spacing
 _ONE_POINT = 1e-9  # distance of a point to the next, over the spacing, below which they are one
@@ -814,7 +815,7 @@ def _highest(left: float, right: float, task: EdgeTask, run: Run) -> Balance:
     x, y = right - _GOLDEN * width, left + _GOLDEN * width
     at_x = _balance(x, task, run)
     at_y = at_x if at_x.excess > 0 else _balance(y, task, run)
-    for _ in range(_GOLDEN_STEPS):
+    for _ in range(_GOLDEN_STEPS if run.drive.located == 1 else _GOLDEN_STEPS // 2):
         if max(at_x.excess, at_y.excess) > 0 or min(at_x.nodes, at_y.nodes) < 0:
             break
         if at_x.excess > at_y.excess:
@@ -860,12 +861,13 @@ def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: Run) ->
     """
     stop, begin, base = run.stop, near, near
     way, searched = 1.0 if near.excess >= 0 else -1.0, False
+    falls, most = 0, _MOST_ITERATIONS if run.drive.located == 1 else _FALLS
     stride = max(abs(guess - near.a), _LEAST_STRIDE * stop)
     lost = Radius(0.0, 0.0, task.target, 0.0, 0, 0, COMPLETE, run.drive.law.work, False)
     for _ in range(_MOST_ITERATIONS):
         a = min(base.a + way * stride, stop)
         gone = a < _VANISHED * stop
-        if gone and searched:
+        if searched and (gone or falls > most):
             break
         far = base if gone else _balance(a, task, run)
         if far.nodes < 0 or (not gone and way * far.excess <= 0):
@@ -883,6 +885,7 @@ def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: Run) ->
                 )
             if gone:
                 break
+        falls = falls + 1 if far.excess < base.excess else 0
         begin, base = base, far
         stride *= 2
     return lost
@@ -1192,6 +1195,7 @@ def march(  # noqa: C901
         begins = at == 0 or drive.breakpoints[at]
         done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
         snaps, snapped = False, False  # contact with adhesion begins at once
+        bound = 1.0  # part of the step in which contact with adhesion is lost
         for _ in range(_SUBSTEPS):
             h = duration * (1 - done) * piece
             now = begin + done * (drive.value[at] - begin)
@@ -1234,7 +1238,7 @@ def march(  # noqa: C901
                     if adhesive and a_old > 0:
                         room = surface.chi.size - state.points.filled[0] > drive.time.size - at + 4 * _CLOSING
                         if ahead > drive.located and room:
-                            piece *= 0.5
+                            bound, piece = done + ahead, 0.5 * piece
                             continue
                         out.lost[at] = drive.time[at] - duration * (1 - done - ahead)
                         out.last_force[at] = before_force
@@ -1287,6 +1291,8 @@ def march(  # noqa: C901
             if piece == 1:
                 break
             done, piece = done + (1 - done) * piece, 1.0
+            if done < bound < 1:
+                piece = max(0.5 * (bound - done), min(drive.located, bound - done)) / (1 - done)
         if status != COMPLETE:
             stopped = at
             break

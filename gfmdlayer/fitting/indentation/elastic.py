@@ -67,10 +67,6 @@ class JKR(Kind):
     """adhesion at the edge of the contact"""
     work: Positive
     """work of adhesion: pressure length"""
-    speed: Positive | None = None
-    """speed of a receding edge at which the work doubles: length / time; none: it does not grow"""
-    exponent: Positive = 0.6
-    """exponent of its growth"""
 
 
 class DMT(Kind):
@@ -93,7 +89,7 @@ KINDS: Mapping[str, str] = {"jkr": "work", "dmt": "force"}  # and their paramete
 def read_adhesion(data: object) -> dict[str, str | float]:
     """Return the section `adhesion` of a model; ConfigError with every error."""
     try:
-        return dict(_Holder.model_validate({"adhesion": data}).adhesion.model_dump(exclude_none=True))
+        return dict(_Holder.model_validate({"adhesion": data}).adhesion.model_dump())
     except ValidationError as error:
         found = _Holder.all_problems({"adhesion": data}, error)
         raise ConfigError(map(str, found)) from None

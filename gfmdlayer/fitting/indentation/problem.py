@@ -80,10 +80,8 @@ class Prediction:
         curve: ForceCurve,
         segments: Sequence[str] = (),
         offset: float = 0.0,
-        adhesion: Mapping[str, Any] | None = None,
+        adhesive: bool = False,
     ) -> None:
-        adhesive = adhesion is not None
-        self._rated = "speed" in (adhesion or {})  # the edge takes more at larger speeds
         self.curve = curve
         self.drives: list[Drive] = []
         self._kinds: list[str] = []
@@ -167,10 +165,10 @@ class Prediction:
         return self._elastic.contacts(self.setup(config), at, self._pieces(at))
 
     def is_elastic(self, config: Config) -> bool:
-        """Whether the body of a model does not relax, nor its edge."""
+        """Whether the body of a model does not relax."""
         if self._relaxes is None:
             self._relaxes = bool(self.setup(config).body.spectrum(np.array([1.0])).weights.size)
-        return not self._relaxes and not self._rated
+        return not self._relaxes
 
     def setup(self, config: Config) -> Setup:
         """Return body and indenter of a model."""
@@ -722,6 +720,7 @@ class LeastSquares:
             step = EXACT_STEP * (1.0 if logarithmic else high - low)
         else:
             step = STEP if logarithmic else LINEAR_STEP * (high - low)
+            step *= 2 if self.model.adhesion else 1  # the place of a jump is known to a part of a step
         moved[i] += step if u[i] + step <= self.bounds[1][i] else -step
         try:
             self.config(moved)

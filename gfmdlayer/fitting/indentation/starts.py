@@ -103,7 +103,7 @@ def make_problem(
                 curve,
                 options.segments,
                 offsets.get(curve.name, offsets.get("", 0.0)),
-                adhesion=model.adhesion,
+                adhesive=model.adhesion is not None,
             )
             for curve in curves
         ],

@@ -23,7 +23,6 @@ from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, 
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.indentation.solve import (
-    NO_ADHESION,
     Edge,
     History,
     LeftGridError,
@@ -33,11 +32,12 @@ from gfmdlayer.indentation.solve import (
     on_halved_steps,
 )
 
-STEPS = 32  # of a mesh; each piece has at least FEWEST
+STEPS = 32  # of a mesh, STICKING with adhesion; each piece has at least FEWEST
+STICKING = 56
 FEWEST = 2
 TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
 WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
-LOCATED = 1e-3  # part of a step within which the loss of a contact with adhesion is located
+LOCATED = 3e-4  # part of a step within which the loss of a contact with adhesion is located
 EVEN = 0.3  # fraction of the steps that is spread evenly over the time
 
 
@@ -78,7 +78,8 @@ class SteppedContact:
         self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
         times, force, depth, _ = self.course(setup, at, pieces)
         if times.size > 2 and np.ptp(force) > 0:
-            self._parts = _graded(times, force, depth, pieces, setup.onset)
+            steps = STICKING if at.adhesion.work else STEPS
+            self._parts = _graded(times, force, depth, pieces, setup.onset, steps)
 
     def response(
         self, setup: Setup, at: Correction, pieces: Pieces, touching: BoolArray | None = None
@@ -132,8 +133,7 @@ class SteppedContact:
         history = History(both, *pieces.at(both))
         if not history.value.max() > 0:
             return Course(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 3)))
-        adhesion = at.adhesion
-        edge = Edge(adhesion.work, adhesion.speed, adhesion.exponent) if adhesion.work else NO_ADHESION
+        edge = Edge(at.adhesion.work)
         while True:
             space = self._space = self._space or self._find_space(setup, at, pieces, edge)
             try:
@@ -253,7 +253,7 @@ def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, powe
 
 
 def _graded(
-    times: FloatArray, force: FloatArray, depth: FloatArray, pieces: Pieces, power: float
+    times: FloatArray, force: FloatArray, depth: FloatArray, pieces: Pieces, power: float, most: int
 ) -> list[FloatArray]:
     """Return the fractions of each piece at which the error of interpolation is even."""
     first, begin = pieces.first_contact
@@ -271,7 +271,7 @@ def _graded(
     for piece in range(first, len(parts)):
         end = pieces.end[piece]
         low, high = np.interp([begin, end], times, level)
-        steps = max(FEWEST, round(STEPS * (high - low) / level[-1]))
+        steps = max(FEWEST, round(most * (high - low) / level[-1]))
         inner = np.interp(np.linspace(low, high, steps + 1), level, times)
         parts[piece] = np.clip((inner - begin) / (end - begin), 0.0, 1.0)
         parts[piece][[0, -1]] = 0.0, 1.0
