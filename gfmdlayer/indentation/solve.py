@@ -73,6 +73,9 @@ NO_ADHESION = Edge()
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
 _EDGE = 1e-13
 
+# The same of fits with adhesion.
+_ROUGH_EDGE = 1e-10
+
 # Change of the rate, relative to the largest, from which a time of the history is a breakpoint.
 _JUMP = 1e-3
 
@@ -182,7 +185,16 @@ def march_on(
     kept = np.isin(time, [] if snapshots is None else snapshots)
     pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
     by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
-    drive = Drive(time, value, by_force, breakpoints, kept, adhesion.law(body), located, _EDGE)
+    drive = Drive(
+        time,
+        value,
+        by_force,
+        breakpoints,
+        kept,
+        adhesion.law(body),
+        located,
+        _EDGE if located == 1 else _ROUGH_EDGE,
+    )
     found = march(body, _branches(body), profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found

@@ -273,8 +273,8 @@ def test_a_planned_pull_off_is_worth_more_than_an_approach_for_the_work() -> Non
         ),
         (
             {"viscoelastic": True},
-            {"adhesion": "jkr"},
-            "got 'jkr' under a body that relaxes; must be left out",
+            {"adhesion": "dmt"},
+            "got 'dmt' under a body that relaxes; must be 'jkr'",
         ),
     ],
 )
@@ -286,6 +286,25 @@ def test_impossible_adhesion_is_named(change: dict[str, Any], options: dict[str,
     free = options.pop("free", free)
     with pytest.raises((ConfigError, FitError), match=message):
         fit_indentation(replace(afm("jkr")), model, free, **options)
+
+
+@pytest.mark.parametrize("adhesion", ["jkr", "choose"])
+def test_work_and_modulus_of_a_relaxing_halfspace_are_found(adhesion: str) -> None:
+    zener = {"model": "zener", "G0": 1.0, "Ginf": 3.0, "tau": 0.5}
+    body, time = gfmdlayer.halfspace(gfmdlayer.Zener(1.0, 3.0, 0.5)), np.linspace(0.0, 3.0, 121)
+    depth = np.interp(time, [0, 1, 3], [0, 0.15, -0.35])
+    pressed = gfmdlayer.indent(body, gfmdlayer.Parabola(radius=5.0), time, depth=depth, work_of_adhesion=0.02)
+    force = np.interp(time, pressed.time, pressed.force)
+    force += 0.01 * np.ptp(force) * np.random.default_rng(1).standard_normal(time.size)
+    model = {
+        "layer": {"thickness": math.inf, "material": zener | {"G0": 1.5}},
+        "punch": {"shape": "parabola", "radius": 5.0},
+    }
+    curve = ForceCurve("gel", time, depth, force, prescribed="depth")
+    fit = fit_indentation(curve, model, ["layer.material.G0"], adhesion=adhesion)
+    for name, truth in (("G0", 1.0), ("work", 0.02)):
+        low, high = fit[name].interval
+        assert low - 0.5 * (high - low) < truth < high + 0.5 * (high - low) < 2 * truth
 
 
 def test_words_of_a_choice_follow_the_differences() -> None:

@@ -40,6 +40,7 @@ from gfmdlayer.fitting.indentation.starts import (
     with_adhesion,
 )
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.model import IsolatedContact
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
 ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
@@ -206,7 +207,9 @@ def _best_adhesion(
         own = {key: bounds for key, bounds in asked.items() if key not in foreign}
         return fit_curves(curves, model, own, replace(options, adhesion=kind), advise, begin)
 
-    fits = {kind: fitted(kind) for kind in (*KINDS, NO_ADHESION)}  # adhesion is refused before any fit
+    if IsolatedContact(model.config).body.spectrum(np.array([1.0])).weights.size:
+        del names["dmt"]  # of elastic bodies
+    fits = {kind: fitted(kind) for kind in (*names, NO_ADHESION)}  # adhesion is refused before any fit
     bare = fits[NO_ADHESION]
     for kind, name in names.items():
         if fits[kind].bic > bare.bic + WORSE:  # without adhesion is a limit of it: the search went astray

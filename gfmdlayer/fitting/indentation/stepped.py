@@ -70,7 +70,7 @@ class SteppedContact:
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
         self._made: list[tuple[Setup, Space, Compliance]] = []  # the last two
-        self._courses: list[tuple[Setup, Correction, list[FloatArray] | None, Course]] = []  # the last one
+        self._courses: list[tuple[Setup, Correction, list[FloatArray] | None, FloatArray, Course]] = []
 
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
         """Choose the times by the bends of the response, and the nodes by the lengths of the body."""
@@ -119,11 +119,17 @@ class SteppedContact:
 
     def course(self, setup: Setup, at: Correction, pieces: Pieces) -> Course:
         """Return the response from the first contact on."""
-        for known, same, given, found in self._courses:
-            if known is setup and same == at and given is self._parts:
-                return found
+        key = setup, at, self._parts, np.hstack(pieces)
+        for known in self._courses:
+            if (
+                known[0] is setup
+                and known[1] == at
+                and known[2] is key[2]
+                and np.array_equal(known[3], key[3])
+            ):
+                return known[4]
         found = self._course(setup, at, pieces)
-        self._courses = [(setup, at, self._parts, found)]
+        self._courses = [(*key, found)]
         return found
 
     def _course(self, setup: Setup, at: Correction, pieces: Pieces) -> Course:
