@@ -381,6 +381,8 @@ def _add_point(x: float, run: Run) -> int:
     for place in (low, low + 1):
         if abs(_position(points, place) - x) <= _ONE_POINT * points.x[1]:
             return int(points.order[place])
+    if new >= points.x.size - 1:  # no place is left; the steps have more than they need
+        return int(points.order[low])
     surface.chi[new], surface.sunk[new] = _at(x, surface.chi, points), _at(x, surface.sunk, points)
     work.past[new] = _at(x, work.past, points)
     for k in range(run.body.local_times.size):

@@ -288,6 +288,14 @@ def test_impossible_adhesion_is_named(change: dict[str, Any], options: dict[str,
         fit_indentation(replace(afm("jkr")), model, free, **options)
 
 
+def test_a_relaxing_body_on_a_cantilever_is_refused_with_adhesion() -> None:
+    model = MODEL | {
+        "layer": MODEL["layer"] | {"material": {"model": "zener", "G0": 1.0, "Ginf": 2.0, "tau": 1.0}}
+    }
+    with pytest.raises(ConfigError, match="got a prescribed base and a body that relaxes"):
+        fit_indentation(afm("jkr"), model, ["layer.material.G0"], adhesion="jkr")
+
+
 @pytest.mark.parametrize("adhesion", ["jkr", "choose"])
 def test_work_and_modulus_of_a_relaxing_halfspace_are_found(adhesion: str) -> None:
     zener = {"model": "zener", "G0": 1.0, "Ginf": 3.0, "tau": 0.5}

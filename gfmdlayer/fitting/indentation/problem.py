@@ -827,6 +827,13 @@ def refuse_adhesion(problem: LeastSquares) -> None:
                 "{model: elastic, G: ...}, or Ginf equal to G0 and not free"
             ]
         )
+    if not problem.is_elastic and any(each.curve.by_base for each in problem.predictions):
+        raise ConfigError(
+            [
+                "adhesion: got a prescribed base and a body that relaxes; must be a prescribed depth or force, "
+                "or the body elastic: such a fit may stop in a wrong minimum"
+            ]
+        )
     if any(each.key.startswith(STICKING) for each in problem.parameters) and not any(
         each.retracts for each in problem.predictions
     ):

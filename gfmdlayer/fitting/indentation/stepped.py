@@ -119,7 +119,7 @@ class SteppedContact:
 
     def course(self, setup: Setup, at: Correction, pieces: Pieces) -> Course:
         """Return the response from the first contact on."""
-        key = setup, at, self._parts, np.hstack(pieces)
+        key = setup, at, self._parts, np.hstack(pieces).astype(float)
         for known in self._courses:
             if (
                 known[0] is setup
