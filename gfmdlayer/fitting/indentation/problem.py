@@ -830,7 +830,7 @@ def refuse_adhesion(problem: LeastSquares) -> None:
     if not problem.is_elastic and any(each.curve.by_base for each in problem.predictions):
         raise ConfigError(
             [
-                "adhesion: got a prescribed base and a body that relaxes; must be a prescribed depth or force, "
+                "adhesion: got a prescribed base and a body that relaxes; must be a depth or a force, "
                 "or the body elastic: such a fit may stop in a wrong minimum"
             ]
         )
