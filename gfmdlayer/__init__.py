@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
-    from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
-    from gfmdlayer.interface.electrostatic import Electrostatic
+    from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
     from gfmdlayer.model import ConvergenceError, simulate
     from gfmdlayer.punch.self_affine import SelfAffine
     from gfmdlayer.punch.simple_shapes import (
@@ -74,8 +73,7 @@ _MODULES = {
     "gfmdlayer.model": ("ConvergenceError", "simulate"),
     "gfmdlayer.simulation": ("Case",),
     "gfmdlayer.interactive.solve": ("solve",),
-    "gfmdlayer.interface.adhesion": ("Dugdale", "Exponential", "LennardJones"),
-    "gfmdlayer.interface.electrostatic": ("Electrostatic",),
+    "gfmdlayer.interface.adhesion": ("Dugdale", "Electrostatic", "Exponential", "LennardJones"),
     "gfmdlayer.punch.simple_shapes": (
         "BluntedCone", "Cone", "Cylinder", "Flat", "FlatPunch", "Parabola", "Pyramid", "RadialProfile",
         "Sinusoid", "Sphere", "Wedge",

@@ -16,7 +16,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gfmdlayer.config.inside import DEPTH_PAIRS, thicknesses
+from gfmdlayer.body.solid import DEPTH_PAIRS
+from gfmdlayer.config.layers import thicknesses
 from gfmdlayer.contact.solvers import ATTRACTED, FRICTIONAL, SOLVERS
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.history.time_points import number_of_steps
@@ -58,9 +59,9 @@ HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 
 
 def estimate(programme: Programme, width: int, observed: tuple[float, float] = (0.0, 0.0)) -> Footprint:
-    """Estimate the cost of a periodic case whose rows have `width` numbers.
+    """Estimate the cost of a case whose rows have `width` numbers.
 
-    `observed` are the FFT pairs of a row and the memory that its observables need.
+    `observed` are the FFT pairs of a row, and the bytes that its observables need.
     """
     config = programme.config
     size = math.prod(config.grid.points)
@@ -130,7 +131,7 @@ def _inside(programme: Programme, snapshots: int) -> _Cost:
 def count_steps(programme: Programme) -> tuple[int, int]:
     """Count the steps, fixed ones exactly, adaptive ones by the relaxation between breakpoints.
 
-    Also count the fixed steps that follow a breakpoint; adaptive steps are short there.
+    Also count the fixed steps that follow a breakpoint.
     """
     config, planned, separating = programme.config, programme.landings, 0.0
     given, drive = config.trajectory, programme.drive

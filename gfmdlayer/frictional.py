@@ -25,8 +25,7 @@ from gfmdlayer.friction.problem import Law
 from gfmdlayer.friction.solver import LIMIT, FrictionSolver, Mixing
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.history.time_points import Instant
-from gfmdlayer.history.traction_control import TractionControl
-from gfmdlayer.history.traction_modes import TractionModes
+from gfmdlayer.history.traction_modes import TractionControl, TractionModes
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import AcceptedStep
@@ -178,7 +177,7 @@ class FrictionalCase(Case):
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Press and shear, one time step after the other; see `gfmdlayer.simulate`."""
         history, control, observables = self.history, self.error_control, tuple(self.observables.values())
-        keeps_all, ended = self.config.output.snapshots == "every", ""
+        ended = ""
         if resume is not None:
             resume(self.resumable)
         for instant in self.steps:
@@ -200,10 +199,10 @@ class FrictionalCase(Case):
             change = self.changes.over(prescribed, problem, solution, lost=lost)
             if self.steps.accepts(tractions, surface.response, found.depth, change):
                 if lost:
-                    if not self._comes_back(instant.time):
-                        at = f"PULLED OFF at t = {instant.time:.6g}"
-                        ended = f"{at}: no contact carries the load of {prescribed:.6g}"
-                        recorder.note(ended=ended, pull_off_time=instant.time)
+                    force, _ = self._drive(instant.time, 0.0)
+                    pushed = force is not None and bool(force.any())  # what no force moves may come back
+                    if pushed or not self.loading.detach(instant.time, self.config.time.end):
+                        ended = self._pulled_off(recorder, instant.time, prescribed)
                         break
                     found = self._attempt(instant)
                     problem, solution = self._as_contact(found, instant.time)
@@ -217,21 +216,12 @@ class FrictionalCase(Case):
                     self.guess.remember(
                         instant.time, solution.pressure, solution.gap, at_breakpoint=instant.breakpoint
                     )
-                row: dict[str, float | FloatArray] = {}
-                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row, shear)
-                finished = False
-                for observable in observables:
-                    row |= observable.measure(step)
-                    finished = finished or observable.finished
-                recorder.row(**row)
-                if instant.snapshot or finished or keeps_all:
-                    self._snapshot(recorder, step)
-                if finished:
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, {}, shear)
+                if self._record(recorder, step, with_fields=instant.snapshot):
                     break
             if progress is not None:
                 progress(instant.time)
-        recorder.note(**{key: value for each in observables for key, value in each.attributes.items()})
-        return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+        return self._end(recorder, ended)
 
     def _attempt(self, instant: Instant) -> frictional.Solution:
         """Solve a step; SlidesAwayError where the force is too large, ConvergenceError without a solution."""
@@ -268,12 +258,6 @@ class FrictionalCase(Case):
                 raise SlidesAwayError("a tangential force acts on a punch that does not touch")
             return _apart(problem, prescribed if by_depth else lowest)
         return self._slipped(problem, instant)
-
-    def _comes_back(self, time: float) -> bool:
-        """Detach a punch that a load has pulled off; return whether it comes back, which no force moves."""
-        force, _ = self._drive(time, 0.0)
-        pushed = force is not None and bool(force.any())
-        return not pushed and self.loading.detach(time, self.config.time.end)
 
     def _interface(self, time: float) -> Interaction:
         """Return the interaction across the gap; none while a load has pulled the punch out of reach."""
@@ -353,10 +337,8 @@ class FrictionalCase(Case):
     def _coefficients(
         self, pressure: FloatArray, speed: FloatArray, last: FloatArray, unit: float
     ) -> FloatArray:
-        """Return the coefficients of speeds that yield: mu = f(speed - unit p/p_s (mu - last)) at each point.
-
-        The unit is the largest displacement in the step. There is one mu if f does not fall steeply.
-        """
+        """Return coefficients of speeds that yield: mu = f(speed - unit p/p_s (mu - last)) at each point."""
+        # The unit is the largest displacement in the step. There is one mu if f does not fall steeply.
         per = pressure * (unit / max(float(pressure.max()), 1e-300))
         low, high = (np.full(speed.shape, each) for each in self.programme.coefficients)
         for _ in range(_HALVINGS):
@@ -418,9 +400,8 @@ class FrictionalCase(Case):
     def _stretch(self, found: frictional.Solution) -> float:
         """Return the mean of the shear traction times the derivative along x of the displacement."""
         one, other = (np.ravel(q) for q in self.grid.wavenumbers_x)
-        slope = 0.5j * (
-            one + other
-        )  # of the shortest wave and its opposite, which the grid does not distinguish
+        # Of the shortest wave and its opposite, which the grid does not distinguish.
+        slope = 0.5j * (one + other)
         spectra = [slope * self.transforms.forward(u) for u in found.displacement[1:]]
         return float((found.traction * self._fields(np.array(spectra))).sum(axis=0).mean())
 

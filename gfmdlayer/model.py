@@ -24,8 +24,8 @@ from gfmdlayer.programme import Programme
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
-    from gfmdlayer.body.depths import Place
     from gfmdlayer.body.materials import PronySeries
+    from gfmdlayer.body.solid import Place
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks
@@ -169,9 +169,9 @@ class Model(ABC):
         *,
         plan: bool = True,  # noqa: ARG002
     ) -> str:
-        """Compile the kernels and `plan` the transforms; runs with the same FFTW wisdom agree in every bit.
+        """Compile the kernels and `plan` the transforms; return FFTW's wisdom.
 
-        Plans are in a `folder`, by default the user's cache; those of some `results` come first.
+        Plans of some `results` come first, then those of a `folder`, by default the user's cache.
         """
         return ""
 
@@ -274,10 +274,7 @@ def series_of(programme: Programme, wavenumber: float = 0.0) -> tuple[PronySerie
 
 
 def make_body(config: Config, series: Sequence[PronySeries]) -> Body:
-    """Return the body with a series for each of its laws.
-
-    Modes merge to the solver's tolerance, but not for stresses below the surface, which need each of them.
-    """
+    """Return the body with a series for each law; modes merge, but not for stresses below the surface."""
     accuracy = 0.0 if config.output.inside else config.solver.tolerance
     return config.solid.with_series([each.material for each in series], accuracy)
 

@@ -82,11 +82,9 @@ def model(shape: str) -> SimpleNamespace:
             found[pressed] += E * root(depth[pressed]) ** power
         return found
 
-    parameters = [inspect.Parameter("delta", inspect.Parameter.POSITIONAL_OR_KEYWORD)]
-    parameters += [
-        inspect.Parameter(key, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=default)
-        for key, (_, _, default) in about.items()
-    ]
+    starts = {"delta": inspect.Parameter.empty, **{key: start for key, (_, _, start) in about.items()}}
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    parameters = [inspect.Parameter(key, kind, default=start) for key, start in starts.items()]
     force.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     force.__doc__ = f"Force [N] of a {shape} on an elastic layer on a base, over the tip position delta [m]."
 

@@ -22,7 +22,7 @@ from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
-    from gfmdlayer.body.depths import Place
+    from gfmdlayer.body.solid import Place
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.interface.law import Interaction
@@ -30,6 +30,12 @@ if TYPE_CHECKING:
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.simulation import Case
 
+# The keys that may name the file of a prescribed quantity.
+_FILES = (
+    ("trajectory.file", "drive"), ("trajectory.velocity_file", "velocity"),
+    ("trajectory.tangential", "tangential"), ("interface", "friction"), ("temperature.file", "temperature"),
+    ("interface", "interface"),
+)  # fmt: skip
 _COARSE = 64  # points along an axis, of an estimate
 
 
@@ -69,9 +75,8 @@ class PeriodicContact(Model):
         """Coordinates of the whole snapshots by name: x, and y of a surface in two directions."""
         from gfmdlayer.grid.grid import Grid
 
-        return dict(
-            zip("xy", Grid(self.config.grid.points, self.config.grid.period).coordinates, strict=False)
-        )
+        grid = Grid(self.config.grid.points, self.config.grid.period)
+        return dict(zip("xy", grid.coordinates, strict=False))
 
     @property
     def places(self) -> Sequence[Place]:
@@ -120,15 +125,11 @@ class PeriodicContact(Model):
                 )
 
     def problems(self) -> Iterator[tuple[str, str]]:
-        """Yield files that cannot be used, negative loads without attraction, and impossible depths.
-
-        With a mean displacement of zero the punch cannot go deeper than the mean height of its surface.
-        """
+        """Yield files that cannot be used, negative loads without attraction, and impossible depths."""
         import numpy as np
 
         from gfmdlayer.files.tables import TableError
         from gfmdlayer.grid.grid import Grid
-        from gfmdlayer.grid.sums import mean
         from gfmdlayer.time_functions import Table
 
         config = self.config
@@ -148,28 +149,18 @@ class PeriodicContact(Model):
                 except ValueError as error:
                     yield "grid.boundary", str(error)
                     return
-            key = "trajectory.file"
-            drive = self.programme.drive
-            key = "trajectory.velocity_file"
-            velocity = self.programme.velocity
-            key = "trajectory.tangential"
-            _ = self.programme.tangential
-            key = "interface"
-            _ = self.programme.friction
-            key = "temperature.file"
-            _ = self.programme.temperature
-            key = "interface"
-            _ = self.programme.interface
+            for key, quantity in _FILES:  # noqa: B007 - of the one that fails
+                getattr(self.programme, quantity)
         except TableError as error:
-            blamed = (
-                name for name, path in names.items() if name.startswith(key) and str(path) in str(error)
-            )
+            of_key = {name: str(path) for name, path in names.items() if name.startswith(key)}
+            blamed = (name for name, path in of_key.items() if path in str(error))
             yield next(blamed, key).replace("[", ".").replace("]", ""), str(error)
             return
         except MemoryError:
             message = f"got {math.prod(config.grid.points):,}, more points than this machine's memory holds"
             yield "grid.points", f"{message}; must be fewer"
             return
+        drive, velocity = self.programme.drive, self.programme.velocity
         if config.time.steady is not None and velocity is not None and velocity(math.inf) == 0:
             message = f"{given.velocity_file}: ends at rest; must end with a velocity, or remove time.steady"
             yield "trajectory.velocity_file", message
@@ -185,7 +176,7 @@ class PeriodicContact(Model):
             return
         if config.grid.isolated:
             return
-        deepest, height = float(values.max()), mean(heights, self.case.grid.ranks)
+        deepest, height = float(values.max()), self.case.grid.ranks.mean(heights)
         if message := too_deep(deepest, height, config.solid.mean_stiffness):
             yield key_of_drive, message
 
@@ -199,22 +190,21 @@ class PeriodicContact(Model):
         if config.hardness is not None and (most := config.hardness - pull) <= found:
             unit = math.prod(config.grid.period) if control == "force" else 1.0
             holds = "got" if file is None else f"{file}: holds the {control}"
-            limit = f"{unit * most:.6g}, the hardness over the whole cell" + ", less the attraction" * (
-                pull > 0
-            )
+            limit = f"{unit * most:.6g}, the hardness over the whole cell"
+            limit += ", less the attraction" * (pull > 0)
             yield f"{holds} {unit * found:.6g}; must be below {limit}: more has no equilibrium"
 
     def _too_wide(self) -> str:
         """Return why an isolated contact grows beyond its reach, or "".
 
-        An elastic contact without attraction, on a coarse grid, at the largest depth or force. Glassy or
-        relaxed, it has to be too wide by more than a tenth: a spacing of the grid at either edge. Between
-        these two is a body of which one material relaxes; of others nothing is known beforehand.
+        The contact is elastic, without attraction, on a coarse grid, at the largest depth or force. It must
+        be too wide by more than a tenth, a spacing of the grid at either edge, both glassy and relaxed.
+        Between these two is a body of which one material relaxes; of others nothing is known beforehand.
         """
         import numpy as np
 
         from gfmdlayer.body.isolated import period_for
-        from gfmdlayer.contact.loading import CONTROLS
+        from gfmdlayer.contact.loading import Loading
         from gfmdlayer.contact.nested.solver import NestedGradient
         from gfmdlayer.contact.reach import Reach
         from gfmdlayer.grid.grid import Grid
@@ -231,12 +221,9 @@ class PeriodicContact(Model):
         each = [max(1, n // _COARSE) if n % max(1, n // _COARSE) == 0 else 1 for n in fine.shape]
         coarse = Grid(tuple(n // k for n, k in zip(fine.shape, each, strict=True)), fine.period)
         heights = np.ravel(case.punch.reshape(fine.shape)[tuple(slice(None, None, k) for k in each)])
-        loading = CONTROLS[config.trajectory.control](heights, Constant(most))
-        solver, spectrum, widths = (
-            NestedGradient(Transforms(coarse.shape), coarse),
-            body.spectrum(coarse.waves),
-            [],
-        )
+        loading = Loading(heights, Constant(most), by_depth=config.trajectory.control == "depth")
+        solver, spectrum = NestedGradient(Transforms(coarse.shape), coarse), body.spectrum(coarse.waves)
+        widths = []
         for stiffness in (spectrum.glassy, spectrum.relaxed):
             kappa = np.ravel(stiffness)
             nothing = np.zeros(kappa.shape, dtype=np.complex128)
@@ -286,16 +273,12 @@ def weak(law: Interaction, hardness: float | None) -> str:
     pull = law.traction_in_contact if law.attracts else 0.0
     if hardness is None or hardness > pull:
         return ""
-    return (
-        f"got the hardness {hardness:.6g}, which the attraction in contact exceeds; must be above {pull:.6g}"
-    )
+    exceeds = "which the attraction in contact exceeds"
+    return f"got the hardness {hardness:.6g}, {exceeds}; must be above {pull:.6g}"
 
 
 def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
-    """Return why a punch cannot reach a depth, or "": the mean displacement of most bodies is zero.
-
-    `mean_height` belongs to the punch, above its lowest point, `mean_stiffness` to the `Body`.
-    """
+    """Return why a punch cannot reach a depth, or "": the mean displacement of most bodies is zero."""
     if mean_stiffness > 0 or depth < mean_height:
         return ""
     found = f"got {depth:.6g} with this punch and a body whose mean height cannot change"

@@ -15,14 +15,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.materials import Material
+from gfmdlayer.body.materials import Material, shifts
 from gfmdlayer.body.shifts import Shift
-from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points
 from gfmdlayer.history.time_points import Instant
-from gfmdlayer.interface.friction import Coulomb
+from gfmdlayer.interface.interface import Coulomb
 from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, Trajectory
 
 if TYPE_CHECKING:
@@ -48,10 +47,9 @@ def _growing(tolerance: float, factor: float = _GROWTH) -> Iterator[float]:
 
 
 class Programme:
-    """The imposed quantities of a case as functions of time.
+    """The imposed quantities of a case over time; `given` ones replace those of the configuration.
 
-    A `drive` (depth or mean pressure), `velocity`, `interface` or `reduced_time` replaces the one of the
-    configuration. TableError at the first use of a quantity whose file cannot be used.
+    TableError at the first use of a quantity whose file cannot be used.
     """
 
     def __init__(self, config: Config, drive: Trajectory | None = None, **given: object) -> None:
@@ -67,16 +65,23 @@ class Programme:
         is isolated.
         """
         given = self.config.trajectory
-        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
-        if given.file is not None:
-            table = _table(given.file, given.control)
-            return Table(table.times, table.values / unit)
+        unit, table = self._prescribed(given)
+        if table is not None:
+            return table
         if given.ramp_time is not None:
             return RampHold(getattr(given, given.control) / unit, given.ramp_time)
         import numpy as np
 
         times, values = np.array(given.corners).T
         return Table(times, values / unit)
+
+    def _prescribed(self, given: Any) -> tuple[float, Table | None]:
+        """Return the unit of a drive, the area of the cell for a force, and the drive where it is a table."""
+        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
+        if given.file is None:
+            return unit, None
+        table = _table(given.file, given.control)
+        return unit, Table(table.times, table.values / unit)
 
     @cached_property
     def velocity(self) -> Constant | Table | None:
@@ -95,10 +100,9 @@ class Programme:
         given, end = self.config.trajectory.tangential, self.config.time.end
         if given is None:
             return None
-        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
-        if given.file is not None:
-            table = _table(given.file, given.control)
-            return Table(table.times, table.values / unit)
+        unit, table = self._prescribed(given)
+        if table is not None:
+            return table
         value, start = getattr(given, given.control) / unit, given.start or 0.0
         if given.period is not None:
             cycles = max(end - start, 0.0) / given.period if given.cycles is None else given.cycles
@@ -111,10 +115,7 @@ class Programme:
 
     @cached_property
     def friction(self) -> Law | None:
-        """Bound of the shear traction at rest, with the coefficient at no slip speed; None without friction.
-
-        TableError if a coefficient is negative.
-        """
+        """Bound of the shear traction at rest (coefficient at no slip speed); None without friction."""
         from gfmdlayer.friction.problem import Law
 
         laws = {law.law: law for law in self.config.friction}
@@ -163,9 +164,7 @@ class Programme:
     @property
     def depends_on_speed(self) -> bool:
         """Whether the coefficient of friction depends on the slip speed."""
-        return any(
-            isinstance(law, Coulomb) and isinstance(law.coefficient, Path) for law in self.config.friction
-        )
+        return any(isinstance(getattr(law, "coefficient", None), Path) for law in self.config.friction)
 
     @cached_property
     def temperature(self) -> Constant | Table | None:
@@ -251,11 +250,10 @@ class Programme:
         return fixed(time.end, time.step, snapshots, self.breakpoints)
 
     def _resolving_slip(self) -> Iterator[float]:
-        """Yield times that adaptive steps do not pass over where surfaces slip: tractions depend on the path.
+        """Yield times on which adaptive steps land where surfaces slip, as tractions depend on the path.
 
         Each stretch between breakpoints in which the punch moves has some steps, more of them where contact
-        begins and before a swing ends. Material that moves through
-        the contact moves by at most one point of the grid.
+        begins and before a swing ends. Material moves by at most one point of the grid in a step.
         """
         time, grid = self.config.time, self.config.grid
         law = self.friction
@@ -265,9 +263,7 @@ class Programme:
 
         assert time.tolerance is not None
         fastest = 0.0 if self.velocity is None else _fastest(self.velocity)
-        crossing = (
-            min(L / n for L, n in zip(grid.period, grid.points, strict=True)) / fastest if fastest else 0.0
-        )
+        spacing = min(L / n for L, n in zip(grid.period, grid.points, strict=True))
         turns = self.tangential.turns if isinstance(self.tangential, Oscillation) else ()
         stops = sorted({0.0, time.end, *(each for each in self.breakpoints if 0 < each < time.end)})
         for begin, end in pairwise(stops):
@@ -281,7 +277,7 @@ class Programme:
                     parts = _growing(time.tolerance, _GROWTH_OF_SWING)
                     yield from (end - part * (end - begin) for part in parts)
             if fastest:
-                count = max(count, (end - begin) / crossing)
+                count = max(count, (end - begin) / (spacing / fastest))
             yield from np.linspace(begin, end, min(math.ceil(count), MOST_ROWS) + 1)[1:-1].tolist()
 
     def fixed_steps(self) -> time_points.FixedSteps:

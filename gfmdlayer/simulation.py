@@ -21,8 +21,7 @@ from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.config import Config
-from gfmdlayer.contact.imprint import Imprint
-from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
+from gfmdlayer.contact.loading import Imprint, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
@@ -33,22 +32,20 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
 from gfmdlayer.grid.slabs import SlabGrid, transforms_of
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.history.adaptive_steps import AdaptiveSteps
+from gfmdlayer.history.adaptive_steps import AdaptiveSteps, Changes, Steps
 from gfmdlayer.history.error_control import ErrorControl, Integrator
 from gfmdlayer.history.inside import Interior, Springs
-from gfmdlayer.history.instabilities import Changes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
-from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import Interaction
 from gfmdlayer.model import ConvergenceError, make_body, series_of
 from gfmdlayer.observables import AcceptedStep, Observable, observables, totals
 from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
-from gfmdlayer.punch.height_files import fitting
+from gfmdlayer.punch.topography import fitting
 from gfmdlayer.results.journal import Recorder
 from gfmdlayer.results.schema import in_order
 from gfmdlayer.resumable import CompositeState
@@ -208,9 +205,8 @@ class Case:
     @cached_property
     def loading(self) -> Loading:
         """The punch under its prescribed depth or load."""
-        return CONTROLS[self.config.trajectory.control](
-            self.punch, self.trajectory, self.interface, self.grid.ranks
-        )
+        by_depth = self.config.trajectory.control == "depth"
+        return Loading(self.punch, self.trajectory, self.interface, self.grid.ranks, by_depth)
 
     @cached_property
     def imprint(self) -> Imprint:
@@ -314,9 +310,8 @@ class Case:
         if given is None:
             return None
         if (stack := stack_of(self.body)) is None:
-            raise TypeError(
-                f"output.inside: a {type(self.body).__name__} has no layers; must be a LayerStack"
-            )
+            kind = type(self.body).__name__
+            raise TypeError(f"output.inside: a {kind} has no layers; must be a LayerStack")
         places = given.places(self.config.solid, self.config.grid.period)
         return Interior(stack, self.grid, places, self.body.spectrum)
 
@@ -358,8 +353,7 @@ class Case:
         loading, history, steps, solver, guess = (
             self.loading, self.history, self.steps, self.solver, self.guess,
         )  # fmt: skip
-        observables = tuple(self.observables.values())
-        keeps_all, ended = self.config.output.snapshots == "every", ""
+        observables, ended = tuple(self.observables.values()), ""
         if resume is not None:
             resume(self.resumable)
 
@@ -375,9 +369,7 @@ class Case:
             if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
                 if lost:
                     if not loading.detach(instant.time, self.config.time.end):
-                        at = f"PULLED OFF at t = {instant.time:.6g}"
-                        ended = f"{at}: no contact carries the load of {prescribed:.6g}"
-                        recorder.note(ended=ended, pull_off_time=instant.time)
+                        ended = self._pulled_off(recorder, instant.time, prescribed)
                         break
                     problem, solution = self._solved(kappa, b, instant.time)
                     surface = loading.surface(solution, kappa, b, instant.time)
@@ -392,21 +384,35 @@ class Case:
                 self.imprint.remember(solution)
                 if self.reach is not None:
                     self.reach.remember(solution.pressure)
-                row: dict[str, float | FloatArray] = {}
-                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
-                finished = False
-                for observable in observables:
-                    row |= observable.measure(step)
-                    finished = finished or observable.finished
-                recorder.row(**self._recorded(row))
-                if instant.snapshot or finished or keeps_all:
-                    self._snapshot(recorder, step)
-                if finished:
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, {})
+                if self._record(recorder, step, with_fields=instant.snapshot):
                     break
-                del step, row
+                del step
             del kappa, b, problem, solution, surface  # the next step needs their memory
             if progress is not None:
                 progress(instant.time)
+        return self._end(recorder, ended)
+
+    def _record(self, recorder: Recorder, step: AcceptedStep, *, with_fields: bool) -> bool:
+        """Record row and perhaps fields of an accepted step; return whether the run has settled."""
+        settled = False
+        for observable in self.observables.values():
+            step.row |= observable.measure(step)
+            settled = settled or observable.finished
+        recorder.row(**self._recorded(step.row))
+        if with_fields or settled or self.config.output.snapshots == "every":
+            self._snapshot(recorder, step)
+        return settled
+
+    def _pulled_off(self, recorder: Recorder, time: float, load: float) -> str:
+        """Note that the run ends since a load has pulled the punch off, and return the words."""
+        ended = f"PULLED OFF at t = {time:.6g}: no contact carries the load of {load:.6g}"
+        recorder.note(ended=ended, pull_off_time=time)
+        return ended
+
+    def _end(self, recorder: Recorder, ended: str) -> list[str]:
+        """Note the attributes of the observables; return why the run ended early, and their warnings."""
+        observables = self.observables.values()
         for observable in observables:
             if observable.attributes:
                 recorder.note(**self._recorded(observable.attributes))
@@ -415,11 +421,8 @@ class Case:
     def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
         """Record the fields of a step, some only with attraction, a hardness or a counterbody."""
         gap, displacement = closed_gap(step.problem, step.solution), step.surface.displacement
-        fields: dict[str, Any] = {
-            "displacement": displacement,
-            "pressure": step.solution.pressure,
-            "gap": gap,
-        }
+        pressure = step.solution.pressure
+        fields: dict[str, Any] = {"displacement": displacement, "pressure": pressure, "gap": gap}
         if self.interface.attracts:
             fields["traction"] = step.problem.interface.traction(gap)
         if self.imprint.yields:
@@ -450,11 +453,8 @@ class Case:
             self.solver.restore(before)  # the state as a whole is then that before the step
             reason = why_not_converged(problem, solution, self.config.contact_solver.method, given.tolerance)
             raise ConvergenceError(f"t = {time:.6g}: {reason}", problem, solution, time)
-        if (
-            self.reach is not None
-            and solution.converged
-            and (beyond := self.reach.refusal(solution.pressure))
-        ):
+        beyond = self.reach and solution.converged and self.reach.refusal(solution.pressure)
+        if beyond:
             self.solver.restore(before)
             raise ConvergenceError(f"t = {time:.6g}: {beyond}", problem, solution, time)
         return problem, solution

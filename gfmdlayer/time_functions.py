@@ -79,9 +79,8 @@ class Table:
 
         times, values = read_columns(file, ("time", quantity), increasing=True, row_error=row_error).T
         if times[0] != 0:
-            raise TableError(
-                f"{file}: the first time is {times[0]:g}; must be 0, where the simulation starts"
-            )
+            start = "must be 0, where the simulation starts"
+            raise TableError(f"{file}: the first time is {times[0]:g}; {start}")
         return cls(times, values)
 
     def in_time(self, unit: float) -> Table:

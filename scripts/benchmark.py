@@ -21,7 +21,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pyfftw
-from benchmarks.tables import Effort, Table
+from benchmarks.common import Effort, Table
 
 from gfmdlayer.results.provenance import provenance
 
@@ -82,8 +82,7 @@ def _write(tables: Sequence[Table], machine: dict[str, str], options: argparse.N
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     sections = "\n".join(f"    {name:11} {_first_line(module.__doc__)}" for name, module in SECTIONS.items())
     parser = argparse.ArgumentParser(
-        description=f"{__doc__}\nSections\n{sections}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description=f"{__doc__}\nSections\n{sections}", formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
     add("--quick", action="store_true", help="small grids, few steps and repetitions")

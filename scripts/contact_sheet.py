@@ -25,13 +25,12 @@ import gfmdlayer
 from gfmdlayer.config import Config, load
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
-from gfmdlayer.figures.inside_plot import inside_figure
+from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.labels import SCALES
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import animated
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Style, styled
 from gfmdlayer.figures.selection import case_dimensions, swept
-from gfmdlayer.figures.slip_plots import stick_figure
 from gfmdlayer.figures.snapshot_plots import Inset, cases_with_snapshots, snapshots_figure, waterfall_figure
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.results.schema import FIELDS, ResultsError
@@ -110,7 +109,8 @@ def pictures(path: Path) -> Iterator[Picture]:
             results = results.drop_vars([name for name in FIELDS if name in results]).load()
         opened = stack.enter_context(cases_with_snapshots(path, results, None, 2))
         cases = {title: case.load() for title, case in opened.items()}
-        yield "body", lambda: body_figure(config_of(path, None)), PAPER
+        config, which = config_of(path, None)
+        yield "body", lambda: body_figure(config, title=which), PAPER
         yield "loop", lambda: loop_figure(path, results), PAPER
         if "slip_heat" in results:
             yield "loop along the surface", lambda: loop_figure(path, results, y="tangential_force"), PAPER

@@ -76,10 +76,7 @@ def runs(size: dict[str, Any], folder: Path) -> dict[str, dict[str, Any]]:
         | {
             "units": {"length": "m", "stress": "Pa", "time": "s"},
             "grid": {"points": [size["surface"]] * 2, "period": 4e-3},
-            "layer": {
-                "thickness": 2e-4,
-                "material": {"model": "zener", "G0": 1e6, "Ginf": 1e7, "tau": 1e-3},
-            },
+            "layer": {"thickness": 2e-4, "material": {"model": "zener", "G0": 1e6, "Ginf": 1e7, "tau": 1e-3}},
             "halfspace": {"shear_modulus": np.inf},
             "punch": {"shape": "sphere", "radius": 5e-3},
             "trajectory": {"control": "force", "force": 1.0, "ramp_time": 1e-3},

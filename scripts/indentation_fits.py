@@ -212,20 +212,24 @@ def instrument(
     most, back = float(force.max()), (0.1, DEPTH)  # part of the force, and depth, at the end
     noise = level * rng.standard_normal((2, ROWS))
     given: dict[str, Any] = {"prescribed": prescribed}
+    early = late = 0.0
     if prescribed == "base":
         given["stiffness"] = most / DEPTH
     if "adhesion" in data:
         back = -0.8 * PULL, -1.4 * held_until(data, most / DEPTH if prescribed == "base" else math.inf)
-        times, depth = history((-0.4, -0.08), (1, DEPTH), (4, DEPTH), (5, back[1]))
-        force = truth(data, (times, depth))
+        # The places of the jumps between two rows are random, as in an experiment.
+        early, late = rng.uniform(0.0, 5.4 / (ROWS - 1), 2)
+        top = 2 * DEPTH if prescribed == "base" else DEPTH
+        end = top - (1 - late) * (top - back[1])
+        motion = history((-0.4, top * (early - 0.4)), (1 - early, top), (4 + late, top), (5, end))
+        times, depth = motion
+        force = truth(data, motion)
     if prescribed == "force":
         times, force = history((0, 0), (1, most), (4, most), (5, back[0] * most))
         depth = responses(data, ForceCurve("truth", times, times, force, prescribed="force"))[1]
         depth = depth + noise[1] * np.ptp(depth)
     elif prescribed == "base":
-        stiffness, base = given["stiffness"], 2 * depth
-        if "adhesion" in data:
-            base = history((-0.4, -0.16), (1, 2 * DEPTH), (4, 2 * DEPTH), (5, back[1]))[1]
+        stiffness, base = given["stiffness"], depth if "adhesion" in data else 2 * depth
         seen = np.maximum(base, 0.0)
         force = responses(data, ForceCurve("truth", times, base - seen / stiffness, seen, **given))[0]
     elif both:
@@ -234,7 +238,7 @@ def instrument(
         force = force + noise[0] * most
     if prescribed == "base":
         depth = base + noise[1] * np.ptp(base) * both - force / stiffness
-    parts = np.diff(np.searchsorted(times, [-1, 1, 4, 6]))
+    parts = np.diff(np.searchsorted(times, [-1, 1 - early, 4 + late, 6]))
     given["segment"] = np.repeat(["approach", "hold", "retract"], parts)
     return ForceCurve("curve", times, depth, force, **given)
 

@@ -30,7 +30,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gfmdlayer.config import Config, load
-from gfmdlayer.execution.case_run import prepare
 from gfmdlayer.execution.progress import make_display
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.sweep import SweepCase, cases, label
@@ -109,7 +108,7 @@ HEAD = """\
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run, compare and draw; return 0 if every case is inside its bound, else 1."""
     options = _parse(arguments)
-    with assemble(options.jobs, prepare) as pool:
+    with assemble(options.jobs) as pool:
         if pool is None:  # another rank of mpirun, which has served
             return 0
         found = [each for number in options.figures for each in reproduce(number, options, pool)]

@@ -48,12 +48,7 @@ KINDS: Mapping[str, Any] = {
     "kills": runs.killed,
     "faults": faults.trial,
 }
-SHARES = {
-    "extremes": 0.3,
-    "fuzz": 0.3,
-    "kills": 0.25,
-    "faults": 0.15,
-}  # of the trials of all kinds
+SHARES = {"extremes": 0.3, "fuzz": 0.3, "kills": 0.25, "faults": 0.15}  # of the trials of all kinds
 SHOWN = 12  # failures of a kind that the table names
 
 

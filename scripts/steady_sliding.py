@@ -21,8 +21,7 @@ import argparse
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.config import Config
-from gfmdlayer.model import simulate
+from gfmdlayer.verification.runs import Recording, run
 
 Floats = NDArray[np.float64]
 
@@ -44,13 +43,7 @@ def compliance(points: int, velocity: float) -> Floats:
 
 
 def steady_pressure(C: Floats, gap: Floats) -> Floats:
-    """Pressure p >= 0 with gap + C p >= 0 and zero wherever there is pressure.
-
-    Raises
-    ------
-    ArithmeticError
-        If no contact set was found.
-    """
+    """Pressure p >= 0 with gap + C p >= 0, zero where there is pressure; ArithmeticError if none is found."""
     contact, fewest, patience = gap < 0, gap.size + 1, _PATIENCE
     for _ in range(_MOST_ROUNDS):
         pressure = np.zeros(gap.size)
@@ -67,25 +60,8 @@ def steady_pressure(C: Floats, gap: Floats) -> Floats:
     raise ArithmeticError("the steady contact was not found")
 
 
-class Last:
-    """A recorder that keeps the last row and the last surface."""
-
-    def row(self, **values: float) -> None:
-        """Take a row."""
-        self.values = values
-
-    def snapshot(self, _time: float, displacement: Floats, pressure: Floats, _gap: Floats) -> None:
-        """Take a surface."""
-        self.displacement, self.pressure = displacement, pressure
-
-    def note(self, **attributes: float) -> None:
-        """Take the attributes of the run."""
-        self.attributes = attributes
-
-
-def stepped(points: int, velocity: float, control: str, amount: float, **time: object) -> Last:
+def stepped(points: int, velocity: float, control: str, amount: float, **time: object) -> Recording:
     """Run the package from rest to the steady state."""
-    last = Last()
     values = {
         "grid.points": points,
         "layer": {"thickness": float("inf"), "material": {"G0": G0, "Ginf": GINF, "tau": TAU}},
@@ -94,8 +70,7 @@ def stepped(points: int, velocity: float, control: str, amount: float, **time: o
         "time": {"end": 1e4 * TAU, "step": "adaptive", "steady": 1e-8} | time,
         "solver": {"method": "active_set", "tolerance": 1e-9},
     }
-    simulate(Config(name="steady").with_values(values), last)
-    return last
+    return run(values)
 
 
 def direct(points: int, velocity: float, depth: float) -> dict[str, float | Floats]:
@@ -126,11 +101,11 @@ def main() -> None:
     for velocity in (0.001, 0.01, 0.1, 1.0, 10.0):
         answer = direct(given.points, velocity, given.depth)
         found = stepped(given.points, velocity, "depth", given.depth)
-        p, mean = found.pressure, answer["mean"]
+        p, mean = found.snapshots[-1][2], answer["mean"]
         touching = np.flatnonzero(p > 0)[[0, -1]] / given.points - 0.5
         print(
             f"{velocity:<9g} {answer['force'] / mean:<11.6g} {p.mean() / mean - 1:<14.1e} "
-            f"{found.values['tangential_force'] / answer['force'] - 1:<11.1e} "
+            f"{found.last('tangential_force') / answer['force'] - 1:<11.1e} "
             f"{np.abs(p - answer['pressure']).max() / p.max():<12.1e} {answer['edges']} {touching}"
         )
 

@@ -10,4 +10,6 @@ bash scripts/environment.sh mpich,test
 export PATH="$root/.venv/bin:$PATH"
 # Threads of BLAS, on small matrices, wait for those of the other process of tests; the command line sets this too.
 export OPENBLAS_NUM_THREADS=1
+# The tests start Python some 150 times: it keeps what it has compiled, which takes a quarter of each start.
+unset PYTHONDONTWRITEBYTECODE
 python -m pytest -n 2 --dist worksteal -m "not slow" "$@"

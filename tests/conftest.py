@@ -1,17 +1,12 @@
 """What the tests share: a recorder, small runs, the elastic closed form, dense contact solving, a browser."""
 
-from __future__ import annotations
-
 import shutil
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import settings
-from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, nnls
 from scipy.special import spence
 
@@ -20,8 +15,6 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.model import simulate
 from gfmdlayer.verification import runs
-
-Floats = NDArray[np.float64]
 
 # `pytest tests/test_fuzz_*.py --hypothesis-profile=long` is the long run. Without it a test that has passed
 # draws the same examples again, so that what breaks it is what was changed.
@@ -34,22 +27,22 @@ class Recording(runs.Recording):
     """A recorder that keeps everything; `recording["contact_area"]` is a column of its rows."""
 
     @property
-    def gaps(self) -> list[Floats]:
+    def gaps(self):
         """The gap of each snapshot."""
         return [gap for _, _, _, gap, *_ in self.fields]
 
 
 @pytest.fixture(scope="session")
-def recorder() -> type[Recording]:
+def recorder():
     """A recorder that keeps everything."""
     return Recording
 
 
 @pytest.fixture(scope="session")
-def run() -> Callable[..., Recording]:
+def run():
     """Run the paper's default case with these dotted values in it, on fewer points and with longer steps."""
 
-    def run(values: dict[str, object]) -> Recording:
+    def run(values):
         coarse = {"grid.points": 2048, "time.integrator": "exponential", "time.step": 0.05}
         recording = Recording()
         simulate(Config(name="test").with_values(coarse | values), recording)
@@ -59,15 +52,15 @@ def run() -> Callable[..., Recording]:
 
 
 @pytest.fixture(scope="session")
-def parabola_on_halfspace() -> Callable[[ArrayLike], tuple[Floats, Floats]]:
+def parabola_on_halfspace():
     """Contact fraction and pbar/2G of a periodic parabola, R = L/4, on an incompressible halfspace.
 
     From the depth; pbar = -(E* L/(2 pi R)) ln cos phi and depth = (L^2/(4 pi^2 R)) (pi^2/6 - Li2(cos^2 phi))
     with phi = pi atilde/2 and E* = 4 G.
     """
 
-    def answer(depths: ArrayLike) -> tuple[Floats, Floats]:
-        def excess(phi: float, depth: float) -> float:
+    def answer(depths):
+        def excess(phi, depth):
             return float((np.pi**2 / 6 - spence(np.sin(phi) ** 2)) / np.pi**2 - depth)
 
         phi = np.array([brentq(excess, 0, 1.57, args=(d,), xtol=1e-15) for d in np.atleast_1d(depths)])
@@ -79,10 +72,10 @@ def parabola_on_halfspace() -> Callable[[ArrayLike], tuple[Floats, Floats]]:
 class DenseContact:
     """Random small contact problems, and their solution by dense linear algebra, on a grid of period 1."""
 
-    def __init__(self, shape: tuple[int, ...]) -> None:
+    def __init__(self, shape):
         self.grid = Grid(shape, (1.0,) * len(shape))
 
-    def problem(self, seed: int, condition: str) -> Problem:
+    def problem(self, seed, condition):
         """Return a rough punch on a body with a history, whose stiffness is scattered by mode."""
         rng = np.random.default_rng(seed)
         q, size = self.grid.wavenumbers.ravel(), self.grid.size
@@ -96,17 +89,17 @@ class DenseContact:
             b[0] = size * rng.uniform()
         return Problem(kappa, b, h, rng.uniform(0.5, 2) if condition == "load" else None)
 
-    def transform(self, values: Floats) -> NDArray[np.complex128]:
+    def transform(self, values):
         return np.asarray(np.fft.rfftn(values.reshape(self.grid.shape)).ravel())
 
-    def force(self, problem: Problem, u: Floats) -> Floats:
+    def force(self, problem, u):
         """Return IFFT(-kappa FFT(u) + b), by numpy."""
         spectrum = problem.intercept - problem.stiffness * self.transform(u)
         axes = tuple(range(len(self.grid.shape)))
         spectrum = spectrum.reshape(self.grid.spectral_shape)
         return np.asarray(np.fft.irfftn(spectrum, s=self.grid.shape, axes=axes).ravel())
 
-    def solution(self, problem: Problem) -> tuple[Floats, Floats]:
+    def solution(self, problem):
         """Return displacement and pressure.
 
         Non-negative least squares on the gaps guess the contact set, whose linear equations are then solved.
@@ -135,9 +128,7 @@ class DenseContact:
         return u, pressure
 
     @staticmethod
-    def _with_contact(
-        problem: Problem, K: Floats, f0: Floats, free: NDArray[np.bool_]
-    ) -> tuple[Floats, Floats]:
+    def _with_contact(problem, K, f0, free):
         """Return displacement and pressure with a given contact set."""
         h = problem.obstacle
         u, multiplier = h.copy(), 0.0
@@ -153,7 +144,7 @@ class DenseContact:
 
 
 @pytest.fixture(scope="session")
-def dense_contact() -> type[DenseContact]:
+def dense_contact():
     """Random small problems on a grid, and who knows their answers."""
     return DenseContact
 
@@ -162,7 +153,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """A headless Chromium of this machine."""
     playwright = pytest.importorskip("playwright.sync_api")
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -173,12 +164,12 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture
-def visit(browser: Any) -> Iterator[Callable[..., Any]]:
+def visit(browser):
     """Open a page; at the end nothing may have been logged as an error, and nothing loaded from elsewhere."""
-    opened: list[Any] = []
-    wrong: list[str] = []
+    opened = []
+    wrong = []
 
-    def visit(path: Path, width: int = 1280, scheme: str = "light", ready: str = "html") -> Any:
+    def visit(path, width=1280, scheme="light", ready="html"):
         opened.append(browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme))
         page = opened[-1].new_page()
         page.set_default_timeout(300_000)  # a machine under load is slow to draw
@@ -201,12 +192,11 @@ def visit(browser: Any) -> Iterator[Callable[..., Any]]:
 
 
 @pytest.fixture
-def flaws() -> Callable[..., list[str]]:
+def flaws():
     """Text of a page that a reader would miss; boxes that match `unscrolled` may not scroll."""
     script = Path(__file__).with_name("flaws.js").read_text(encoding="utf-8")
 
-    def flaws(page: Any, root: str = "body", unscrolled: str = "") -> list[str]:
-        found: list[str] = page.evaluate(script, [root, unscrolled])
-        return found
+    def flaws(page, root="body", unscrolled=""):
+        return page.evaluate(script, [root, unscrolled])
 
     return flaws

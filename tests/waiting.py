@@ -1,13 +1,12 @@
 """Waiting for another process, as long as it lives."""
 
-from __future__ import annotations
-
-import subprocess
 import time
-from collections.abc import Callable
+from pathlib import Path
+
+SLOWLY = str(Path(__file__).with_name("slowly.py"))  # the command line with steps that take 50 ms
 
 
-def until(reached: Callable[[], object], process: subprocess.Popen[str] | None = None) -> None:
+def until(reached, process=None):
     """Wait up to two minutes; a process that ends before fails the test with what it printed."""
     end = time.monotonic() + 120
     while not reached():

@@ -211,11 +211,9 @@ def halfspace(material: Material | float, *, poisson: float = 0.5) -> Viscoelast
 def layered_body(
     layers: Sequence[Layer], base: Material | float, base_poisson: float, *, accuracy: float = 0.0
 ) -> Body:
-    """Return layers, from the surface down, on a base; a single one by its closed forms.
-
-    `base` is the law of the halfspace below, or its shear modulus: inf is rigid, 0 leaves the lower face
-    free. A stack merges its modes up to a relative error `accuracy` of K(q, s).
-    """
+    """Return layers, from the surface down, on a base; a single one by its closed forms."""
+    # `base` is the law of the halfspace below, or its shear modulus: inf is rigid, 0 leaves the lower face
+    # free. A stack merges its modes up to a relative error `accuracy` of K(q, s).
     law: Material | None = None
     if isinstance(base, Material):
         law, modulus = (None if base.elastic else base), base.relaxed

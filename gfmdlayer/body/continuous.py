@@ -243,11 +243,9 @@ def _havriliak_negami(law: _RelaxingLaw, s: ArrayLike, alpha: float, gamma: floa
 
 
 def _inverse_laplace(law: ContinuousLaw, t: ArrayLike) -> FloatArray:
-    """G(t) from G(s), the modulus being analytic but for the negative real axis.
-
-    The integral of exp(s t) G(s)/s over a hyperbola around the axis by the trapezoidal rule, with the
-    parameters of Weideman & Trefethen, Math. Comput. 76 (2007) 1341-1356.
-    """
+    """G(t) from G(s), the modulus being analytic but for the negative real axis."""
+    # The integral of exp(s t) G(s)/s over a hyperbola around the axis by the trapezoidal rule, with the
+    # parameters of Weideman & Trefethen, Math. Comput. 76 (2007) 1341-1356.
     import numpy as np
 
     t = np.asarray(t, dtype=float)

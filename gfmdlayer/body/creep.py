@@ -40,10 +40,8 @@ def relaxation(instant: float, compliances: FloatArray, times: FloatArray) -> tu
 
 @kernel
 def retardation(weights: FloatArray, times: FloatArray, relaxed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return J_j >= 0 and T_j > 0 of m stiffnesses, each (n, m), from w_j, theta_j (n, m) and K_0 > 0 (m,).
-
-    J_j = 0 where there is no mode.
-    """
+    """Return J_j >= 0, T_j > 0 of m stiffnesses, each (n, m), from w_j, theta_j (n, m) and K_0 > 0 (m,)."""
+    # J_j = 0 where there is no mode.
     compliances, retarded = np.zeros(weights.shape), np.ones(weights.shape)
     poles, strengths = np.empty(weights.shape[0]), np.empty(weights.shape[0])
     for m in range(weights.shape[1]):
@@ -69,11 +67,9 @@ def retardation(weights: FloatArray, times: FloatArray, relaxed: FloatArray) -> 
 
 @kernel(inner=True)
 def _root(poles: FloatArray, strengths: FloatArray, relaxed: float, j: int) -> tuple[float, int]:
-    """Return the root behind pole j: its signed distance from the nearer pole, and the number of this pole.
-
-    The sum over either side is replaced by its nearest pole and a constant (Bunch, Nielsen and Sorensen,
-    Numer. Math. 31 (1978) 31-48); behind the last pole stands one of no strength.
-    """
+    """Return the root behind pole j: its signed distance from the nearer pole, and the pole's number."""
+    # The sum over either side is replaced by its nearest pole and a constant (Bunch, Nielsen and Sorensen,
+    # Numer. Math. 31 (1978) 31-48); behind the last pole stands one of no strength.
     n = poles.size
     gap = poles[j + 1] - poles[j] if j + 1 < n else 4 * strengths.sum() / relaxed
     value = 0.0

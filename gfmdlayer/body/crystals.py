@@ -29,7 +29,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -302,13 +302,13 @@ _AXES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 _ALONG: tuple[Bond, ...] = (((1.0, 0.0), (1.0, 0.0, 0.0), 0), ((0.0, 1.0), (0.0, 1.0, 0.0), 0))
 
 
-class _Face:
-    """The bonds of an atom of a surface: within its layer, one of each pair, and to the layer below."""
+class _Face(NamedTuple):
+    """The bonds of an atom of a surface."""
 
-    def __init__(self, inside: Sequence[Bond], down: Sequence[Bond], height: float, edge: float) -> None:
-        self.inside, self.down = inside, down
-        self.height = height  # of a layer, in units of the spacing
-        self.edge = edge  # of the cubic cell, likewise
+    inside: Sequence[Bond]  # within its layer, one of each pair
+    down: Sequence[Bond]  # to the layer below
+    height: float  # of a layer, in units of the spacing
+    edge: float  # of the cubic cell, likewise
 
 
 FACES = {
@@ -541,12 +541,9 @@ class Tabulated(OneModulus):
         found = np.full(q.shape, float(self.mean))
         if self._format:
             held, period = self._array
-            each = (np.ravel(component) for component in (waves.qx, waves.qy))
-            places = [
-                np.rint(x * L / (2 * np.pi)).astype(int) % n
-                for x, L, n in zip(each, period, held.shape, strict=False)
-            ]
-            found[q > 0] = held[tuple(places)].reshape(q.shape)[q > 0]
+            each = zip((waves.qx, waves.qy), period, held.shape, strict=False)
+            places = tuple(np.rint(x * L / (2 * np.pi)).astype(int) % n for x, L, n in each)
+            found[q > 0] = held[places][q > 0]
             return np.asarray(found)
         try:
             rows = _rows(self.table, self.table.stat().st_mtime_ns)
@@ -584,18 +581,14 @@ def _array(file: Path, kind: str, _changed: int) -> tuple[FloatArray, tuple[floa
                 dataset = h5["stiffness"]
                 found = np.asarray(dataset[()])
                 if "period" in dataset.attrs:
-                    period = tuple(
-                        np.broadcast_to(dataset.attrs["period"], found.ndim).astype(float).tolist()
-                    )
+                    each = np.broadcast_to(dataset.attrs["period"], found.ndim)
+                    period = tuple(each.astype(float).tolist())
         found = found.astype(np.float64, casting="same_kind", copy=False)  # complex numbers are refused
     except (OSError, ValueError, EOFError, KeyError, TypeError) as error:
         reason = str(error).strip('"')
         raise ValueError(f"{file}: cannot be read as an array ({reason}); see gfmdlayer.Tabulated") from None
-    if (
-        found.ndim not in (1, 2)
-        or not np.isfinite(np.ravel(found)[1:]).all()
-        or (np.ravel(found)[1:] <= 0).any()
-    ):
+    moving = np.ravel(found)[1:]
+    if found.ndim not in (1, 2) or not np.isfinite(moving).all() or (moving <= 0).any():
         raise ValueError(f"{file}: must hold finite numbers along one axis or two, > 0 but at q = 0")
     back = found[np.ix_(*(-np.arange(n) for n in found.shape))]
     if (np.abs(found - back) > _SAME * np.abs(found)).any():
@@ -604,12 +597,10 @@ def _array(file: Path, kind: str, _changed: int) -> tuple[FloatArray, tuple[floa
 
 
 def _of_fix_gfc(file: Path) -> tuple[FloatArray, tuple[float, ...]]:
-    """Return K and the period of coefficients Phi(q) that LAMMPS's `fix gfc` has measured.
-
-    The file has the integers d, nx, ny and atoms a cell, Boltzmann's constant, nx ny complex matrices Phi of
-    energy/length^2, whose last direction is normal to the surface, the two vectors of a cell, and the
-    places of its atoms.
-    """
+    """Return K and the period of coefficients Phi(q) that LAMMPS's `fix gfc` has measured."""
+    # The file has the integers d, nx, ny and atoms a cell, Boltzmann's constant, nx ny complex matrices Phi
+    # of energy/length^2, whose last direction is normal to the surface, the two vectors of a cell, and the
+    # places of its atoms.
     import numpy as np
 
     data = file.read_bytes()

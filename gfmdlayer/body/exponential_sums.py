@@ -48,12 +48,10 @@ _CHUNK = 1024  # samples of the bound at once
 
 @lru_cache(maxsize=256)
 def prony_series(law: Law, shortest: float, longest: float, tolerance: float) -> PronySeries:
-    """Return the series of few branches that keeps to a tolerance, relative, of G(t) and G(omega).
-
-    The range of t and 1/omega is widened to `NARROWEST`; a modulus that is finite at t = 0 is kept to there
-    too. The law's spectrum must not be negative. Raises ValueError if the range is empty, ArithmeticError if
-    `MOST_BRANCHES` do not suffice.
-    """
+    """Return the series of few branches that keeps to a tolerance, relative, of G(t) and G(omega)."""
+    # The range of t and 1/omega is widened to `NARROWEST`; a modulus that is finite at t = 0 is kept to there
+    # too. The law's spectrum must not be negative. Raises ValueError if the range is empty, ArithmeticError
+    # if `MOST_BRANCHES` do not suffice.
     if not 0 < shortest <= longest < math.inf:
         raise ValueError(f"times from {shortest!r} to {longest!r}: must be positive and increase")
     longest = max(longest, NARROWEST * shortest)
@@ -80,13 +78,11 @@ def prony_series(law: Law, shortest: float, longest: float, tolerance: float) ->
 
 
 class _Fit:
-    """Sums of exponentials with a small largest error at samples of a range of times.
-
-    The rows are the errors of G(t), G'(omega) and G''(omega) relative to |G|. The branches are measured by
-    the law's modulus at their relaxation times.
-    """
+    """Sums of exponentials with a small largest error at samples of a range of times."""
 
     def __init__(self, law: Law, shortest: float, longest: float, tolerance: float) -> None:
+        # The rows are the errors of G(t), G'(omega) and G''(omega) relative to |G|. The branches are measured
+        # by the law's modulus at their relaxation times.
         self._law, self._tolerance, self._range = law, tolerance, (shortest, longest)
         self._samples = np.geomspace(*self._range, math.ceil(PER_DECADE * math.log10(longest / shortest)) + 2)
         self._times = np.append(0.0, self._samples) if math.isfinite(law.glassy) else self._samples
@@ -213,11 +209,9 @@ def _step(
     residual: FloatArray,
     damping: float,
 ) -> FloatArray:
-    """Change of the times, shape (n,), by a damped step of Gauss and Newton over used moduli and times.
-
-    `columns` (rows, n + 1) and `slopes` (rows, n) are derivatives by the moduli and the times, `residual`
-    (rows,) the errors; `damping` of the times is relative to the length of their derivatives.
-    """
+    """Change of the times, shape (n,), by a damped step of Gauss and Newton over used moduli and times."""
+    # `columns` (rows, n + 1) and `slopes` (rows, n) are derivatives by the moduli and the times, `residual`
+    # (rows,) the errors; `damping` of the times is relative to the length of their derivatives.
     moving = used[1:]
     matrix = np.hstack([columns[:, used], slopes[:, moving]]) * weights[:, np.newaxis]
     lengths = np.linalg.norm(matrix, axis=0)

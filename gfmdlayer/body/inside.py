@@ -33,6 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -42,8 +43,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.network import Network, mode_vectors
-from gfmdlayer.body.relaxation import distinct_branches
-from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.stack import LayerStack
 
 # x = q d from which the free surface layer is a halfspace: the difference is below x exp(-2 x).
 _DEEP = 40.0
@@ -64,9 +64,8 @@ class Readout(NamedTuple):
 
 def stack_of(body: object) -> LayerStack | None:
     """Return a layered body as a stack; None for another body."""
-    return (
-        body.stack if isinstance(body, ViscoelasticLayer) else body if isinstance(body, LayerStack) else None
-    )
+    stack = body.stack if isinstance(body, ViscoelasticLayer) else body
+    return stack if isinstance(stack, LayerStack) else None
 
 
 def alike(laws: Sequence[Law]) -> bool:
@@ -92,17 +91,14 @@ class Inside:
         self.layer: IntArray = np.repeat(np.arange(len(counts) + 1), [1, *counts]) - 1
         self.layer[0] = 0
         self.firsts: IntArray = np.cumsum([1, *counts])[:-1]
-        self.stiffness = np.vstack(
-            (free, *(of.springs.stiffness.T for of in members))
-        )  # of modulus 1, over q
+        # For a modulus of one, over q.
+        self.stiffness = np.vstack((free, *(of.springs.stiffness.T for of in members)))
 
     @cached_property
     def relaxed(self) -> tuple[FloatArray, FloatArray]:
         """Strains and forces of all springs, (springs, nq), for a relaxed surface that moves by one."""
-        layers = [
-            Layer(each.thickness, each.poisson, Elastic(each.material.relaxed)) for each in self.stack.layers
-        ]
-        network = LayerStack(tuple(layers), rigid=self.stack.rigid).network(self.q)
+        relaxed = (replace(each, material=Elastic(each.material.relaxed)) for each in self.stack.layers)
+        network = replace(self.stack, layers=tuple(relaxed)).network(self.q)
         forces = np.einsum("qrs,qr->qs", network.projection, network.force)
         free = network.free * self.stack.present[0].material.relaxed
         strains = np.vstack((np.ones(self.q.size), (forces / network.stiffness).T))
@@ -123,9 +119,8 @@ class Inside:
         """The memory of all springs but the first, at the q where it counts."""
         of, K = self._network, self.stack.stiffness(self.q, 0.0)
         size, springs = of.times.size, of.stiffness.shape[1]
-        waves = (
-            np.flatnonzero((of.force**2).sum(axis=1) > _UNFELT * K) if size else np.empty(0, dtype=np.intp)
-        )
+        felt = (of.force**2).sum(axis=1) > _UNFELT * K
+        waves = np.flatnonzero(felt) if size else np.empty(0, dtype=np.intp)
         shapes = (size,), (springs, size), (springs, size)
         found = Readout(waves, *(np.zeros((waves.size, *shape)) for shape in shapes))
         for k, i in enumerate(waves):
@@ -141,10 +136,8 @@ class Inside:
     def of_internal(
         self, waves: IntArray, u: ComplexArray, xi: ComplexArray
     ) -> tuple[ComplexArray, ComplexArray]:
-        """Return strains and forces of all springs but the first for internal vectors xi, (n, internal).
-
-        `waves` are the numbers of their q, and u the displacement of the surface, both (n,).
-        """
+        """Return strains and forces of all springs but the first for internal vectors xi, (n, internal)."""
+        # `waves` are the numbers of their q, and u the displacement of the surface, both (n,).
         of = self._network
         w, P = of.stiffness[waves], of.projection[waves]
         stretched = np.zeros(w.shape, dtype=np.complex128)
@@ -153,16 +146,9 @@ class Inside:
         forces = np.einsum("nra,nr->na", P, e)
         return ((forces + stretched) / w).T, (forces * w).T
 
-    @property
-    def of_uppermost(self) -> tuple[FloatArray, FloatArray]:
-        """Moduli and relaxation times of the branches of the uppermost layer."""
-        return distinct_branches(self.stack.present[0].material)
-
     def transfer(self, depth: FloatArray, number: int) -> FloatArray:
-        """Return the fields at a depth, in the layer of this number, for each of its springs.
-
-        W and U for a strain of one, s_zz, S, s_nn and s_tt for a force of one: (6, springs, nq).
-        """
+        """Return the fields at a depth, in the layer of this number, for each of its springs."""
+        # W and U for a strain of one, s_zz, S, s_nn and s_tt for a force of one: (6, springs, nq).
         layer, own = self.stack.present[number], np.flatnonzero(self.layer == number)
         z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
         form = _uppermost if not number else _below if math.isinf(layer.thickness) else _between

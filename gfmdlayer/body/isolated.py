@@ -81,33 +81,15 @@ _DIRECTIONAL = 1e-6  # relative difference of K along two directions
 
 @dataclass(frozen=True, eq=False)
 class Isolated:
-    """A body in a periodic cell, whose response within reach has no periodic images; `isolated` makes one.
+    """A body in a periodic cell, whose response within reach has no periodic images; `isolated` makes one."""
 
-    Parameters
-    ----------
-    body : Body
-        The body, whose stiffness depends on the magnitude of the wavevector alone.
-    period : tuple of float
-        Period along each axis.
-    datum : float, optional
-        Of a line: distance from a load at which the surface counts as at rest.
-    reach : float
-        Two pressed points are at most so many periods apart: ((dx/Lx)^2 + (dy/Ly)^2)^(1/2).
-    error : float
-        Largest error of the response to a point load within reach, relative to its smooth part.
-    low : Spectrum
-        Relaxing modes of the lowest waves, shape (waves,).
-    number : ndarray of int
-        Place of a wave in `low` by its numbers over the period, (|nx|, |ny|); -1 where there is none.
-    """
-
-    body: Body
+    body: Body  # its stiffness depends only on the magnitude of the wavevector
     period: tuple[float, ...]
-    datum: float | None
-    reach: float
-    error: float
-    low: Spectrum
-    number: IntArray
+    datum: float | None  # of a line: distance from a load at which the surface counts as at rest
+    reach: float  # most periods between two pressed points, ((dx/Lx)^2 + (dy/Ly)^2)^(1/2)
+    error: float  # largest error of the response to a point load within reach, over its smooth part
+    low: Spectrum  # relaxing modes of the lowest waves, (waves,)
+    number: IntArray  # place of a wave in `low` by its numbers over the period, (|nx|, |ny|); -1: none
 
     @property
     def mean_stiffness(self) -> float:
@@ -124,54 +106,31 @@ class Isolated:
         at, own = self._at(waves), self.body.spectrum(waves)
         low = at >= 0
         relaxed = np.where(low, self.low.relaxed[at], own.relaxed)
-        weights = np.concatenate(
-            (np.where(low, 0.0, own.weights), np.where(low, self.low.weights[:, at], 0.0))
-        )
+        changed = np.where(low, self.low.weights[:, at], 0.0)
+        weights = np.concatenate((np.where(low, 0.0, own.weights), changed))
         times = np.concatenate((own.times, np.where(low, self.low.times[:, at], 1.0)))
         return Spectrum(relaxed, weights, times, own.error)
 
     def _at(self, waves: Wavevectors) -> IntArray:
         """Place of each wave among the lowest; -1 for the others."""
         most = len(self.number) - 1
-        numbers = [
-            np.abs(q) * (length / (2 * math.pi))
-            for q, length in zip((waves.qx, waves.qy), (*self.period, self.period[0]), strict=False)
-        ]
-        nearest = [np.rint(np.minimum(each, most + 1)) for each in numbers]
-        low = np.all(
-            [(n <= most) & (np.abs(n - each) < 1e-6) for n, each in zip(nearest, numbers, strict=True)],
-            axis=0,
-        )
-        nx, ny = (np.where(low, n, 0).astype(np.intp) for n in nearest)
+        lengths = (*self.period, self.period[0])[:2]  # a line has no waves along y
+        components = zip((waves.qx, waves.qy), lengths, strict=True)
+        numbers = np.stack([np.abs(q) * (length / (2 * math.pi)) for q, length in components])
+        nearest = np.rint(np.minimum(numbers, most + 1))
+        low = ((nearest <= most) & (np.abs(nearest - numbers) < 1e-6)).all(axis=0)
+        nx, ny = np.where(low, nearest, 0).astype(np.intp)
         return np.where(low, self.number[nx, ny], -1)
 
 
 def isolated(body: Body, period: tuple[float, ...], datum: float | None = None) -> Isolated:
-    """Return a body for a periodic cell, whose response within reach has no periodic images.
-
-    Parameters
-    ----------
-    body : Body
-        A body that carries an isolated load, the same in all directions.
-    period : tuple of float
-        Period along each axis, of a line or a surface.
-    datum : float, optional
-        Of a line: distance from a load at which the surface counts as at rest, at least the period.
-
-    Raises
-    ------
-    ValueError
-        If the body has no isolated state, or no reach has an error within `TOLERANCE`; with what would do.
-    """
+    """Return a body for a periodic cell, whose response within reach has no periodic images."""
+    # `datum`, of a line: distance from a load at which the surface counts as at rest, at least the period.
+    # ValueError if the body has no isolated state, or no reach has an error within `TOLERANCE`.
     lengths = tuple(map(float, period))
     if isinstance(body, ViscoelasticLayer | LayerStack):  # which never change
         return _kept(body, lengths, datum)
     return _isolated(body, lengths, datum)
-
-
-@lru_cache(maxsize=8)
-def _kept(body: ViscoelasticLayer | LayerStack, period: tuple[float, ...], datum: float | None) -> Isolated:
-    return _isolated(body, period, datum)
 
 
 def _isolated(body: Body, period: tuple[float, ...], datum: float | None) -> Isolated:
@@ -185,6 +144,9 @@ def _isolated(body: Body, period: tuple[float, ...], datum: float | None) -> Iso
         f"the response of the body within {REACHES[-1]:g} periods has an error of {fits[-1].error:.1e} "
         f"without images; must be at most {TOLERANCE:g}{_instead(body, period, datum, REACHES[0])}"
     )
+
+
+_kept = lru_cache(maxsize=8)(_isolated)
 
 
 def period_for(body: Isolated, width: float) -> str:
@@ -259,7 +221,10 @@ def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _Nod
     if datum is not None:
         far = last * image / datum
         edges += [*np.geomspace(_LONGEST / datum, far, 40), *np.arange(0, far, 5 / datum)]
-    q, weights = _gauss(np.unique([0.0, *edges]))
+    cuts = np.unique([0.0, *edges])[:, np.newaxis]
+    half = np.diff(cuts, axis=0) / 2
+    nodes, shares = np.polynomial.legendre.leggauss(_ORDER)
+    q, weights = (half * (nodes + 1) + cuts[:-1]).ravel(), (half * shares).ravel()
     if axes == 2:
         integral = j0(np.outer(np.hypot(x, y), q)) * (weights * low_pass(q) * q / (2 * math.pi))
     else:
@@ -290,9 +255,11 @@ def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: floa
 
     nodes = _nodes(period, datum, reach)
     s, times = _times(body, nodes.low[1:], min(period))
-    response, size = _response(body, nodes, s)
+    smooth = nodes.integral @ np.stack([1 / body.stiffness(nodes.q, each) for each in s], axis=1)
+    others = nodes.cosines @ np.stack([1 / body.stiffness(nodes.waves, each) for each in s], axis=1)
+    size = np.abs(smooth).max(axis=0)
     least = _STIFFEST / body.stiffness(np.where(nodes.low > 0, nodes.low, nodes.low[1]), s[-1])
-    target = (response - (nodes.lowest @ least)[:, np.newaxis]) / size
+    target = (smooth - others - (nodes.lowest @ least)[:, np.newaxis]) / size
     course = np.vstack((np.ones(s.size), 1 / (1 + np.outer(times, s)))) / size
     # The unknowns are the product of waves and times: both factors are compressed to what they are worth.
     of_points, of_waves = _compressed(nodes.lowest)
@@ -303,7 +270,13 @@ def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: floa
     creep = (found / length).reshape(least.size, -1)
     error = float(np.abs(nodes.lowest @ creep @ course - target).max())
     creep[:, 0] += least
-    return Isolated(body, period, datum, reach, error, _relaxing(creep, times), nodes.number)
+    modes = [relaxation(c[0], c[1:][c[1:] > 0], times[c[1:] > 0]) for c in creep]
+    most = max(own.size for own, _ in modes)
+    weights, taus = np.zeros((most, len(creep))), np.ones((most, len(creep)))
+    for i, (own, tau) in enumerate(modes):
+        weights[: own.size, i], taus[: own.size, i] = own, tau
+    low = Spectrum(1 / creep.sum(axis=1), weights, taus)
+    return Isolated(body, period, datum, reach, error, low, nodes.number)
 
 
 def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
@@ -328,31 +301,8 @@ def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, Floa
     return np.array([0.0, *s, _SUDDEN / shortest]), times
 
 
-def _response(body: Body, nodes: _Nodes, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what the lowest waves add up to, (points, s), and the size of the smooth response, (s,)."""
-    smooth = nodes.integral @ np.stack([1 / body.stiffness(nodes.q, each) for each in s], axis=1)
-    others = nodes.cosines @ np.stack([1 / body.stiffness(nodes.waves, each) for each in s], axis=1)
-    return smooth - others, np.abs(smooth).max(axis=0)
-
-
-def _relaxing(creep: FloatArray, times: FloatArray) -> Spectrum:
-    """Return the relaxing modes of compliances c_0 and c_k, shape (waves, 1 + times)."""
-    found = [relaxation(c[0], c[1:][c[1:] > 0], times[c[1:] > 0]) for c in creep]
-    most = max(weights.size for weights, _ in found)
-    weights, taus = np.zeros((most, len(creep))), np.ones((most, len(creep)))
-    for i, (each, tau) in enumerate(found):
-        weights[: each.size, i], taus[: each.size, i] = each, tau
-    return Spectrum(1 / creep.sum(axis=1), weights, taus)
-
-
 def _compressed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return U and S V^T of a matrix, without negligible singular values."""
     U, values, V = np.linalg.svd(matrix, full_matrices=False)
     kept: BoolArray = values > _SINGULAR * values[0]
     return U[:, kept], values[kept, np.newaxis] * V[kept]
-
-
-def _gauss(edges: FloatArray) -> tuple[FloatArray, FloatArray]:
-    x, w = np.polynomial.legendre.leggauss(_ORDER)
-    half = np.diff(edges)[:, np.newaxis] / 2
-    return (half * (x + 1) + edges[:-1, np.newaxis]).ravel(), (half * w).ravel()

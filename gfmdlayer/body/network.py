@@ -81,12 +81,10 @@ class InternalVariables(NamedTuple):
 
 
 def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> VectorSpectrum:
-    """Return the modes of a network on which n displacements of the surface act.
-
-    K(s) = g^H g - g^H B (1 + B^T B + s theta)^-1 B^T g, so that K_0 = g^H (1 + B B^T)^-1 g, with
-    `force` g, real or complex, (nq, redundant, n), `coupling` B (nq, redundant, internal), `times` theta
-    (internal,).
-    """
+    """Return the modes of a network on which n displacements of the surface act."""
+    # K(s) = g^H g - g^H B (1 + B^T B + s theta)^-1 B^T g, so that K_0 = g^H (1 + B B^T)^-1 g, with
+    # `force` g, real or complex, (nq, redundant, n), `coupling` B (nq, redundant, internal), `times` theta
+    # (internal,).
     softened = np.eye(force.shape[1]) + coupling @ np.swapaxes(coupling, 1, 2)
     relaxed = np.swapaxes(force, 1, 2).conj() @ np.linalg.solve(softened, force)
     found = [_levers(*each, times) for each in zip(force, coupling, strict=True)]
@@ -98,10 +96,7 @@ def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray
 
 
 def _levers(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> tuple[NDArray[Any], FloatArray]:
-    """Return the roots v_j of the weights, (modes,) or (n, modes), and the times of the modes, fastest first.
-
-    `force` has the shape (redundant,) or (redundant, n).
-    """
+    """Return the roots of the weights, (modes,) or (n, modes), and the times of the modes, fastest first."""
     if not times.size or not len(force):
         return np.zeros((*force.shape[1:], 0)), np.zeros(0)
     vectors, times_of_modes = mode_vectors(coupling, times)
@@ -109,21 +104,18 @@ def _levers(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> tup
 
 
 def mode_vectors(coupling: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the vectors of the modes, (internal + redundant, modes), and their times, fastest first.
-
-    They are the left singular vectors of (1; B) theta^(-1/2): the right ones, over columns of lengths that
-    differ by decades, would lose digits.
-    """
+    """Return the vectors of the modes, (internal + redundant, modes), and their times, fastest first."""
+    # They are the left singular vectors of (1; B) theta^(-1/2): the right ones, over columns of lengths that
+    # differ by decades, would lose digits.
     system = np.vstack((np.eye(times.size), coupling)) / np.sqrt(times)
     slowness, vectors = singular_values(system[:, np.argsort(times)], left=True)
     return vectors, 1 / slowness**2
 
 
 def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:
-    """Singular values, from the largest, and right singular vectors or left ones, by Jacobi rotations.
-
-    They are of high relative accuracy for a matrix of columns of any lengths, well conditioned but for those.
-    """
+    """Singular values, from the largest, and right singular vectors or left ones, by Jacobi rotations."""
+    # They are of high relative accuracy for a matrix of columns of any lengths, well conditioned but for
+    # those.
     from scipy.linalg.lapack import dgejsv
 
     wanted = {"joba": 0, "jobu": 0, "jobv": 3} if left else {"joba": 2, "jobu": 3, "jobv": 0}
@@ -153,13 +145,11 @@ def assemble(
     surface: int = 1,
     interface: int = 2,
 ) -> Network:
-    """Eliminate the displacements of the interfaces, and give each spring the elements of its material.
-
-    `members` stand from the surface down, `free` (nq,) is the stiffness of the uppermost layer alone for a
-    unit modulus. Of the displacements, `surface` ones are of the surface, and `interface` of each interface
-    that moves. The network has one force g for each of the surface: (nq, redundant, surface), or (nq,
-    redundant) for a single one.
-    """
+    """Eliminate the displacements of the interfaces, and give each spring the elements of its material."""
+    # `members` stand from the surface down, `free` (nq,) is the stiffness of the uppermost layer alone for a
+    # unit modulus. Of the displacements, `surface` ones are of the surface, and `interface` of each interface
+    # that moves. The network has one force g for each of the surface: (nq, redundant, surface), or (nq,
+    # redundant) for a single one.
     if not members:
         none, index = np.zeros((q.size, 0)), np.empty(0, dtype=np.intp)
         return Network(free, none, np.zeros((q.size, 0, 0)), none, index, none[0], none[0], index)
@@ -171,11 +161,8 @@ def assemble(
         strains[:, owner == i, first : first + inside] = of[:, :, :inside]
     glassy = np.array([member.material.glassy for member in members])[owner]
     stiffness = np.concatenate([member.springs.stiffness for member in members], axis=1)
-    from_below = [
-        first + i
-        for first in range(displacements - interface, surface - 1, -interface)
-        for i in range(interface)
-    ]
+    firsts = range(displacements - interface, surface - 1, -interface)
+    from_below = [first + i for first in firsts for i in range(interface)]
     weights = np.sqrt(stiffness * glassy * np.where(q > 0, q, 1)[:, None])
     force, projection = redundants(strains, weights, from_below)
     mean = q == 0
@@ -214,10 +201,8 @@ def _kelvin(material: Material) -> tuple[FloatArray, FloatArray]:
 def redundants(
     strains: FloatArray, weights: FloatArray, from_below: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return g and L^-1 (-M, 1) for strains over (surface, interfaces) and roots of the springs' stiffnesses.
-
-    `from_below` are the displacements to be eliminated, in this order; those of the surface come first.
-    """
+    """Return g and L^-1 (-M, 1) for strains over (surface, interfaces) and roots of the stiffnesses."""
+    # `from_below` are the displacements to be eliminated, in this order; those of the surface come first.
     table, (count, springs, columns) = strains.copy(), strains.shape
     each = np.arange(count)
     free = np.ones((count, springs), dtype=bool)

@@ -11,10 +11,7 @@ parallel, sum_j g_j/(theta_k - t_j) = A. With 1/J_k = theta_k sum_j g_j/(theta_k
     kappa_k = K_2(-1/theta_k) = -K_1(-1/theta_k),       K_i(-1/theta) = K0_i - sum_j w_ij t_j/(theta - t_j)
 
 the modes of the pair are (J_k kappa_k^2, theta_k), and for each time t_j of both bodies one more, two springs
-in series, (g_1j g_2j/(t_j (g_1j + g_2j)), t_j). All weights are positive by construction. The stretches y_k
-of the modes give the deformation of each body,
-
-    u_2 = K0_1/A u + sum_k c_k y_k,        u_1 = u - u_2,        c_k = J_k kappa_k, 0 at a shared time.
+in series, (g_1j g_2j/(t_j (g_1j + g_2j)), t_j). All weights are positive by construction.
 
 The compliances add at one s: both materials move alike relative to the contact, or one does not relax.
 """
@@ -22,7 +19,7 @@ The compliances add at one s: both materials move alike relative to the contact,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,14 +33,6 @@ if TYPE_CHECKING:
 
 # Relative: stiffnesses that differ by less between waves, but for one factor, are the same modes.
 _ALIKE = 1e-13
-
-
-class Series(NamedTuple):
-    """The modes of two bodies in series, and the part of the second one in the deformation."""
-
-    spectrum: Spectrum
-    static: FloatArray  # K0_1/(K0_1 + K0_2), of the shape of q
-    shares: FloatArray  # c_k, of the shape of the weights
 
 
 @dataclass(frozen=True)
@@ -83,16 +72,14 @@ class Pair:
 
     def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
         """Return the relaxing modes of the pair."""
-        return self.series(waves).spectrum
+        return in_series(self.first.spectrum(waves), self.second.spectrum(waves))
 
     def part_of_second(self, waves: Wavevectors | ArrayLike, *, glassy: bool = False) -> FloatArray:
         """Return the part of the second body in the displacement of an elastic contact, relaxed or glassy."""
         each = (body.spectrum(waves) for body in (self.first, self.second))
-        return _part_of_second(*(own.glassy if glassy else own.relaxed for own in each))
-
-    def series(self, waves: Wavevectors | ArrayLike) -> Series:
-        """Return the relaxing modes, and the part of the second body in the deformation."""
-        return in_series(self.first.spectrum(waves), self.second.spectrum(waves))
+        one, two = (own.glassy if glassy else own.relaxed for own in each)
+        both = (one > 0) & (two > 0)  # a body with K = 0 holds its displacement
+        return np.where(both, one / np.where(both, one + two, 1.0), (one == 0) & (two > 0))
 
 
 def _in_series(one: ArrayLike, two: ArrayLike) -> NDArray[Any]:
@@ -103,20 +90,13 @@ def _in_series(one: ArrayLike, two: ArrayLike) -> NDArray[Any]:
     return np.where(a == 0, b, np.where(b == 0, a, both))
 
 
-def _part_of_second(one: FloatArray, two: FloatArray) -> FloatArray:
-    """Return K_1/(K_1 + K_2); a body with K = 0 holds its displacement."""
-    both = (one > 0) & (two > 0)
-    return np.where(both, one / np.where(both, one + two, 1.0), (one == 0) & (two > 0))
-
-
-def in_series(one: Spectrum, two: Spectrum) -> Series:
+def in_series(one: Spectrum, two: Spectrum) -> Spectrum:
     """Return the modes of two bodies in series, given at the same waves."""
     shape = one.relaxed.shape
     relaxed = np.stack((one.relaxed.ravel(), two.relaxed.ravel()))
     times, strengths = _poles(one, two, relaxed[0].size)
     size, whole = len(times), relaxed.sum(axis=0)
-    weights, shares = np.zeros((2, 4 * size, whole.size))
-    thetas = np.ones((4 * size, whole.size))
+    weights, thetas = np.zeros((4 * size, whole.size)), np.ones((4 * size, whole.size))
     alone = (relaxed == 0).any(axis=0)
     deep = int(np.argmax(np.where(alone, 0.0, whole)))
     alike = _alike(times, strengths, relaxed, deep) & ~alone
@@ -126,31 +106,22 @@ def in_series(one: Spectrum, two: Spectrum) -> Series:
         if not chosen.size:
             continue
         solved = np.array([deep]) if columns is alike else chosen
-        w, t, c = _modes(times[:, solved], strengths[:, :, solved], relaxed[:, solved])
-        scale = whole[chosen] / whole[solved]
-        weights[rows, chosen], thetas[rows, chosen], shares[rows, chosen] = w * scale, t, c
+        w, t = _modes(times[:, solved], strengths[:, :, solved], relaxed[:, solved])
+        weights[rows, chosen], thetas[rows, chosen] = w * (whole[chosen] / whole[solved]), t
     held = np.flatnonzero(alone)  # the modes of the body that has a stiffness
-    weights[2 * size : 3 * size, held] = np.where(np.isfinite(times), strengths.sum(axis=0) / times, 0.0)[
-        :, held
-    ]
-    thetas[2 * size : 3 * size, held] = np.where(np.isfinite(times), times, 1.0)[:, held]
+    finite, own = np.isfinite(times[:, held]), slice(2 * size, 3 * size)
+    weights[own, held] = np.where(finite, strengths[:, :, held].sum(axis=0) / times[:, held], 0.0)
+    thetas[own, held] = np.where(finite, times[:, held], 1.0)
     found = _in_series(relaxed[0], relaxed[1])
     weights[weights * size <= NEGLIGIBLE * found] = 0.0
     kept = weights.any(axis=1)
-    spectrum = Spectrum(
-        found.reshape(shape),
-        weights[kept].reshape(-1, *shape),
-        thetas[kept].reshape(-1, *shape),
-        max(one.error, two.error),
-    )
-    return Series(spectrum, _part_of_second(*relaxed).reshape(shape), shares[kept].reshape(-1, *shape))
+    weights, thetas = (each[kept].reshape(-1, *shape) for each in (weights, thetas))
+    return Spectrum(found.reshape(shape), weights, thetas, max(one.error, two.error))
 
 
 def _poles(one: Spectrum, two: Spectrum, waves: int) -> tuple[FloatArray, FloatArray]:
-    """Return the distinct times of both bodies, ascending, (n, nq), and w_ij t_ij at them, (2, n, nq).
-
-    Modes without weight have the time inf, and strength 0.
-    """
+    """Return the distinct times of both bodies, ascending, (n, nq), and w_ij t_ij at them, (2, n, nq)."""
+    # Modes without weight have the time inf, and strength 0.
     every = [(each.weights.reshape(-1, waves), each.times.reshape(-1, waves)) for each in (one, two)]
     count = len(every[0][0])
     weights, times = (np.concatenate(each) for each in zip(*every, strict=True))
@@ -180,13 +151,10 @@ def _alike(times: FloatArray, strengths: FloatArray, relaxed: FloatArray, deep: 
     return np.asarray(near & (times == times[:, deep, np.newaxis]).all(axis=0))
 
 
-def _modes(
-    times: FloatArray, strengths: FloatArray, relaxed: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return weights, times and shares of the modes of the pair: roots, then shared times, (2 n, nq)."""
+def _modes(times: FloatArray, strengths: FloatArray, relaxed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return weights and times of the modes of the pair: roots, then shared times, (2 n, nq)."""
     size, waves = times.shape
-    weights, shares = np.zeros((2, 2 * size, waves))
-    thetas = np.ones((2 * size, waves))
+    weights, thetas = np.zeros((2 * size, waves)), np.ones((2 * size, waves))
     number = np.isfinite(times).sum(axis=0)
     shared = np.nonzero((strengths > 0).all(axis=0))
     one, two, of_both = strengths[0][shared], strengths[1][shared], times[shared]
@@ -200,5 +168,5 @@ def _modes(
             stiffness = relaxed[:, np.newaxis, at] - terms.sum(axis=-1)
             size_of = relaxed[:, np.newaxis, at] + np.abs(terms).sum(axis=-1)
             kappa = np.where(size_of[0] < size_of[1], -stiffness[0], stiffness[1])
-            weights[:n, at], thetas[:n, at], shares[:n, at] = J * kappa**2, theta, J * kappa
-    return weights, thetas, shares
+            weights[:n, at], thetas[:n, at] = J * kappa**2, theta
+    return weights, thetas

@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,9 +39,6 @@ from gfmdlayer.body.materials import Material
 
 # Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
 NEGLIGIBLE = 1e-15
-
-# Rounding of an entry of K_0, relative to the largest.
-_ASYMMETRIC = 1e-12
 
 # Beyond this x = q d the surface does not feel the base: R_i and b are some x^2 exp(-2x) = 1e-40 of the rest.
 _DEEP = 50.0
@@ -153,16 +150,6 @@ class VectorSpectrum:
         """K(q, s), shape (*q.shape, n, n), at the Laplace variable s, a number or of the shape of q."""
         return self.entries.stiffness(np.asarray(s)[..., np.newaxis, np.newaxis])
 
-    def fault(self) -> str:
-        """Return which promise the modes do not keep, if any: K_0 Hermitian and not negative, times > 0."""
-        adjoint = np.swapaxes(self.relaxed, -1, -2).conj()
-        size = np.abs(self.relaxed).max(axis=(-1, -2))
-        if (np.abs(self.relaxed - adjoint).max(axis=(-1, -2)) > _ASYMMETRIC * size).any():
-            return "relaxed: must be Hermitian"
-        if (np.linalg.eigvalsh(self.relaxed).min(axis=-1) < -_ASYMMETRIC * size).any():
-            return "relaxed: has a negative eigenvalue; must be >= 0"
-        return "" if (self.times > 0).all() else "times: must be > 0"
-
 
 @dataclass(frozen=True)
 class TractionSpectrum:
@@ -222,25 +209,15 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
     return Spectrum(relaxed, weights[kept].reshape(-1, *q.shape), thetas[kept].reshape(-1, *q.shape))
 
 
-class _PartialFractions(NamedTuple):
-    """K(q, G) = proportional G + const - sum_i strengths_i/(poles_i + G): shapes (nq,), (2, nq), (2, nq)."""
-
-    proportional: FloatArray
-    poles: FloatArray
-    strengths: FloatArray
-
-
-def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFractions:
-    """K(q, G) as a function of the layer's modulus, for q of shape (nq,) and a thickness above zero.
-
-    With g = G/G_bulk and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant of
-    D is a sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with A = (g - 1)(1 + c g),
-    B = (c g - e)(g + e), C = (g - 1)(c g - e); so the roots of D, their distance and N at the roots
-    are found without cancellation.
-    """
+def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K(q, G) as a function of the layer's modulus, for q of shape (nq,) and a thickness above zero."""
+    # With g = G/G_bulk and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant
+    # of D is a sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with A = (g - 1)(1 + c g), B = (c g
+    # - e)(g + e), C = (g - 1)(c g - e); so the roots of D, their distance and N at the roots are found
+    # without cancellation.
     poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
     if layer.bulk_modulus in (0, math.inf):
-        return _PartialFractions(layer.stiffness(q, 1.0), poles, strengths)
+        return layer.stiffness(q, 1.0), poles, strengths
 
     near = np.flatnonzero((q > 0) & (layer.depths(q) < _DEEP))
     x = layer.depths(q[near])
@@ -262,7 +239,7 @@ def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFracti
     poles[:, near] = p * layer.bulk_modulus
     scale = q[near] * layer.bulk_modulus**2 / (1 - layer.poisson)
     strengths[:, near] = scale * p * N / (gap * np.array([[1.0], [-1.0]]))
-    return _PartialFractions(replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths)
+    return replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths
 
 
 def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
@@ -276,11 +253,9 @@ def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
 def retardation_spectrum(
     moduli: FloatArray, times: FloatArray, relaxed: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compliances J_k > 0 and times theta_k > tau_k, (n, m), of Prony solids of relaxed moduli A, (m,).
-
-    All have the same moduli G_k > 0 and ascending, distinct times tau_k. sum_k J_k = 1/A - 1/(A + sum_k G_k).
-    Raises ArithmeticError if the iteration does not converge.
-    """
+    """Compliances J_k > 0 and times theta_k > tau_k, (n, m), of Prony solids of relaxed moduli A, (m,)."""
+    # All have the same moduli G_k > 0 and ascending, distinct times tau_k. sum_k J_k = 1/A - 1/(A + sum_k
+    # G_k). Raises ArithmeticError if the iteration does not converge.
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
     for part in columns_at_once(moduli.size, relaxed.size):
         compliances[:, part], thetas[:, part], _ = solve_secular(moduli * times, times, relaxed[part])
@@ -297,14 +272,12 @@ def columns_at_once(modes: int, columns: int) -> Iterator[slice]:
 def solve_secular(
     strengths: FloatArray, times: FloatArray, relaxed: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Solve sum_k strengths_k/(theta - tau_k) = A, by the iteration of Bunch, Nielsen and Sorensen (1978).
-
-    Strengths G_k tau_k > 0 and ascending, distinct times tau_k are (n,), or (n, m) for columns of their own;
-    `relaxed` is A > 0, (m,). Return compliances J_k = 1/(theta_k sum_j strengths_j/(theta_k - tau_j)^2) and
-    roots theta_k, both (n, m), and the differences theta_k - tau_j, (n, m, n). A root is stored as its
-    distance from the nearer of the two poles around it, so that it is accurate however close the times are
-    (Numer. Math. 31, 31-48).
-    """
+    """Solve sum_k strengths_k/(theta - tau_k) = A, by the iteration of Bunch, Nielsen and Sorensen (1978)."""
+    # Strengths G_k tau_k > 0 and ascending, distinct times tau_k are (n,), or (n, m) for columns of their
+    # own; `relaxed` is A > 0, (m,). Return compliances J_k = 1/(theta_k sum_j strengths_j/(theta_k -
+    # tau_j)^2) and roots theta_k, both (n, m), and the differences theta_k - tau_j, (n, m, n). A root is
+    # stored as its distance from the nearer of the two poles around it, so that it is accurate however close
+    # the times are (Numer. Math. 31, 31-48).
     n = len(times)
     poles, bounds = times.reshape(n, -1), relaxed.min() if times.ndim == 1 else relaxed
     # A pole of strength zero beyond the last root makes that root like the others. Its distance from the
@@ -343,11 +316,10 @@ def solve_secular(
 
 
 def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """sum_k G_k tau_k/(theta - tau_k) over the poles below and above a root, and minus its derivative.
-
-    `offsets` holds origin - tau_k, shape (n, m, n), and y theta - origin, shape (n, m); `sides` the strengths
-    on either side, shape (n, n, 2), or (n, m, n, 2) where columns differ. Both results have shape (n, m, 2).
-    """
+    """sum_k G_k tau_k/(theta - tau_k) over the poles below and above a root, and minus its derivative."""
+    # `offsets` holds origin - tau_k, shape (n, m, n), and y theta - origin, shape (n, m); `sides` the
+    # strengths on either side, shape (n, n, 2), or (n, m, n, 2) where columns differ. Both results have shape
+    # (n, m, 2).
     inverse = 1 / (offsets + y[..., np.newaxis])
     if sides.ndim == 3:
         return inverse @ sides, (inverse * inverse) @ sides
@@ -358,11 +330,7 @@ def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tupl
 def _next_distance(
     distance: FloatArray, gap: FloatArray, residual: FloatArray, near_slope: FloatArray, far_slope: FloatArray
 ) -> FloatArray:
-    """Distance m from the nearer pole where s/m - u/(gap - m) = C.
-
-    The sum over either side is replaced by its nearest pole and a constant: s and u match its derivative and
-    C its value; `residual` is the relaxed modulus minus both sums.
-    """
+    """Distance m where s/m - u/(gap - m) = C; s, u match the derivatives and C the value of both sums."""
     s, u = near_slope * distance**2, far_slope * (gap - distance) ** 2
     C = (residual + s / distance - u / (gap - distance)) * gap
     b, root = C + s + u, np.hypot(C - s + u, 2 * np.sqrt(s * u))

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.validation.problems import Problem
@@ -168,18 +169,16 @@ def fault(body: Body, waves: Wavevectors) -> str:
         q = waves.magnitude[1:][found.relaxed[1:] <= 0][0]
         return f"spectrum(waves).relaxed is not positive at |q| = {q:.6g}; must be"
     if not _close(found.relaxed[:1], mean):
-        return (
-            f"spectrum(waves).relaxed is {found.relaxed[0]:.6g} at q = 0; must be mean_stiffness, {mean:.6g}"
-        )
+        still = f"{found.relaxed[0]:.6g} at q = 0"
+        return f"spectrum(waves).relaxed is {still}; must be mean_stiffness, {mean:.6g}"
     back = Wavevectors.of_components(-waves.qx, -waves.qy)
     for s in (0.0, *(1 / np.unique(found.times)[:: max(1, found.times.size // 8)])):
         K = body.stiffness(waves, s)
         if np.shape(K) != waves.shape:
             return f"stiffness(waves, s) has the shape {np.shape(K)}; must be {waves.shape}"
         if not _close(K, found.stiffness(s)):
-            return (
-                f"stiffness(waves, s) is not the sum of the modes of spectrum(waves) at s = {s:.6g}; must be"
-            )
+            wrong = "is not the sum of the modes of spectrum(waves)"
+            return f"stiffness(waves, s) {wrong} at s = {s:.6g}; must be"
         if not _close(K, body.stiffness(back, s)):
             return "stiffness(waves, s) differs between q and -q; must be equal"
     return ""
@@ -191,3 +190,46 @@ def _close(one: Any, other: Any) -> bool:
 
     size = np.abs(other)
     return bool((np.abs(one - other) <= 1e-6 * size + 1e-12 * np.max(size)).all())
+
+
+# Depths below the surface of layers, and the layers that they are in.
+
+DEPTH_PAIRS = 7.0  # work of the fields at a depth, in FFT pairs; measured at 512 x 512 points
+_SAME = 1e-12  # relative: a depth this close to an interface is on it
+
+
+class Place(NamedTuple):
+    """A depth, and the number of its layer from the surface; a depth at an interface has two places."""
+
+    depth: float
+    layer: int
+
+
+def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[Place]:
+    """Return the places at increasing depths in layers of these thicknesses, at most their sum."""
+    faces, last = list(accumulate(thicknesses)), len(thicknesses) - 1
+    found = []
+    for depth in depths:
+        at = next((i for i, face in enumerate(faces) if abs(face - depth) <= _SAME * depth), None)
+        if at is None:
+            found.append(Place(depth, next(i for i, face in enumerate(faces) if depth < face)))
+        else:
+            found += [Place(faces[at], number) for number in (at, at + 1) if number <= last]
+    return found
+
+
+def beyond(thicknesses: Sequence[float], depths: Sequence[float]) -> tuple[int, float] | None:
+    """Return the number of the first depth below all layers, and their thickness; None without one."""
+    whole = sum(thicknesses)
+    return next(((i, whole) for i, depth in enumerate(depths) if depth > whole * (1 + _SAME)), None)
+
+
+def between_faces(thicknesses: Sequence[float], number: int, reach: float) -> list[float]:
+    """Return so many depths in each layer, from face to face; in a halfspace down to its top plus `reach`."""
+    # The reach counts only without layers above the halfspace; else it is their thickness.
+    found, top = [0.0], 0.0
+    for thickness in thicknesses:
+        size = thickness if math.isfinite(thickness) else top or reach
+        found += [top + size * i / (number - 1) for i in range(1, number)]
+        top += size
+    return found

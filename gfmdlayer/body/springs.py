@@ -78,10 +78,8 @@ def surface_springs(x: FloatArray, poisson: float) -> tuple[Springs, FloatArray]
 
 
 def shear_springs(x: FloatArray) -> Springs:
-    """Three springs of a layer in shear across the wave, over the displacements (V_t, V_b) of its faces.
-
-    Its tractions are coth(x) V_t - V_b/sinh(x) and so on, in units of q.
-    """
+    """Three springs of a layer in shear across the wave, over the displacements (V_t, V_b) of its faces."""
+    # Its tractions are coth(x) V_t - V_b/sinh(x) and so on, in units of q.
     x = np.minimum(x, HALFSPACE_DEPTH)
     between = 2 * np.exp(-x) / -np.expm1(-2 * x)
     each, one, none = np.tanh(x / 2), np.ones(x.shape), np.zeros(x.shape)
@@ -97,14 +95,12 @@ def halfspace_springs(count: int, poisson: float) -> Springs:
 
 
 def minors(x: FloatArray, poisson: float) -> FloatArray:
-    """Matrix, (..., 5, 5), that carries the minors of the impedance through a layer of unit shear modulus.
-
-    The impedance Z below an interface, tractions (on W and U) by displacements in units of q, is kept by its
-    homogeneous coordinates (1, Z_WW, Z_WU, Z_UU, det Z), on which a layer acts linearly: no matrix is
-    inverted, and only the products with Z_WU are subtracted, which det Z bounds. They are minors of the
-    layer's matrix of stiffness, times (k S C - y)(k S C + y) exp(-2x), and found as those in
-    Dunkin, Bull. Seismol. Soc. Am. 55 (1965) 335-358, are for waves.
-    """
+    """Matrix, (..., 5, 5), that carries the minors of the impedance through a layer of unit shear modulus."""
+    # The impedance Z below an interface, tractions (on W and U) by displacements in units of q, is kept by
+    # its homogeneous coordinates (1, Z_WW, Z_WU, Z_UU, det Z), on which a layer acts linearly: no matrix is
+    # inverted, and only the products with Z_WU are subtracted, which det Z bounds. They are minors of the
+    # layer's matrix of stiffness, times (k S C - y)(k S C + y) exp(-2x), and found as those in Dunkin, Bull.
+    # Seismol. Soc. Am. 55 (1965) 335-358, are for waves.
     x = np.minimum(x, HALFSPACE_DEPTH)
     m, e_1 = 1 - poisson, 1 - 2 * poisson
     k, r, rho = 1 + 2 * e_1, np.exp(-2 * x), -np.expm1(-2 * x)

@@ -58,10 +58,8 @@ from gfmdlayer.body.wavevectors import Wavevectors
 
 
 def merged(weights: FloatArray, times: FloatArray, bound: float) -> tuple[FloatArray, FloatArray, float]:
-    """Return fewer modes of the same relaxed stiffness, and the bound on the change of K that they reach.
-
-    `bound` is the largest change allowed at any s of Re s >= 0; with 0 no mode changes.
-    """
+    """Return fewer modes of the same relaxed stiffness, and the bound on the change of K that they reach."""
+    # `bound` is the largest change allowed at any s of Re s >= 0; with 0 no mode changes.
     if not bound:  # eigenvalues that rounding makes negative would pass
         return weights, times, 0.0
     strengths = np.sqrt(weights * times)

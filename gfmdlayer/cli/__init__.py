@@ -13,29 +13,16 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
-from gfmdlayer.cli import (
-    check,
-    clean,
-    completion,
-    fit_indentation,
-    fit_material,
-    leak,
-    new,
-    plot,
-    report,
-    run,
-    schema,
-    status,
-    verify,
-)
 from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, input_problems, refuse
 
-VERBS = (
-    new, run, check, status, clean, plot, report, leak, fit_material, fit_indentation, verify, schema,
-    completion,
-)  # fmt: skip
+# Each is a module with a function of its name.
+VERBS: tuple[Any, ...] = tuple(import_module(f"gfmdlayer.cli.{verb}") for verb in (
+    "new", "run", "check", "status", "clean", "plot", "report", "leak", "fit_material", "fit_indentation",
+    "verify", "schema", "completion",
+))  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,10 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end_ranks() -> None:
-    """End by a signal under an MPI launcher, so that it ends the other ranks.
-
-    After a plain exit the other ranks would wait for this one in the start of MPI for ever.
-    """
+    """End by a signal under an MPI launcher: after a plain exit the other ranks would wait for ever."""
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # another one may follow
     from gfmdlayer.execution.preflight import launched_size
 
@@ -103,7 +87,7 @@ def command_line() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for verb in VERBS:  # a module with a function, both named as the verb; its first line is the help
+    for verb in VERBS:  # the first line of the module is the help
         name, first = verb.__name__.rpartition(".")[2], (verb.__doc__ or "").partition("\n")[0]
         summary = first.partition(": ")[2].rstrip(".")
         added = verbs.add_parser(

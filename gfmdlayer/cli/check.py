@@ -7,15 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import (
-    COMPLETE,
-    LISTED,
-    add_config,
-    add_out,
-    count_cases,
-    cut_short,
-    read_config,
-)
+from gfmdlayer.cli.terminal import COMPLETE, LISTED, add_config, add_out, count_cases, cut_short, read_config
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -37,6 +29,7 @@ def check(options: argparse.Namespace) -> int:
     from gfmdlayer.execution import preflight
     from gfmdlayer.execution.cost import estimate, total
     from gfmdlayer.execution.sweep import Cases, label
+    from gfmdlayer.model import model_of
     from gfmdlayer.notes import notes
 
     config, directory = read_config(options)
@@ -45,20 +38,20 @@ def check(options: argparse.Namespace) -> int:
     part = len(some) / len(every)
     some, found = _in_folder(directory, config, some) if part == 1 else (some, [])
     cost = total((estimate(case.config) for case in some), part)
+    explained = some[:: -(-len(some) // MOST_EXPLAINED)]
     lines = [f"{config.name}: {count_cases(len(every))}"]
     if config.sweep:
         first = some if part == 1 else every[:LISTED]
         lines += cut_short((f"  {case.index:04d}  {label(case.values)}" for case in first), len(every))
     if part < 1:
-        lines.append(
-            f"examined   {len(some)} cases at random, as a run does; it checks each before its start"
-        )
+        checks = "as a run does; it checks each before its start"
+        lines.append(f"examined   {len(some)} cases at random, {checks}")
     lines += [
         f"steps      {'about ' * (part < 1)}{cost.steps:,}",
         *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
-        *_methods([case.config for case in some]),
+        *dict.fromkeys(line for case in explained for line in model_of(case.config).methods()),
         _time(directory, some, part),
         *found,
     ]
@@ -67,14 +60,6 @@ def check(options: argparse.Namespace) -> int:
     lines += [f"warning: {text}" for text in (*notes(case.config for case in some), *memory, *space)]
     print("\n".join(lines))
     return COMPLETE
-
-
-def _methods(configs: Sequence[Config]) -> list[str]:
-    """Return the numerical methods and the reasons for the choice; of a long sweep, for some cases."""
-    from gfmdlayer.model import model_of
-
-    some = configs[:: -(-len(configs) // MOST_EXPLAINED)]
-    return list(dict.fromkeys(line for config in some for line in model_of(config).methods()))
 
 
 def _in_folder(

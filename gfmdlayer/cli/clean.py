@@ -6,15 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from gfmdlayer.cli.terminal import COMPLETE, cut_short, refuse
+from gfmdlayer.cli.terminal import COMPLETE, arguments, cut_short, refuse
 
 EXAMPLE = "gfmdlayer clean results/figure2-quick"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("directory", metavar="DIR", help="results folder")
-    parser.add_argument("--yes", action="store_true", help="remove without asking")
+    arguments(parser, "directory DIR  results folder\n--yes  remove without asking")
 
 
 def clean(options: argparse.Namespace) -> int:

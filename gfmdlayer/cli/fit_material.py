@@ -5,34 +5,29 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gfmdlayer.cli.terminal import COMPLETE, refuse
+from gfmdlayer.cli.terminal import COMPLETE, arguments, refuse
 
-LAWS = ("prony", "fractional_zener", "power_law", "kohlrausch", "havriliak_negami")
 EXAMPLE = "gfmdlayer fit-material configs/polymer.csv --temperature 35 --reference 25 --wlf 17.4 51.6"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument(
-        "data", metavar="DATA", help="file with two or three columns; the first must increase"
-    )
-    parser.add_argument("--law", choices=LAWS, default="prony", help="law to fit (default: a Prony series)")
-    parser.add_argument("--columns", metavar="NAMES", help='names of columns, such as "f, E\', tan delta"')
-    parser.add_argument(
-        "--poisson", metavar="NU", type=float, default=0.5, help="Poisson's ratio, for E (default: 0.5)"
-    )
-    parser.add_argument("--out", metavar="PATH", help="YAML file, or folder for it (default: NAME.yaml here)")
-    parser.add_argument(
-        "--branches", metavar="N", type=int, help="number of branches (default: the fewest that fit)"
-    )
-    parser.add_argument(
-        "--relaxed-modulus", metavar="G0", type=float, help="relaxed modulus (default: fitted)"
-    )
-    parser.add_argument("--normalise", action="store_true", help="write moduli in units of G0")
-    parser.add_argument("--temperature", metavar="T", type=float, help="shift the times to this temperature")
-    parser.add_argument("--reference", metavar="T0", type=float, help="temperature of the data")
-    parser.add_argument("--wlf", metavar=("C1", "C2"), nargs=2, type=float, help="WLF constants at T0")
-    parser.add_argument("--force", action="store_true", help="overwrite files")
+    text = """
+    data DATA  file with two or three columns; the first must increase
+    --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
+      (default: a Prony series)
+    --columns NAMES  names of columns, such as "f, E', tan delta"
+    --poisson NU = 0.5  Poisson's ratio, for E (default: 0.5)
+    --out PATH  YAML file, or folder for it (default: NAME.yaml here)
+    --branches N  number of branches (default: the fewest that fit)
+    --relaxed-modulus G0  relaxed modulus (default: fitted)
+    --normalise  write moduli in units of G0
+    --temperature T  shift the times to this temperature
+    --reference T0  temperature of the data
+    --wlf C1 C2  WLF constants at T0
+    --force  overwrite files
+    """
+    arguments(parser, text)
 
 
 def fit_material(options: argparse.Namespace) -> int:

@@ -122,13 +122,8 @@ EXAMPLE = "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plo
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("file", metavar="FILE", nargs="?", help="YAML file to write (default: KIND.yaml)")
-    parser.add_argument(
-        "--like",
-        metavar="KIND",
-        choices=TEMPLATES,
-        default="indentation",
-        help=f"{', '.join(TEMPLATES)} (default: indentation)",
-    )
+    meaning = f"{', '.join(TEMPLATES)} (default: indentation)"
+    parser.add_argument("--like", metavar="KIND", choices=TEMPLATES, default="indentation", help=meaning)
     parser.add_argument("--force", action="store_true", help="overwrite FILE")
 
 

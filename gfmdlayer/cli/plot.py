@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.cli.terminal import COMPLETE, note_incomplete, refuse
+from gfmdlayer.cli.terminal import COMPLETE, arguments, note_incomplete, refuse
 
 KINDS = {
     "curves": "contact area and mean pressure over time (depth if the load is prescribed; also friction for "
@@ -41,80 +41,38 @@ EXAMPLE = "gfmdlayer plot results/figure2-quick --out figure2.pdf --log x"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("path", metavar="DIR", help="results folder, or the file of one case")
-    parser.add_argument(
-        "--out", metavar="FILE", help=".png, .pdf or .svg; a movie: .mp4 or .gif (default: with the results)"
-    )
+    text = """
+    path DIR  results folder, or the file of one case
+    --out FILE  .png, .pdf or .svg; a movie: .mp4 or .gif (default: with the results)
+    """
+    arguments(parser, text)
     kinds = parser.add_mutually_exclusive_group()
     described = "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())
     kinds.add_argument("--kind", choices=tuple(KINDS), help=f"{described} (default: curves and snapshots)")
-    kinds.add_argument(
-        "--movie",
-        dest="kind",
-        action="store_const",
-        const="movie",
-        help="displacement and pressure, one frame for each snapshot: .mp4 with ffmpeg, else .gif",
-    )
-    parser.add_argument(
-        "--style",
-        choices=("paper", "screen"),
-        help="paper: for a journal (default); screen: for a talk (default of movies)",
-    )
-    parser.add_argument("--case", metavar="N", type=int, help="draw the snapshots of this case")
-    parser.add_argument(
-        "--log",
-        metavar="AXES",
-        type=_axes,
-        help="logarithmic axes of the curves: x, y, x,y or none (default: time, where the durations of the "
-        "cases differ more than thirtyfold)",
-    )
-    parser.add_argument("--log-time", action="store_true", help="--log x of curves over time")
-    parser.add_argument(
-        "--times",
-        metavar="T",
-        type=float,
-        nargs="+",
-        default=[],
-        help="draw the snapshots of these times, all of them (default: of very many, some)",
-    )
-    parser.add_argument(
-        "--inset",
-        metavar="T",
-        type=float,
-        nargs="+",
-        default=[],
-        help="draw punch and surface at these snapshot times in an inset of the curves",
-    )
-    parser.add_argument(
-        "--select",
-        metavar="KEY=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="draw only the cases with this (or the nearest) value of a swept key, thickness=0.1, or with "
-        "values in a range, thickness=0.1:0.5",
-    )
-    parser.add_argument(
-        "--x", metavar="NAME", default="", help="time (default), a column, or a swept key; map: a swept key"
-    )
-    parser.add_argument(
-        "--y",
-        metavar="NAME",
-        nargs="+",
-        default=[],
-        help="columns, one panel for each (default: contact_area_interpolated and mean_pressure, or depth "
-        "under a load); loop: one column; map: a swept key",
-    )
-    parser.add_argument(
-        "--z", metavar="NAME", nargs="+", default=[], help="columns of the map; inside: the field"
-    )
-    parser.add_argument(
-        "--time",
-        metavar="T",
-        help="time of a map, or of curves over a swept key: a number, end (default), or the max or min over "
-        "time",
-    )
-    parser.add_argument("--fps", metavar="N", type=int, help="frames per second of a movie")
+    meaning = "displacement and pressure, one frame for each snapshot: .mp4 with ffmpeg, else .gif"
+    kinds.add_argument("--movie", dest="kind", action="store_const", const="movie", help=meaning)
+    text = """
+    --style {paper,screen}  paper: for a journal (default); screen: for a talk (default of movies)
+    --case N  draw the snapshots of this case
+    --log AXES  logarithmic axes of the curves: x, y, x,y or none (default: time, where the durations of the
+      cases differ more than thirtyfold)
+    --log-time  --log x of curves over time
+    --times T ...  draw the snapshots of these times, all of them (default: of very many, some)
+    --inset T ...  draw punch and surface at these snapshot times in an inset of the curves
+    --select KEY=VALUE ...  draw only the cases with this (or the nearest) value of a swept key,
+      thickness=0.1, or with values in a range, thickness=0.1:0.5
+    --x NAME  time (default), a column, or a swept key; map: a swept key
+    --y NAME ...  columns, one panel for each (default: contact_area_interpolated and mean_pressure, or
+      depth under a load); loop: one column; map: a swept key
+    --z NAME ...  columns of the map; inside: the field
+    """
+    arguments(parser, text, AXES=_axes)
+    text = """
+    --time T  time of a map, or of curves over a swept key: a number, end (default), or the max or min over
+      time
+    --fps N  frames per second of a movie
+    """
+    arguments(parser, text, T=str)
 
 
 def _axes(text: str) -> tuple[str, ...]:
@@ -162,23 +120,11 @@ def plot(options: argparse.Namespace) -> int:
         return refuse(f"--fps: got {options.fps}; must be a whole number from 1 to {MOST_FRAMES}")
     from gfmdlayer.figures.plots import plot_results
 
-    for picture in plot_results(
-        options.path,
-        options.out,
-        kind=options.kind,
-        case=options.case,
-        style=options.style or ("screen" if options.kind == "movie" else "paper"),
-        times=options.times,
-        log=options.log,
-        log_time=options.log_time,
-        inset=options.inset,
-        time=time,
-        select=selected,
-        x=options.x,
-        y=options.y,
-        z=options.z,
-        fps=options.fps,
-    ):
+    given = {name: getattr(options, name) for name in ("kind", "case", "times", "log", "log_time", "inset")}
+    given |= {name: getattr(options, name) for name in ("y", "z", "fps")}
+    style = options.style or ("screen" if options.kind == "movie" else "paper")
+    more = {"x": options.x or "", "style": style, "time": time, "select": selected}
+    for picture in plot_results(options.path, options.out, **given, **more):
         print(picture)
     note_incomplete(Path(options.path))
     return COMPLETE

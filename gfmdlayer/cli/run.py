@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import (
@@ -16,9 +16,9 @@ from gfmdlayer.cli.terminal import (
     STATUSES,
     add_config,
     add_out,
+    arguments,
     conclude,
     input_problems,
-    interval,
     read_config,
     refuse,
 )
@@ -35,36 +35,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     add_config(parser)
     add_out(parser)
-    parser.add_argument(
-        "--threads",
-        metavar="N",
-        type=int,
-        help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
-    )
-    parser.add_argument(
-        "--ranks-per-case",
-        metavar="N",
-        type=int,
-        default=1,
-        help="MPI ranks that share a case, each with a part of its surface (default: 1)",
-    )
-    parser.add_argument(
-        "--shard",
-        metavar="I/N",
-        type=shard,
-        help="run part I of N of the sweep; N runs share DIR (job arrays)",
-    )
-    parser.add_argument(
-        "--checkpoint-every",
-        metavar="SECONDS",
-        type=interval,
-        default=CHECKPOINT_EVERY,
-        help="time between checkpoints of a case; a killed run continues from the last (default: "
-        "%(default)g; 0: after every step; inf: only when a signal stops the run)",
-    )
-    either = parser.add_mutually_exclusive_group()
-    either.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
-    either.add_argument("--only-failed", action="store_true", help="run only the cases that failed before")
+    text = f"""
+    --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)
+    --ranks-per-case N = 1  MPI ranks that share a case, each with a part of its surface (default: 1)
+    --shard I/N  run part I of N of the sweep; N runs share DIR (job arrays)
+    --checkpoint-every SECONDS = {CHECKPOINT_EVERY}  time between checkpoints of a case; a killed run
+      continues from the last (default: %(default)g; 0: after every step; inf: only when a signal stops
+      the run)
+    """
+    arguments(parser, text, **{"I/N": shard})
+    text = """
+    --restart  remove earlier results in DIR and start over
+    --only-failed  run only the cases that failed before
+    """
+    arguments(parser.add_mutually_exclusive_group(), text)
 
 
 def shard(text: str) -> Shard:
@@ -79,7 +63,7 @@ def shard(text: str) -> Shard:
 
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet."""
-    from gfmdlayer.execution import case_run, interrupts, workers
+    from gfmdlayer.execution import interrupts, workers
 
     if options.shard and options.restart:
         return refuse(
@@ -87,13 +71,16 @@ def run(options: argparse.Namespace) -> int:
         )
     interrupts.listen()
     threads = workers.threads_each(os.environ, options.threads)
-    with _pool(options, case_run.prepare) as pool:
+    with _pool(options) as pool:
         return COMPLETE if pool is None else _run(options, pool, threads)
 
 
-def _pool(
-    options: argparse.Namespace, prepare: Callable[[], None]
-) -> AbstractContextManager[WorkerPool | None]:
+def prepare() -> None:
+    """Import the modules that a case needs, on the other ranks; compiles nothing."""
+    import gfmdlayer.execution.case_run  # noqa: F401
+
+
+def _pool(options: argparse.Namespace) -> AbstractContextManager[WorkerPool | None]:
     from gfmdlayer.execution import workers
 
     size = options.ranks_per_case
@@ -112,26 +99,21 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError
-    from gfmdlayer.execution.groups import with_shared_solver
     from gfmdlayer.execution.progress import make_display
-    from gfmdlayer.execution.run import RunOptions, run_sweep
     from gfmdlayer.results.schema import ResultsError
 
     try:
         with interrupts.at_once():
             config, directory = read_config(options, options.ranks_per_case)
             if options.ranks_per_case > 1:
+                from gfmdlayer.execution.groups import with_shared_solver
+
                 config = with_shared_solver(config)
+            from gfmdlayer.execution.run import RunOptions, run_sweep
         if options.only_failed:
             Folder(directory).must_hold_results()
-        chosen = RunOptions(
-            options.restart,
-            options.only_failed,
-            options.shard,
-            threads,
-            options.checkpoint_every,
-            options.ranks_per_case,
-        )
+        given = {each.name: getattr(options, each.name) for each in fields(RunOptions)} | {"threads": threads}
+        chosen = RunOptions(**given)
         summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
     except (ConfigError, FolderError) as error:  # caught here, since it would abort the ranks
         return refuse(*input_problems(error))

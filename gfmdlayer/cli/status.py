@@ -11,12 +11,12 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, LISTED, count_cases, cut_short
+from gfmdlayer.cli.terminal import COMPLETE, LISTED, arguments, count_cases, cut_short
 from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.status import Overview, Record, Running
+    from gfmdlayer.execution.status import Overview, Record
 
 WATCH_INTERVAL = 2.0  # seconds
 
@@ -25,8 +25,8 @@ EXAMPLE = "gfmdlayer status results/figure2-quick"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("directory", metavar="DIR", help="results folder")
-    parser.add_argument("--watch", action="store_true", help="update until no case is left; Ctrl-C ends it")
+    arguments(parser, "directory DIR  results folder")
+    arguments(parser, "--watch  update until no case is left; Ctrl-C ends it")
 
 
 def status(options: argparse.Namespace) -> int:
@@ -85,7 +85,15 @@ def _overviews(folder: Folder) -> Iterator[Overview]:
 
 
 def _lines(seen: Overview) -> list[str]:
-    lines = [_counts(seen), *cut_short([_running(case) for case in seen.running])]
+    from gfmdlayer.execution.status import duration
+
+    running = []
+    for case in seen.running:
+        left = "" if case.seconds_left is None else f", {duration(case.seconds_left)} left"
+        reached = f"step {case.steps}, time {case.simulated_time:g} of {case.end:g}{left}"
+        place = f"running on {case.host} (process {case.pid})"
+        running.append(f"  {case.index:04d} {place}: {reached}  {case.label}".rstrip())
+    lines = [_counts(seen), *cut_short(running)]
     lines += _records(seen.failures, seen.failed, "failed")
     lines += _records(seen.ended, len(seen.ended), "complete")
     return [printable(line).replace("\n", " ") for line in lines]
@@ -98,16 +106,6 @@ def _counts(seen: Overview) -> str:
     )
 
 
-def _running(case: Running) -> str:
-    from gfmdlayer.execution.status import duration
-
-    left = "" if case.seconds_left is None else f", {duration(case.seconds_left)} left"
-    return (
-        f"  {case.index:04d} running on {case.host} (process {case.pid}): step {case.steps}, "
-        f"time {case.simulated_time:g} of {case.end:g}{left}  {case.label}"
-    ).rstrip()
-
-
 def _records(records: list[Record], number: int, state: str) -> list[str]:
     """List a few cases one by one, and many in groups with the same reason."""
     from gfmdlayer.execution.status import group_by_reason
@@ -116,8 +114,7 @@ def _records(records: list[Record], number: int, state: str) -> list[str]:
     if number <= LISTED:
         return [f"  {r.index:04d} {state}: {r.reason}  {label(dict(r.values))}".rstrip() for r in records]
     groups = group_by_reason(records)
-    lines = cut_short(
-        [f"  {len(group)} {state} like {group[0].index:04d}: {group[0].reason}" for group in groups]
-    )
+    firsts = ((len(group), group[0]) for group in groups)
+    lines = cut_short(f"  {number} {state} like {r.index:04d}: {r.reason}" for number, r in firsts)
     unread = number - len(records)
     return [*lines, f"  {unread} more {state}; see cases/*.{state}"] if unread else lines

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from functools import partial
+from inspect import cleandoc
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.files.locks import printable
 
@@ -43,26 +45,52 @@ def interval(text: str) -> float:
     return seconds
 
 
+def arguments(parser: argparse._ActionsContainer, described: str, **types: Any) -> None:
+    """Add arguments that a text describes as the help shows them: `--jobs N = 1  processes (default: 1)`.
+
+    A meaning begins after two spaces and goes on in lines that begin with a space. Metavars give the types.
+    """
+    for line in re.sub(r"\n +", " ", cleandoc(described)).splitlines():
+        form, meaning = re.split(r" {2,}", line, maxsplit=1)
+        form, _, default = form.partition(" = ")
+        name, *values = form.split()
+        read = (_TYPES | types).get(values[0] if values else "", str)
+        kind: dict[str, Any] = {"help": meaning} | ({"default": read(default)} if default else {})
+        match values:
+            case []:
+                kind["action"] = "store_true"
+            case [word] if word.startswith("{"):
+                kind["choices"] = word.strip("{}").split(",")
+            case [word]:
+                kind |= {"metavar": word, "type": read}
+            case [word, "..."]:
+                kind |= {"metavar": word, "type": read, "nargs": "+"}
+                kind |= {"action": "extend", "default": []} if name.startswith("-") else {}
+            case _:
+                kind |= {"metavar": tuple(values), "type": read, "nargs": len(values)}
+        parser.add_argument(name, **kind)
+
+
+_TYPES: dict[str, Any] = {
+    "N": int, "DIR": folder_name, "SECONDS": interval,
+    **dict.fromkeys(("NU", "G0", "T", "T0", "C1", "ETA", "P", "L", "W"), float),
+}  # fmt: skip
+
+
 def add_config(parser: argparse.ArgumentParser) -> None:
     """Add the configuration, and --set, to a verb."""
-    parser.add_argument(
-        "config", metavar="CONFIG", help="YAML file, or the result file of a case to run it again"
-    )
-    parser.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        help="set a key, such as layer.thickness=0.1; may be given several times",
-    )
+    arguments(parser, "config CONFIG  YAML file, or the result file of a case to run it again")
+    meaning = "set a key, such as layer.thickness=0.1; may be given several times"
+    parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], help=meaning)
 
 
 def add_out(parser: argparse.ArgumentParser) -> None:
     """Add the results folder and the number of processes to a verb."""
-    parser.add_argument(
-        "--out", metavar="DIR", type=folder_name, help="results folder (default: results/NAME)"
-    )
-    parser.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
+    text = """
+    --out DIR  results folder (default: results/NAME)
+    --jobs N = 1  processes (default: 1)
+    """
+    arguments(parser, text)
 
 
 def refuse(*problems: str) -> int:
@@ -75,10 +103,7 @@ def refuse(*problems: str) -> int:
 
 
 def input_problems(error: Exception) -> Sequence[str]:
-    """Return the messages of an error in the input or the results; empty for any other error.
-
-    The error classes are imported only after an error, so that a verb loads no module for them.
-    """
+    """Return the messages of an error in the input or the results; empty for any other error."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution.folder import FolderError
     from gfmdlayer.execution.workers import LauncherError
@@ -93,10 +118,7 @@ def input_problems(error: Exception) -> Sequence[str]:
 
 
 def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> tuple[Config, Path]:
-    """Read the configuration on the command line, from YAML or from the result file of a case.
-
-    Also return the results folder: --out, or results/NAME; results/NAME-NNNN when a case is run again.
-    """
+    """Read the configuration on the command line; return it with the results folder."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import folder
     from gfmdlayer.execution.sweep import input_errors

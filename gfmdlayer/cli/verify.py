@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, FAILED, folder_name, refuse
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, arguments, refuse
 
 if TYPE_CHECKING:
     from gfmdlayer.verification.rows import Check, Outcome
@@ -19,15 +19,13 @@ EXAMPLE = f"gfmdlayer verify --quick\n\n{_STATUSES}"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
-        type=folder_name,
-        default="results/verification",
-        help="folder for verification.md and its pictures (default: results/verification)",
-    )
-    parser.add_argument("--quick", action="store_true", help="small grids: less than a minute")
-    parser.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
+    text = """
+    --out DIR = results/verification  folder for verification.md and its pictures
+      (default: results/verification)
+    --quick  small grids: less than a minute
+    --jobs N = 1  processes (default: 1)
+    """
+    arguments(parser, text)
 
 
 def verify(options: argparse.Namespace) -> int:

@@ -6,14 +6,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gfmdlayer.body.materials import shifts
 from gfmdlayer.body.solid import WIDEST
-from gfmdlayer.body.temperature import shifts
 from gfmdlayer.punch.shapes import SHAPES
-from gfmdlayer.validation.problems import Problem, dotted, shown
+from gfmdlayer.validation.problems import Location, Problem, dotted, shown
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
@@ -27,17 +27,10 @@ _PERIODIC = {
     "solver": None,
     "trajectory": ("velocity", "velocity_file"),
     "time": ("integrator", "steady"),
-    "output": (
-        "patches",
-        "histograms",
-        "observables",
-        "leakage",
-        "conductance",
-        "stiffness",
-        "inside",
-        "keep_state",
-    ),
-}
+    "output": ("patches", "histograms", "observables", "leakage", "conductance", "stiffness", "inside",
+               "keep_state"),
+}  # fmt: skip
+_LOAD = "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
 
 
 @dataclass(frozen=True)
@@ -70,23 +63,18 @@ def _problems_in_a_cell(config: Any) -> Iterator[Problem]:
 def _problems_without_images(config: Any) -> Iterator[Problem]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
     if config.trajectory.control == "load":
-        message = (
-            "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
-        )
-        yield Problem(("trajectory", "control"), message, _BOUNDARY)
-    for key in ("velocity", "velocity_file"):
-        if getattr(config.trajectory, key) is not None:
-            message = (
-                "not available with grid.boundary: isolated, a track is longer than the reach; remove it"
-            )
-            yield Problem(("trajectory", key), message, _BOUNDARY)
-    output, message = config.output, "describes a cell, which an isolated contact does not have; remove it"
-    for key in ("observables", "leakage", "conductance", "stiffness"):
-        if getattr(output, key) is not None:
-            yield Problem(("output", key), message, _BOUNDARY)
-    for key in ("pressure", "gap"):
-        if getattr(output.histograms, key) is not None:
-            yield Problem(("output", "histograms", key), message, _BOUNDARY)
+        yield Problem(("trajectory", "control"), _LOAD, _BOUNDARY)
+    track = "not available with grid.boundary: isolated, a track is longer than the reach; remove it"
+    cell = "describes a cell, which an isolated contact does not have; remove it"
+    unused: Sequence[tuple[Any, Location, Sequence[str], str]] = (
+        (config.trajectory, ("trajectory",), ("velocity", "velocity_file"), track),
+        (config.output, ("output",), ("observables", "leakage", "conductance", "stiffness"), cell),
+        (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell),
+    )
+    for section, at, keys, message in unused:
+        for key in keys:
+            if getattr(section, key) is not None:
+                yield Problem((*at, key), message, _BOUNDARY)
     found = {at: shift for at, shift in shifts(config).items() if shift is not None}
     for at, shift in found.items():
         if shift != next(iter(found.values())):
@@ -142,7 +130,14 @@ def _problems_of_revolution(config: Any) -> Iterator[Problem]:
     if len(config.grid.points) > 1:
         message = f"got {shown(config.grid.points)}; must be one number with geometry: axisymmetric"
         yield Problem(("grid", "points"), message, _GEOMETRY)
-    yield from _periodic_keys(config)
+    for name, keys in _PERIODIC.items():  # values, other than the defaults, that describe something periodic
+        section: Section = getattr(config, name)
+        plain = type(section)()
+        for key in keys or type(section).model_fields:
+            value = getattr(section, key, None)
+            if value is not None and value != getattr(plain, key):
+                message = f"got {shown(value)}, not used with grid.geometry: axisymmetric; remove it"
+                yield Problem((name, key), message, _GEOMETRY)
     if config.temperature is not None:
         message = "not available with grid.geometry: axisymmetric; remove it"
         yield Problem(("temperature",), message, _GEOMETRY)
@@ -153,32 +148,20 @@ def _problems_of_revolution(config: Any) -> Iterator[Problem]:
         )
         yield Problem(("interface",), message, _GEOMETRY)
     elif config.hardness is not None:
-        message = (
-            "its hardness is not available with grid.geometry: axisymmetric; remove it, or take periodic"
-        )
+        allowed = "remove it, or take periodic"
+        message = f"its hardness is not available with grid.geometry: axisymmetric; {allowed}"
         yield Problem(("interface",), message, _GEOMETRY)
     if config.trajectory.control == "load":
-        message = (
-            "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
-        )
-        yield Problem(("trajectory", "control"), message, _GEOMETRY)
+        yield Problem(("trajectory", "control"), _LOAD, _GEOMETRY)
     if config.output.snapshots == "every":
         message = "got 'every'; must be a list of times with grid.geometry: axisymmetric"
         yield Problem(("output", "snapshots"), message, _GEOMETRY)
     yield from _of_the_punch(config.punch)
-    yield from _of_the_base(config)
-
-
-def _periodic_keys(config: Any) -> Iterator[Problem]:
-    """Refuse values, other than the defaults, that describe something periodic."""
-    for name, keys in _PERIODIC.items():
-        section: Section = getattr(config, name)
-        plain = type(section)()
-        for key in keys or type(section).model_fields:
-            value = getattr(section, key, None)
-            if value is not None and value != getattr(plain, key):
-                message = f"got {shown(value)}, not used with grid.geometry: axisymmetric; remove it"
-                yield Problem((name, key), message, _GEOMETRY)
+    yield from (problem.within((), *_GEOMETRY) for problem in config.solid.problems_isolated())
+    depth, thickness = config.trajectory.depth, config.solid.rigid_below
+    if depth is not None and depth >= thickness:
+        message = f"got {depth!r}, beyond the rigid base; must be below the thickness above it, {thickness!r}"
+        yield Problem(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
 
 
 def _of_the_punch(punch: Any) -> Iterator[Problem]:
@@ -193,19 +176,6 @@ def _of_the_punch(punch: Any) -> Iterator[Problem]:
             yield Problem(("punch", key), message, _GEOMETRY)
 
 
-def _of_the_base(config: Any) -> Iterator[Problem]:
-    yield from (problem.within((), *_GEOMETRY) for problem in config.solid.problems_isolated())
-    depth, thickness = config.trajectory.depth, config.solid.rigid_below
-    if depth is not None and depth >= thickness:
-        message = f"got {depth!r}, beyond the rigid base; must be below the thickness above it, {thickness!r}"
-        yield Problem(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
-
-
-def _plainly_possible_of_revolution(config: Any) -> bool:
-    """Whether no table has to be read."""
-    return config.trajectory.file is None and not hasattr(config.punch, "file")
-
-
 GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default
     "periodic": Geometry(
         "gfmdlayer.periodic:PeriodicContact", 16384, True, _problems_in_a_cell, _plainly_possible_in_a_cell
@@ -213,6 +183,6 @@ GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default
     "axisymmetric": Geometry(
         "gfmdlayer.indentation.model:IsolatedContact",
         problems=_problems_of_revolution,
-        plainly_possible=_plainly_possible_of_revolution,
+        plainly_possible=lambda config: config.trajectory.file is None and not hasattr(config.punch, "file"),
     ),
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn
 
@@ -113,6 +114,9 @@ class StackedLayer(Layer):
     """thickness d; .inf: the halfspace, for the last one: length"""
 
 
+StackedLayers = Annotated[tuple[StackedLayer, ...], Field(json_schema_extra={"minItems": 1})]
+
+
 class Halfspace(Section):
     """The halfspace below: elastic, rigid (shear modulus .inf), absent (0), or of a material."""
 
@@ -148,9 +152,8 @@ def problems_of_the_body(
         assert body is not None
         for key, value in (("layers", layers), ("layer", layer), ("halfspace", halfspace)):
             if value is not None:
-                message = (
-                    f"not available with body: {{kind: {body.kind}}}; remove it or set body: {{kind: layers}}"
-                )
+                other = f"{{kind: {body.kind}}}; remove it or set body: {{kind: layers}}"
+                message = f"not available with body: {other}"
                 yield Problem((key,), message, ("body",), at_key=True)
         return
     assert halfspace is not None
@@ -287,3 +290,23 @@ class Layers(Compound):
         if self._base.shear_modulus == 0 and math.isfinite(sum(self.thicknesses)):
             message = "got 0: a layer without a base does not support an isolated load; must be > 0"
             yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers"))
+
+
+def thicknesses(solid: Solid) -> list[float]:
+    """Return the thicknesses of the layers that a body has, from the surface down; inf: a halfspace."""
+    assert isinstance(solid, Layers)
+    found: list[float] = []
+    for each in solid.thicknesses:
+        if each > 0:
+            found.append(each)
+        if math.isinf(each):
+            return found
+    return [*found, math.inf] if solid.base.shear_modulus not in (0, math.inf) else found
+
+
+def interfaces(solid: Solid) -> list[float]:
+    """Return the depths of the interfaces between layers, and of the bond to a rigid base."""
+    layers = thicknesses(solid)
+    assert isinstance(solid, Layers)
+    bonded = layers if solid.base.shear_modulus == math.inf else layers[:-1]
+    return [depth for depth in accumulate(bonded) if math.isfinite(depth)]

@@ -20,23 +20,23 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
-from gfmdlayer.body.materials import Law
+from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.solid import Solid
-from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
-from gfmdlayer.config.bodies import BODY
-from gfmdlayer.config.counterbody import Counterbody, TwoBodies, problems_of_the_counterbody
+from gfmdlayer.config.bodies import BODY, Counterbody, TwoBodies, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
-from gfmdlayer.config.inside import problems_of_the_inside
-from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
-from gfmdlayer.config.sections import Output
+from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayers, layered, problems_of_the_body
+from gfmdlayer.config.sections import Output, problems_of_the_inside
 from gfmdlayer.config.sweeps import unswept
-from gfmdlayer.config.tangential import problems_of_the_friction
-from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
+from gfmdlayer.config.trajectory import (
+    Trajectory,
+    ending_with,
+    problems_of_the_friction,
+    problems_of_the_motion,
+)
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
-from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
-from gfmdlayer.interface.friction import Friction
-from gfmdlayer.interface.interface import Interface
+from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
+from gfmdlayer.interface.interface import Friction, Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
@@ -69,11 +69,8 @@ from gfmdlayer.validation.units import Units
 
 # Young's moduli, and the shear moduli that a configuration takes instead.
 _YOUNGS = {
-    "E0": ("G0",),
-    "Einf": ("Ginf",),
-    "E": ("G", "shear_modulus"),
-    "youngs_modulus": ("shear_modulus",),
-}
+    "E0": ("G0",), "Einf": ("Ginf",), "E": ("G", "shear_modulus"), "youngs_modulus": ("shear_modulus",),
+}  # fmt: skip
 
 
 def with_hidden(data: dict[str, Any], found: list[Problem]) -> list[Problem]:
@@ -181,13 +178,13 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
         reason = "is slow" if SOLVERS[method].yields else "cannot solve"
         message = f"got {method}, which {reason} for a hardness; must be {' or '.join(able)}"
         yield Problem(("solver", "method"), message, (dotted((*at, "hardness")),))
-    control, most = config.trajectory.control, config.largest_drive
-    given = getattr(config.trajectory, control)
-    if given is not None and given >= most:
+    control = config.trajectory.control
+    given, area = getattr(config.trajectory, control), math.prod(config.grid.period)
+    most = config.hardness * (area if control == "force" else 1.0)
+    if control != "depth" and given is not None and given >= most:
         key = dotted((*at, "hardness"))
-        message = (
-            f"got {given!r}; must be below {most:.6g}, the {key} over the whole cell: more has no equilibrium"
-        )
+        limit = f"{most:.6g}, the {key} over the whole cell: more has no equilibrium"
+        message = f"got {given!r}; must be below {limit}"
         yield Problem(("trajectory", control), message, (key, "grid.period"))
 
 
@@ -228,9 +225,7 @@ class Config(Section):
     """the periodic cell and its points"""
     body: Annotated[Solid | None, BODY, given] = None
     """the body; layers, by the three keys below, or {file: mine.py, ...}"""
-    layers: Annotated[tuple[StackedLayer, ...] | None, given] = Field(
-        default=None, json_schema_extra={"minItems": 1}
-    )
+    layers: Annotated[StackedLayers | None, given] = None
     """layers from the surface downwards, in place of layer"""
     layer: Annotated[Layer | None, given] = Field(
         default_factory=lambda data: Layer() if data.get("layers") is None and layered(data) else None
@@ -381,13 +376,6 @@ class Config(Section):
         return min((each for each in given if each is not None), default=None)
 
     @property
-    def largest_drive(self) -> float:
-        """The load or force under which the whole cell would yield; infinite without a hardness."""
-        if self.hardness is None or self.trajectory.control == "depth":
-            return math.inf
-        return self.hardness * (math.prod(self.grid.period) if self.trajectory.control == "force" else 1.0)
-
-    @property
     def contact_solver(self) -> Choice:
         """The solver for `solver.method`, and the reason."""
         return self.solver_where(bool(self.interfaces))
@@ -412,10 +400,9 @@ class Config(Section):
         return finer(given, self.time.tolerance, self.contrast, attracts=attracts)
 
     def unit(self, words: str) -> str:
-        """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
+        """Return the label of a unit from its dimension in words; the force on a line is per length.
 
-        Without `units` the words stay: "length", "pressure / time". A "drive" is what the trajectory
-        prescribes: a length, pressure or force.
+        A "drive" is what the trajectory prescribes: a length, pressure or force.
         """
         drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
         words = words.replace("drive", drive)
@@ -439,7 +426,7 @@ class Config(Section):
     def dump(self) -> str:
         """Return the configuration as YAML with every default written out, which `load` reads back.
 
-        A default that follows from a swept key of its section differs between the cases and is left out.
+        A default that follows from a swept key differs between the cases, and is left out.
         """
         data = self.model_dump(exclude_none=True)
         if not self.sweep:
@@ -468,10 +455,9 @@ def digest(config: Config) -> str:
 
 
 def stem(config: Config) -> str:
-    """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
+    """Return the hash without the end, the snapshots and the rows: equal for runs that may begin alike.
 
-    A run with snapshots after every step begins like no run without them.
-    A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
+    A continuous law is replaced by a series for the times up to the end, which counts then.
     """
     kept = {"snapshots"} if config.output.snapshots == "every" else set()
     times = {"keep_state", "times", "snapshots"} - kept
@@ -482,9 +468,8 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
-    if (
-        not config.interfaces and config.hardness is None and not config.friction
-    ):  # a given hard wall is the default one
+    laws = config.interfaces or config.friction or config.hardness is not None
+    if not laws:  # a given hard wall is the default one
         left_out = left_out | {"interface": True}
     if isinstance(config.body, Layers):  # by the keys beside it
         left_out = left_out | {"body": True}

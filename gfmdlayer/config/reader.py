@@ -80,11 +80,7 @@ def from_python(
     values: Mapping[str, object] | None = None,
     inspect: Inspection | None = None,
 ) -> Config:
-    """Return the configuration from Python objects: keys and values as in YAML, sections, NumPy's numbers.
-
-    File names are relative to the working directory. `values` are dotted keys that replace those of `given`;
-    None removes a key.
-    """
+    """Return the configuration from Python data; dotted `values` replace keys, None removes one."""
     if isinstance(given, Config):
         given = given.model_dump(exclude_unset=True)
     document = Document(data=plain(given), values={(): _PYTHON})

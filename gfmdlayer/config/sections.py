@@ -8,9 +8,8 @@ but the same everywhere. Symbols and defaults follow Petrenko et al., Mater. Phy
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from itertools import pairwise
-from typing import Annotated, Literal
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -23,8 +22,9 @@ from pydantic import (
     field_validator,
 )
 
+from gfmdlayer.body.solid import Place, between_faces, beyond, places
 from gfmdlayer.config.geometries import GEOMETRIES
-from gfmdlayer.config.inside import Inside
+from gfmdlayer.config.layers import Layers, thicknesses
 from gfmdlayer.contact.solvers import AUTO, SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -42,8 +42,11 @@ from gfmdlayer.validation.fields import (
     sequence,
     strict,
 )
-from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.problems import Problem, not_increasing, shown
 from gfmdlayer.validation.sections import Section
+
+if TYPE_CHECKING:
+    from gfmdlayer.body.solid import Solid
 
 Points = Annotated[
     int, Field(strict=True, ge=8, lt=MANY), MustBe("a whole number >= 8 and < 2^31, or two of them, [nx, ny]")
@@ -116,11 +119,7 @@ class Grid(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`.
-
-    For `kind: approach_retract` the default of `end` is the end of the path. With `steady` the run of a
-    moving punch ends when its relative change is smaller.
-    """
+    """The time axis from 0 to `end`."""
 
     end: Positive = 8.0
     """end of the run; default: the end of the approach_retract path: time"""
@@ -137,9 +136,8 @@ class Time(Section):
         """Refuse an integrator that cannot adapt its steps, and steps that do not end at `end`."""
         if self.step == "adaptive":
             if self.integrator == "backward_euler":
-                message = (
-                    "got backward_euler with step: adaptive; must be exponential, which estimates its error"
-                )
+                allowed = "must be exponential, which estimates its error"
+                message = f"got backward_euler with step: adaptive; {allowed}"
                 yield Problem(("integrator",), message, ("step",))
             return
         if self.tolerance is not None:
@@ -303,12 +301,57 @@ class Stiffness(Section):
     """accepted steps from one stiffness to the next"""
 
 
-class Output(Section):
-    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions.
+MOST_DEPTHS = 10_000
+_WITHOUT_LAYERS = 0.25  # of the shortest period: depth in a halfspace without layers
 
-    Snapshots of every accepted step make a complete film, and need disk space for it. Without `times`
-    adaptive steps land only on the snapshots, the breakpoints of the trajectory and the end.
+Depths = Annotated[
+    tuple[NotNegative, ...],
+    Field(min_length=1, max_length=MOST_DEPTHS),
+    MustBe(f"a list of 1 to {MOST_DEPTHS} numbers >= 0"),
+]
+PerLayer = Annotated[int, Field(strict=True, ge=2, le=1000), MustBe("a whole number from 2 to 1000")]
+
+
+class Inside(Section):
+    """Displacements and stresses below the surface at the snapshots, at `depths` or `points` in each layer.
+
+    With `every` also columns of the rows: the largest stresses at these depths, and at the interfaces.
     """
+
+    depths: Annotated[Depths | None, given] = None
+    """depths below the surface, increasing; an interface has both sides: length"""
+    points: Annotated[PerLayer | None, given] = None
+    """in place of depths: depths in each layer, from face to face"""
+    times: Annotated[tuple[NotNegative, ...] | None, given] = None
+    """the snapshots with fields below the surface; default: all: time"""
+    every: Annotated[Count | None, given] = None
+    """columns of the largest stresses, in every n-th row; default: none"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Require one of depths and points, and numbers that increase."""
+        if (self.depths is None) == (self.points is None):
+            given = self.depths is not None
+            wrong = "given beside points; remove one" if given else "missing; give depths or points"
+            yield Problem(("depths",), wrong, ("points",))
+        for key, values in (("depths", self.depths), ("times", self.times)):
+            yield from not_increasing((key,), values or (), key, key)
+
+    def places(self, solid: Solid, period: Sequence[float]) -> list[Place]:
+        """Return the places in a body of layers; a depth at an interface has two."""
+        layers = thicknesses(solid)
+        depths = self.depths
+        if depths is None:
+            assert self.points is not None
+            depths = tuple(between_faces(layers, self.points, _WITHOUT_LAYERS * min(period)))
+        return places(layers, depths)
+
+    def wants(self, time: float) -> bool:
+        """Whether the snapshot at a time has fields below the surface."""
+        return self.times is None or any(math.isclose(time, each, rel_tol=1e-9) for each in self.times)
+
+
+class Output(Section):
+    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions."""
 
     snapshots: Snapshots = ()
     """times at which the surface is written; every: after each step: time"""
@@ -342,28 +385,54 @@ class Output(Section):
             if name in names[:i]:
                 yield Problem(("observables", i), f"got {name!r} twice; name it once", ("observables",))
         frequencies = () if self.stiffness is None else self.stiffness.frequencies
-        for i, (lower, upper) in enumerate(pairwise(frequencies), start=1):
-            if upper <= lower:
-                message = f"got {upper!r} after {lower!r}; frequencies must increase"
-                yield Problem(("stiffness", "frequencies", i), message, ("stiffness",))
+        yield from not_increasing(("stiffness", "frequencies"), frequencies, "frequencies", "stiffness")
         for key, times in (("snapshots", self.snapshots), ("times", self.times)):
-            for i, (before, time) in enumerate(pairwise(times if isinstance(times, tuple) else ()), start=1):
-                if time <= before:
-                    yield Problem((key, i), f"got {time!r} after {before!r}; times must increase", (key,))
+            yield from not_increasing((key,), times if isinstance(times, tuple) else (), "times", key)
 
     def problems_until(self, end: float) -> Iterator[Problem]:
         """Refuse times past the end of the run, and too many rows."""
         for key, times in (("snapshots", self.snapshots), ("times", self.times)):
             for i, time in enumerate(times if isinstance(times, tuple) else ()):
                 if time > end:
-                    yield Problem(
-                        (key, i), f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
-                    )
+                    message = f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
+                    yield Problem((key, i), message)
         if isinstance(self.times, float) and not 0 < self.times <= end:
             message = f"got a spacing of {self.times!r}; must be a number > 0 and <= time.end = {end!r}"
             yield Problem(("times",), message)
         elif isinstance(self.times, float) and end / self.times > MOST_ROWS:
-            message = (
-                f"got {self.times!r}, which gives {end / self.times:.3g} rows; must be >= {end / MOST_ROWS!r}"
-            )
+            rows = f"{end / self.times:.3g} rows"
+            message = f"got {self.times!r}, which gives {rows}; must be >= {end / MOST_ROWS!r}"
             yield Problem(("times",), message)
+
+
+def problems_of_the_inside(config: Any) -> Iterator[Problem]:
+    """Refuse fields below the surface where they are not known, depths below the body, and other times."""
+    given: Inside | None = config.output.inside
+    if given is None:
+        return
+    at = ("output", "inside")
+    if not isinstance(config.solid, Layers):
+        other = "two deformable bodies" if config.counterbody is not None else f"kind: {config.body.kind}"
+        message = f"not available with {other}; must be layers under a rigid punch"
+        yield Problem(at, message, ("body", "counterbody"))
+        return
+    if config.grid.isolated:
+        message = "not available with boundary: isolated, which gives the surface within its reach; remove it"
+        yield Problem(at, message, ("grid.boundary",))
+    if config.friction:
+        message = "not available with friction, whose shear traction acts on the surface; remove it"
+        yield Problem(at, message, ("interface",))
+    layers = thicknesses(config.solid)
+    if given.depths is not None and (found := beyond(layers, given.depths)) is not None:
+        i, whole = found
+        message = f"got {given.depths[i]!r}; must be at most {whole:g}, the thickness of the body"
+        yield Problem((*at, "depths", i), message, ("layer.thickness", "layers", "halfspace"))
+    snapshots = config.output.snapshots
+    if not snapshots and given.every is None:
+        message = "there is no snapshot with fields; set output.snapshots, or every for columns"
+        yield Problem(at, message, ("output.snapshots",))
+    for i, time in enumerate(given.times or ()):
+        known = config.output.snapshot_times
+        if not any(math.isclose(time, each, rel_tol=1e-9) for each in known):
+            message = f"got {time!r}; must be one of output.snapshots"
+            yield Problem((*at, "times", i), message, ("output.snapshots",))

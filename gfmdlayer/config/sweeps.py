@@ -281,9 +281,8 @@ def keys_of(listed: Iterable[str]) -> list[str]:
 def _samples(method: str, design: Mapping[str, Any]) -> list[Row]:
     ranges = {key: Range.model_validate(design[key]) for key in keys_of(design)}
     points = _points(method, len(ranges), design["samples"], design["seed"])
-    return [
-        {key: r.at(part) for (key, r), part in zip(ranges.items(), point, strict=True)} for point in points
-    ]
+    every = (zip(ranges.items(), point, strict=True) for point in points)
+    return [{key: one.at(part) for (key, one), part in each} for each in every]
 
 
 @lru_cache(maxsize=4)
@@ -344,10 +343,9 @@ Validate = Callable[[Row], list[Problem]]
 def conflicts(
     sweep: Mapping[str, Any], keys: Sequence[str], unswept: Sequence[Problem], validate: Validate
 ) -> Iterator[Problem]:
-    """Yield the problems of a sweep.
+    """Yield the problems of a sweep whose cases `validate` checks.
 
-    `keys` can be swept; `unswept` are the problems of the configuration with its own values of the swept
-    keys; `validate` returns the problems of the case with given values of dotted keys.
+    `keys` can be swept; `unswept` are the problems with the configuration's own values of the swept keys.
     """
     wrong = list(_keys(sweep, keys)) or list(_lists(sweep))
     if not wrong and (size := count(sweep)) > MAX_CASES:
@@ -364,9 +362,8 @@ def conflicts(
     }
     usable = {axis: places for axis, places in left.items() if places}
     if usable:
-        everywhere = [
-            p for p in unswept if not any(_rests_on(p, key) for axis in usable for key in axis.rows[0])
-        ]
+        swept = [key for axis in usable for key in axis.rows[0]]
+        everywhere = [p for p in unswept if not any(_rests_on(p, key) for key in swept)]
         yield from everywhere
         yield from _of_cases(usable, lambda case: [p for p in validate(case) if p not in everywhere])
 
@@ -382,12 +379,14 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
             values = "{from: ..., to: ...}" if name in SAMPLED else "a list of values"
             yield Problem(("sweep", name), f"got no keys; give dotted keys, each with {values}")
     seen: list[str] = []
-    listed = [(("sweep", name, key), key) for name in lists for key in keys_of(sweep[name])]
-    for location, key in [*listed, *((("sweep", key), key) for key in sweep if key not in LISTS)]:
-        same = next((other for other in seen if f"{key}.".startswith(f"{other}.")), None) or next(
-            (other for other in seen if other.startswith(f"{key}.")), None
-        )
-        values = _value(sweep, location)
+    every: list[tuple[Location, str, Any]] = [
+        (("sweep", name, key), key, sweep[name][key]) for name in lists for key in keys_of(sweep[name])
+    ]
+    every += [(("sweep", key), key, values) for key, values in sweep.items() if key not in LISTS]
+    for location, key, values in every:
+        above = (other for other in seen if f"{key}.".startswith(f"{other}."))
+        below = (other for other in seen if other.startswith(f"{key}."))
+        same = next(itertools.chain(above, below), None)
         if values and isinstance(values, Mapping) and location[1] not in SAMPLED:
             yield Problem(location, _nested(key, values, keys), at_key=True)
         elif key not in keys:
@@ -396,12 +395,6 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
             yield Problem(location, f"already swept by {same}; give one of the two", at_key=True)
         else:
             seen.append(key)
-
-
-def _value(sweep: Mapping[str, Any], location: Location) -> Any:
-    for part in location[1:]:
-        sweep = sweep[str(part)]
-    return sweep
 
 
 def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
@@ -497,8 +490,7 @@ def _rests_on(problem: Problem, key: str) -> bool:
 def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Problem]:
     """Return the problems of the cases: those that differ from the first in one value, then all of them.
 
-    Only the cases count; the configuration's own value of a swept key may be impossible. Each problem is at
-    the swept value that causes it; for samples only the first is returned.
+    Each problem is at the swept value that causes it. Of samples only the first problem is returned.
     """
     factors, places = list(left), list(left.values())
 
@@ -527,7 +519,6 @@ def _at_value(problem: Problem, factors: Sequence[Axis], at: Sequence[int], vari
     swept = [(n, key) for n, axis in enumerate(factors) for key in axis.rows[0]]
     touched = ((n, key) for name in names for n, key in swept if f"{name}.".startswith(f"{key}."))
     n, key = next(touched, (varied, next(iter(factors[varied].rows[0]))))
-    message = (
-        problem.message if key == problem.key else f"with {shown(factors[n].rows[at[n]][key])}, {problem}"
-    )
+    value = shown(factors[n].rows[at[n]][key])
+    message = problem.message if key == problem.key else f"with {value}, {problem}"
     return Problem(factors[n].place(key, at[n]), message, names)

@@ -49,9 +49,9 @@ class Place:
 
 @dataclass
 class Document:
-    """Plain data with the places of its keys and values, and the errors in the text itself.
+    """Plain data with the places of its keys and values, and the errors in the text.
 
-    The places of the numbers in `lists` are not among `values`, but are found when they are asked for.
+    The places of the numbers in `lists` are found when they are asked for.
     """
 
     data: Any = None
@@ -89,23 +89,16 @@ def read(content: str | bytes, source: str, at: Location = ()) -> Document:
     return _parsed(content, source, at)
 
 
-def _too_deep(content: str) -> int | None:
-    """Return the place of the bracket that is one too many."""
-    opened = 0
-    for bracket in re.finditer(r"[\[{\]}]", content):
-        opened += 1 if bracket[0] in "[{" else -1
-        if opened > _MOST_OPEN:
-            return bracket.start()
-    return None
-
-
 def _parsed(content: str, source: str, at: Location, lists: Mapping[str, NumberList] = _NO_LISTS) -> Document:
     """Return the data in a text, in which words may stand for lists of numbers."""
     document = Document()
     start = Place(source, 1, 1)
-    if (opened := _too_deep(content)) is not None:
-        document.problems.append((_place(source, content[:opened]), _TOO_DEEP))
-        return document
+    opened = 0
+    for bracket in re.finditer(r"[\[{\]}]", content):
+        opened += 1 if bracket[0] in "[{" else -1
+        if opened > _MOST_OPEN:
+            document.problems.append((_place(source, content[: bracket.start()]), _TOO_DEEP))
+            return document
     yaml = YAML(typ="safe", pure=True)
     try:
         with warnings.catch_warnings():  # anchors are refused, however often they are given

@@ -35,6 +35,7 @@ from gfmdlayer.contact.pressure_form import (
     CLOSE,
     Iterate,
     System,
+    apply_to,
     compile_failure,
     feasible_solution,
     in_pressures,
@@ -45,7 +46,7 @@ from gfmdlayer.contact.pressure_form import (
 )
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.contact.residual import residual_scales
-from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
+from gfmdlayer.grid.transforms import Plans, Transforms
 from gfmdlayer.kernels import LANES, compiling, kernel, maximum
 from gfmdlayer.resumable import Stateless
 
@@ -116,10 +117,9 @@ def safeguard(
     tolerance: float,
     limit: int,
 ) -> tuple[bool, int, int]:
-    """Bring the gap in the contact to `shift` [length], with the preconditioner.
-
-    Returns whether all points satisfy the conditions within the tolerance, the transforms and the iterations.
-    """
+    """Bring the gap in the contact to `shift` [length], with the preconditioner."""
+    # Returns whether all points satisfy the conditions within the tolerance, the transforms and the
+    # iterations.
     found, taken, done, descent = False, 0, 0, make_descent(transforms)
     if not descend.signatures:  # type: ignore[attr-defined]
         with compiling():  # rarely needed, and thus not compiled beforehand
@@ -145,10 +145,8 @@ def descend(
     limit: int,
     preconditioned: bool,
 ) -> tuple[bool, int, int]:
-    """Bring the gap in the contact to ``shift``; return whether it is, the transforms and the iterations.
-
-    Begins with an admissible pressure. Gap and pressure are an exact pair on return.
-    """
+    """Bring the gap in the contact to ``shift``; return whether it is, the transforms and the iterations."""
+    # Begins with an admissible pressure. Gap and pressure are an exact pair on return.
     p, gap, (step, change, _, work) = at.p, at.gap, descent
     # No eigenvalue of A exceeds the inverse of the smallest stiffness.
     longest = 1.0 if preconditioned else 1.0 / (system.compliance.max() * p.size)
@@ -174,7 +172,7 @@ def descend(
             transforms += 2
         cut = _try_step(system, at, descent, shift, trial, curvature, joins, uphill, preconditioned)
         iteration += 1
-        comply(plans, system, step, work, work, change)
+        apply_to(plans, system.compliance, step, work, work, change)
         transforms += 2
         slope, curvature = 0.0, 0.0
         for i in range(p.size):
@@ -211,20 +209,9 @@ def restore_load(system: System, p: FloatArray, load: float) -> None:
 @kernel(reorder=True, inner=True)
 def evaluate(plans: Plans, system: System, at: Iterate, work: ComplexArray) -> None:
     """Gap of the pressure."""
-    comply(plans, system, at.p, at.spectrum, work, at.gap)
+    apply_to(plans, system.compliance, at.p, at.spectrum, work, at.gap)
     for i in range(at.gap.size):
         at.gap[i] += system.gap0[i]
-
-
-@kernel(reorder=True, inner=True)
-def comply(
-    plans: Plans, system: System, p: FloatArray, spectrum: ComplexArray, work: ComplexArray, gap: FloatArray
-) -> None:
-    """Write A p as the gap, and the transform of p unless that is the work array."""
-    forward(plans, p, spectrum)
-    for k in range(work.size):
-        work[k] = system.compliance[k] * spectrum[k]
-    backward(plans, work, gap)
 
 
 @kernel(reorder=True, inner=True)
@@ -262,10 +249,7 @@ def _precondition(
     for i in range(gap.size):
         pull = shift - gap[i]
         z[i] = pull if p[i] > 0.0 or (joins and pull > 0.0) else 0.0
-    forward(plans, z, work)
-    for k in range(work.size):
-        work[k] *= system.stiffness[k]
-    backward(plans, work, z)
+    apply_to(plans, system.stiffness, z, work, work, z)
     excess, count = 0.0, 0.0
     for i in range(gap.size):
         member = 1.0 if p[i] > 0.0 or (joins and shift - gap[i] > 0.0) else 0.0

@@ -105,11 +105,9 @@ def iterate(
     tolerance: float,
     limit: int,
 ) -> tuple[Motion, bool, int, int]:
-    """Iterate to the tolerance or the limit; return state, whether it is within it, iterations and FFT pairs.
-
-    The scales of the residual are those of the first iteration: the caller accepts only what passes there.
-    On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
-    """
+    """Iterate to the tolerance or the limit; return state, whether it is within, iterations, FFT pairs."""
+    # The scales of the residual are those of the first iteration: the caller accepts only what passes there.
+    # On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
     kappa, b, h, mean_is_fixed, floor, terms = system
     inverse_mass, mobility, mass_weighted = inertia
     u, v, stress, force, acceleration, work = fields
@@ -145,9 +143,8 @@ def iterate(
                 real, imaginary = inverse_mass[k] * work[k].real, inverse_mass[k] * work[k].imag
                 work[k] = complex(real, imaginary)
                 pull += real * real + imaginary * imaginary
-            pull *= (
-                2.0 * u.size
-            )  # Parseval, but for the weight of two modes, which does not matter to a norm that only steers
+            # Parseval, but for the weight of two modes, which does not matter to a norm that only steers.
+            pull *= 2.0 * u.size
             backward(plans, work, acceleration)
             pairs += 1
         if power > 0.0:
@@ -196,13 +193,11 @@ def _forces(  # inlined: groups would gain nothing
     per_gap: float,
     tolerance: float,
 ) -> tuple[float, float, float, float, float]:
-    """Sum over the forces on the points, and write the forces themselves where they are wanted.
-
-    A point that is pressed against the punch feels none, and its velocity does not count.
-
-    Returns the number of points whose `violation` is not within the tolerance (NaN is not), the power (force
-    times velocity), the squared norms of velocity and force, and the next multiplier.
-    """
+    """Sum over the forces on the points, and write the forces themselves where they are wanted."""
+    # A point that is pressed against the punch feels none, and its velocity does not count.
+    #
+    # Returns the number of points whose `violation` is not within the tolerance (NaN is not), the power
+    # (force times velocity), the squared norms of velocity and force, and the next multiplier.
     off, power, speed, pull, total, free = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(u.size):
         pressure, gap = stress[i] + multiplier, h[i] - u[i]
@@ -336,16 +331,14 @@ class Fire(Stateless):
             problem.residual_floor,
             problem.interface.terms,
         )
-        inertia = self._inertia(problem)
+        if self._mass_weighted:
+            inverse = 1.0 / ((problem.stiffness + problem.kappa_1) * self._fields.u.size)
+            if problem.mean_is_fixed:
+                inverse[0] = 0.0
+            inertia = Inertia(inverse, 1.0, True)
+        else:
+            inertia = Inertia(problem.stiffness, 1.0 / float(problem.stiffness.max()), False)
         outcome: tuple[Motion, bool, int, int] = iterate(
             self._transforms.plans, system, self._fields, inertia, constants, state, tolerance, limit
         )
         return outcome
-
-    def _inertia(self, problem: Problem) -> Inertia:
-        if not self._mass_weighted:
-            return Inertia(problem.stiffness, 1.0 / float(problem.stiffness.max()), False)
-        inverse = 1.0 / ((problem.stiffness + problem.kappa_1) * self._fields.u.size)
-        if problem.mean_is_fixed:
-            inverse[0] = 0.0
-        return Inertia(inverse, 1.0, True)

@@ -1,4 +1,4 @@
-"""Depth and load control: the contact problem of a step, and the depth that belongs to its solution.
+"""Depth and load control: the contact problem of a step, the depth of its solution, and the imprint left.
 
 A solver finds a surface of zero mean, or under a given mean pressure p any surface w below the punch. The
 mean of w is the depth plus u_0, the displacement at q = 0, which is zero unless a compressible layer lies on
@@ -9,22 +9,41 @@ a rigid base. There kappa_0 u_0 = b_0/n - p, and
 A load that pulls more than the interface holds has no equilibrium, and the punch detaches (`pulled_off`).
 Until the load presses again it lies out of reach. The surface is free of stress, and the depth of the punch
 counts as the depth at which it would just touch.
+
+Hardness: contact pressures end at H, and the surfaces lose height there.
+
+Perfect plasticity in series with the body, along the normal, without hardening. The pressure of the wall
+satisfies 0 <= p <= H, and the imprint W >= 0 is the height lost so far at each point. A step finds
+
+    min over p of p.A p/2 + (gap0 + W).p        0 <= p <= H, of the given load where there is one
+
+with gap0 the gap without pressure, and A the compliance. With g = gap0 + W + A p,
+
+    p = 0: g >= 0,        0 < p < H: g = 0,        p = H: g <= 0, and then W grows by -g.
+
+-g is the multiplier of p <= H. The dual problem is the least sum of elastic energy and H (W' - W) over
+displacements u <= h + W' and W' >= W: an implicit step of flow, of which H times the growth of W is the work.
+With attraction the pressure of the wall, p + tau(g), ends at H; the flow leaves no gap, and its work is that
+of the stress H - tau(0).
+So W does not depend on the number of steps as long as no point leaves the hardness.
+
+W belongs to punch and body together: it adds to the height of the punch, and is no displacement of the body.
+So it leaves no stress in the body's memory.
 """
 
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeVar
 
+import numpy as np
+
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.grid.sums import mean
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.resumable import Resumable, State
 from gfmdlayer.time_functions import Trajectory
@@ -69,15 +88,46 @@ class Loading(Resumable):
     interface: Interaction = HARD_WALL
     ranks: Ranks = ALONE
 
-    @abstractmethod
+    by_depth: bool = True  # else the mean pressure is prescribed, and with it the force over the cell
+
     def problem(
         self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
     ) -> Problem:
-        """Return the contact problem at the end of a step, from slopes, intercepts and loss stiffness."""
+        """Return the contact problem at the end of a step; that of a load has no mean."""
+        if self.by_depth:
+            obstacle, load, interface = self.punch - self.trajectory(time), None, self.interface.at(time)
+        else:
+            obstacle, load = self.obstacle, self._load(time)
+            kappa, b = self._without_mean(kappa), self._without_mean(b)
+            interface = HARD_WALL if self.detached.covers(time) else self.interface.at(time)
+        return Problem(kappa, b, obstacle, load, loss_stiffness, self.height, interface, self.ranks)
 
-    @abstractmethod
-    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
-        """Return surface and depth that belong to a solution."""
+    @cached_property
+    def obstacle(self) -> FloatArray:
+        """Height above the lowest point of the grid, beside which first depths are not lost to rounding."""
+        return self.punch - self.lowest if self.lowest else self.punch
+
+    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float) -> Surface:
+        """Return the surface as the solver found it, or with the mean that the load gives it."""
+        if self.by_depth:
+            depth, response = self.trajectory(time), solution.mean_pressure
+            return Surface(solution.displacement, solution.spectrum, depth, response)
+        ranks, height = self.ranks, 0.0
+        stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
+        if stiffness > 0:
+            height = (history.real / self.size - self._load(time)) / stiffness
+        shift = ranks.mean(solution.displacement) - height
+        depth, spectrum = shift + self.lowest, solution.spectrum.copy()
+        ranks.set_mean_wave(spectrum, height * self.size)
+        return Surface(solution.displacement, spectrum, depth, depth, shift)
+
+    def _load(self, time: float) -> float:
+        return 0.0 if self.detached.covers(time) else self.trajectory(time)
+
+    def _without_mean(self, values: Values) -> Values:
+        rest = values.copy()
+        self.ranks.set_mean_wave(rest, 0.0)
+        return rest
 
     @cached_property
     def height(self) -> float:
@@ -121,69 +171,10 @@ class Loading(Resumable):
         return self.ranks.total(self.punch.size)
 
 
-@dataclass(frozen=True)
-class DepthControl(Loading):
-    """The depth of the punch is prescribed."""
-
-    def problem(
-        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
-    ) -> Problem:
-        """Contact problem of a step."""
-        obstacle = self.punch - self.trajectory(time)
-        return Problem(
-            kappa, b, obstacle, None, loss_stiffness, self.height, self.interface.at(time), self.ranks
-        )
-
-    def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
-        """Surface as the solver found it."""
-        depth = self.trajectory(time)
-        return Surface(solution.displacement, solution.spectrum, depth, solution.mean_pressure)
-
-
-@dataclass(frozen=True)
-class LoadControl(Loading):
-    """The mean pressure is prescribed."""
-
-    def problem(
-        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
-    ) -> Problem:
-        """Contact problem of a step, without the mean."""
-        kappa, b = self._without_mean(kappa), self._without_mean(b)
-        interface = HARD_WALL if self.detached.covers(time) else self.interface.at(time)
-        others = self.height, interface, self.ranks
-        return Problem(kappa, b, self.obstacle, self._load(time), loss_stiffness, *others)
-
-    @cached_property
-    def obstacle(self) -> FloatArray:
-        """Height above the lowest point of the grid, beside which first depths are not lost to rounding."""
-        return self.punch - self.lowest if self.lowest else self.punch
-
-    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
-        """Surface with the mean that the load gives it."""
-        ranks, height = self.ranks, 0.0
-        stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
-        if stiffness > 0:
-            height = (history.real / self.size - self._load(time)) / stiffness
-        shift = mean(solution.displacement, ranks) - height
-        depth, spectrum = shift + self.lowest, solution.spectrum.copy()
-        ranks.set_mean_wave(spectrum, height * self.size)
-        return Surface(solution.displacement, spectrum, depth, depth, shift)
-
-    def _load(self, time: float) -> float:
-        return 0.0 if self.detached.covers(time) else self.trajectory(time)
-
-    def _without_mean(self, values: Values) -> Values:
-        rest = values.copy()
-        self.ranks.set_mean_wave(rest, 0.0)
-        return rest
-
-
 def pulled_off(problem: Problem, solution: Solution) -> bool:
-    """Whether the given load pulls the punch away: it is out of range, and no traction is as large any more.
-
-    Further away the traction is less still, so that there is no equilibrium left to find. The state is the
-    last one of the solver, which need not have converged.
-    """
+    """Whether the given load pulls the punch away: out of range, where no traction is as large."""
+    # Further away the traction is less still, so that there is no equilibrium left to find. The state is the
+    # last one of the solver, which need not have converged.
     load, gap = problem.mean_pressure, solution.gap
     if load is None or load >= 0 or not problem.interface.attracts:
         return False
@@ -191,9 +182,30 @@ def pulled_off(problem: Problem, solution: Solution) -> bool:
     return bool(nearest > problem.interface.range and problem.ranks.maximum(strongest) < -load)
 
 
-# A prescribed force is a prescribed mean pressure, force over cell.
-CONTROLS: dict[str, Callable[..., Loading]] = {
-    "depth": DepthControl,
-    "load": LoadControl,
-    "force": LoadControl,
-}
+class Imprint:
+    """The height W that punch and surface have lost, one value a point; accepted steps change it."""
+
+    def __init__(self, size: int, hardness: float) -> None:
+        # With an infinite hardness nothing yields, and it has no points.
+        self.hardness, self.yields = hardness, hardness < math.inf
+        self.depth = np.zeros(size if self.yields else 0)
+
+    def under(self, problem: Problem) -> Problem:
+        """Return the problem of a step with the height lost so far, and with pressures up to the hardness."""
+        if not self.yields:
+            return problem
+        return replace(problem, obstacle=problem.obstacle + self.depth, hardness=self.hardness)
+
+    def remember(self, solution: Solution) -> None:
+        """Add the flow of an accepted step."""
+        if solution.flow is not None:
+            self.depth = self.depth + solution.flow
+
+    def state(self) -> State:
+        """Return the height lost."""
+        return {"depth": self.depth} if self.yields else {}
+
+    def restore(self, state: State) -> None:
+        """Continue from there."""
+        if self.yields:
+            self.depth = np.asarray(state["depth"])

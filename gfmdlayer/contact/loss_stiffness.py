@@ -71,8 +71,8 @@ class Pivoting:
     def __init__(self, problem: Problem, transforms: Transforms, tolerance: float) -> None:
         self._problem, self._plans, self._tolerance = problem, transforms, tolerance
         self.transforms = self.rounds = 0
-        loss = problem.loss_stiffness if problem.loss_stiffness is not None else 0.0
-        self._stiffness = problem.stiffness + 1j * loss
+        assert problem.loss_stiffness is not None
+        self._stiffness = problem.stiffness + 1j * problem.loss_stiffness
         self._stiffest = float(np.abs(self._stiffness).max())
         stiff = problem.stiffness > 0
         self._compliance = (stiff / np.where(stiff, self._stiffness, 1)).astype(np.complex128)
@@ -81,11 +81,9 @@ class Pivoting:
         self._influence: FloatArray | None = None
 
     def solve(self, contact: BoolArray) -> tuple[PivotedState, PivotedState]:
-        """Return the state of the contact set without contradiction, or of the last one tried, in two forms.
-
-        One has the pressure of its displacement, the other that of the linear equations, which is the better
-        where the stiffness of the modes spans so many decades that rounding of u shows in the force.
-        """
+        """Return the state of the contact set without contradiction, or of the last tried, in two forms."""
+        # One has the pressure of its displacement, the other that of the linear equations, which is the
+        # better where the stiffness of the modes spans so many decades that rounding of u shows in the force.
         fewest, patience = contact.size + 1, _PATIENCE
         for _ in range(_MOST_ROUNDS):
             self.rounds += 1
@@ -105,19 +103,14 @@ class Pivoting:
                 wrong[: np.flatnonzero(wrong)[-1]] = False
             contact = contact ^ wrong
         recomputed = self._state(gap, pressure, contact)
-        solved = -gap.min() <= _LINEAR * self._tolerance * deepest
-        return recomputed, self._pair(gap, pressure, contact) if solved else recomputed
-
-    @property
-    def follows(self) -> bool:
-        """Whether the grid is small enough for `pressed_in`."""
-        return self._free_gap.size <= _MOST_FOLLOWED
+        if not -gap.min() <= _LINEAR * self._tolerance * deepest:
+            return recomputed, recomputed
+        u = np.minimum(self._problem.obstacle, self._problem.obstacle - gap)
+        return recomputed, PivotedState(u, self._plans.forward(u), pressure, contact)
 
     def pressed_in(self) -> BoolArray:
-        """Contact set at the given depth or load, followed from first touch.
-
-        With the punch lowered by z its pressure is linear in z until a point joins or leaves.
-        """
+        """Contact set at the given depth or load, followed from first touch."""
+        # With the punch lowered by z its pressure is linear in z until a point joins or leaves.
         load, size = self._problem.mean_pressure, self._free_gap.size
         self._influence = self._field(self._compliance.copy())
         lowered, last = float(self._free_gap.min()), int(self._free_gap.argmin())
@@ -223,13 +216,6 @@ class Pivoting:
             multiplier = float(np.mean((pressure - force)[contact]))
         return PivotedState(u, spectrum, force + multiplier, contact)
 
-    def _pair(self, gap: FloatArray, pressure: FloatArray, contact: BoolArray) -> PivotedState:
-        """Pressure of the linear equations and the displacement that it makes, no point of which overlaps."""
-        h = self._problem.obstacle
-        u = np.minimum(h, h - gap)
-        spectrum = self._plans.forward(u)
-        return PivotedState(u, spectrum, pressure, contact)
-
 
 SHARE = 0.3  # of the tolerance is left to a problem without loss, so that the iteration's error shows
 _MOST_PROBLEMS = 12
@@ -238,12 +224,10 @@ _MIXED = 6  # surfaces at most
 
 
 class LossStiffnessSolver:
-    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance.
-
-    `weights` are those of each mode in the mean over the surface.
-    """
+    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance."""
 
     def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:
+        # `weights` are those of each mode in the mean over the surface.
         self.starts_from = solver.starts_from
         self._solver, self._transforms = solver, transforms
         self._weights = np.ravel(weights)
@@ -312,7 +296,8 @@ class LossStiffnessSolver:
         for followed in (False, True):
             pivoting = Pivoting(problem, self._transforms, tolerance)
             if followed:
-                contact = pivoting.pressed_in() if pivoting.follows else state.pressure > 0
+                small = state.pressure.size <= _MOST_FOLLOWED
+                contact = pivoting.pressed_in() if small else state.pressure > 0
             found = pivoting.solve(contact)
             spent = state.transforms + pivoting.transforms, state.iterations + pivoting.rounds
             for u, spectrum, pressure, contact in found:
@@ -328,9 +313,8 @@ class LossStiffnessSolver:
         spectrum = self._transforms.forward(start)
         if self.starts_from == "displacement":
             return spectrum
-        stiffness = problem.stiffness + 1j * (
-            problem.loss_stiffness if problem.loss_stiffness is not None else 0.0
-        )
+        assert problem.loss_stiffness is not None
+        stiffness = problem.stiffness + 1j * problem.loss_stiffness
         stiff = problem.stiffness > 0
         return np.asarray(np.where(stiff, problem.intercept - spectrum, 0) / np.where(stiff, stiffness, 1))
 
@@ -374,9 +358,8 @@ class _Mixture:
         self._best = size
         self._found = [*self._found[1 - _MIXED :], found]
         self._steps = [*self._steps[1 - _MIXED :], step]
-        gram = (
-            self._ranks.total(np.array([[self._part(f, g) for f in self._steps] for g in self._steps])) / size
-        )
+        products = np.array([[self._part(f, g) for f in self._steps] for g in self._steps])
+        gram = self._ranks.total(products) / size
         shares = np.linalg.pinv(gram, rcond=1e-12, hermitian=True).sum(axis=0)
         if not abs(shares.sum()) > 0:
             return found

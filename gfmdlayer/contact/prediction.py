@@ -30,12 +30,10 @@ LastThree = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class DisplacementPrediction:
-    """The parabola in time through the last three accepted displacements (fewer where there are fewer).
-
-    `size` is the number of points of this process; before the first step the guess is zero.
-    """
+    """The parabola in time through the last three accepted displacements (fewer where there are fewer)."""
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
+        # `size` is the number of points of this process; before the first step the guess is zero.
         self._ranks = ranks
         self._times: deque[float] = deque(maxlen=3)
         self._fields: deque[FloatArray] = deque(maxlen=3)
@@ -142,11 +140,9 @@ def _last_three(fields: Sequence[FloatArray]) -> LastThree:
 def _learn(
     w: Weights, gaps: LastThree, last: FloatArray, now: FloatArray, contact: tuple[int, int]
 ) -> tuple[float, float, float, int, int]:
-    """Compare points that came into contact with their prediction.
-
-    `contact` are the points, multiples of a block apart, between which the last contact is. Returns two sums
-    over the points, whose ratio is mu; how many changed; and the points between which contact is now.
-    """
+    """Compare points that came into contact with their prediction."""
+    # `contact` are the points, multiples of a block apart, between which the last contact is. Returns two
+    # sums over the points, whose ratio is mu; how many changed; and the points between which contact is now.
     squares, predicted, moved, before, after = 0.0, 0.0, 0.0, now.size, 0
     for first in range(0, now.size, _BLOCK):
         new, old, others, touching = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0

@@ -15,8 +15,7 @@ from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
 from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, violation
 from gfmdlayer.grid.ranks import Ranks
-from gfmdlayer.grid.sums import mean
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, kernel, minimum
 
 _ROUNDING = 1e-12  # part of the height of the punch
@@ -60,6 +59,23 @@ class SurfaceState(NamedTuple):
     spectrum: ComplexArray  # of u, unnormalised
 
 
+@kernel(reorder=True, inner=True)
+def apply_to(
+    plans: Plans,
+    factors: FloatArray,
+    field: FloatArray,
+    spectrum: ComplexArray,
+    work: ComplexArray,
+    found: FloatArray,
+) -> None:
+    """Write A or kappa times a field, by the factors of the modes, and its transform; two transforms."""
+    # The transform may be the work array: then it is not kept.
+    forward(plans, field, spectrum)
+    for k in range(work.size):
+        work[k] = factors[k] * spectrum[k]
+    backward(plans, work, found)
+
+
 @kernel
 def per_point(stiffness: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
     """Compliance and stiffness of the modes per point, as unnormalised transforms need them."""
@@ -95,10 +111,8 @@ def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArra
 
 
 def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | None:
-    """Return the solution for no load, a flat punch, or no room in the cell; None elsewhere.
-
-    ValueError if the punch displaces more than the cell holds, mean(h) < 0 for a body of fixed mean.
-    """
+    """Return the solution for no load, a flat punch, or no room in the cell; None elsewhere."""
+    # ValueError if the punch displaces more than the cell holds, mean(h) < 0 for a body of fixed mean.
     h = problem.obstacle
     if problem.mean_pressure == 0.0 and not problem.interface.attracts:
         return _free_surface(problem, transforms)
@@ -114,13 +128,12 @@ def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | Non
 
 def _full_contact(problem: Problem, transforms: Transforms) -> Solution | None:
     """The state that touches the punch everywhere, where the load presses everywhere."""
-    u = problem.obstacle.copy()
+    u, ranks = problem.obstacle.copy(), problem.ranks
     spectrum = transforms.forward(u)
     pressure = transforms.backward((problem.intercept - problem.stiffness * spectrum) / transforms.size)
     pressure += problem.applied_pressure
-    if not problem.ranks.minimum(float(pressure.min())) >= 0.0:
-        return None
-    if not problem.ranks.maximum(float(pressure.max())) <= problem.hardness:
+    presses = ranks.minimum(float(pressure.min())) >= 0.0
+    if not presses or not ranks.maximum(float(pressure.max())) <= problem.hardness:
         return None
     return make_solution(problem, u, pressure, spectrum, spent=(1, 0), within=0.0)
 
@@ -151,7 +164,7 @@ def _free_surface(problem: Problem, transforms: Transforms) -> Solution:
     if ranks.first:
         spectrum[0] -= n * shift
     u = np.minimum(u - shift, h)
-    none, assessment = np.zeros(h.size), (0.0, 0.0, 0.0, mean(h - u, ranks))
+    none, assessment = np.zeros(h.size), (0.0, 0.0, 0.0, ranks.mean(h - u))
     return make_solution(problem, u, none, spectrum, spent=(1, 0), within=0.0, assessment=assessment)
 
 
@@ -165,11 +178,9 @@ def feasible_solution(
     transforms: int,
     iterations: int,
 ) -> Solution:
-    """Raise the pressure until the surface overlaps the punch nowhere, and assess that state.
-
-    Pressure and gap of `at` are an exact pair; `free` is the transform of u0, per point. Not converged where
-    overlap remains.
-    """
+    """Raise the pressure until the surface overlaps the punch nowhere, and assess that state."""
+    # Pressure and gap of `at` are an exact pair; `free` is the transform of u0, per point. Not converged
+    # where overlap remains.
     n = at.p.size
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
     overlap, assessment = _write_state(system, at, free, u, pressure, spectrum)
@@ -248,10 +259,8 @@ def _solution_of(
 
 @kernel(reorder=True, inner=True)
 def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray) -> tuple[float, float]:
-    """Write pressure and displacement of a state that overlaps nowhere; return the lift and what was clamped.
-
-    Under a given load the punch is shifted, elsewhere the pressure grows by the factor 1 + lift.
-    """
+    """Write pressure and displacement of a state that overlaps nowhere; return lift and clamped overlap."""
+    # Under a given load the punch is shifted, elsewhere the pressure grows by the factor 1 + lift.
     n = at.gap.size
     lift, lowest = 0.0, 0.0
     for first in range(0, n, LANES):

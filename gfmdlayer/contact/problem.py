@@ -15,7 +15,7 @@ g = h - u is open. lambda is the multiplier of the first constraint, the given p
 zero in the third. The mean pressure is mean(f) + lambda in each.
 
 With a hardness H the pressure of the wall ends there: p_c <= H, and where p_c = H the surface may overlap the
-punch, u > h. The overlap is the height that the surfaces lose in the step, see `imprint`; it leaves no gap.
+punch, u > h. The overlap is the height that the surfaces lose in the step, see `loading`; it leaves no gap.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ import numpy as np
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.grid.sums import mean
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import Resumable
@@ -177,12 +176,10 @@ _FINER_LIMIT = 1000  # iterations of a solve that may fail
 def solve_finer(
     solver: Solver, problem: Problem, start: FloatArray, finer: float, tolerance: float, limit: int
 ) -> Solution:
-    """Solve to the finer of two tolerances where rounding and iterations allow it, else to the given one.
-
-    Adaptive steps need the finer one on bodies with a large ratio of glassy to relaxed modulus. The error of
-    the displacement returns in the stress of the next steps, multiplied by this ratio. Above the tolerance of
-    the steps it looks like curvature of u(t), and no shorter step lowers it.
-    """
+    """Solve to the finer of two tolerances where rounding and iterations allow it, else to the given one."""
+    # Adaptive steps need the finer one on bodies with a large ratio of glassy to relaxed modulus. The error
+    # of the displacement returns in the stress of the next steps, multiplied by this ratio. Above the
+    # tolerance of the steps it looks like curvature of u(t), and no shorter step lowers it.
     if not finer < tolerance:
         return solver.solve(problem, start, tolerance, limit)
     tight = solver.solve(problem, start.copy(), finer, min(_FINER_LIMIT, limit))
@@ -207,11 +204,9 @@ def make_solution(
     gap: FloatArray | None = None,
     flow: FloatArray | None = None,
 ) -> Solution:
-    """Return a state with its residual and means; it converged if its residual is `within` a bound.
-
-    `spent` are FFT pairs and iterations, `assessment` the result of `residual.assess`, `gap` is h - u; the
-    last two where they are known.
-    """
+    """Return a state with its residual and means; it converged if its residual is `within` a bound."""
+    # `spent` are FFT pairs and iterations, `assessment` the result of `residual.assess`, `gap` is h - u; the
+    # last two where they are known.
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)
     if assessment is None:
@@ -222,7 +217,7 @@ def make_solution(
         pressure=pressure,
         gap=gap,
         spectrum=spectrum,
-        mean_pressure=found.mean_pressure if wall is pressure else mean(pressure, problem.ranks),
+        mean_pressure=found.mean_pressure if wall is pressure else problem.ranks.mean(pressure),
         mean_gap=found.mean_gap,
         contact_area=found.contact_area,
         residual=found.residual,
@@ -260,10 +255,8 @@ _ROUNDING = 2.3e-16
 
 
 def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = ALONE) -> None:
-    """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well.
-
-    ValueError if both are impossible: the punch is too deep, mean(h) < 0.
-    """
+    """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well."""
+    # ValueError if both are impossible: the punch is too deep, mean(h) < 0.
     np.minimum(u, h, out=u)
     if mean_is_fixed and not _zero_mean(u, h, ranks):
         raise ValueError(
@@ -273,14 +266,12 @@ def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = AL
 
 
 def _zero_mean(u: FloatArray, h: FloatArray, ranks: Ranks) -> bool:
-    """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero, if any.
-
-    Points at h stay there, so that a solver that tells contact by u = h does not lose it over a rounding
-    error of the mean; where every point is at h they all move. The sum of min(u + m, h) is concave and
-    piecewise linear in m and lies below the sum of u + m, so Newton's iteration started from the latter's
-    root comes from the left and ends after finitely many rounds. Each round moves u itself, so that the
-    next one sees its rounding.
-    """
+    """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero, if any."""
+    # Points at h stay there, so that a solver that tells contact by u = h does not lose it over a rounding
+    # error of the mean; where every point is at h they all move. The sum of min(u + m, h) is concave and
+    # piecewise linear in m and lies below the sum of u + m, so Newton's iteration started from the latter's
+    # root comes from the left and ends after finitely many rounds. Each round moves u itself, so that the
+    # next one sees its rounding.
     begun = False
     while True:
         *sums, largest = _excess(u, h)

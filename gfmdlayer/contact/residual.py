@@ -106,11 +106,9 @@ def assess_over(
 
 @kernel
 def residual_scales(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
-    """Scales (P, D) of the residual of a state: pressure and displacement, one value a point.
-
-    Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
-    at any height.
-    """
+    """Scales (P, D) of the residual of a state: pressure and displacement, one value a point."""
+    # Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
+    # at any height.
     largest, lowest, total = _extrema(pressure, u)
     return scales(largest, max(total / u.size, 0.0) - lowest, floor)
 
@@ -137,11 +135,9 @@ def _violations(
 def assess(
     pressure: FloatArray, u: FloatArray, h: FloatArray, floor: ResidualFloor
 ) -> tuple[float, float, float, float]:
-    """Residual, contact area, mean pressure and mean gap of a state, one value a point each.
-
-    The residual is NaN if anything is; a point is in contact where the pressure, and not the gap, is the
-    larger of the two in the residual's scales.
-    """
+    """Residual, contact area, mean pressure and mean gap of a state, one value a point each."""
+    # The residual is NaN if anything is; a point is in contact where the pressure, and not the gap, is the
+    # larger of the two in the residual's scales.
     pressure_scale, depth = residual_scales(pressure, u, floor)
     worst, touching, total, gaps = _violations(pressure, u, h, 1.0 / pressure_scale, 1.0 / depth)
     # The maxima are blind to NaN; the sums are not.

@@ -132,11 +132,9 @@ def contrast(materials: Iterable[Relaxation]) -> float:
 
 
 def finer(tolerance: float, of_steps: float | None, stiffened: float, *, attracts: bool) -> float:
-    """Return the tolerance that contact is solved to: a finer one where adaptive steps need it.
-
-    `of_steps` is the tolerance of adaptive steps, None where steps are fixed; `stiffened` the glassy over the
-    relaxed modulus. With an interface that attracts, `newton` ends near 1e-8, and steps are not many.
-    """
+    """Return the tolerance that contact is solved to: a finer one where adaptive steps need it."""
+    # `of_steps` is the tolerance of adaptive steps, None where steps are fixed; `stiffened` the glassy over
+    # the relaxed modulus. With an interface that attracts, `newton` ends near 1e-8, and steps are not many.
     if attracts or of_steps is None or stiffened <= _CONTRAST:
         return tolerance
     return min(tolerance, max(of_steps / stiffened, _FINEST))

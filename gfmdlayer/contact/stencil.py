@@ -84,11 +84,9 @@ def _row(k: int, rows: Any, before: Any, after: Any) -> Any:
 
 @kernel(reorder=True, inner=True)
 def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, result: Any, work: Any) -> None:
-    """Write row i of the stencil applied to a periodic field, shape (rows, columns).
-
-    `before` and `after` are the two rows on either side of those of this process (`Grid.halo`); `work` is
-    space for a row.
-    """
+    """Write row i of the stencil applied to a periodic field, shape (rows, columns)."""
+    # `before` and `after` are the two rows on either side of those of this process (`Grid.halo`); `work` is
+    # space for a row.
     here, n = field[i], field.shape[1]
     up, down = _row(i - 1, field, before, after), _row(i + 1, field, before, after)
     top, bottom = _row(i - 2, field, before, after), _row(i + 2, field, before, after)

@@ -7,7 +7,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
@@ -21,20 +21,25 @@ from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Listener, Stopped
 from gfmdlayer.execution.progress import Log
-from gfmdlayer.execution.schedule import Labelled, Outcome
+from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Earlier, SweepCase, label
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.files.whole import write_text
+from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.grid.wisdom import RankWisdom, planned
+from gfmdlayer.model import ConvergenceError, Model, model_of
 from gfmdlayer.notes import notes
+from gfmdlayer.results import checkpoint, provenance
+from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
+from gfmdlayer.results.journal import Journal, Position
+from gfmdlayer.results.reader import is_complete, replay
+from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.writer import CaseWriter
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.grid.grid import Grid
-    from gfmdlayer.grid.ranks import Ranks
-    from gfmdlayer.model import Model
-    from gfmdlayer.results.checkpoint import Checkpoint
-    from gfmdlayer.results.journal import Journal
     from gfmdlayer.resumable import CompositeState
 
 
@@ -45,11 +50,9 @@ class Checkpoints:
     """Writes the checkpoints of a case, and lets it go on from the last one; each rank calls every method.
 
     The case writes one every `interval` seconds (0: after every step; later where writing takes long), and
-    when the run is asked to stop. A case that fails leaves its last one, from which the next run goes on;
-    where a step does not converge, this is the state before the step. A case with a later end than a complete
-    one goes on from the state that the `earlier` one kept; `stem` is the configuration's where this
-    case keeps its own. `report_time` takes the simulated time after each attempt at a step and may raise
-    `Stopped`.
+    when the run is asked to stop. A case that fails leaves its last one, from which the next run goes on.
+    `stem` is given where this case keeps a state for a later end; `earlier` is a case that has kept one.
+    `report_time` takes the simulated time after each attempt at a step and may raise `Stopped`.
     """
 
     def __init__(
@@ -61,18 +64,15 @@ class Checkpoints:
         report_time: Callable[[float], None],
         stem: str = "",
         earlier: Earlier | None = None,
-        ranks: Ranks | None = None,
+        ranks: Ranks = ALONE,
     ) -> None:
-        from gfmdlayer.grid.ranks import ALONE
-        from gfmdlayer.results.provenance import made_by
-
-        self._folder, self._index, self._ranks = folder, index, ranks or ALONE
+        self._folder, self._index, self._ranks = folder, index, ranks
         self._checkpoint, self._journal_file, self._state = (
             folder.case(index, kind) for kind in ("checkpoint", "journal", "state")
         )
         self._interval, self._report_time = interval, report_time
         several = {"ranks": str(self._ranks.count)} if self._ranks.count > 1 else {}
-        self._made_by = made_by(digest) | several
+        self._made_by = provenance.made_by(digest) | several
         self._stem, self._earlier = stem, earlier
         self._found: Checkpoint | None = None
         self._journal: Journal | None = None
@@ -81,10 +81,8 @@ class Checkpoints:
         self._begin()
 
     def _begin(self) -> None:
-        from gfmdlayer.results.provenance import now
-
         self._begun = time.monotonic()
-        self.started, self._before = now(), 0.0  # of the first start; seconds up to the checkpoint
+        self.started, self._before = provenance.now(), 0.0  # of the first start; seconds up to the checkpoint
         self._time, self._unsaved = 0.0, False
 
     @property
@@ -94,9 +92,6 @@ class Checkpoints:
 
     def journal(self, columns: Iterable[str], grid: Grid | None = None) -> Journal:
         """Return the journal of the case, which holds the rows and snapshots up to its checkpoint."""
-        from gfmdlayer.results.checkpoint import CheckpointError
-        from gfmdlayer.results.journal import Journal, Position
-
         self._found = self._find()
         self._journal = journal = Journal(self._journal_file, grid)
         if self._found is not None:
@@ -108,9 +103,8 @@ class Checkpoints:
                 elif self._ranks.first:
                     position = Position(*about["journal"])
                     if position.columns and (changed := set(columns) ^ set(position.columns)):
-                        raise CheckpointError(
-                            f"its rows have other columns, see {', '.join(sorted(changed))}"
-                        )
+                        names = ", ".join(sorted(changed))
+                        raise CheckpointError(f"its rows have other columns, see {names}")
                     try:
                         journal.go_on(position)
                     except ValueError as error:
@@ -119,8 +113,6 @@ class Checkpoints:
 
     def _find(self) -> Checkpoint | None:
         """Read the checkpoint, or else the state that an earlier case kept."""
-        from gfmdlayer.results.checkpoint import CheckpointError, read_checkpoint
-
         if self._ranks.shared(self._checkpoint.exists()):
             self._earlier = None
             return read_checkpoint(self._checkpoint, self._made_by, self._ranks)
@@ -132,10 +124,6 @@ class Checkpoints:
 
     def _repeat(self, earlier: Earlier, journal: Journal) -> None:
         """Record the rows and snapshots of an earlier case up to its kept state."""
-        from gfmdlayer.results.checkpoint import CheckpointError
-        from gfmdlayer.results.reader import is_complete, replay
-        from gfmdlayer.results.schema import ResultsError
-
         path = self._folder.case(earlier.index)
         if not is_complete(path, earlier.made_by["digest"]):
             raise CheckpointError(f"{path.name}, which belongs to it, is not complete any more")
@@ -148,8 +136,6 @@ class Checkpoints:
 
     def resume(self, memory: CompositeState) -> None:
         """Restore the checkpoint found; called by the simulation before its first step."""
-        from gfmdlayer.results.checkpoint import CheckpointError
-
         if self._found is not None:
             with self._ranks.agreeing(CheckpointError):
                 try:
@@ -230,13 +216,10 @@ class Checkpoints:
             except OSError as error:
                 self._warn(f"continues, but its state cannot be kept: {error.strerror or error}")
 
-    def _save(self, path: Path, about: dict[str, Any], ranks: Ranks | None = None) -> None:
-        from gfmdlayer.grid.ranks import ALONE
-        from gfmdlayer.results.checkpoint import write_checkpoint
-
+    def _save(self, path: Path, about: dict[str, Any], ranks: Ranks = ALONE) -> None:
         assert self._memory is not None
         known = {"started": self.started, "elapsed": self.elapsed, **about}
-        write_checkpoint(path, self._made_by, known, self._memory.state(), ranks or ALONE)
+        checkpoint.write_checkpoint(path, self._made_by, known, self._memory.state(), ranks)
 
     def _write(self) -> None:
         """Write the journal, then the checkpoint that names the place in it."""
@@ -269,69 +252,52 @@ class Checkpoints:
 Wisdom = dict[tuple[int, ...], str]
 
 
-def prepare() -> None:
-    """Import the modules that a case needs; compiles nothing."""
-
-
 def run_case(
     case: SweepCase,
     folder: Folder,
     wisdom: Wisdom | None = None,
     threads: int = 1,
     checkpoint_every: float = CHECKPOINT_EVERY,
-    ranks: Ranks | None = None,
+    ranks: Ranks = ALONE,
 ) -> Outcome:
     """Run one case into its file, on each rank that computes it; an error becomes its outcome."""
-    from gfmdlayer.grid.ranks import ALONE
-
-    begun, ranks = time.monotonic(), ranks or ALONE
+    begun = time.monotonic()
     try:
         with ending_together(ranks):
-            run = _Run(case, folder, _wisdom_of(case, folder, wisdom or {}, threads, ranks), threads, ranks)
-            note = run.simulate(checkpoint_every)
+            points = case.config.grid.points
+            plans = (wisdom or {}).get(points)
+            if plans is None and ranks.count == 1 and case.config.geometry.on_grid:
+                # Plans of a grid that no case had before the run are kept with the results: so all processes
+                # agree, also where a sweep is too long for a look at all of its grids.
+                plans = _planned(points, user_cache(), threads, folder.wisdom)
+            note = _Run(case, folder, plans, threads, ranks).simulate(checkpoint_every)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         if ranks.first:
-            record_failure(folder, case, reason, traceback.format_exc())
+            record_failure(folder, case.index, case.values, reason, traceback.format_exc())
         return Outcome(case.index, "failed", reason, time.monotonic() - begun)
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
 
 
-def _wisdom_of(case: SweepCase, folder: Folder, wisdom: Wisdom, threads: int, ranks: Ranks) -> str | None:
-    """Return the plans of a case; those of a grid that no case had before the run are kept with the results.
-
-    So all processes agree, also where a sweep is too long for a look at all of its grids.
-    """
-    points = case.config.grid.points
-    if points in wisdom or ranks.count > 1 or not case.config.geometry.on_grid:
-        return wisdom.get(points)
-    return _planned(points, threads, folder.wisdom)
+_planned = lru_cache(maxsize=64)(planned)
 
 
-@lru_cache(maxsize=64)
-def _planned(points: tuple[int, ...], threads: int, results: Path) -> str:
-    from gfmdlayer.grid.wisdom import planned
-
-    return planned(points, user_cache(), threads, results)
-
-
-def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "") -> None:
+def record_failure(
+    folder: Folder, index: int, values: Mapping[str, object], reason: str, trace: str = ""
+) -> None:
     """Record why a case failed, in cases/NNNN.failed; a record without a traceback replaces no other."""
-    if trace or not folder.case(case.index, "failed").exists():
-        _record(folder, case, "failed", reason, traceback=trace)
+    if trace or not folder.case(index, "failed").exists():
+        _record(folder.case(index, "failed"), values, reason, traceback=trace)
         with suppress(OSError):
-            folder.case(case.index, "running").unlink(missing_ok=True)
+            folder.case(index, "running").unlink(missing_ok=True)
 
 
-def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str) -> None:
-    """Write a record of a case."""
-    from gfmdlayer.results.provenance import now
-
-    record = {"reason": reason, **more, "time": now(), "values": case.values}
+def _record(path: Path, values: Mapping[str, object], reason: str, **more: str) -> None:
+    record = {"reason": reason, **more, "time": provenance.now(), "values": values}
     with suppress(OSError):  # on a full disk the outcome must do
-        write_text(folder.case(case.index, kind), json.dumps(record, default=str))
+        write_text(path, json.dumps(record, default=str))
 
 
 @dataclass(frozen=True)
@@ -346,15 +312,15 @@ class _Run:
 
     def simulate(self, checkpoint_every: float) -> str:
         """Run the case into its file; return the warnings of its observables."""
-        from gfmdlayer.model import ConvergenceError
-        from gfmdlayer.results.checkpoint import CheckpointError
-
-        case, folder = self.case, self.folder
-        with (
-            self._status() as status,
-            closing(self._checkpoints(checkpoint_every, status.advance)) as checkpoints,
-        ):
-            if self.ranks.first:
+        case, folder, config, ranks = self.case, self.folder, self.case.config, self.ranks
+        status: StatusFile | Listener = Listener()
+        if ranks.first:
+            steps, together = estimate(config).steps, ranks.count > 1
+            status = StatusFile(folder, case.index, config.time.end, label(case.values), steps, together)
+        kept = stem(config) if config.output.keep_state else ""
+        given = folder, case.index, self._digest, checkpoint_every, status.advance, kept, case.earlier, ranks
+        with status, closing(Checkpoints(*given)) as checkpoints:
+            if ranks.first:
                 for kind in ("failed", "ended"):
                     folder.case(case.index, kind).unlink(missing_ok=True)
             try:
@@ -375,24 +341,7 @@ class _Run:
     def _digest(self) -> str:
         return digest(self.case.config)
 
-    def _checkpoints(self, interval: float, report_time: Callable[[float], None]) -> Checkpoints:
-        case, config = self.case, self.case.config
-        kept = stem(config) if config.output.keep_state else ""
-        given = self._digest, interval, report_time, kept, case.earlier, self.ranks
-        return Checkpoints(self.folder, case.index, *given)
-
-    def _status(self) -> StatusFile | Listener:
-        if not self.ranks.first:
-            return Listener()
-        case, config = self.case, self.case.config
-        named, together = label(case.values), self.ranks.count > 1
-        return StatusFile(self.folder, case.index, config.time.end, named, estimate(config).steps, together)
-
     def _compute(self, checkpoints: Checkpoints) -> str:
-        from gfmdlayer.grid.wisdom import RankWisdom
-        from gfmdlayer.model import model_of
-        from gfmdlayer.results.schema import ResultsError
-
         config, ranks = self.case.config, self.ranks
         plans = RankWisdom(ranks, config.grid.points, self.folder.wisdom, self.threads)
         model = model_of(config, plans.read() or self.wisdom, self.threads, ranks)
@@ -406,8 +355,6 @@ class _Run:
 
     def _write(self, model: Model, journal: Journal, checkpoints: Checkpoints) -> None:
         """Write the file of the case from its journal."""
-        from gfmdlayer.results.writer import CaseWriter
-
         case = self.case
         described = attributes(model, case.given, surfaces=self.ranks.count == 1)
         with CaseWriter(
@@ -422,7 +369,7 @@ class _Run:
         ) as writer:
             journal.replay(writer)
             if ended := str(journal.noted.get("ended", "")):
-                _record(self.folder, case, "ended", ended)
+                _record(self.folder.case(case.index, "ended"), case.values, ended)
 
 
 def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
@@ -444,13 +391,7 @@ def attributes(model: Model, given: Config | None = None, *, surfaces: bool = Tr
 def warm_up(
     todo: Sequence[SweepCase], threads: int = 1, results: Path | None = None, *, plan: bool = True
 ) -> tuple[Wisdom, list[str]]:
-    """Compile kernels and plan transforms before the workers start, once for each kind of case.
-
-    Returns FFTW's wisdom for each shape of grid, and warnings where plans or kernels are not those of other
-    runs. No process plans transforms of whole grids (`plan`) where several ranks share them.
-    """
-    from gfmdlayer.model import model_of
-
+    """Compile kernels and plan transforms for each kind of case; return wisdom by grid, and warnings."""
     wisdom: Wisdom = {}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -476,8 +417,7 @@ class RankError(RuntimeError):
 def ending_together(ranks: Ranks) -> Iterator[None]:
     """End a block on all ranks, or raise on all of them.
 
-    Most errors are found by all ranks alike. One that a single rank meets, such as a lack of memory, leaves
-    the others waiting for it: then the job is aborted, and the next run resumes from the last checkpoint.
+    If a single rank fails, the others wait for it: the job is aborted, and the next run resumes.
     """
     error: Exception | None = None
     try:

@@ -32,27 +32,21 @@ def estimate(config: Config) -> Footprint:
 def total(costs: Iterable[Footprint], part: float = 1.0) -> Footprint:
     """Add up cases, which may be a part of all; the memory is the largest of all, as they run in turn."""
     every = list(costs)
-    return Footprint(
-        steps=round(sum(cost.steps for cost in every) / part),
-        pairs=sum(cost.pairs for cost in every) / part,
-        work=sum(cost.work for cost in every) / part,
-        memory=max(cost.memory for cost in every),
-        storage=sum(cost.storage for cost in every) / part,
-        seconds=sum(cost.seconds for cost in every) / part,
-    )
-
-
-def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float] | None = None) -> float:
-    """Estimate the seconds of a case on one core from those of an FFT pair, by default on this machine."""
-    pair = pair or _pair_seconds
-    cost = estimate(config)
-    transforms = AROUND * cost.pairs * pair(config.grid.points) if cost.pairs else 0.0
-    return CASE_SECONDS + cost.seconds + transforms
+    names = ("steps", "pairs", "work", "storage", "seconds")
+    sums = {name: sum(getattr(cost, name) for cost in every) / part for name in names}
+    return Footprint(**sums | {"steps": round(sums["steps"])}, memory=max(cost.memory for cost in every))
 
 
 @lru_cache(maxsize=64)
 def _pair_seconds(shape: tuple[int, ...]) -> float:
     return pair_seconds(shape, user_cache())
+
+
+def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float] = _pair_seconds) -> float:
+    """Estimate the seconds of a case on one core from those of an FFT pair, by default on this machine."""
+    cost = estimate(config)
+    transforms = AROUND * cost.pairs * pair(config.grid.points) if cost.pairs else 0.0
+    return CASE_SECONDS + cost.seconds + transforms
 
 
 class CostModel:

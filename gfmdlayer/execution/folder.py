@@ -26,11 +26,11 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.reader import Inspection
@@ -46,6 +46,7 @@ FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; c
 ASIDE = ".aside"
 Numbers: TypeAlias = Mapping[str, set[int]]  # kind of file -> numbers of the cases that have one
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
+Found = TypeVar("Found")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
@@ -123,26 +124,24 @@ class Folder:
 
     def stored_config(self) -> Config:
         """Return the configuration of the results."""
-        self.must_hold_results()
         try:
-            return load(self.config)
+            return self._stored(load)
         except ConfigError as error:
             reasons = "; ".join(error.problems)
             raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
 
     def stored_sweep(self) -> dict[str, list[Any]]:
         """Return the sweep of the results; works without the input files that their configuration names."""
-        self.must_hold_results()
-        try:
-            return dict(stored.document(self.config).get("sweep") or {})
-        except ResultsError as error:
-            raise FolderError(str(error)) from None
+        return dict(self._stored(stored.document).get("sweep") or {})
 
     def case_numbers(self) -> Sequence[int]:
         """Return the numbers of the cases in the order of the sweep, without reading the configuration."""
+        return self._stored(stored.case_numbers)
+
+    def _stored(self, read: Callable[[Path], Found]) -> Found:
         self.must_hold_results()
         try:
-            return stored.case_numbers(self.config)
+            return read(self.config)
         except ResultsError as error:
             raise FolderError(str(error)) from None
 
@@ -151,10 +150,9 @@ class Folder:
         write_text(self.config, stored.head(numbers) + config.dump())
 
     def keep_input(self, path: Path, changed: bool) -> Path:
-        """Copy a file that the configuration names; the cases read the copy, whatever becomes of the file.
+        """Copy a file that the configuration names to NAME-PLACE-CONTENTS.SUFFIX, which the cases read.
 
-        The copy is named by place and contents: NAME-PLACE-CONTENTS.SUFFIX. FolderError where the file has
-        changed since the results were begun, and the configuration has not.
+        FolderError where the file has changed since the results were begun, and the configuration has not.
         """
         try:
             content = path.read_bytes()
@@ -165,9 +163,8 @@ class Folder:
                 return kept
             kept.parent.mkdir(exist_ok=True)
             if not (changed or same) and any(f"-{place}-" in other.name for other in kept.parent.iterdir()):
-                raise FolderError(
-                    f"{path}: has changed since the results in {self.path} were begun; {WAYS_OUT}"
-                )
+                begun = f"the results in {self.path} were begun"
+                raise FolderError(f"{path}: has changed since {begun}; {WAYS_OUT}")
             with unfinished(kept) as part:
                 write_new(part, content)
         except OSError as error:

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.reader import from_python
@@ -24,10 +24,9 @@ from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.sweep import Cases, SweepCase, examined, input_errors
 from gfmdlayer.execution.workers import LauncherError, WorkerPool, alone, guarded, ranks, world
-
-if TYPE_CHECKING:
-    from gfmdlayer.grid.ranks import Ranks
-
+from gfmdlayer.grid.ranks import MpiRanks, Ranks
+from gfmdlayer.grid.slabs import refused
+from gfmdlayer.results.checkpoint import read_about
 
 Result = TypeVar("Result")
 
@@ -38,21 +37,14 @@ class _Group:
     """The ranks that compute a case together with this one."""
 
     def __init__(self, communicator: Any) -> None:
-        from gfmdlayer.grid.ranks import MpiRanks
-
         self._ranks = MpiRanks(communicator)
 
     def run(self, task: Callable[..., Result], *arguments: Any, **options: Any) -> Result:
-        """Run a task on all ranks of the group; called on the first of them, whose result is returned.
-
-        An interrupt ends the job: it comes before the first case alone (`interrupts.at_once`), and the other
-        ranks would wait for this one in the midst of the task.
-        """
+        """Run a task on all ranks of the group; return the result of this one, the first."""
         try:
-            for rank in range(1, self._ranks.count):
-                self._ranks.control.send((task, arguments, options), rank)
+            self.send(task, *arguments, **options)
             return task(*arguments, **options, ranks=self._ranks)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt:  # before the first case alone; the others would wait in the midst of it
             sys.stderr.write("gfmdlayer: stopped before the first case\n")
             self._ranks.control.Abort(os.EX_TEMPFAIL)
             raise
@@ -67,10 +59,10 @@ class _Group:
                 return
             task(*arguments, **options, ranks=self._ranks)
 
-    def dismiss(self) -> None:
-        """End `serve` on the other ranks."""
+    def send(self, task: Callable[..., object] | None, *arguments: Any, **options: Any) -> None:
+        """Send a task to the other ranks of the group; without one, `serve` ends there."""
         for rank in range(1, self._ranks.count):
-            self._ranks.control.send((None, (), {}), rank)
+            self._ranks.control.send((task, arguments, options), rank)
 
 
 class _Member:
@@ -110,7 +102,7 @@ def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[
         kind = f"group{'s' * (count > size)} of {size} MPI ranks"
         with alone() if count == size else ranks(leaders, prepare) as pool:
             yield pool and replace(pool, kind=kind)
-        _Member.group.dismiss()
+        _Member.group.send(None)
 
 
 # Cases that several ranks cannot compute together are refused before any work, with the key and why.
@@ -135,8 +127,6 @@ def input_errors_together(config: Config, ranks_per_case: int) -> Iterable[tuple
 
 def refuse_other_ranks(folder: Folder, begun: Sequence[int], ranks_per_case: int) -> None:
     """Refuse to go on with cases that another number of ranks has begun; of very many some are read."""
-    from gfmdlayer.results.checkpoint import read_about
-
     for number in examined(begun):
         path = folder.case(number, "checkpoint")
         about = read_about(path) if path.exists() else None
@@ -154,8 +144,6 @@ def _input_errors(config: Config, ranks: Ranks) -> list[tuple[str, str]]:
 
 
 def _errors(config: Config, ranks: int) -> Iterator[tuple[str, str]]:
-    from gfmdlayer.grid.slabs import refused
-
     each = f"with {ranks} ranks a case"
     if not config.geometry.on_grid:
         yield "grid.geometry", f"got {config.grid.geometry!r}; must be periodic {each}"

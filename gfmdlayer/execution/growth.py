@@ -19,6 +19,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +30,11 @@ from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Cases, Change, Earlier, SweepCase, with_files
 from gfmdlayer.files.locks import exclusive, no_link, open_for_writing, try_lock
 from gfmdlayer.files.whole import cannot_be_written, is_intact, is_unfinished, unfinished_path
+from gfmdlayer.results.schema import ResultsError, numbered
+from gfmdlayer.results.stored import must_agree
 from gfmdlayer.validation.sections import files_named
 
 _MAY_GROW = ("sweep.", "time.end", "output.snapshots", "output.times", "output.keep_state")
-_LISTED = 8  # numbers of cases in a line
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ def compare(folder: Folder, config: Config) -> Growth:
     try:
         stored = folder.stored_config()
         numbers = folder.case_numbers()
-        must_agree(folder, numbers, len(Cases(stored)))
-    except FolderError as error:
+        must_agree(folder.config, numbers, len(Cases(stored)))
+    except (FolderError, ResultsError) as error:
         raise FolderError(f"{error}; {WAYS_OUT}") from None
     if not (changed := changed_keys(stored, config)):
         return Growth(numbers)
@@ -66,58 +68,35 @@ def compare(folder: Folder, config: Config) -> Growth:
     had = dict(zip((digest(case.config) for case in before), numbers, strict=True))
     digests = [digest(case.config) for case in after]
     if had.keys().isdisjoint(digests) and not all(key.startswith(_MAY_GROW) for key in changed):
-        raise FolderError(
-            f"{folder.path}: holds results of another configuration ({'; '.join(changed)}); {WAYS_OUT}"
-        )
-    known = _digests_of_files(folder, files["h5"].difference(numbers)) | had
+        other = f"another configuration ({'; '.join(changed)})"
+        raise FolderError(f"{folder.path}: holds results of {other}; {WAYS_OUT}")
+    from gfmdlayer.results.reader import attributes
+
+    known = {}  # digest -> number
+    for number in files["h5"].difference(numbers):  # of cases that the sweep has lost before
+        with suppress(ResultsError):
+            known[str(attributes(folder.case(number)).get("digest"))] = number
+    known |= had
     taken = set().union(*files.values(), (known[each] for each in digests if each in known))
     following, found = max(taken, default=-1) + 1, []
     for each in digests:
         found.append(known.pop(each, following))  # a case that the sweep has twice is computed twice
         following += found[-1] == following
-    same = {_written(before.values(place)): place for place, n in enumerate(numbers) if n in files["h5"]}
+    written = partial(json.dumps, sort_keys=True, default=str)
+    same = {written(before.values(place)): place for place, n in enumerate(numbers) if n in files["h5"]}
     reasons = {}
     for place, (number, each) in enumerate(zip(found, digests, strict=True)):
         if each not in had and number not in files["h5"]:
-            earlier = same.get(_written(after.values(place)))
+            earlier = same.get(written(after.values(place)))
             if earlier is not None:
                 different = changed_keys(before[earlier].config, after[place].config)
                 reasons[number] = sys.intern("; ".join(different))
     return Growth(found, True, reasons)
 
 
-def must_agree(folder: Folder, numbers: Sequence[int], count: int) -> None:
-    """Refuse a configuration of results that was changed: it names other cases than its sweep has."""
-    if len(numbers) != count:
-        raise FolderError(
-            f"{folder.config}: names {len(numbers)} cases, and its sweep has {count}; "
-            "must be as the run wrote it"
-        )
-
-
-def _digests_of_files(folder: Folder, numbers: Iterable[int]) -> dict[str, int]:
-    """Return digest -> number of complete cases that the folder's own configuration does not have."""
-    from gfmdlayer.results.reader import attributes
-    from gfmdlayer.results.schema import ResultsError
-
-    found = {}
-    for number in numbers:
-        with suppress(ResultsError):
-            found[str(attributes(folder.case(number)).get("digest"))] = number
-    return found
-
-
-def _written(values: Mapping[str, object]) -> str:
-    return json.dumps(values, sort_keys=True, default=str)
-
-
-def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Change:
-    """Let a case read the folder's copies of its input files, which no one changes while cases run.
-
-    The files that `some` cases name are copied at once, others when the first case that names them is made.
-    """
-    files = {path for case in some for path in files_named(case.config).values()}
-    kept = {path: folder.keep_input(path, changed).absolute() for path in sorted(files)}
+def with_inputs(folder: Folder, changed: bool) -> Change:
+    """Let a case read the folder's copies of its input files, made when the first case names them."""
+    kept: dict[Path, Path] = {}
 
     def copied(case: SweepCase) -> SweepCase:
         named = set(files_named(case.config).values())
@@ -133,7 +112,7 @@ def with_inputs(folder: Folder, some: Iterable[SweepCase], changed: bool) -> Cha
 def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) -> Change:
     """Give a case that has not begun the complete case from whose kept state it goes on, if any.
 
-    The states of the `omitted` cases are not looked at; `files` are those of `Folder.numbers`.
+    States of the `omitted` cases are not read. `files` are the numbers of `Folder.numbers`.
     """
     states = [number for number in files["state"] & files["h5"] if number not in omitted]
     if not states:
@@ -164,10 +143,7 @@ def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) 
 
 
 def lines(files: Numbers, growth: Growth, numbers: Sequence[int], made: Iterable[SweepCase]) -> list[str]:
-    """List in lines: the cases by state, why cases are computed again, and cases that the sweep has lost.
-
-    `numbers` are those of the cases. Only the `made` ones are known to go on from earlier cases.
-    """
+    """List the cases by state, why cases are computed again, and cases that the sweep has lost."""
     undone = [number for number in numbers if number not in files["h5"]]
     begun = sum(number in files["checkpoint"] for number in undone)
     earlier = {case.index: case.earlier.time for case in made if case.earlier is not None}
@@ -184,27 +160,18 @@ def lines(files: Numbers, growth: Growth, numbers: Sequence[int], made: Iterable
         f"{new} new" if new else "",
     )
     found = [", ".join(filter(None, parts))]
-    found += [f"computed again: {_listed(numbers)}: {reason}" for reason, numbers in again.items()]
+    found += [f"computed again: {numbered(numbers)}: {reason}" for reason, numbers in again.items()]
     if left := sorted(files["h5"].difference(growth.numbers)):
-        found.append(f"not in the sweep, left in place: {_listed(left)}")
+        found.append(f"not in the sweep, left in place: {numbered(left)}")
     return found
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    names = [f"{number:04d}" for number in numbers[:_LISTED]]
-    more = len(numbers) - len(names)
-    return f"case{'s' * (len(numbers) > 1)} {', '.join(names)}{f' and {more} more' * (more > 0)}"
 
 
 def changed_keys(before: Config, after: Config) -> list[str]:
     """Return the keys that differ, other than the name, as ``key: before -> after``."""
     old, new = _flat(before.model_dump()), _flat(after.model_dump())
-    absent = "(absent)"
-    return [
-        f"{key}: {old.get(key, absent)} -> {new.get(key, absent)}"
-        for key in dict.fromkeys((*old, *new))
-        if key != "name" and old.get(key, absent) != new.get(key, absent)
-    ]
+    keys, absent = dict.fromkeys((*old, *new)), "(absent)"
+    every = ((key, old.get(key, absent), new.get(key, absent)) for key in keys if key != "name")
+    return [f"{key}: {earlier} -> {later}" for key, earlier, later in every if earlier != later]
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -252,8 +219,7 @@ def claimed(
 ) -> Iterator[Growth]:
     """Hold the folder, or a shard's part of it, for a run of `config`; make the folder if there is none.
 
-    `restart` removes earlier results of gfmdlayer, and nothing else. `own` are the places of the shard's
-    cases in the sweep.
+    `restart` removes earlier results. `own` are the places of the shard's cases in the sweep.
     """
     with _as_folder_error(folder):
         refuse_foreign_folder(folder)
@@ -264,7 +230,14 @@ def claimed(
             folder.cases.mkdir(parents=True, exist_ok=True)
             with exclusive(folder.turn):
                 alone = claim.enter_context(held(folder))
-                _probe(folder)
+                probe = unfinished_path(folder.cases / "probe")
+                try:
+                    with open(probe, "xb", opener=no_link) as file:  # finds a full disk before any work
+                        file.write(bytes(_PROBE))
+                        file.flush()
+                        os.fsync(file.fileno())
+                finally:
+                    probe.unlink(missing_ok=True)
                 found = _prepare(folder, config, restart, None if alone else own)
         try:
             yield found
@@ -385,26 +358,13 @@ def refuse_unreadable(path: Path) -> None:
 
 def set_damaged_aside(folder: Folder, todo: Iterable[int]) -> list[str]:
     """Rename files of complete cases that cannot be read, among those to be run; return a line on each."""
-    damaged = [index for index in todo if folder.case(index).exists()]
-    for index in damaged:
-        refuse_unreadable(folder.case(index))
-        folder.set_aside(folder.case(index))
-    return [
-        f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
-        for index in damaged
-    ]
-
-
-def _probe(folder: Folder) -> None:
-    """Write some bytes, to find a full disk before any work."""
-    path = unfinished_path(folder.cases / "probe")
-    try:
-        with open(path, "xb", opener=no_link) as file:
-            file.write(bytes(_PROBE))
-            file.flush()
-            os.fsync(file.fileno())
-    finally:
-        path.unlink(missing_ok=True)
+    found = []
+    for index in todo:
+        if (path := folder.case(index)).exists():
+            refuse_unreadable(path)
+            folder.set_aside(path)
+            found.append(f"case {index:04d} is damaged: set aside as {path.name}{ASIDE}, computed again")
+    return found
 
 
 @contextmanager

@@ -15,7 +15,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self
@@ -72,9 +71,7 @@ def listening() -> Iterator[None]:
 def at_once() -> Iterator[None]:
     """Raise KeyboardInterrupt within the block at a request to stop, or at its begin after an earlier one.
 
-    For work that has no time steps: reading, compiling, planning. Python drops an exception that strikes a
-    destructor or a callback, so that it is raised again after `AGAIN` seconds until the block is left.
-    Objects of LLVM that are left half closed are dropped in silence.
+    Python drops an exception that strikes a destructor or a callback: it comes again after `AGAIN` seconds.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -113,10 +110,7 @@ def _of_others(unraisable: Any) -> None:
 
 @contextmanager
 def signals_blocked() -> Iterator[None]:
-    """Block the stop signals while child processes are started.
-
-    Children inherit the mask, so that an early signal waits until the child listens instead of ending it.
-    """
+    """Block the stop signals while children start: an early signal waits until the child listens."""
     previous = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     try:
         yield
@@ -156,18 +150,15 @@ def end_after(wait: Callable[[], None]) -> None:
 
 
 def end_with(launcher: int) -> None:
-    """End this process when the launcher's process on this host dies.
-
-    MPI keeps the interpreter while it starts, and with it the thread that watches: the kernel has to do. It
-    is asked where it is known that a single thread of the launcher starts the ranks.
-    """
+    """End this process when the launcher's process on this host dies."""
+    # MPI keeps the interpreter, and the thread that watches, while it starts; a launcher with a single
+    # thread that starts the ranks lets the kernel end them.
     with suppress(OSError):
         if Path(f"/proc/{launcher}/comm").read_text().startswith("hydra_pmi"):
             ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
-    end_after(partial(_wait_for_launcher, launcher))
 
+    def wait() -> None:
+        while os.getppid() == launcher:
+            time.sleep(WATCH_INTERVAL)
 
-def _wait_for_launcher(launcher: int) -> None:
-    """Wait until the launcher's process on this host, which would end the ranks with it, has died."""
-    while os.getppid() == launcher:
-        time.sleep(WATCH_INTERVAL)
+    end_after(wait)

@@ -71,8 +71,7 @@ def launched_size(environment: Mapping[str, str]) -> int | None:
 
 def several_mpi_libraries() -> list[str]:
     """Warn of two MPI libraries in one Python environment: mpirun and the ranks may use different ones."""
-    versions = {package: version_of(package) for package in MPI_PACKAGES}
-    found = [f"{package} {number}" for package, number in versions.items() if number != UNKNOWN]
+    found = [f"{name} {found}" for name in MPI_PACKAGES if (found := version_of(name)) != UNKNOWN]
     if len(found) < 2:
         return []
     return [
@@ -90,14 +89,14 @@ def disk_warnings(directory: Path, needed: float) -> list[str]:
     return [f"{directory}: about {in_bytes(needed)} will be written, but only {in_bytes(free)} are free"]
 
 
-def memory_warnings(each: float, number: int = 1, instead: str = "fewer grid.points") -> list[str]:
-    """Warn of processes that need more bytes than they may have, an estimate `each`; advise `instead`."""
+def memory_warnings(each: float, number: int = 1) -> list[str]:
+    """Warn of processes that need more bytes than they may have, an estimate `each`."""
     for limit, whose, together in memory_limits():
         if (needed := each * (number if together else 1)) > limit:
             processes = f" by {number} processes" * (together and number > 1)
             return [
                 f"about {in_bytes(needed)} of memory are needed{processes}, but {whose} {in_bytes(limit)}: "
-                f"take {instead}{' or --jobs' * bool(processes)}"
+                f"take fewer grid.points{' or --jobs' * bool(processes)}"
             ]
     return []
 

@@ -8,8 +8,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from io import StringIO
-from typing import TYPE_CHECKING, Protocol, Self, TextIO
+from typing import TYPE_CHECKING, Self, TextIO
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import stop_requested
@@ -31,10 +30,10 @@ _CASE_LINES = 12  # running cases on a terminal, at most
 _OTHER_LINES = 6  # of the terminal, left free
 
 
-class Display(Protocol):
-    """Shows progress; each failed case gets a line, each complete one where `lists_complete`."""
+class Display:
+    """Shows progress; this base shows nothing. Complete cases get a line where `lists_complete`."""
 
-    lists_complete: bool
+    lists_complete = False
 
     def note(self, line: str) -> None:
         """Show an event."""
@@ -46,7 +45,7 @@ class Display(Protocol):
         """Stop moving lines; notes may follow."""
 
 
-class Log:
+class Log(Display):
     """Plain lines with the time, for a file: so few that the log of any run can be read."""
 
     lists_complete = True
@@ -68,14 +67,9 @@ class Log:
             self._last = now
             self.note(f"{progress.fraction:.0%}: {progress.words}")
 
-    def close(self) -> None:
-        """Do nothing: every line is written already."""
 
-
-class Screen:
+class Screen(Display):
     """Moving lines on a terminal: one for each running case, one for all cases; failures above them."""
-
-    lists_complete = False
 
     def __init__(self, console: Console | None = None) -> None:
         from rich.console import Console
@@ -123,15 +117,8 @@ class Screen:
 class Reporter:
     """Watches a run and updates a display; a context manager around the run, with a thread of its own.
 
-    `own` are the cases of this run, `complete` the number of those that were complete before. `seconds` are
-    expected for each case to be run, or of very many for those that are under way, and `whole` for all of
-    them; `workers` run at a time. Without a display nothing is shown.
-
-    Attributes
-    ----------
-    at_work : callable, optional
-        Returns the numbers of the cases whose status is shown; by default those with a status file, which
-        takes a listing of the folder.
+    `own` are the cases of this run, `complete` were so before; `seconds` are expected for each case, `whole`
+    for all; `workers` run at a time. `at_work` returns the numbers of the cases whose status is shown.
     """
 
     def __init__(
@@ -148,7 +135,7 @@ class Reporter:
         self._whole = sum((seconds or {}).values()) if whole is None else whole
         self._folder, self._own, self._total = folder, own, len(own)
         self._seconds, self._workers, self._ended = seconds, workers, 0.0
-        self._display = Log(StringIO()) if display is None else display()
+        self._display = Display() if display is None else display()
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None
@@ -167,7 +154,11 @@ class Reporter:
         self._advance()
         self._display.close()
         if self._slowest is not None:
-            self._display.note(self._summary(self._slowest))
+            ended = self._complete + self._failed - self._before
+            failed = f", {self._failed} of them FAILED" if self._failed else ""
+            took = duration(time.monotonic() - self._begun)
+            longest = f"slowest {self._slowest.index:04d} in {duration(self._slowest.seconds)}"
+            self._display.note(f"{ended} case{'s' * (ended > 1)} ended in {took}{failed}; {longest}")
 
     def note(self, line: str) -> None:
         """Show an event."""
@@ -247,13 +238,6 @@ class Reporter:
         ratio = self._workers * spent / done
         workers = max(1, min(self._workers, self._total - now.complete - now.failed))
         return replace(now, seconds_left=max(self._whole - done, 0.0) * ratio / workers)
-
-    def _summary(self, slowest: Outcome) -> str:
-        ended = self._complete + self._failed - self._before
-        failed = f", {self._failed} of them FAILED" if self._failed else ""
-        took = duration(time.monotonic() - self._begun)
-        longest = f"slowest {slowest.index:04d} in {duration(slowest.seconds)}"
-        return f"{ended} case{'s' * (ended > 1)} ended in {took}{failed}; {longest}"
 
 
 def make_display(stream: TextIO = sys.stderr) -> Display:

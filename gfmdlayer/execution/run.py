@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING
 
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
@@ -30,14 +29,14 @@ from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError, Numbers
 from gfmdlayer.execution.groups import refuse_other_ranks, run_case_together
 from gfmdlayer.execution.growth import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.progress import Display, Reporter
-from gfmdlayer.execution.schedule import Labelled, Outcome, Schedule, State
+from gfmdlayer.execution.schedule import Outcome, Schedule, State
 from gfmdlayer.execution.sweep import Cases, InTurn, OwnCases, Shard, SweepCase, examined
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, read_json
 from gfmdlayer.notes import notes
-
-if TYPE_CHECKING:
-    from gfmdlayer.results.gathering import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
+from gfmdlayer.results.reader import attributes, is_complete
+from gfmdlayer.results.schema import ResultsError
 
 
 @dataclass(frozen=True)
@@ -76,10 +75,9 @@ class Summary:
 
 
 class _Work:
-    """What is to be done of the cases of a run, from one listing of the folder.
+    """The cases of a run by their state, from one listing of the folder.
 
-    The files of complete cases are read before the run. In a very long sweep a sample of them is, and the
-    others are after it, so that the first case begins soon.
+    In a very long sweep, only a sample of the complete files is read before the run, and the others after it.
     """
 
     def __init__(self, folder: Folder, files: Numbers, own: OwnCases, only_failed: bool) -> None:
@@ -135,7 +133,6 @@ def run_sweep(
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
-    `display` makes the display of progress once the folder is claimed; by default nothing is shown. Raises
     ConfigError for impossible values, FolderError where the folder or a file in it cannot be used, and
     ResultsError where the sweep file cannot be written.
     """
@@ -147,7 +144,7 @@ def run_sweep(
     with claimed(folder, config, options.restart, own.indices) as found:
         files = folder.numbers()
         own = own.numbered(found.numbers)
-        own = own.each(growth.with_inputs(folder, own.examined, found.changed))
+        own = own.each(growth.with_inputs(folder, found.changed))
         if options.ranks_per_case == 1:
             own = own.each(growth.with_earlier(folder, files, _of_no_use(config, own, found.numbers)))
         work = _Work(folder, files, own, options.only_failed)
@@ -197,7 +194,7 @@ def _computed(
     model = CostModel.of_files({folder.case(case.index): case.config for case in work.done})
     expected = {case.index: model.seconds(case.config) for case in work.some}
     whole = fmean(expected.values()) * work.todo if expected else 0.0
-    made: dict[int, Labelled] = {case.index: case for case in work.some}
+    values: dict[int, Mapping[str, object]] = {case.index: case.values for case in work.some}
     with Reporter(folder, work.own.numbers, work.complete, display, expected, pool.size, whole) as reporter:
         aside = set_damaged_aside(folder, work.damaged)
         for line in (_opening(work, pool, options), *_warnings(work, pool, folder), *lines, *aside):
@@ -215,63 +212,40 @@ def _computed(
         def ended(items: Iterable[SweepCase | Outcome]) -> Iterator[Outcome]:
             for outcome in schedule.run(items):
                 expected.pop(outcome.index, None)
-                case = made.pop(outcome.index, None)
-                if case is not None and outcome.state == "failed":
-                    record_failure(folder, case, outcome.reason)
+                own = values.pop(outcome.index, None)
+                if own is not None and outcome.state == "failed":
+                    record_failure(folder, outcome.index, own, outcome.reason)
                 yield outcome
 
-        if work.own.many:
-            yield from ended(_made_in_turn(work, made, model, expected, pool, options))
-        else:
-            yield from ended(_ordered(work.some, expected, pool))
+        def in_turn() -> Iterator[SweepCase | Outcome]:
+            """Yield the cases to be run, each made in its turn, or the outcome of an impossible one."""
+            largest = 0.0
+            for at in work.places():
+                if interrupts.stop_requested():
+                    return
+                number = work.own.indices[at]
+                values[number] = work.own.values(at)
+                try:
+                    case = work.own[at]
+                    if (memory := estimate(case.config).memory) > largest:
+                        _refuse_too_large(work, [case], pool, options)
+                        largest = memory
+                    expected[number] = model.seconds(case.config)
+                except Exception as error:
+                    yield Outcome(number, "failed", f"{type(error).__name__}: {error}")
+                else:
+                    yield case
+
+        yield from ended(in_turn() if work.own.many else _ordered(work.some, expected, pool))
         if work.unread and not interrupts.stop_requested():
             reporter.note(f"reading the {work.unread} complete cases that were not read before the run")
             later = {case.index: case for case in work.damaged_later()}
-            made |= later
+            values |= {case.index: case.values for case in later.values()}
             work.complete, work.todo = work.complete - len(later), work.todo + len(later)
             reporter.complete_no_more(len(later))
             for line in set_damaged_aside(folder, later):
                 reporter.note(line)
             yield from ended(later.values())
-
-
-@dataclass(frozen=True)
-class _Named:
-    """A case that cannot be made."""
-
-    index: int
-    values: dict[str, object]
-
-
-def _made_in_turn(
-    work: _Work,
-    made: dict[int, Labelled],
-    model: CostModel,
-    expected: dict[int, float],
-    pool: WorkerPool,
-    options: RunOptions,
-) -> Iterator[SweepCase | Outcome]:
-    """Yield the cases to be run, each made in its turn, until the run is asked to stop.
-
-    Those on the way are in `made` and `expected`. A case that is not possible yields its outcome.
-    """
-    largest = 0.0
-    for at in work.places():
-        if interrupts.stop_requested():
-            return
-        number = work.own.indices[at]
-        try:
-            case = work.own[at]
-            if (memory := estimate(case.config).memory) > largest:
-                _refuse_too_large(work, [case], pool, options)
-                largest = memory
-            expected[number] = model.seconds(case.config)
-        except Exception as error:
-            made[number] = _Named(number, work.own.values(at))
-            yield Outcome(number, "failed", f"{type(error).__name__}: {error}")
-        else:
-            made[number] = case
-            yield case
 
 
 def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
@@ -290,8 +264,6 @@ def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, rep
 
 
 def _is_done(case: SweepCase, folder: Folder) -> bool:
-    from gfmdlayer.results.reader import attributes, is_complete
-
     path = folder.case(case.index)
     if not is_complete(path):
         return False
@@ -334,7 +306,7 @@ def _ordered(
     return sorted(todo, key=lambda case: (-seconds[case.index], case.index))
 
 
-class _Records(InTurn["CaseRecord"]):
+class _Records(InTurn[CaseRecord]):
     """The cases for the sweep file, each made when it is asked for: very many differ in little."""
 
     def __init__(
@@ -346,8 +318,6 @@ class _Records(InTurn["CaseRecord"]):
         return len(self._numbers)
 
     def _at(self, place: int) -> CaseRecord:
-        from gfmdlayer.results.gathering import CaseRecord
-
         number = self._numbers[place]
         values, reason = self._every.values(place), self._reasons.get(number)
         return CaseRecord(number, self._folder.case(number), values, reason)
@@ -362,10 +332,6 @@ def _collect(
     failed: Mapping[int, Outcome],
 ) -> tuple[list[str], list[Outcome]] | None:
     """Write the sweep file; return notes, and cases that cannot be read; None while shards are at work."""
-    from gfmdlayer.results.gathering import Swept, collect
-    from gfmdlayer.results.reader import attributes
-    from gfmdlayer.results.schema import ResultsError
-
     try:
         with exclusive(folder.turn):
             reasons = {number: outcome.reason for number, outcome in failed.items()}

@@ -87,19 +87,10 @@ class Numbered(Protocol):
         """Number of the case."""
 
 
-class Labelled(Numbered, Protocol):
-    """An item with values that distinguish it from the others."""
-
-    @property
-    def values(self) -> dict[str, object]:
-        """Values by their names."""
-
-
 class Schedule:
     """Runs cases by a pool.
 
-    `task` runs one case; it never raises, and returns at once after a request to stop. `ended` gets each
-    outcome at once, possibly from another thread. A simulated clock brings its own queue of `outcomes`.
+    `task` runs one case and never raises. `ended` gets each outcome at once, possibly from another thread.
     """
 
     def __init__(

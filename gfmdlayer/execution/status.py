@@ -36,8 +36,7 @@ RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
 class StatusFile:
     """Status file of a case, and its requests to stop; a context manager around the simulation.
 
-    `expected` is the number of steps, 0 where it is not known. Several ranks that compute the case together
-    agree on a stop after each step, not before the first.
+    `expected` is the number of steps. With `together` several ranks agree on a stop, after the first step.
     """
 
     def __init__(
@@ -72,19 +71,15 @@ class StatusFile:
             self._fixed |= {"since": time.time(), "since_time": float(simulated_time)}
         now = time.monotonic()
         due = now - self._written >= WRITE_INTERVAL
-        if stop_requested() or (due and self._stop_file_exists()):
-            raise Stopped
+        with suppress(OSError):  # the folder may be unreadable for a while
+            if stop_requested() or (due and self._stop.exists()):
+                raise Stopped
         if due:
             self._written = now
             reached = {"simulated_time": float(simulated_time), "steps": self._steps, "updated": time.time()}
             content = self._fixed | reached
             with suppress(OSError):  # a simulation does not fail for its status
                 write_text(self._path, json.dumps(content), durable=False)
-
-    def _stop_file_exists(self) -> bool:
-        with suppress(OSError):  # the folder may be unreadable for a while
-            return self._stop.exists()
-        return False
 
 
 _Number = Annotated[int, Field(ge=0, lt=_MOST)]

@@ -22,7 +22,7 @@ from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, overload
 
-from gfmdlayer.body.temperature import shifts
+from gfmdlayer.body.materials import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, axes
 from gfmdlayer.execution.cost import estimate
@@ -83,9 +83,7 @@ class InTurn(Sequence[Item]):
 class Cases(InTurn[SweepCase]):
     """The cases of a configuration, the last swept key fastest; each is made when it is asked for.
 
-    Where steps are adaptive and no output times are asked for, the cases of a sweep land on a spacing of
-    end/200, so that cases of one end have rows at equal times. A case whose values are not possible raises
-    ConfigError.
+    Adaptive steps of a sweep land on a spacing of end/200, so that cases of one end have rows at equal times.
     """
 
     def __init__(self, config: Config) -> None:
@@ -132,17 +130,9 @@ Change = Callable[[SweepCase], SweepCase]
 
 
 class OwnCases(InTurn[SweepCase]):
-    """The cases of a run: those of a sweep, or of one of its shards, with the numbers of their files.
+    """The cases of a run or shard. Up to `EXAMINED` are made at once, the others when they are asked for.
 
-    Up to `EXAMINED` cases, drawn at random where there are more, are made at once and kept: ConfigError where
-    their values are not possible. Each of the others is made when it is asked for.
-
-    Attributes
-    ----------
-    indices : sequence of int
-        Numbers of the cases' files, in the order of the sweep.
-    many : bool
-        Whether there are more cases than those that are kept.
+    `indices` are the numbers of their files in the order of the sweep; `many`: not all are kept.
     """
 
     def __init__(self, cases: Cases, shard: Shard | None = None) -> None:
@@ -253,14 +243,10 @@ class Shard:
         return cls(int(number), int(count))
 
     def places(self, cases: Sequence[SweepCase]) -> Sequence[int]:
-        """Return the places of this shard's cases, in their order.
-
-        The cases are dealt out from the longest to the shortest, each to the shard with the least estimated
-        work so far; in whole numbers, so that every host adds up the same. More than `WEIGHED` are dealt out
-        without a look at them, see `Dealt`.
-        """
+        """Return the places of this shard; each case, longest first, goes to the shard with least work."""
         if len(cases) > WEIGHED:
             return Dealt(self, len(cases))
+        # in whole numbers, so that every host adds up the same
         work = [max(1, round(estimate(case.config).work)) for case in cases]
         loads = [(0, number) for number in range(1, min(self.count, len(cases)) + 1)]
         heapify(loads)
@@ -277,8 +263,7 @@ class Shard:
 class Dealt(InTurn[int]):
     """Places of a shard in a very long sweep, one in each block of as many cases as there are shards.
 
-    Its place in a block goes on by the golden ratio from block to block, so that each shard meets every
-    value of every key as often as the others.
+    Its place in a block goes on by the golden ratio, so that each shard meets every value equally often.
     """
 
     shard: Shard

@@ -70,12 +70,12 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
     return max(int(found), 1) if found.isdecimal() else 1
 
 
-@contextmanager
-def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterator[WorkerPool | None]:
+def assemble(
+    jobs: int = 1, prepare: Callable[[], None] | None = None
+) -> AbstractContextManager[WorkerPool | None]:
     """Assemble the pool: MPI's ranks under a launcher, else `jobs` processes, else this process.
 
-    Other ranks than the first call `prepare`, such as for imports, while that one prepares; they get None
-    after the run. LauncherError where launcher, MPI library and `jobs` do not belong together.
+    Other ranks than the first call `prepare`, and get None after the run.
     """
     if not 1 <= jobs <= MOST:
         raise LauncherError(f"--jobs {jobs}: must be from 1 to {MOST}")
@@ -84,11 +84,8 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
             raise LauncherError("--jobs N and mpirun exclude each other: leave --jobs out")
-        chosen: AbstractContextManager[WorkerPool | None] = ranks(comm, prepare)
-    else:
-        chosen = processes(jobs) if jobs > 1 else alone()
-    with chosen as pool:
-        yield pool
+        return ranks(comm, prepare)
+    return processes(jobs) if jobs > 1 else alone()
 
 
 @contextmanager

@@ -42,21 +42,24 @@ class Block(NamedTuple):
     modulus: float  # of the relaxed material, in the units of the configuration
 
 
-def config_of(path: Path, case: int | None) -> Config:
-    """Return the configuration in a YAML file or in the file of a case; of a folder, by default case 0."""
+def config_of(path: Path, case: int | None) -> tuple[Config, str]:
+    """Return the configuration of a YAML file or of a case, by default the first of a folder; and a title."""
     if path.suffix in {".yaml", ".yml"}:
-        return load(path)
-    file = path if path.is_file() else case_path(path, case or 0)
-    return load(file, content=str(attributes(file)["config"]))
+        return load(path), ""
+    if path.is_file():
+        return load(path, content=str(attributes(path)["config"])), ""
+    file, number = case_path(path, case or 0), len(list(path.glob("cases/*.h5")))
+    title = f"case {case or 0:04d}, {'the first ' * (case is None)}of {number}" if number > 1 else ""
+    return load(file, content=str(attributes(file)["config"])), title
 
 
-def body_figure(config: Config, style: Style = PAPER) -> Figure:
+def body_figure(config: Config, style: Style = PAPER, title: str = "") -> Figure:
     """Draw the layers and the relaxation of their moduli; ResultsError for a sweep over the body."""
     if any(key.split(".")[0] in {"body", "layer", "layers", "halfspace"} for key in config.sweep):
         raise ResultsError(f"{config.name}: the body differs between the cases; draw a case of the results")
     body = config.solid
     if not isinstance(body, Layers):
-        return _response_figure(config, style)
+        return _response_figure(config, style, title)
     blocks = _blocks(body)
     shades = colours(len(blocks))
     with styled(style):
@@ -72,11 +75,12 @@ def body_figure(config: Config, style: Style = PAPER) -> Figure:
         name_axes(moduli, _quantity(config, "$t$", "time"), _quantity(config, "$G$", "pressure"))
         moduli.set_xlim(times[0], times[-1])
         moduli.legend()
+        section.set_title(title, loc="left")
         finish(figure)
     return figure
 
 
-def _response_figure(config: Config, style: Style) -> Figure:
+def _response_figure(config: Config, style: Style, title: str) -> Figure:
     """Draw the stiffness of a body against the wavenumber, along x and along y, and how it relaxes."""
     programme = Programme(config)
     every = zip(config.laws, programme.reduced_times, strict=True)
@@ -99,7 +103,7 @@ def _response_figure(config: Config, style: Style) -> Figure:
             relaxation.loglog(times, found.relaxed[0] + kept, color=shade, label=f"along {name}")
         along_y = _quantity(config, "$K$", _STIFFNESS)
         name_axes(stiffness, _quantity(config, "$q$", "1 / length"), along_y)
-        stiffness.set_title("relaxed, and sudden (dashed)")
+        stiffness.set_title(f"{title}\nrelaxed, and sudden (dashed)".strip())
         name_axes(relaxation, _quantity(config, "$t$", "time"), along_y)
         relaxation.set_title("at the longest wave")
         relaxation.set_xlim(times[0], times[-1])

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize, to_hex
 
 from gfmdlayer.figures.labels import Quantity, label_places, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import LINE_STYLES, Dashes, colours, line_style, spread
@@ -27,7 +29,6 @@ from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from xarray import DataArray, Dataset
 
@@ -53,10 +54,8 @@ class Scale(NamedTuple):
         unique = list(dict.fromkeys(values))
         if not any(isinstance(value, str) for value in values):
             unique.sort()
-            numbers, positive = (
-                np.asarray(values, dtype=float),
-                np.array([each for each in unique if each > 0]),
-            )
+            numbers = np.asarray(values, dtype=float)
+            positive = np.array([each for each in unique if each > 0])
             if np.isfinite(numbers).all():
                 middle = [_off_middle(each) for each in (np.log(positive), np.asarray(unique))]
                 is_log = log or (unique[0] >= 0 and middle[0] < middle[1])
@@ -97,9 +96,6 @@ class ColourBar(NamedTuple):
     @classmethod
     def of(cls, values: Sequence[Any], drawn: Quantity) -> ColourBar:
         """Make the colour bar of values."""
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
-
         scale = Scale.of(values, drawn)
         norm = (LogNorm if scale.kind == "log" else Normalize)(scale.positions.min(), scale.positions.max())
         return cls(ScalarMappable(norm, LinearSegmentedColormap.from_list("", colours(256))), scale)
@@ -107,8 +103,6 @@ class ColourBar(NamedTuple):
     @property
     def colours(self) -> list[str]:
         """Colours of the values."""
-        from matplotlib.colors import to_hex
-
         return [to_hex(colour) for colour in self.mappable.to_rgba(self.scale.positions)]
 
     def draw(self, figure: Figure, panels: Any) -> None:

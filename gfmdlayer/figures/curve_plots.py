@@ -44,8 +44,6 @@ from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
@@ -54,6 +52,7 @@ if TYPE_CHECKING:
 LABELLED = 40  # most entries of a legend
 BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are above
 ROW_MM = 4.5  # of a legend
+OVER_FRAME = 2.6  # order of drawing: a fall at the last time is not hidden by the frame
 MOST_DURATIONS = 30.0  # longest over shortest case, on a linear axis of time
 
 
@@ -120,8 +119,10 @@ def curves_figure(
             columns, (66.0 if columns == 2 else 62.5) * shape[0] * (1.25 if len(names) == 1 else 1.0), style
         )
         panels = figure.subplots(*shape, sharex=columns == 1, squeeze=False)
-        if log is None:
-            log = ["x"] * (x == "time" and inset is None and _durations_differ(drawn))
+        if log is None:  # on a linear axis the curves of short cases would be upright lines
+            ends = drawn.sweep["time"].max(rows(drawn.sweep))
+            differ = bool(ends.max() > MOST_DURATIONS * ends.where(ends > 0).min())
+            log = ["x"] * (x == "time" and inset is None and differ)
         for axes in panels.flat[len(names) :]:
             axes.remove()
         for i, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
@@ -144,12 +145,6 @@ def curves_figure(
     return figure
 
 
-def _durations_differ(drawn: Family) -> bool:
-    """Return whether the curves of short cases would be upright lines on a linear axis of time."""
-    ends = drawn.sweep["time"].max(rows(drawn.sweep))
-    return bool(ends.max() > MOST_DURATIONS * ends.where(ends > 0).min())
-
-
 def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequence[str]) -> list[str]:
     """Draw a column of each case against time or another column."""
     sweep = drawn.sweep
@@ -164,7 +159,8 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
         if {y, y.rpartition("_")[0]} & SPARSE:  # interface_peel_0 as interface_peel
             shown &= np.isfinite(values)
         across = across[shown] / along.scale
-        axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
+        look: dict[str, Any] = {"color": curve.colour, "linestyle": curve.dashes, "zorder": OVER_FRAME}
+        axes.plot(across, values[shown] / up.scale, **look)
         ends += [*across[:1], *across[-1:]]
     if x == "time" and len({*ends}) > 1:
         axes.set_xlim(min(ends), max(ends))
@@ -241,14 +237,12 @@ _AREAS = {
 def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "force") -> Figure:
     """Draw a column against depth for each case, with areas in the legend or, of one case, above the panel.
 
-    `path` is the folder of results or the file of a case, `dataset` its contents or a selection of cases, and
-    `y` one of force, mean_stress and mean_pressure; or tangential_force or friction of a punch with friction,
-    over its displacement along the surface. The cases come from their own files: a sweep file may
-    hold only the times of `output.times`. The area is the integral of the mean pressure over the depth, the
-    work that the punch has done at the end; the part below zero in retraction is the work of separation.
+    Tangential forces and friction are drawn over the displacement along the surface. The cases come from
+    their own files: a sweep file may hold only the times of `output.times`. The area is the work of the punch
+    at the end; the part below zero in retraction is the work of separation.
     """
     with styled(style):
-        drawn, legend = family(dataset), []
+        drawn, legend, is_sweep = family(dataset), [], "case" in dataset.coords
         shown: dict[str, str] = {}
         # Over two keys, colours and line styles have entries of their own: no entry belongs to one curve.
         own = [look for _, *look in drawn.legend] == [[curve.colour, curve.dashes] for curve in drawn.curves]
@@ -256,10 +250,11 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
         figure = new_figure(1, 66.0 + ROW_MM * len(titles), style)
         axes = figure.subplots()
         for i, curve in enumerate(drawn.curves):
-            opened = _opened(path, drawn.sweep, curve.place)
-            if opened is None:
-                continue
-            with opened as case:
+            if is_sweep:
+                file = case_path(path, int(drawn.sweep["case"].isel(curve.place)))
+                if not is_complete(file):
+                    continue
+            with closing(open_case(file)) if is_sweep else nullcontext(drawn.sweep) as case:
                 areas = _draw(axes, case, y, curve.colour, curve.dashes, alone=len(drawn.curves) == 1)
             if titles:  # a sweep keeps the work that it compares
                 areas = {name: text for name, text in areas.items() if name not in ("loop_area", "loop_work")}
@@ -283,14 +278,6 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
         symbols = explained(drawn.sweep, [y, way], [*drawn.written, *said])
         finish(figure, [*symbols, *works, *said])
     return figure
-
-
-def _opened(path: Path, sweep: Dataset, place: dict[str, int]) -> AbstractContextManager[Dataset] | None:
-    """Open the case of a curve; None where it is not complete."""
-    if "case" not in sweep.coords:
-        return nullcontext(sweep)
-    file = case_path(path, int(sweep["case"].isel(place)))
-    return closing(open_case(file)) if is_complete(file) else None
 
 
 def _zoom(axes: Axes) -> None:

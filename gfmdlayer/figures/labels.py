@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from matplotlib import rcParams
 from matplotlib.axis import Axis, XAxis
+from matplotlib.font_manager import font_scalings
 from matplotlib.ticker import FixedLocator, Formatter, LogLocator, MaxNLocator, NullFormatter
 
 from gfmdlayer.observables import INDENTATION, TOTALS, known_columns
@@ -111,12 +113,11 @@ def mathtext(plain: str) -> str:
 
 
 def value_labels(values: Sequence[object]) -> list[str]:
-    """Write values for a legend, all in the same way.
+    """Write values for a legend, all in the same way: 1/32 if all are whole or plain fractions.
 
-    If all values are whole numbers or plain fractions they are written as 1/32, or 1/3 where the value has
-    all digits of it. Numbers of more than five digits are rounded to those that tell the values apart.
-    Infinity is written as its sign, large numbers with powers of ten. Text stays as it is; a mapping, such as
-    "shape=parabola, radius=0.25", is shortened.
+    Numbers of more than five digits are rounded to those that tell the values apart. Infinity is written as
+    its sign, large numbers with powers of ten. Text stays, except that a mapping such as "shape=parabola,
+    radius=0.25" is shortened.
     """
     if any(isinstance(value, str) for value in values):
         return _short([str(value) for value in values])
@@ -141,21 +142,15 @@ def _short(texts: Sequence[str]) -> list[str]:
     """Write mappings as "parabola $R$ = 0.25", without entries that are the same in all of them."""
     mappings = [dict(entry.partition("=")[::2] for entry in _ENTRIES.split(text)) for text in texts]
     in_all = set.intersection(*(set(mapping.items()) for mapping in mappings)) if len(texts) > 1 else set()
-    return [
-        " ".join(_short_entries(mapping, in_all)) if "=" in text else text
-        for text, mapping in zip(texts, mappings, strict=True)
-    ]
-
-
-def _short_entries(mapping: dict[str, str], in_all: set[tuple[str, str]]) -> Iterator[str]:
-    yield from (value for key, value in mapping.items() if key in KINDS)
-    entries = [(key, value) for key, value in mapping.items() if key not in KINDS]
-    kept = [entry for entry in entries if entry not in in_all] or entries
-    yield ", ".join(f"{_symbol_of_key(key)} = {_short_value(value)}" for key, value in kept)
-
-
-def _symbol_of_key(key: str) -> str:
-    return f"${mathtext(SYMBOLS_OF_KEYS[key])}$" if key in SYMBOLS_OF_KEYS else key
+    found = []
+    for text, mapping in zip(texts, mappings, strict=True):
+        kinds = [value for key, value in mapping.items() if key in KINDS]
+        entries = [(key, value) for key, value in mapping.items() if key not in KINDS]
+        kept = [entry for entry in entries if entry not in in_all] or entries
+        signs = {key: f"${mathtext(SYMBOLS_OF_KEYS[key])}$" for key, _ in kept if key in SYMBOLS_OF_KEYS}
+        written = (f"{signs.get(key, key)} = {_short_value(value)}" for key, value in kept)
+        found.append(" ".join([*kinds, ", ".join(written)]) if "=" in text else text)
+    return found
 
 
 def _short_value(value: str) -> str:
@@ -232,7 +227,9 @@ class Quantity(NamedTuple):
         if self.unit and not any(isinstance(value, str) for value in values):
             scaled = [float(value) / 10.0**self.power for value in values]
             return [_number_label(each, is_fractional=False, digits=_digits(scaled)) for each in scaled]
-        return value_labels([_in_power(value, self.power) for value in values])
+        if self.power:
+            values = [float(f"{value / 10.0**self.power:.12g}") for value in values]
+        return value_labels(values)
 
     def equals(self, values: Sequence[Any]) -> list[str]:
         """Write that it has each of some values, "$d$ = 2 µm": with one prefix, or each with its own."""
@@ -252,9 +249,8 @@ class Quantity(NamedTuple):
 def quantity(array: DataArray, scales: Mapping[str, Any] = MappingProxyType({})) -> Quantity:
     """Return how a variable, coordinate or swept key of results is drawn.
 
-    The attribute `units` of the variable is "m", say, or a product of length, pressure and time. `scales` are
-    the attributes of the results, of which L, G0 and tau are used. The values of swept keys keep the numbers
-    of the configuration.
+    Its attribute `units` is "m", say, or a product of length, pressure and time; `scales` has L, G0 and tau.
+    Swept keys keep the numbers of the configuration.
     """
     factors = _factors(str(array.attrs.get("units", "1")))
     if not factors.keys() <= SCALES.keys():
@@ -319,10 +315,6 @@ def power_of_ten(values: Iterable[float], unit: str = "") -> int:
     step = 3 * int(first[3] or 1) if first else 3
     room = step // 3 - 1  # a prefix of m^2 has six decades: numbers from 0.1 to 1e5
     return step * math.floor((math.log10(largest) + room) / step + 1e-9)
-
-
-def _in_power(value: Any, power: int) -> Any:
-    return float(f"{value / 10.0**power:.12g}") if power else value
 
 
 class Ticks(Formatter):
@@ -439,9 +431,6 @@ def _meaning(array: DataArray) -> str:
 
 def _lines(notes: Sequence[str], inches: float) -> list[str]:
     """Fill lines with notes; a letter is taken to be half as wide as the font is high."""
-    from matplotlib import rcParams
-    from matplotlib.font_manager import font_scalings
-
     room = inches * 72 / (0.5 * rcParams["font.size"] * font_scalings["small"])
     lines = [""]
     for note in notes:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.colors import LogNorm, Normalize
 
 from gfmdlayer.figures.curve_family import Scale
 from gfmdlayer.figures.labels import Quantity, explained, finish, label_places, name_axes, quantity, symbol
@@ -29,7 +30,6 @@ from gfmdlayer.results.schema import ResultsError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
     from xarray import DataArray, Dataset
@@ -145,10 +145,7 @@ def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
-    """Draw fitted parameters and their standard errors over the sample, or over the curves of a list.
-
-    The attribute `fitted` of the force map names its parameters; `z` chooses some of them.
-    """
+    """Draw fitted parameters, all or those in `z`, with their errors: over the sample, or over its curves."""
     fitted = str(fits.attrs["fitted"]).split()
     if unknown := [name for name in z if name not in fitted]:
         raise ResultsError(f"{unknown[0]} was not fitted; must be one of {', '.join(fitted)}")
@@ -211,8 +208,6 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
 
 def _norm(values: FloatArray) -> Normalize:
     """Return a logarithmic scale of colours for values that are spread over decades, else a linear one."""
-    from matplotlib.colors import LogNorm, Normalize
-
     finite: list[float] = values[np.isfinite(values)].tolist()
     if finite and min(finite) > 0 and max(finite) > WIDE * min(finite) and Scale.of(finite).kind == "log":
         return LogNorm(min(finite), max(finite))
@@ -220,12 +215,7 @@ def _norm(values: FloatArray) -> Normalize:
 
 
 def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray, drawn: Quantity) -> None:
-    """Write the values into their cells, where all of them have room, dark on light and light on dark.
-
-    They are in the power of ten that `finish` writes beside the colour bar.
-    """
-    from matplotlib.colors import LogNorm
-
+    """Write the values into their cells where all have room, in the power of ten of the colour bar."""
     finite = {at: value for at, value in np.ndenumerate(cells) if np.isfinite(value)}
     unit = 1.0 if isinstance(mesh.norm, LogNorm) else 10.0 ** drawn.fit(finite.values()).power
     texts = {at: f"{value / unit:#.3g}".rstrip(".") for at, value in finite.items()}

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.lines import Line2D
 
 from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import (
@@ -51,23 +53,13 @@ def default_suffix() -> str:
     return ".mp4" if shutil.which("ffmpeg") else ".gif"
 
 
-def check_movie(path: Path) -> None:
-    """Raise ResultsError unless a movie can be written in the format that the suffix names."""
-    check_suffix(path, SUFFIXES)
-    if path.suffix.lower() == ".mp4" and not shutil.which("ffmpeg"):
-        raise ResultsError(f"{path}: needs ffmpeg, which is not found; use .gif")
-
-
 def write_movie(
     case: Dataset, path: Path, title: str = "", style: Style = SCREEN, fps: int | None = None
 ) -> None:
-    """Write a movie of a case, .mp4 (needs ffmpeg) or .gif; one snapshot at a time is in memory.
-
-    By default a second has as many frames as make SECONDS, within RATES.
-    """
-    from matplotlib.animation import FFMpegWriter, PillowWriter
-
-    check_movie(path)
+    """Write a movie of a case, .mp4 (needs ffmpeg) or .gif; one snapshot at a time is in memory."""
+    check_suffix(path, SUFFIXES)
+    if path.suffix.lower() == ".mp4" and not shutil.which("ffmpeg"):
+        raise ResultsError(f"{path}: needs ffmpeg, which is not found; use .gif")
     frames = case.sizes["snapshot"]
     rate = int(np.clip(frames / SECONDS, *RATES)) if fps is None else fps
     writer = PillowWriter(fps=rate) if path.suffix.lower() == ".gif" else FFMpegWriter(fps=rate)
@@ -93,8 +85,6 @@ def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Fig
 
     On a surface the gap, with the spots of contact, stands in the place of the displacement.
     """
-    from matplotlib.lines import Line2D
-
     seen, first = Extremes.of([case]), "displacement"
     if "y" in case["pressure"].dims:
         first = "gap" if "gap" in case else first

@@ -20,6 +20,7 @@ from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -160,7 +161,7 @@ def legend_entries(entries: Iterable[tuple[str, str, Dashes]]) -> list[Line2D]:
     return [Line2D([], [], color=colour, linestyle=dashes, label=title) for title, colour, dashes in entries]
 
 
-def legend_above(figure: Figure, entries: Sequence[Line2D]) -> int:
+def legend_above(figure: Figure, entries: Sequence[Artist]) -> int:
     """Draw a legend above the panels, in as many columns as have room; return the number of its rows."""
     from matplotlib import rcParams
     from matplotlib.font_manager import FontProperties

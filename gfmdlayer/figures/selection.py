@@ -63,11 +63,10 @@ def case_titles(sweep: Dataset) -> dict[tuple[int, ...], str]:
 
 
 def select(sweep: Dataset, wanted: Mapping[str, Wanted]) -> Dataset:
-    """Select cases of a sweep by the values of swept keys.
+    """Select cases by the values of swept keys.
 
-    A swept key, whole or as its dimension is named, is mapped to a number, of which the nearest value is
-    taken; to a range (from, to), as text "from:to", that includes its ends; or to the text of a value, or a
-    part of it.
+    A value is a number, of which the nearest is taken; a range (from, to), or "from:to", with its ends; or a
+    text, or a part of one.
     """
     for name, value in wanted.items():
         key = find_key(sweep, name)
@@ -88,10 +87,10 @@ def find_key(sweep: Dataset, name: str) -> DataArray:
 
 
 def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "") -> Dataset:
-    """Return the cases at some places along a swept key.
+    """Return the cases at some places along a swept key; a single place fixes the key.
 
-    A single value is fixed: its dimension goes, except the dimension `case` of a list. `asked` is the value
-    that the user asked for, if it is not one of them.
+    The dimension of a fixed key goes, except the dimension `case` of a list. `asked` is the value that the
+    user asked for, if it is not one of them.
     """
     dimension = str(key.dims[0])
     is_held = len(places) == 1 and dimension != "case"
@@ -104,10 +103,7 @@ def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "
 
 
 def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
-    """Return the notes below a figure on fixed values, values and cases not drawn, and missing columns.
-
-    A single case has no notes.
-    """
+    """Return the notes below a figure on fixed values, values and cases not drawn, and missing columns."""
     if "case" not in dataset.coords or not swept(dataset):
         return []
     fixed, parts = [], []
@@ -206,9 +202,8 @@ def _number(text: str | float) -> float:
 def default_columns(dataset: Dataset) -> list[str]:
     """Return the columns that have a panel: those declared with a symbol.
 
-    The contact area is the interpolated one, which has no steps, where the results hold it. Under a
-    prescribed load or force the depth is in place of the mean pressure; where cases differ in what is
-    prescribed, both are drawn.
+    Under a prescribed load or force the depth replaces the mean pressure; where cases differ in the control,
+    both are drawn.
     """
     names = [name for name, column in known_columns().items() if column.symbol]
     if INTERPOLATED in dataset.data_vars:
@@ -236,7 +231,7 @@ def rows(dataset: Dataset | DataArray) -> str:
 def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
     """Return the name of a column, or of time, in the results; ResultsError if there is none.
 
-    With `of_cases` also a number of each case of a sweep is allowed, which does not depend on time.
+    With `of_cases`, a number of each case of a sweep is allowed too.
     """
     along = {rows(dataset), *case_dimensions(dataset)}
     needed = set() if of_cases else {rows(dataset)}
@@ -268,10 +263,9 @@ def each_interface(dataset: Dataset, names: Sequence[str]) -> tuple[Dataset, lis
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:
-    """Return a column at a time, by default at the end of each case, or at its extreme, and when that is.
+    """Return a column at a time, by default at the end of each case, or its extreme; and words for the time.
 
-    It is taken from the nearest row of each case; after its end a case has no value. A number of each case is
-    the same at all times, of which nothing is said.
+    It is taken from the nearest row of each case; after its end a case has no value.
     """
     column, along, times = dataset[name].load(), rows(dataset), dataset["time"]
     if along not in column.dims:

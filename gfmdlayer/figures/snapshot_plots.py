@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from matplotlib import colormaps, rcParams
+from matplotlib.lines import Line2D
 
 from gfmdlayer.figures.curve_family import LEGEND_MOST, ColourBar
 from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
@@ -23,7 +25,6 @@ from gfmdlayer.figures.plot_style import (
     GAP_COLOURS,
     PAPER,
     PRESSURE_COLOURS,
-    Dashes,
     Style,
     colours,
     legend_above,
@@ -38,13 +39,10 @@ from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
-    from matplotlib.lines import Line2D
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from xarray import DataArray, Dataset
 
     from gfmdlayer.arrays import FloatArray
@@ -63,39 +61,31 @@ NOTICEABLE = 1e-4
 def cases_with_snapshots(
     path: Path, results: Dataset, number: int | None, most: int
 ) -> Iterator[dict[str, Dataset]]:
-    """Open the cases to draw, as title -> case, for a `with` block.
+    """Open complete cases that have snapshots, as title -> case, for a `with` block.
 
-    `results` are the contents of the folder or file at `path`, or a selection of its cases. By default all
-    complete cases are opened, or `most` of them from the first to the last; with `number`, this case.
+    `results` are the contents of the folder or file at `path`, or a selection of its cases. By default all of
+    them are opened, or `most` of them from the first to the last; with `number`, this case.
     """
-    if "case" in results.coords:
-        opened = _open_cases(path, results, number, most)
-    elif number:
-        raise ResultsError(f"{path}: there is no case {number}; must be 0, the only one")
-    else:
-        opened = {"": results}
-    try:
-        yield {title: case for title, case in opened.items() if case.sizes["snapshot"]}
-    finally:
-        for case in opened.values():
-            if case is not results:
-                case.close()
-
-
-def _open_cases(path: Path, sweep: Dataset, number: int | None, most: int) -> dict[str, Dataset]:
-    numbers = sweep["case"].to_numpy().ravel().tolist()
+    if "case" not in results.coords:
+        if number:
+            raise ResultsError(f"{path}: there is no case {number}; must be 0, the only one")
+        yield {"": results} if results.sizes["snapshot"] else {}
+        return
+    numbers = results["case"].to_numpy().ravel().tolist()
     if number is not None and number not in numbers:
         raise ResultsError(f"{path}: there is no case {number}; must be from 0 to {max(numbers)}")
-    titled = zip(case_titles(sweep).values(), numbers, strict=True)
+    titled = zip(case_titles(results).values(), numbers, strict=True)
     wanted = [(title, index) for title, index in titled if number is None or index == number]
     complete = [(title, index) for title, index in wanted if is_complete(case_path(path, index))]
     if number is not None and not complete:
-        raise ResultsError(f"{path}: case {number} is not complete{' among those selected' * (not wanted)}")
+        raise ResultsError(f"{path}: case {number} is not complete")
     opened: dict[str, Dataset] = {}
-    for title, index in [complete[i] for i in spread(len(complete), most)]:
-        own = f"{title}, case {index:04d}" if title in opened else title
-        opened[own] = open_case(case_path(path, index)).assign_coords(case=index)
-    return opened
+    with ExitStack() as stack:
+        for title, index in [complete[i] for i in spread(len(complete), most)]:
+            own = f"{title}, case {index:04d}" if title in opened else title
+            case = stack.enter_context(open_case(case_path(path, index)))
+            opened[own] = case.assign_coords(case=index)
+        yield {title: case for title, case in opened.items() if case.sizes["snapshot"]}
 
 
 def at_times(case: Dataset, times: Sequence[float]) -> Dataset:
@@ -175,7 +165,7 @@ class Extremes(NamedTuple):
         return self.least - room if self.least else 0.0, self.peak + room
 
 
-def _shown(coordinate: NDArray[np.float64], ends: list[float]) -> tuple[float, float]:
+def _shown(coordinate: FloatArray, ends: list[float]) -> tuple[float, float]:
     start, stop = float(coordinate[0]), float(coordinate[-1])
     if not ends:
         return start, stop
@@ -272,8 +262,18 @@ def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
     seen = Extremes.of(cases.values())
     left, right = seen.view["x"]
     for row, (title, case) in zip(panels, cases.items(), strict=True):
+        part = case.sel(x=slice(left, right))
+        along = part["x"].to_numpy() / quantity(case["x"], case.attrs).scale
         for axes, name in zip(row, ("displacement", "pressure"), strict=True):
-            _draw_profiles(axes, case, name, (left, right), looks)
+            up = quantity(case[name], case.attrs)
+            for i, time in enumerate(snapshot_times(case)[1]):
+                (shade, dashes), one = looks[time], part.isel(snapshot=i)
+                values = one[name].to_numpy() / up.scale
+                axes.plot(along, values, color=shade, linestyle=dashes)
+                if name == "displacement" and "gap" in one:
+                    few = len(looks) <= LEGEND_MOST
+                    mark_contact(axes, along, values, one["gap"].to_numpy(), 3.0 if few else 1.8)
+            name_axes(axes, y=up)
         row[0].set_title(title, loc="left")
     x, p = quantity(case["x"], case.attrs), quantity(case["pressure"], case.attrs)
     for axes in panels[-1]:
@@ -296,9 +296,6 @@ def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
 
 def contact_entry(times: float = 3.0) -> Line2D:
     """Return the entry of a legend for the contact: a line in its colour, `times` as broad as others."""
-    from matplotlib import rcParams
-    from matplotlib.lines import Line2D
-
     width = times * rcParams["lines.linewidth"]
     look: dict[str, Any] = {"marker": "o", "markersize": width, "markeredgewidth": 0}  # for a single point
     return Line2D([], [], color=CONTACT, linewidth=width, label="contact", zorder=1, **look)
@@ -312,32 +309,11 @@ def mark_contact(axes: Axes, x: FloatArray, u: FloatArray, gap: FloatArray, time
     return line
 
 
-def _draw_profiles(
-    axes: Axes,
-    case: Dataset,
-    name: str,
-    shown: tuple[float, float],
-    looks: Mapping[float, tuple[str, Dashes]],
-) -> None:
-    """Draw a field at every snapshot, in the look of its time."""
-    along, up = (quantity(case[each], case.attrs) for each in ("x", name))
-    part = case.sel(x=slice(*shown))
-    x = part["x"].to_numpy() / along.scale
-    for i, time in enumerate(snapshot_times(case)[1]):
-        (shade, dashes), one = looks[time], part.isel(snapshot=i)
-        values = one[name].to_numpy() / up.scale
-        axes.plot(x, values, color=shade, linestyle=dashes)
-        if name == "displacement" and "gap" in one:
-            few = len(looks) <= LEGEND_MOST
-            mark_contact(axes, x, values, one["gap"].to_numpy(), 3.0 if few else 1.8)
-    name_axes(axes, y=up)
-
-
 def _maps(cases: Mapping[str, Dataset], seen: Extremes, style: Style) -> Figure:
     """Draw rows of pressure maps for each case."""
     most = max(case.sizes["snapshot"] for case in cases.values())
     columns, lines = min(most, MOST_MAPS), -(-most // MOST_MAPS)
-    height = _height_of_map(columns, seen.view)
+    height = height_of_map(columns, seen.view)
     figure = new_figure(2, 14.0 + (9.0 + height) * len(cases) * lines, style)
     panels = figure.subplots(len(cases) * lines, columns, sharex=True, sharey=True, squeeze=False)
     for k, (title, case) in enumerate(cases.items()):
@@ -364,7 +340,7 @@ def _surface(title: str, case: Dataset, seen: Extremes, style: Style) -> Figure:
     gap = limits(case["gap"].sel({name: slice(*seen.view[name]) for name in "xy"}))[1] or 1.0
     rows = -(-count // MOST_MAPS)
     columns = -(-count // rows)
-    height = _height_of_map(columns, seen.view)
+    height = height_of_map(columns, seen.view)
     figure = new_figure(2, 18.0 + (2 * height + 74.0) * rows, style)
     ratios = (height, height, 30.0, 30.0) * rows
     panels = figure.subplots(
@@ -373,10 +349,20 @@ def _surface(title: str, case: Dataset, seen: Extremes, style: Style) -> Figure:
     x, y, u, p = (quantity(case[name], case.attrs) for name in ("x", "y", "displacement", "pressure"))
     ranges = {"pressure": (seen.least, seen.peak), "gap": (0.0, gap)}
     surface = np.array(heights(limits(cut["displacement"]))) / u.scale
+    middle, across = float(cut["y"]), (cut["x"] / x.scale).to_numpy()
     for i, time in enumerate(snapshot_titles(case)):
         row, place = divmod(i, columns)
         column = panels[4 * row : 4 * row + 4, place]
-        meshes = _draw_column(column, case.isel(snapshot=i), float(cut["y"]), seen.view, ranges)
+        one, profile = case.isel(snapshot=i), cut.isel(snapshot=i)
+        meshes = []
+        for axes, name in zip(column, ranges, strict=False):
+            meshes.append(draw_map(axes, case, one[name].load(), seen.view, ranges[name]))
+            axes.axhline(middle / y.scale, color="0.4", linewidth=0.6, linestyle=(0, (4, 3)))
+        profile_u = (profile["displacement"] / u.scale).to_numpy()
+        column[2].plot(across, profile_u, color=colours(1)[0])
+        column[2].plot(across, profile_u + (profile["gap"] / u.scale).to_numpy(), **PUNCH)
+        mark_contact(column[2], across, profile_u, profile["gap"].to_numpy())
+        column[3].plot(across, profile["pressure"] / p.scale, color=colours(1)[0])
         column[0].set_title(time, loc="right")
         column[2].set_ylim(surface)
         column[3].set_ylim(np.divide(seen.pressures, p.scale))
@@ -398,54 +384,38 @@ def _surface(title: str, case: Dataset, seen: Extremes, style: Style) -> Figure:
     return figure
 
 
-def _draw_column(
-    column: Any, one: Dataset, middle: float, view: Window, ranges: Mapping[str, tuple[float, float]]
-) -> list[AxesImage]:
-    """Draw pressure, gap, and the cut along x at y = middle, of one snapshot; return the two maps."""
-    x, y, u, p = (quantity(one[name], one.attrs) for name in ("x", "y", "displacement", "pressure"))
-    cut = one.sel(y=middle)
-    across, surface = (cut["x"] / x.scale).to_numpy(), (cut["displacement"] / u.scale).to_numpy()
-    meshes = []
-    for axes, name in zip(column, ("pressure", "gap"), strict=False):
-        meshes.append(draw_map(axes, one, one[name].load(), view, ranges[name]))
-        axes.axhline(middle / y.scale, color="0.4", linewidth=0.6, linestyle=(0, (4, 3)))
-    column[2].plot(across, surface, color=colours(1)[0])
-    column[2].plot(across, surface + (cut["gap"] / u.scale).to_numpy(), **PUNCH)
-    mark_contact(column[2], across, surface, cut["gap"].to_numpy())
-    column[3].plot(across, cut["pressure"] / p.scale, color=colours(1)[0])
-    return meshes
-
-
-def _height_of_map(columns: int, view: Window) -> float:
+def height_of_map(columns: int, view: Window) -> float:
+    """Return the height in mm of the maps of a row."""
     (left, right), (low, high) = view["x"], view["y"]
     return MAPS_MM / max(columns, 2) * min((high - low) / (right - left), 1.5)
 
 
 def draw_map(
-    axes: Axes, case: Dataset, field: DataArray, view: Window, ends: tuple[float, float]
+    axes: Axes, case: Dataset, field: DataArray, view: Window, ends: tuple[float, float], cmap: Any = None
 ) -> AxesImage:
-    """Draw one field over the part `view` of the surface, with colours between two `ends`.
+    """Draw a field over the part `view` of the surface, with colours between two `ends`.
 
-    Values are divided by the scales of the case; where a gap is closed, it has the colour of the contact.
+    Both are in the units of the case. A closed gap has the colour of the contact.
     """
+    cmap = cmap or {"pressure": PRESSURE_COLOURS, "gap": GAP_COLOURS}.get(str(field.name), "viridis")
     x, y = (quantity(case[name], case.attrs) for name in "xy")
     scale = quantity(field, case.attrs).scale
     axes.set_facecolor(CONTACT if field.name == "gap" else "white")
     mesh = axes.imshow(
         map_values(case, field),
         origin="lower",
-        extent=(*_edges(case["x"], x.scale), *_edges(case["y"], y.scale)),
+        extent=(*ends_of_grid(case["x"], x.scale), *ends_of_grid(case["y"], y.scale)),
         interpolation="nearest",
         vmin=ends[0] / scale,
         vmax=ends[1] / scale,
-        cmap={"pressure": PRESSURE_COLOURS, "gap": GAP_COLOURS}.get(str(field.name), "viridis"),
+        cmap=cmap,
     )
     axes.set(aspect="equal", xlim=np.divide(view["x"], x.scale), ylim=np.divide(view["y"], y.scale))
     return mesh
 
 
 def map_values(case: Dataset, field: DataArray) -> FloatArray:
-    """Return the values of a map, rows along y, without points that no picture can show.
+    """Return the values of a map, with rows along y, thinned to what a picture can show.
 
     A closed gap is NaN, which has the colour of the contact.
     """
@@ -455,7 +425,7 @@ def map_values(case: Dataset, field: DataArray) -> FloatArray:
     return values / quantity(field, case.attrs).scale
 
 
-def _edges(coordinate: DataArray, scale: float) -> tuple[float, float]:
+def ends_of_grid(coordinate: DataArray, scale: float = 1.0) -> tuple[float, float]:
     """Return the ends of the grid along one axis, half a cell beyond its outer points."""
     values = coordinate.to_numpy()
     half = (values[1] - values[0]) / 2
@@ -483,13 +453,9 @@ LEFT, BELOW, LINE = 0.13, 0.13, 0.075
 
 
 class Inset(NamedTuple):
-    """The profile of punch and surface of a case at some times.
+    """The profile of punch and surface of a case at some times."""
 
-    The data are displacement, pressure and gap along (snapshot, x); the coordinate `case`, if any, is the
-    number of the case in a sweep.
-    """
-
-    profile: Dataset
+    profile: Dataset  # displacement, pressure and gap along (snapshot, x); coordinate `case` of a sweep
 
     @classmethod
     def of(cls, case: Dataset, times: Sequence[float]) -> Inset:
@@ -542,8 +508,6 @@ class Inset(NamedTuple):
         axes.set_xticks(seen[:: max(len(seen) - 1, 1)])  # the outer two: more would run together
 
     def _colours(self) -> list[tuple[float, ...]]:
-        from matplotlib import colormaps
-
         count = self.profile.sizes["snapshot"]
         return [tuple(colour) for colour in colormaps["inferno"](np.linspace(0.25, 0.8, count))]
 
@@ -622,17 +586,12 @@ def waterfall_figure(
         name_axes(axes, along)
         axes.set_ylabel(clock.label)
         axes.set_title(title, loc="left")
-        _draw_scale(axes, up, peak, scale, count - 1)
+        if peak > 0:  # a scale bar as high as a round pressure, right of the panel
+            unit = 10.0 ** math.floor(math.log10(peak))
+            value = max(step * unit for step in (1, 2, 5) if step * unit <= peak)
+            place = axes.get_yaxis_transform()  # x as a fraction of the panel
+            base, top = count - 1, count - 1 + scale * value
+            axes.vlines(1.03, base, top, color="black", transform=place, clip_on=False)
+            axes.text(1.05, (base + top) / 2, up.equals([value])[0], va="center", transform=place)
         finish(figure, [*explained(case, ["pressure"], [title]), *notes, *more])
     return figure
-
-
-def _draw_scale(axes: Axes, up: Quantity, peak: float, scale: float, base: float) -> None:
-    """Draw a scale bar as high as a round pressure, right of the panel, up from the height `base`."""
-    if peak <= 0:
-        return
-    unit = 10.0 ** math.floor(math.log10(peak))
-    value = max(step * unit for step in (1, 2, 5) if step * unit <= peak)
-    position = axes.get_yaxis_transform()  # x as a fraction of the panel
-    axes.vlines(1.03, base, base + scale * value, color="black", transform=position, clip_on=False)
-    axes.text(1.05, base + scale * value / 2, up.equals([value])[0], va="center", transform=position)

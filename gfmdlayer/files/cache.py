@@ -74,18 +74,11 @@ class MemoryFile(type(Path())):  # type: ignore[misc]
         """Whether it can be read."""
         return True
 
-    def is_file(self, **_: Any) -> bool:
-        """Whether it can be read."""
-        return True
+    is_file = exists
 
-    def open(self, *_: Any, **__: Any) -> io.BytesIO:
-        """Open it for reading bytes."""
-        return io.BytesIO(self.contents)
-
-    def read_bytes(self) -> bytes:
-        """Return its contents."""
-        return self.contents
-
-    def read_text(self, encoding: str | None = None, *_: Any, **__: Any) -> str:
-        """Return its contents as text."""
-        return self.contents.decode(encoding or "utf-8")
+    def open(
+        self, mode: str = "r", _buffering: int = -1, encoding: str | None = None, *_: Any, **__: Any
+    ) -> Any:
+        """Open it for reading, as `read_bytes` and `read_text` do."""
+        held = io.BytesIO(self.contents)
+        return held if "b" in mode else io.TextIOWrapper(held, encoding or "utf-8")

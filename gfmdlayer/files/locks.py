@@ -93,10 +93,13 @@ def try_lock(file: IO[str], shared: bool = False) -> bool | None:
 def exclusive(path: Path) -> Iterator[None]:
     """Wait until no other process holds this lock file, hold it for the block, and remove it."""
     while True:
+        held = False
         with open(path, "a+", opener=no_link) as file:
             with suppress(OSError):
                 fcntl.flock(file, fcntl.LOCK_EX)
-            if _is_same_file(path, file):  # else the holder before has removed it
+            with suppress(FileNotFoundError):
+                held = os.path.samestat(path.stat(), os.fstat(file.fileno()))
+            if held:  # else the holder before has removed it
                 try:
                     yield
                 finally:
@@ -117,8 +120,7 @@ def open_for_writing(path: Path) -> bool:
 def born(process: int | None = None) -> str:
     """Return when a process began, which distinguishes it from a later one of the same number.
 
-    Empty where that is unknown, and of a process that has ended and is still listed, because the one that
-    started it has not asked how: in a container that may be for ever.
+    Empty where that is unknown, and of a process that has ended and is still listed.
     """
     with suppress(OSError, IndexError):  # not on every system
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
@@ -126,10 +128,3 @@ def born(process: int | None = None) -> str:
         if state[0] not in (b"Z", b"X"):
             return f"{boot} {state[19].decode()}"  # clock ticks from the start of the machine
     return ""
-
-
-def _is_same_file(path: Path, file: IO[str]) -> bool:
-    try:
-        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
-    except FileNotFoundError:
-        return False

@@ -38,8 +38,8 @@ def read_columns(
 ) -> FloatArray:
     """Read columns of numbers separated by commas, semicolons or white space.
 
-    Lines that are empty or start with ``#`` are passed over, and so are lines of words before the numbers.
-    `names` are the columns for the messages; `increasing` asks for a first column that grows from row to row;
+    Empty lines, lines that start with ``#``, and lines of words before the numbers are passed over.
+    `names` are the columns in messages; `increasing` asks for a first column that grows from row to row;
     `row_error` gives the reason why the numbers of a row cannot be used. TableError names file and line.
     """
     import numpy as np
@@ -181,7 +181,9 @@ def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
     if _MARK in content:
         return content, lists
     parts, end = [], 0
-    for match, in_lines in _candidates(content):
+    candidates = [(match, False) for match in _FLOW.finditer(content)]
+    candidates += [(match, True) for match in _BLOCK.finditer(content)]
+    for match, in_lines in sorted(candidates, key=lambda each: each[0].start()):
         found = match[0]
         items = [line.strip()[2:] for line in found.splitlines()] if in_lines else found.split(",")
         if match.start() < end or (numbers := _numbers(items)) is None:
@@ -201,13 +203,6 @@ def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
         parts += [content[end : match.start()], dash, word, blank]
         end = match.end()
     return "".join([*parts, content[end:]]), lists
-
-
-def _candidates(content: str) -> Iterator[tuple[re.Match[str], bool]]:
-    """Yield possible lists of numbers, in their order."""
-    flow, block = _FLOW.finditer(content), _BLOCK.finditer(content)
-    every = [(match, False) for match in flow] + [(match, True) for match in block]
-    yield from sorted(every, key=lambda each: each[0].start())
 
 
 def _numbers(items: list[str]) -> list[int | float] | None:

@@ -37,17 +37,25 @@ def is_unfinished(name: str) -> bool:
 
 
 def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) -> None:
-    """Give a closed unfinished file its final name, in the same folder.
+    """Give a closed unfinished file its final name; `durable` brings it to the disk.
 
-    `durable` brings the contents to the disk before, and the name after. Without `replace` an earlier file
-    stays, and FileExistsError says so. OSError if the disk refuses; an earlier file is still there.
+    Without `replace` an earlier file stays, and FileExistsError says so.
     """
     if durable:
         _synchronise(part)
     if replace:
         part.replace(path)
     else:
-        _name_first(part, path)
+        try:
+            os.link(part, path)
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without hard links
+            if path.exists():
+                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
+            part.replace(path)
+        else:
+            part.unlink()
     if durable:
         with suppress(OSError):  # some network file systems refuse; the file is whole all the same
             _synchronise(path.parent)
@@ -76,20 +84,6 @@ def cannot_be_written(error: OSError) -> str:
     """Return why a file cannot be written, with its name where the system gives it."""
     named = f": {error.filename}" if error.filename else ""
     return f"cannot be written ({error.strerror or error}{named})"
-
-
-def _name_first(part: Path, path: Path) -> None:
-    """Give a file its final name if no other file has it."""
-    try:
-        os.link(part, path)
-    except FileExistsError:
-        raise
-    except OSError:  # a file system without hard links
-        if path.exists():
-            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
-        part.replace(path)
-    else:
-        part.unlink()
 
 
 def _synchronise(path: Path) -> None:

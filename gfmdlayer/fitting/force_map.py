@@ -98,7 +98,7 @@ class FitTask:
             return Outcome(case.index, "stopped")
         except Exception as error:
             reason = f"curve {case.entry.name}: {type(error).__name__}: {error}".replace("\n", "; ")
-            record_failure(self.folder, case, reason, traceback.format_exc())
+            record_failure(self.folder, case.index, case.values, reason, traceback.format_exc())
             return Outcome(case.index, "failed", reason, time.monotonic() - begun)
         return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
 

@@ -54,7 +54,7 @@ class Sets:
         y = self.t - rho * at.slip[:, chosen]
         length = norms(y)
         sticks = length <= self.bound
-        if problem.force_is_given and not sticks.any() and self._is_parallel(y, length):
+        if problem.force is not None and not sticks.any() and self._is_parallel(y, length):
             part = (length + 1e-300) / np.maximum(self.bound, 1e-100)
             sticks = part <= 1.05 * part.min()
         self.stick, self.slip = np.flatnonzero(sticks), np.flatnonzero(~sticks)
@@ -210,9 +210,9 @@ class LinearSystem:
         self.unit = at.W_s / at.p_s
         axes, size = sets.axes, sets.size
         self.which = [0] if problem.load is not None else []
-        self.which += list(range(1, 1 + axes)) if problem.force_is_given else []
+        self.which += list(range(1, 1 + axes)) if problem.force is not None else []
         goal = [problem.load] if problem.load is not None else []
-        goal += list(problem.force) if problem.force_is_given else []  # type: ignore[arg-type]
+        goal += list(problem.force) if problem.force is not None else []
         self.goal = np.array(goal, dtype=float) * (C.size / at.p_s)
         delay, shift = np.zeros((1 + axes, size)), np.full(1 + axes, damping)
         delay[1:, sets.slip] = sets.delay
@@ -406,7 +406,7 @@ class Newton:
             moved[1:, sets.slip] = in_disks(moved[1:, sets.slip], limit)
         x = np.zeros_like(at.x)
         x[:, points] = moved * at.p_s
-        path = at.path + found[-sets.axes :] * at.W_s if problem.force_is_given else None
+        path = at.path + found[-sets.axes :] * at.W_s if problem.force is not None else None
         return x, path
 
     def _blocks_for(self, sets: Sets, damping: float) -> tuple[Blocks, Blocks] | None:
@@ -418,7 +418,7 @@ class Newton:
         if length.max(initial=0) > longest or first.size > _MOST:
             return None
         if not self._inverts:  # the two kernels count in each solve, which may be the first of a resumed run
-            self._C.spend(1.0)
+            self._C.work.spend(1.0)
             self._inverts = True
         if self._blocks is None:
             self._blocks = Blocks(self._C.kernel(0)), Blocks(self._C.kernel(2))

@@ -92,10 +92,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Problem:
-    """The frictional contact of one step, in flat arrays over the points.
-
-    Of load and depth, and of force and path, one is given.
-    """
+    """The frictional contact of a step; of load and depth, and of force and path, one is given."""
 
     response: Response  # to tractions of this step
     heights: FloatArray  # h of the punch above its lowest point; length
@@ -123,21 +120,14 @@ class Problem:
         return self.heights if self.offset is None else self.heights + self.offset[0]
 
     @property
-    def force_is_given(self) -> bool:
-        """Whether the tangential path is an unknown."""
-        return self.force is not None
-
-    @property
     def is_finite(self) -> bool:
         """Whether all that is given is a number."""
         given = self.gap_at_rest, self.slip_at_rest, self.load, self.depth, self.force, self.path
         return all(np.isfinite(each).all() for each in given if each is not None)
 
     def why_not_solvable(self) -> str:
-        """Return why no state satisfies the conditions: the punch slides away; else nothing.
-
-        The pressure of a wall beside an attraction is not known beforehand.
-        """
+        """Return why no state satisfies the conditions: the punch slides away; else nothing."""
+        # The pressure of a wall beside an attraction is not known beforehand.
         if self.force is None:
             return ""
         size = float(np.linalg.norm(self.force))
@@ -236,17 +226,11 @@ def balanced_depth(y: FloatArray, total: float) -> float:
     return d
 
 
-def balanced_path(y: FloatArray, radii: FloatArray, total: FloatArray, start: FloatArray) -> FloatArray:
-    """Return D of sum P(y + D) = total, with disks of given radii: the gradient of a convex function of D."""
-    return (
-        _on_line(y[0], radii, float(total[0]), float(start[0]))
-        if len(y) == 1
-        else _in_plane(y, radii, total, start)
-    )
+# The path D has sum P(y + D) = total, with disks of given radii: the gradient of a convex function of D.
 
 
-def _on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> FloatArray:
-    """Newton's method within an interval that holds the root."""
+def path_on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> FloatArray:
+    """Return the path of one axis by Newton's method within an interval that holds the root."""
     if np.isinf(radii).any():
         return np.array([(total - y.sum()) / y.size])
     low, high = float((-y - radii).min()), float((radii - y).max())
@@ -263,8 +247,8 @@ def _on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> FloatA
     return np.array([D])
 
 
-def _in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatArray) -> FloatArray:
-    """Newton's method down the convex function: sum of |z|^2/2 in the disks, linear outside, less total D."""
+def path_in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatArray) -> FloatArray:
+    """Return the path of two axes down sum |z|^2/2 (in the disks; linear outside) - total D."""
     largest = float(np.minimum(radii, norms(y)).sum()) + float(np.linalg.norm(total))
 
     def looked_at(D: FloatArray) -> tuple[FloatArray, float]:
@@ -333,11 +317,9 @@ def assess(
     *,
     balance_only: bool = False,
 ) -> State:
-    """Return the state with the multipliers that leave the least merit.
-
-    Tried are those of balance, the means of gap and slip over contact and stick, the path of a linear system,
-    and mixtures: each alone fails on some problems.
-    """
+    """Return the state with the multipliers that leave the least merit."""
+    # Tried are those of balance, the means of gap and slip over contact and stick, the path of a linear
+    # system, and mixtures: each alone fails on some problems.
     p = x[0]
     p_s, W_s = _scales(problem, p, Cx[0])
     carried = problem.gap_at_rest + Cx[0]
@@ -351,20 +333,19 @@ def assess(
     view = _View(problem, x, Cx, near, p_s, W_s)
     depth_choices = [view.normal(carried[near], depth) for depth in depths]
     paths: list[FloatArray] = [np.zeros(len(x) - 1) if problem.path is None else problem.path]
-    if problem.force_is_given and view.on.any():
-        paths = [view.balanced(problem.force)]  # type: ignore[arg-type]
+    if problem.force is not None and view.on.any():
+        paths = [view.balanced(problem.force)]
         if not balance_only:
             stuck = view.stuck
             if stuck.any():
                 paths.append(view.slip[:, stuck].mean(axis=1) * W_s)
             if linear is not None:
                 paths.append(linear)
-    normal = min(depth_choices, key=lambda each: each[1])
-    depth, off, worst, gap = normal[0], normal[1], normal[2], normal[3]
+    depth, off, worst, gap = min(depth_choices, key=lambda each: each[1])
     path, across, most, slip = min((view.tangential(each) for each in paths), key=lambda each: each[1])
     off, worst = off + across, max(worst, most)
-    if problem.force_is_given:
-        lack = view.lack(problem.force)  # type: ignore[arg-type]
+    if problem.force is not None:
+        lack = view.lack(problem.force)
         off, worst = off + lack * lack, max(worst, lack)
     if not math.isfinite(off):
         worst = off = math.inf
@@ -420,7 +401,10 @@ class _View:
         """Return the path for which the projected tractions carry the force."""
         y, total = (self.t - self.slip)[:, self.on], force * (self._points / self._p_s)
         start = self.slip[:, self.on].mean(axis=1)
-        return balanced_path(y, self.bound[self.on], total, start) * self._W_s
+        radii = self.bound[self.on]
+        if len(y) == 1:
+            return path_on_line(y[0], radii, float(total[0]), float(start[0])) * self._W_s
+        return path_in_plane(y, radii, total, start) * self._W_s
 
     def lack(self, force: FloatArray) -> float:
         """Return the part of the tangential force that the tractions do not carry."""

@@ -42,19 +42,10 @@ class Response:
     across: FloatArray  # C_VV; without a meaning on a line
 
     @classmethod
-    def of_halfspace(cls, grid: Grid, modulus: float, poisson: float) -> Response:
-        """Response of an elastic halfspace of fixed mean displacement."""
-        q = grid.wavenumbers
-        with np.errstate(divide="ignore"):
-            unit = np.where(q > 0, 1 / (modulus * q), 0.0)
-        return cls((1 - poisson) * unit, 0.5 * (1 - 2 * poisson) * unit, (1 - poisson) * unit, unit)
-
-    @classmethod
     def of_stiffness(cls, in_plane: FloatArray, across: FloatArray) -> Response:
-        """Response of a stiffness K over (W, U), shape (*modes, 2, 2), and of that over V.
-
-        Where K is zero, at q = 0, the mean displacement is fixed; the mean of W and that of u do not couple.
-        """
+        """Response of a stiffness K over (W, U), shape (*modes, 2, 2), and of that over V."""
+        # Where K is zero, at q = 0, the mean displacement is fixed; the mean of W and that of u do not
+        # couple.
         normal, coupling, along = in_plane[..., 0, 0], in_plane[..., 0, 1], in_plane[..., 1, 1]
         mean = np.zeros(normal.shape, dtype=bool)
         mean.flat[0] = True
@@ -63,7 +54,8 @@ class Response:
             whole = normal * along - coupling**2
             found = along / whole, -coupling / whole, normal / whole, 1 / across
             alone = 1 / normal, np.zeros(normal.shape), 1 / along, 1 / across
-        return cls(*(_finite(np.where(mean, one, other)) for one, other in zip(alone, found, strict=True)))
+        parts = (np.where(mean, one, other) for one, other in zip(alone, found, strict=True))
+        return cls(*(np.where(np.isfinite(part), part, 0.0) for part in parts))
 
     @cached_property
     def digest(self) -> str:
@@ -105,10 +97,6 @@ class Response:
         return Response(found[0], np.zeros_like(found[0]), found[1], found[2])
 
 
-def _finite(values: FloatArray) -> FloatArray:
-    return np.where(np.isfinite(values), values, 0.0)
-
-
 @dataclass
 class Spent:
     """FFT pairs of one real field on the finest grid; those in single precision count half."""
@@ -117,12 +105,10 @@ class Spent:
 
 
 class Work:
-    """Transforms of a grid and of windows in it, with their fields, which all operators on it share.
-
-    The plan of the grid in single precision is `measured` where another solver has it too.
-    """
+    """Transforms of a grid and of windows in it, with their fields, which all operators on it share."""
 
     def __init__(self, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False) -> None:
+        # The plan of the grid in single precision is `measured` where another solver has it too.
         self.shape, self._measured = transforms.shape, measured
         self._transforms, self.spent, self._share = transforms, spent, share
         self._parts = parts(self.shape)
@@ -208,14 +194,12 @@ def _extent(places: NDArray[Any], n: int) -> tuple[int, int]:
 
 
 class Operator:
-    """A response at the points of a grid, in double and in single precision.
-
-    `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
-    """
+    """A response at the points of a grid, in double and in single precision."""
 
     def __init__(self, grid: Grid, response: Response, work: Work, counted: Collection[int] = ()) -> None:
+        # `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
         self.size, self.axes = grid.size, len(grid.points)
-        self._response, self._work, self._counted = response, work, counted
+        self._response, self.work, self._counted = response, work, counted
         self._double = self._parts(grid)
         self._single = {1: tuple(part.astype(np.float32) for part in self._double)}
         weights = np.ravel(grid.parseval_weights) * grid.size
@@ -251,19 +235,17 @@ class Operator:
 
     def __call__(self, x: NDArray[Any], *, single: bool = False) -> FloatArray:
         """Return the response to fields, as new fields in double precision."""
-        work = self._work.fields(single=single)
+        work = self.work.fields(single=single)
         for field, values in zip(work.points, x, strict=False):
             field[:] = values
         factors = self._single[1] if single else self._double
         return np.array(work.respond(factors, [bool(values.any()) for values in x]), dtype=np.float64)
 
     def among(self, points: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
-        """Return the response at points to fields at the same points, in single precision.
-
-        Transforms of a window twice as wide as the points have the response at their differences.
-        """
-        part, places = self._work.window(points)
-        work, factors = self._work.fields(part, single=True), self._in_window(part)
+        """Return the response at points to fields at the same points, in single precision."""
+        # Transforms of a window twice as wide as the points have the response at their differences.
+        part, places = self.work.window(points)
+        work, factors = self.work.fields(part, single=True), self._in_window(part)
 
         def response(x: NDArray[Any]) -> NDArray[Any]:
             for field, values in zip(work.points, x, strict=False):
@@ -275,15 +257,11 @@ class Operator:
 
     def kernel(self, number: int) -> FloatArray:
         """Return the response to a load on the first point, of a component of `_parts`; not counted."""
-        work, before = self._work.fields(single=False), self._work.spent.pairs
+        work, before = self.work.fields(single=False), self.work.spent.pairs
         work.waves[0][:] = self._double[number]
         work.transform_back(0)
-        self._work.spent.pairs = before
+        self.work.spent.pairs = before
         return np.array(work.points[0])
-
-    def spend(self, pairs: float) -> None:
-        """Count FFT pairs of the grid of this operator."""
-        self._work.spend(pairs)
 
     @property
     def windows(self) -> list[int]:
@@ -292,7 +270,7 @@ class Operator:
 
     def shear_of(self, pressure: ComplexArray) -> FloatArray:
         """Return u_x[, u_y] under a pressure with this unnormalised transform."""
-        work, found = self._work.fields(single=False), np.zeros((self.axes, self.size))
+        work, found = self.work.fields(single=False), np.zeros((self.axes, self.size))
         for axis in range(self.axes if self._response.couples else 0):
             work.waves[axis][:] = 1j * self._double[1 + axis] * pressure
             work.transform_back(axis)
@@ -302,11 +280,11 @@ class Operator:
     def _in_window(self, part: int) -> tuple[NDArray[Any], ...]:
         """Return the factors on transforms of a window: of the kernel of the surface near its centre."""
         if part not in self._single:
-            work, window = self._work.fields(single=False), self._work.fields(part, single=True)
-            shape = self._work.shape
+            work, window = self.work.fields(single=False), self.work.fields(part, single=True)
+            shape = self.work.shape
             near = [np.fft.fftfreq(n // part, part / n).round().astype(int) for n in shape]
             odd = {1} if self.axes == 1 else {1, 2}
-            found, before = [], self._work.spent.pairs
+            found, before = [], self.work.spent.pairs
             for number, factor in enumerate(self._double):
                 made = np.zeros(window.waves[0].size, dtype=np.float32)
                 if factor.any():
@@ -315,13 +293,12 @@ class Operator:
                     kernel_there = work.points[0].reshape(shape)[np.ix_(*near)]
                     window.points[0][:] = kernel_there.ravel()
                     window.transform(0)
-                    made = (
-                        -window.waves[0].imag if number in odd else window.waves[0].real
-                    ) / window.plan.size
+                    spectrum = window.waves[0]
+                    made = (-spectrum.imag if number in odd else spectrum.real) / window.plan.size
                 found.append(np.ascontiguousarray(made, dtype=np.float32))
             self._single[part] = tuple(found)
             if part in self._counted:
-                self._work.spent.pairs = before
+                self.work.spent.pairs = before
         return self._single[part]
 
 

@@ -43,19 +43,7 @@ _OF_A_ROUND, _FINER, _LEAST_TOLERANCE = 0.01, 0.1, 1e-9
 
 
 class FrictionSolver:
-    """Frictional contact of the steps of a run on one grid.
-
-    Parameters
-    ----------
-    grid : Grid
-        Of one or two axes.
-    transforms : Transforms
-        Plans for its shape, in double precision.
-    rough : bool
-        Whether the punch is rough, for the choice of the solver without friction.
-    attracts : bool
-        Whether problems may have an interface that attracts.
-    """
+    """Frictional contact of the steps of a run on one grid; `attracts`: an interface may attract."""
 
     starts_from: ClassVar[Literal["pressure"]] = "pressure"
 
@@ -78,10 +66,8 @@ class FrictionSolver:
         tolerance: float = 1e-7,
         limit: int = LIMIT,
     ) -> Solution:
-        """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing.
-
-        Where the interface attracts, the path of the surface begins at the `gap` of the last step.
-        """
+        """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing."""
+        # Where the interface attracts, the path of the surface begins at the `gap` of the last step.
         self._spent.pairs = 0.0
         if not problem.is_finite:
             raise ValueError("heights, loads or displacements of the frictional contact are not finite")
@@ -89,9 +75,14 @@ class FrictionSolver:
             start = None
         if reason := problem.why_not_solvable():
             raise ValueError(reason)
-        self._forget_windows(problem.response)
+        if self._mark and self._mark != problem.response.digest:
+            for level in self._levels:  # the kernels of windows of a resumed run count anew
+                level.counted.clear()
+        self._mark = ""
         if problem.law.is_frictionless:
-            return self._without_friction(problem, start, gap, tolerance, limit)
+            return self._smooth(
+                problem, *self._pressed(problem, None, start, gap, tolerance, limit), tolerance
+            )
         if problem.interface.attracts:
             return self._attracted(problem, start, gap, tolerance, limit)
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
@@ -118,10 +109,8 @@ class FrictionSolver:
         return at, steps
 
     def compile(self) -> None:
-        """Compile the kernels of the solver without friction, where the interface attracts.
-
-        Else only a failed solve calls them.
-        """
+        """Compile the kernels of the solver without friction, where the interface attracts."""
+        # Else only a failed solve calls them.
         if SOLVERS[self._choice.method].adhesive:
             self._frictionless.compile()
 
@@ -147,13 +136,6 @@ class FrictionSolver:
             self._mark = str(state["mark"])
             for level, *window in state["windows"].tolist():
                 self._levels[level].counted.add(tuple(window))
-
-    def _forget_windows(self, response: Response) -> None:
-        """Forget the windows of a resumed run whose kernels count anew, since the response is another."""
-        if self._mark and self._mark != response.digest:
-            for level in self._levels:
-                level.counted.clear()
-        self._mark = ""
 
     @cached_property
     def _frictionless(self) -> frictionless.Solver:
@@ -196,18 +178,6 @@ class FrictionSolver:
         self._spent.pairs += found.transforms
         return given, found
 
-    def _without_friction(
-        self,
-        problem: Problem,
-        start: FloatArray | None,
-        gap: FloatArray | None,
-        tolerance: float,
-        limit: int,
-    ) -> Solution:
-        """Solve for the pressure."""
-        given, found = self._pressed(problem, None, start, gap, tolerance, limit)
-        return self._smooth(problem, given, found, tolerance)
-
     def _smooth(
         self,
         problem: Problem,
@@ -225,7 +195,9 @@ class FrictionSolver:
             p = _of_the_wall(p, attraction, found.gap)
         C, _ = self._levels[0].newton(problem.response).operators
         u = C.shear_of(-given.stiffness * found.spectrum)
-        path = np.zeros(len(u)) if problem.path is None else problem.path
+        path, why = np.zeros(len(u)) if problem.path is None else problem.path, ""
+        if not found.converged:
+            why = frictionless.why_not_converged(given, found, self._choice.method, tolerance)
         displacement = np.vstack((found.gap + depth - problem.heights, u))
         if problem.offset is not None:
             displacement[1:] += problem.offset[1:]
@@ -242,9 +214,7 @@ class FrictionSolver:
             pairs=self._spent.pairs,
             iterations=found.iterations,
             converged=found.converged,
-            reason=""
-            if found.converged
-            else frictionless.why_not_converged(given, found, self._choice.method, tolerance),
+            reason=why,
             attraction=attraction,
             released_energy=found.released_energy,
             margin=found.margin,
@@ -310,7 +280,8 @@ class FrictionSolver:
     def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
         """Raise friction and force from the frictionless contact, by steps that are halved on failure."""
         smooth = replace(problem, law=Law(0.0), force=None)
-        begun = self._without_friction(smooth, None, None, tolerance, limit)
+        pressed = self._pressed(smooth, None, None, None, tolerance, limit)
+        begun = self._smooth(smooth, *pressed, tolerance)
         x, part, step, steps = begun.tractions, 0.0, _FIRST_PART, begun.iterations
         while part < 1:
             aim = min(1.0, part + step)
@@ -360,9 +331,8 @@ class Mixing:
     """Anderson's acceleration of a fixed-point iteration."""
 
     def __init__(self) -> None:
-        self._changes: list[
-            tuple[FloatArray, FloatArray]
-        ] = []  # of image and of residual, from round to round
+        # Of image and of residual, from round to round.
+        self._changes: list[tuple[FloatArray, FloatArray]] = []
         self._last: tuple[FloatArray, FloatArray] | None = None
 
     def next(self, x: FloatArray, image: FloatArray) -> FloatArray:
@@ -454,13 +424,14 @@ def _rough_guess(problem: Problem) -> FloatArray:
     p = np.maximum(np.quantile(h, 0.3) - h, 0.0) + 1e-12 * (np.ptp(h) + 1e-300)
     axes = problem.response.normal.ndim
     softest = float(problem.response.normal.max())
-    p *= (
-        problem.load if problem.load is not None else 1e-3 * max(problem.depth - h.min(), 0) / softest
-    ) / p.mean()
+    mean = problem.load
+    if mean is None:
+        mean = 1e-3 * max(problem.depth - h.min(), 0) / softest
+    p *= mean / p.mean()
     x = np.zeros((1 + axes, h.size))
     x[0] = p
-    if problem.force_is_given and problem.load:
-        x[1:] = (problem.force / problem.load)[:, np.newaxis] * p  # type: ignore[operator,index]
+    if problem.force is not None and problem.load:
+        x[1:] = (problem.force / problem.load)[:, np.newaxis] * p
     return x
 
 

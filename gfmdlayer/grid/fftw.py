@@ -101,10 +101,7 @@ def _taken(text: int) -> str:
 
 
 class PlanPair:
-    """A forward and a backward plan, destroyed when neither the cache nor a `Transforms` holds them.
-
-    Transforms of `WORTH_THREADS` points or more use the threads. RuntimeError if FFTW makes no plan.
-    """
+    """A forward and a backward plan, destroyed with the last user; RuntimeError if FFTW makes no plan."""
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
         size, modes = math.prod(shape), math.prod(shape[:-1]) * (shape[-1] // 2 + 1)
@@ -132,13 +129,11 @@ class PlanPair:
 
 
 class SlabPlans(PlanPair):
-    """Plans of a rank that holds some rows of a surface and some columns of its transform.
-
-    The shape is (rows, n) and (n, columns), one after the other. `forward` and `backward` act along the rows,
-    `columns_forward` and `columns_backward` along the columns, complex and in place.
-    """
+    """Plans of a rank that holds some rows of a surface and some columns of its transform."""
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
+        # The shape is (rows, n) and (n, columns), one after the other. `forward` and `backward` act along the
+        # rows, `columns_forward` and `columns_backward` along the columns, complex and in place.
         count, length, height, width = shape
         modes = length // 2 + 1
         sizes = count * length, 2 * count * modes, 2 * height * width
@@ -170,15 +165,8 @@ def _planning(fftw: Any, time_limit: float, threads: int) -> Iterator[None]:
 Made = TypeVar("Made", bound=PlanPair)
 
 
-class _Cache:
-    """The plans of this process, and the wisdom that they were made from."""
-
-    def __init__(self) -> None:
-        self.wisdom: str | None = None
-        self.pairs: dict[tuple[Any, ...], Any] = {}
-
-
-_cache = _Cache()
+# The plans of this process, and the wisdom that they were made from.
+_cache: Any = SimpleNamespace(wisdom=None, pairs={})
 
 
 def plan_pair(

@@ -37,15 +37,25 @@ class Grid:
         """The processes that hold the grid."""
         return ALONE
 
+    @cached_property
+    def rows(self) -> slice:
+        """Points along the first axis that this process holds."""
+        return slice(0, self.points[0])
+
+    @cached_property
+    def columns(self) -> slice:
+        """Waves along the last axis of the modes that this process holds."""
+        return slice(0, self.points[-1] // 2 + 1)
+
     @property
     def first_row(self) -> int:
         """Number of the first row that this process holds."""
-        return 0
+        return int(self.rows.start)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of a field on the grid, or of the part of it that this process holds."""
-        return self.points
+        return (self.rows.stop - self.rows.start, *self.points[1:])
 
     @property
     def size(self) -> int:
@@ -55,24 +65,23 @@ class Grid:
     @property
     def spectral_shape(self) -> tuple[int, ...]:
         """Shape of the real-to-complex transform of a field."""
-        return (*self.points[:-1], self.points[-1] // 2 + 1)
+        return (*self.points[:-1], self.columns.stop - self.columns.start)
 
     @property
     def waves_y(self) -> range:
         """Numbers of waves along the last axis of the modes that this process holds."""
-        return range(self.points[-1] // 2 + 1)
+        return range(self.columns.start, self.columns.stop)
 
     def own_rows(self, axes: Sequence[FloatArray]) -> list[FloatArray]:
         """Return the part of arrays along each axis that belongs to the points of this process."""
-        return list(axes)
+        return [axes[0][self.rows], *axes[1:]]
 
     @property
     def coordinates(self) -> tuple[FloatArray, ...]:
-        """Coordinates x_j = j L/n - L/2 along each axis, one 1-D array an axis."""
-        return tuple(
-            np.arange(n, dtype=np.float64) * (length / n) - length / 2
-            for n, length in zip(self.points, self.period, strict=True)
-        )
+        """Coordinates x_j = j L/n - L/2 along each axis of the points that this process holds."""
+        every = zip(self.points, self.period, strict=True)
+        axes = [np.arange(n, dtype=np.float64) * (length / n) - length / 2 for n, length in every]
+        return tuple(self.own_rows(axes))
 
     @property
     def waves(self) -> Wavevectors:
@@ -86,10 +95,8 @@ class Grid:
 
     @cached_property
     def wavenumbers_x(self) -> FloatArray:
-        """Wavenumbers along x of the two waves that each mode is the mean of, shape (2, *spectral_shape).
-
-        The two are equal, but for the largest wavenumber of an even grid, where +q and -q share one mode.
-        """
+        """Wavenumbers along x of the two waves that each mode is the mean of, shape (2, *spectral_shape)."""
+        # The two are equal, but for the largest wavenumber of an even grid, where +q and -q share one mode.
         q = np.broadcast_to(self.wavevectors[0], self.spectral_shape)
         largest = np.pi * self.points[0] / self.period[0]
         return np.stack((q, np.where(np.abs(q) > (1 - 1e-9) * largest, -q, q)))
@@ -97,7 +104,11 @@ class Grid:
     @cached_property
     def parseval_weights(self) -> FloatArray:
         """Weight of each mode in a mean over the surface (Parseval): most modes stand for two waves."""
-        return np.broadcast_to(self._waves_of_modes() / self.size**2, self.spectral_shape).copy()
+        waves = np.full(self.points[-1] // 2 + 1, 2.0)
+        waves[0] = 1.0
+        if self.points[-1] % 2 == 0:
+            waves[-1] = 1.0
+        return np.broadcast_to(waves[self.columns] / self.size**2, self.spectral_shape).copy()
 
     @cached_property
     def sums(self) -> Sums:
@@ -146,22 +157,13 @@ class Grid:
 
         return np.asarray(scipy.fft.irfftn(spectrum, s=self.shape, overwrite_x=True))
 
-    def _waves_of_modes(self) -> FloatArray:
-        """Number of waves that a mode stands for, along the last axis."""
-        waves = np.full(self.points[-1] // 2 + 1, 2.0)
-        waves[0] = 1.0
-        if self.points[-1] % 2 == 0:
-            waves[-1] = 1.0
-        return waves
-
     @property
     def wavevectors(self) -> list[FloatArray]:
         """Components of the wavevector of each mode, one array an axis, which broadcast together."""
-        axes = [
-            2 * np.pi * np.fft.fftfreq(n, length / n)
-            for n, length in zip(self.points[:-1], self.period[:-1], strict=True)
-        ]
-        axes.append(2 * np.pi * np.fft.rfftfreq(self.points[-1], self.period[-1] / self.points[-1]))
+        every = zip(self.points[:-1], self.period[:-1], strict=True)
+        axes = [2 * np.pi * np.fft.fftfreq(n, length / n) for n, length in every]
+        along = 2 * np.pi * np.fft.rfftfreq(self.points[-1], self.period[-1] / self.points[-1])
+        axes.append(along[self.columns])
         return list(np.meshgrid(*axes, indexing="ij", sparse=True))
 
 
@@ -187,11 +189,9 @@ NOWHERE: tuple[Stretch, Stretch] = ((0, 0), (0, 0))
 
 @kernel
 def periodic_extent(pressure: FloatArray, shape: tuple[int, int]) -> tuple[Stretch, Stretch]:
-    """Shortest periodic intervals of rows and of columns that hold all points with pressure > 0.
-
-    `pressure` has the shape (rows * columns,), and `shape` is (rows, columns); a line has one row. Without
-    pressure the intervals are `NOWHERE`.
-    """
+    """Shortest periodic intervals of rows and of columns that hold all points with pressure > 0."""
+    # `pressure` has the shape (rows * columns,), and `shape` is (rows, columns); a line has one row. Without
+    # pressure the intervals are `NOWHERE`.
     rows, columns = shape
     in_row, in_column = np.zeros(rows), np.zeros(columns)
     for row in range(rows):

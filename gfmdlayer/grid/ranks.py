@@ -43,6 +43,10 @@ class Ranks:
         """Complete a minimum; an array is completed element by element."""
         return partial
 
+    def mean(self, field: NDArray[Any]) -> float:
+        """Mean of a field over the surface."""
+        return float(np.mean(field))
+
     def mean_wave(self, values: NDArray[Any]) -> Any:
         """Return the value at the wave q = 0, of one value a mode."""
         return values[0]
@@ -88,11 +92,9 @@ class Ranks:
 
 
 def wait(request: Any) -> None:
-    """Wait for a message between ranks, and leave the core to others where it takes long.
-
-    MPI libraries wait without a pause: where there are more ranks than idle cores, each would then take its
-    share of time from the one that it waits for.
-    """
+    """Wait for a message between ranks, and leave the core to others where it takes long."""
+    # MPI libraries wait without a pause: where there are more ranks than idle cores, each would then take its
+    # share of time from the one that it waits for.
     begun = time.perf_counter()
     while not request.Test():
         if time.perf_counter() - begun > _PATIENCE:
@@ -103,15 +105,13 @@ ALONE = Ranks()
 
 
 class MpiRanks(Ranks):
-    """The ranks of an MPI communicator.
-
-    Sums are added up in the order of the ranks, whatever the MPI library does: their bits depend only on the
-    number of ranks, and are the same on all of them. `control` is a communicator of the same ranks for other
-    messages, `exchanges` has those of `slabs.transposition` by shape and type, `window` the bytes of each
-    rank in the memory that they share, with its `mpi4py.MPI.Win`.
-    """
+    """The ranks of an MPI communicator."""
 
     def __init__(self, communicator: Any) -> None:
+        # Sums are added up in the order of the ranks, whatever the MPI library does: their bits depend only
+        # on the number of ranks, and are the same on all of them. `control` is a communicator of the same
+        # ranks for other messages, `exchanges` has those of `slabs.transposition` by shape and type, `window`
+        # the bytes of each rank in the memory that they share, with its `mpi4py.MPI.Win`.
         self.communicator, self.control = communicator, communicator.Dup()
         self.exchanges: dict[Any, Any] = {}
         self.window: tuple[int, Any] = (0, None)
@@ -135,6 +135,11 @@ class MpiRanks(Ranks):
     def minimum(self, partial: Partial) -> Partial:
         """Complete a minimum; an array is completed element by element."""
         return _of_kind(partial, self.every(partial).min(axis=0))
+
+    def mean(self, field: NDArray[Any]) -> float:
+        """Mean over the surface of a field, of which each rank holds its part."""
+        total, size = self.total(np.array([field.sum(), field.size])).tolist()
+        return float(total / size)
 
     def mean_wave(self, values: NDArray[Any]) -> Any:
         """Return the value at the wave q = 0, which the first rank holds."""

@@ -4,7 +4,7 @@ Rank r of R holds the rows from n r/R to n (r+1)/R of every field, and of a spec
 rows of the columns from m r/R to m (r+1)/R: the transform along the first axis is the last one of a forward
 transform, and its result stays in place. The first rank holds the wave q = 0.
 
-Between the two transforms each rank hands every other one a block of its rows (`Transposition`):
+Between the two transforms each rank hands every other one a block of its rows (`transposition`):
 
     rows (n/R, m)        <->        columns (n, m/R)
 
@@ -19,13 +19,13 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -44,20 +44,6 @@ _ALIGNED = 64  # bytes
 Array = npt.NDArray[Any]
 
 
-class Transposition(Protocol):
-    """The exchange for one shape and type; `rows`, (rows of this rank, columns), are whole rows."""
-
-    rows: Array
-
-    def to_columns(self, columns: Array) -> None:
-        """Fill an array of this rank's columns, shape (rows, columns of this rank), from the rows."""
-        ...
-
-    def to_rows(self, columns: Array) -> None:
-        """Fill the rows from each rank's columns."""
-        ...
-
-
 def edges(number: int, count: int) -> list[int]:
     """Return where the parts of a number of rows or columns begin and end, one for each of `count` ranks."""
     return [number * i // count for i in range(count + 1)]
@@ -65,23 +51,23 @@ def edges(number: int, count: int) -> list[int]:
 
 def transposition(
     ranks: MpiRanks, shape: tuple[int, int], dtype: npt.DTypeLike = np.complex128, shared: bool = True
-) -> Transposition:
-    """Return the exchange for arrays of a shape, always the same one.
-
-    Exchanges share one memory: rows are valid until the next exchange of any shape. `shared`: ranks on one
-    computer may share memory.
-    """
+) -> _SharedMemory | _Messages:
+    """Return the exchange for arrays of a shape, always the same one."""
+    # Exchanges share one memory: rows are valid until the next exchange of any shape. `shared`: ranks on one
+    # computer may share memory.
     kind = np.dtype(dtype)
     key = shape, kind, shared
     if key not in ranks.exchanges:
         sharing = shared and _can_share(ranks, shape[0] * shape[1] * kind.itemsize)
         ranks.exchanges[key] = (_SharedMemory if sharing else _Messages)(ranks, shape, kind)
-    found: Transposition = ranks.exchanges[key]
+    found: _SharedMemory | _Messages = ranks.exchanges[key]
     return found
 
 
 class _Blocks:
-    """Which rows and columns each rank has."""
+    """Which rows and columns each rank has; `rows`, (rows of this rank, columns), are whole rows."""
+
+    rows: Array
 
     def __init__(self, ranks: MpiRanks, shape: tuple[int, int], dtype: np.dtype[Any]) -> None:
         self._ranks, self._dtype = ranks, dtype
@@ -168,11 +154,9 @@ class _Messages(_Blocks):
 
 
 def _shared_window(ranks: MpiRanks, size: int) -> Any:
-    """Return a window in which each rank has room for this many bytes, and all read and write all of it.
-
-    The last one is returned again where it is large enough: MPI does not give such memory back, and nested
-    grids and both precisions then need no more of it than the finest grid.
-    """
+    """Return a window in which each rank has room for this many bytes, and all read and write all of it."""
+    # The last one is returned again where it is large enough: MPI does not give such memory back, and nested
+    # grids and both precisions then need no more of it than the finest grid.
     from mpi4py import MPI
 
     room, window = ranks.window
@@ -206,6 +190,10 @@ class SlabGrid(Grid):
     """A grid in two dimensions over several ranks; ValueError for a line, or too few rows for so many."""
 
     members: MpiRanks = field(kw_only=True)
+    _functions: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _halos: dict[Any, tuple[Places, Places]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         if reason := refused(self.points, self.members.count):
@@ -216,21 +204,6 @@ class SlabGrid(Grid):
         """The processes that hold the grid."""
         return self.members
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the part of a field that this rank holds."""
-        return self.rows.stop - self.rows.start, self.points[1]
-
-    @property
-    def spectral_shape(self) -> tuple[int, ...]:
-        """Shape of the part of a transform that this rank holds."""
-        return self.points[0], self.columns.stop - self.columns.start
-
-    @property
-    def first_row(self) -> int:
-        """Number of the first row that this rank holds."""
-        return int(self.rows.start)
-
     @cached_property
     def rows(self) -> slice:
         """Rows of the grid that this rank holds."""
@@ -240,20 +213,6 @@ class SlabGrid(Grid):
     def columns(self) -> slice:
         """Columns of a transform that this rank holds."""
         return self._part(self.points[1] // 2 + 1)
-
-    @property
-    def waves_y(self) -> range:
-        """Numbers of waves along the last axis of the modes that this rank holds."""
-        return range(self.columns.start, self.columns.stop)
-
-    @property
-    def coordinates(self) -> tuple[FloatArray, ...]:
-        """Coordinates along each axis of the points that this rank holds."""
-        return tuple(self.own_rows(super().coordinates))
-
-    def own_rows(self, axes: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the part of arrays along each axis that belongs to the points of this rank."""
-        return [axes[0][self.rows], axes[1]]
 
     def blocks(self, field: NDArray[Any], rows: int) -> Iterator[tuple[int, NDArray[Any]]]:
         """Bring a field together, see `Grid.blocks`."""
@@ -318,10 +277,7 @@ class SlabGrid(Grid):
         return Completion(*(self._address((ours.__name__,), completed(ours)) for ours in given))
 
     def exchange_of_rows(self, number: int, dtype: npt.DTypeLike) -> int:
-        """Return the address of a function that writes the rows beside those of a field.
-
-        So many before and after, into an array of shape (2 number, columns).
-        """
+        """Return the address of a function that writes rows beside a field's, (2 number, columns)."""
 
         def exchange(_: int, source: int, target: int) -> None:
             found = array_at(target, (2, number, self.points[1]), dtype)
@@ -330,11 +286,9 @@ class SlabGrid(Grid):
         return self._address(("exchange", number, dtype), exchange)
 
     def sum_of_rows(self, points: tuple[int, ...], first: int, count: int, dtype: npt.DTypeLike) -> int:
-        """Return the address of a function that makes a whole field of so many points of the ranks' parts.
-
-        A part has `count` rows, which begin with the row `first` of the periodic field. Where parts have the
-        same rows, these are added.
-        """
+        """Return the address of a function that makes a whole field of so many points of the ranks' parts."""
+        # A part has `count` rows, which begin with the row `first` of the periodic field. Where parts have
+        # the same rows, these are added.
         every = self.ranks.all_of((first, count))
         counts, parts = [rows * points[1] for _, rows in every], list[Array]()
 
@@ -357,10 +311,6 @@ class SlabGrid(Grid):
             self._functions[key] = callable_by_address(self.ranks, called)
         return address(self._functions[key])
 
-    @cached_property
-    def _functions(self) -> dict[Any, Any]:
-        return {}
-
     def _neighbours(self, before: int, after: int) -> tuple[Places, Places]:
         """Places in the halo of the rows from each rank, and among the own rows of those for each rank."""
         if (before, after) not in self._halos:
@@ -376,23 +326,10 @@ class SlabGrid(Grid):
             self._halos[before, after] = receive, send
         return self._halos[before, after]
 
-    @cached_property
-    def _halos(self) -> dict[tuple[int, int], tuple[Places, Places]]:
-        return {}
-
     def coarser(self, fewest: int) -> Grid | None:
         """Return a coarser grid over the same ranks, see `Grid.coarser`; None where it has too few rows."""
         points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
         return None if refused(points, self.ranks.count) else super().coarser(fewest)
-
-    @property
-    def wavevectors(self) -> list[FloatArray]:
-        """Components of the wavevector of each mode that this rank holds."""
-        along_x, along_y = super().wavevectors
-        return [along_x, along_y[:, self.columns]]
-
-    def _waves_of_modes(self) -> FloatArray:
-        return super()._waves_of_modes()[self.columns]
 
     def _part(self, number: int) -> slice:
         return slice(*edges(number, self.ranks.count)[self.ranks.number : self.ranks.number + 2])
@@ -432,12 +369,7 @@ def array_at(place: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
 
 
 class SlabTransforms(Transforms):
-    """Transforms of the fields of a grid over ranks: along the rows, exchange, along the columns.
-
-    All ranks call them together; each gives and gets its parts. Compiled kernels call them like those of one
-    process: the functions at their addresses return to Python for the exchange, which takes some microseconds
-    beside the milliseconds of a transform. `shared`: ranks on one computer may share memory.
-    """
+    """Transforms of the fields of a grid over ranks: along the rows, exchange, along the columns."""
 
     def __init__(
         self,
@@ -449,6 +381,10 @@ class SlabTransforms(Transforms):
         *,
         shared: bool = True,
     ) -> None:
+        # All ranks call them together; each gives and gets its parts. Compiled kernels call them like those
+        # of one process: the functions at their addresses return to Python for the exchange, which takes some
+        # microseconds beside the milliseconds of a transform. `shared`: ranks on one computer may share
+        # memory.
         self._grid, self._shared, self._fftw = grid, shared, SINGLE if single else DOUBLE
         self.size, self.ranks = grid.size, grid.ranks
         self._kind = np.dtype(np.complex64 if single else np.complex128)
@@ -486,7 +422,9 @@ class SlabTransforms(Transforms):
         """Return the modes that a coarser grid of the same cell has too, see `Transforms.truncated`."""
         assert isinstance(coarser, SlabTransforms)
         ranks, grid = self._grid.ranks, coarser._grid
-        modes = np.ascontiguousarray(self._rows_of_coarser(spectrum, grid.points[0]).T)  # a row a column
+        n = grid.points[0]
+        rows = np.concatenate((np.arange((n + 1) // 2), np.arange(-(n // 2), 0)))
+        modes = np.ascontiguousarray(spectrum.reshape(self.spectral_shape)[rows].T)  # a row a column
         fine, coarse = (edges(each.points[1] // 2 + 1, ranks.count) for each in (self._grid, grid))
         found = np.empty((grid.spectral_shape[1], grid.points[0]), modes.dtype)
 
@@ -504,10 +442,6 @@ class SlabTransforms(Transforms):
         for request in requests:
             wait(request)
         return np.ascontiguousarray(found.T).ravel()
-
-    def _rows_of_coarser(self, spectrum: NDArray[Any], points: int) -> NDArray[Any]:
-        positive, negative = np.arange((points + 1) // 2), np.arange(-(points // 2), 0)
-        return spectrum.reshape(self.spectral_shape)[np.concatenate((positive, negative))]
 
     def _forward(self, source: int, target: int) -> None:
         """Transform the rows at an address into columns at another."""

@@ -15,7 +15,7 @@ import numpy as np
 from numba.cpython.unsafe.tuple import tuple_setitem
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.ranks import ALONE, Partial, Ranks
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.transforms import execute
 from gfmdlayer.kernels import kernel
 
@@ -55,22 +55,8 @@ class Sums:
 
     def __init__(self, weights: FloatArray, ranks: Ranks = ALONE) -> None:
         self.weights, self.ranks = np.ravel(weights), ranks
-
-    def total(self, partial: Partial) -> Partial:
-        """Complete a sum; an array is completed element by element."""
-        return self.ranks.total(partial)
-
-    def maximum(self, partial: Partial) -> Partial:
-        """Complete a maximum; an array is completed element by element."""
-        return self.ranks.maximum(partial)
-
-    def minimum(self, partial: Partial) -> Partial:
-        """Complete a minimum; an array is completed element by element."""
-        return self.ranks.minimum(partial)
-
-    def mean(self, field: FloatArray) -> float:
-        """Mean of a field over the surface."""
-        return mean(field, self.ranks)
+        self.total, self.maximum, self.minimum = ranks.total, ranks.maximum, ranks.minimum
+        self.mean = ranks.mean
 
     def spectral_mean(self, f: ComplexArray, g: ComplexArray) -> float:
         """Mean <f g> over the surface, from the transforms."""
@@ -85,14 +71,6 @@ class Sums:
     def _weights_twice(self) -> FloatArray:
         """Weights of alternating real and imaginary parts."""
         return np.repeat(self.weights, 2)
-
-
-def mean(field: FloatArray, ranks: Ranks) -> float:
-    """Mean over the surface of a field, of which each rank holds its part."""
-    if ranks.count == 1:
-        return float(np.mean(field))
-    total, size = ranks.total(np.array([field.sum(), field.size])).tolist()
-    return float(total / size)
 
 
 @kernel(reorder=True)

@@ -70,14 +70,7 @@ def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
 
 
 class Transforms:
-    """Forward and backward plans for one shape, and the aligned arrays that they accept.
-
-    Planning measures (FFTW_MEASURE), which at 2^14 points runs 1.6 times faster than the estimate, for at
-    most `time_limit` seconds. Two measured plans may round differently; plans made from the same wisdom do
-    not. A run that has to reproduce the bits of another one takes its `wisdom`; wisdom that does not fit this
-    FFTW is ignored. Transforms of `fftw.WORTH_THREADS` points or more use the threads, of which OpenMP starts
-    no more than OMP_NUM_THREADS allowed when the process began.
-    """
+    """Forward and backward plans for one shape, and the aligned arrays that they accept."""
 
     ranks: Ranks = ALONE
 
@@ -89,6 +82,11 @@ class Transforms:
         threads: int = 1,
         single: bool = False,
     ) -> None:
+        # Planning measures (FFTW_MEASURE), which at 2^14 points runs 1.6 times faster than the estimate, for
+        # at most `time_limit` seconds. Two measured plans may round differently; plans made from the same
+        # wisdom do not. A run that has to reproduce the bits of another one takes its `wisdom`; wisdom that
+        # does not fit this FFTW is ignored. Transforms of `fftw.WORTH_THREADS` points or more use the
+        # threads, of which OpenMP starts no more than OMP_NUM_THREADS allowed when the process began.
         self.shape, self.threads, self.single = shape, threads, single
         self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)
         self._wisdom, self._time_limit = wisdom, time_limit
@@ -107,10 +105,8 @@ class Transforms:
         return self.of_shape(tuple(points // divisor for points in self.shape))
 
     def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
-        """Transforms of another shape or precision, from the same wisdom; what it lacks is measured or not.
-
-        A run repeats its bits only if its wisdom has all plans that are measured (`wisdom.planned`).
-        """
+        """Transforms of another shape or precision, from the same wisdom; the rest is measured or not."""
+        # A run repeats its bits only if its wisdom has all plans that are measured (`wisdom.planned`).
         return Transforms(shape, self._wisdom, self._time_limit if measured else 0.0, self.threads, single)
 
     @property
@@ -168,10 +164,8 @@ class Transforms:
         self._fftw.execute_dft_c2r(self._pair.backward, spectrum.ctypes.data, field.ctypes.data)
 
     def truncated(self, spectrum: npt.NDArray[Any], coarser: Transforms) -> npt.NDArray[Any]:
-        """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum.
-
-        It is complex of a field, or real of an even function of the wavevector.
-        """
+        """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""
+        # It is complex of a field, or real of an even function of the wavevector.
         return truncated(spectrum, self.shape, coarser.shape)
 
 

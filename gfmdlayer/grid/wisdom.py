@@ -22,12 +22,10 @@ _MAY_DIFFER = "results may differ from those of other runs in their last bits"
 
 
 def planned(shape: tuple[int, ...], folder: Path, threads: int = 1, results: Path | None = None) -> str:
-    """Wisdom for the transforms of a grid, its windows and coarser grids, from a folder or measured.
-
-    The wisdom of `results` comes first. Of several runs that measure at the same time, all use the wisdom of
-    the first one that is done. A warning says where kept wisdom cannot be used, which is replaced, or where
-    none can be kept.
-    """
+    """Wisdom for the transforms of a grid, its windows and coarser grids, from a folder or measured."""
+    # The wisdom of `results` comes first. Of several runs that measure at the same time, all use the wisdom
+    # of the first one that is done. A warning says where kept wisdom cannot be used, which is replaced, or
+    # where none can be kept.
     with_threads = f"-{threads}threads" if threads > 1 else ""
     made_by = f"fftw-{VERSION}-{get_host_cpu_name()}"
     others = "parts" if len(shape) == 1 else "coarser"

@@ -7,13 +7,23 @@ with an error above the tolerance is rejected and repeated with a shorter step.
 Steps land on the breakpoints of the programme, on the snapshots and on the output times. The displacement
 before a breakpoint does not predict the displacement after it: there the steps start short, and grow fast.
 
-Under an interface that attracts, an instability may fall into a step. Two errors follow. The history takes
-the surface as moving evenly over the step, which is an error proportional to the step. And the jump is placed
-at the end of the step, while the drive has gone on by c (`instabilities.Change`, relative): this misplaces
-the response, and the energy that is lost, by at most c times the jump of the response. A step over an
-instability is accepted if both errors are within the tolerance. Else it is repeated by halves towards the
-jump, down to the length at which the errors, which are proportional to it, will be within the tolerance.
-Behind the jump the steps start as after a breakpoint.
+Under an interface that attracts, the surface may jump into contact or out of it while the punch hardly
+moves. The solver finds the energy of a jump (`Solution.released_energy`). Separation may also be fast without
+a jump: a gap g changes over one step by a large part of the range of the interface, or of itself where it is
+wider,
+
+    separation = max |change of g| / max(range, g)        over the points
+
+A fast separation takes several steps. Over a jump, the drive has gone on by
+
+    drive = (change of depth, load or strength of the interface) / (range, largest load, largest strength)
+
+Two errors follow. The history takes the surface as moving evenly over the step, which is an error
+proportional to the step. And the jump is placed at the end of the step: this misplaces the response, and the
+energy that is lost, by at most the drive times the jump of the response. A step over an instability is
+accepted if both errors are within the tolerance. Else it is repeated by halves towards the jump, down to the
+length at which the errors, which are proportional to it, will be within the tolerance. Behind the jump the
+steps start as after a breakpoint.
 """
 
 from __future__ import annotations
@@ -23,10 +33,15 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
-from gfmdlayer.arrays import ComplexArray
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import ErrorControl
-from gfmdlayer.history.instabilities import Change
-from gfmdlayer.history.time_points import SAME_TIME, Course, Instant, fingerprint
+from gfmdlayer.history.time_points import SAME_TIME, Course, FixedSteps, Instant, fingerprint
+from gfmdlayer.interface.law import Interaction
+from gfmdlayer.kernels import LANES, kernel
 from gfmdlayer.resumable import State
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
@@ -42,6 +57,72 @@ _FROM_REST = 30.0  # first step without contact, in units of tolerance times the
 # rates from relaxed to glassy), and the largest at any tolerance.
 _SEPARATION, _WIDEST_SEPARATION = 0.3, 0.5
 _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shortest relaxation times
+
+
+@dataclass(frozen=True)
+class Change:
+    """Change over a step under an interface that attracts; the ratios stand above."""
+
+    jumps: bool  # whether an instability released energy
+    separation: float
+    drive: float
+
+
+class Changes:
+    """Compares each step with the last accepted one, if the interface attracts at any time."""
+
+    def __init__(self, interface: Interaction, sums: Sums) -> None:
+        self._interface, self._sums = interface, sums
+        self._gap: FloatArray | None = None
+        self._drive = 0.0, 0.0  # prescribed depth or load, and strength of the interface
+        self._largest = 0.0, 0.0
+
+    def over(
+        self, prescribed: float, problem: Problem, solution: Solution, *, lost: bool = False
+    ) -> Change | None:
+        """Return the change since the last accepted step; None under a hard wall, and at the first step."""
+        # `prescribed` is the depth or load at the end of the step; `lost` says whether the punch is pulled
+        # off.
+        if self._gap is None:
+            return None
+        drive, reach = (prescribed, problem.interface.strength), self._interface.range
+        load, strength = (max(most, abs(now)) for most, now in zip(self._largest, drive, strict=True))
+        scale = reach if problem.mean_pressure is None else load, strength
+        parts = zip(drive, self._drive, scale, strict=True)
+        moved = max(abs(now - before) / most if most else 0.0 for now, before, most in parts)
+        separation = self._sums.maximum(_separation(self._gap, solution.gap, reach))
+        return Change(lost or solution.released_energy > 0, separation, moved)
+
+    def remember(self, prescribed: float, problem: Problem, solution: Solution) -> None:
+        """Remember an accepted step, see `over`."""
+        if self._interface.attracts:
+            now, (load, strength) = problem.interface.strength, self._largest
+            self._drive, self._gap = (prescribed, now), solution.gap
+            self._largest = max(load, abs(prescribed)), max(strength, now)
+
+    def state(self) -> State:
+        """Return the last accepted step."""
+        return {} if self._gap is None else {"gap": self._gap, "drive": self._drive, "largest": self._largest}
+
+    def restore(self, state: State) -> None:
+        """Continue after that step."""
+        if "gap" in state:
+            self._gap = state["gap"]
+            (*drive,), (*largest,) = state["drive"].tolist(), state["largest"].tolist()
+            self._drive, self._largest = (drive[0], drive[1]), (largest[0], largest[1])
+
+
+@kernel(reorder=True)
+def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
+    """Largest change of a gap, over the larger of the reach and the lesser of the gaps before and after."""
+    most = np.zeros(LANES)
+    for first in range(0, before.size, LANES):
+        old, new = before[first : first + LANES], after[first : first + LANES]
+        for i in range(old.size):
+            change, gap = abs(new[i] - old[i]), min(old[i], new[i])
+            change /= gap if gap > reach else reach
+            most[i] = change if change > most[i] else most[i]
+    return most.max()  # type: ignore[no-any-return]
 
 
 @dataclass
@@ -66,12 +147,7 @@ class _Position:
 
 
 class AdaptiveSteps:
-    """Steps chosen during the run: `accepts` judges each before the next is yielded.
-
-    They land on the `stops`, from the start to the end. `slowdown` is the factor by which relaxation times
-    are longer at the start than `control.shortest_time`. `least` has the smallest scales of response and
-    depth; the scale of the depth is the range of an interface that attracts, and zero for a hard wall.
-    """
+    """Steps chosen during the run: `accepts` judges each before the next is yielded."""
 
     def __init__(
         self,
@@ -80,6 +156,10 @@ class AdaptiveSteps:
         slowdown: float = 1.0,
         least: tuple[float, float] = (0.0, 0.0),
     ) -> None:
+        # They land on the `stops`, from the start to the end. `slowdown` is the factor by which relaxation
+        # times are longer at the start than `control.shortest_time`. `least` has the smallest scales of
+        # response and depth; the scale of the depth is the range of an interface that attracts, and zero for
+        # a hard wall.
         self._control, self._stops, self._slowdown = control, stops, slowdown
         self._tolerance = tolerance = control.tolerance
         self._attracted = least[1] > 0
@@ -113,7 +193,9 @@ class AdaptiveSteps:
     def accepts(
         self, spectrum: ComplexArray, response: float, depth: float, change: Change | None = None
     ) -> bool:
-        """Accept the last step if its error is within the tolerance, and set the next one; see `Steps`."""
+        """Accept the last step if its error is within the tolerance, and set the next one."""
+        # The response is the mean pressure at a prescribed depth, the depth under a prescribed load; `change`
+        # is given where the interface attracts.
         now = self._position
         response_scale, depth_scale = max(now.largest_response, abs(response)), max(now.largest_depth, depth)
         if self._given.step == 0:
@@ -214,3 +296,6 @@ class AdaptiveSteps:
 
 def _ratio(value: float, scale: float) -> float:
     return value / scale if scale > 0 else 0.0
+
+
+Steps = FixedSteps | AdaptiveSteps

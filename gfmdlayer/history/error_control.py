@@ -38,14 +38,15 @@ surface times delta f, relative to the largest tangential force so far.
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.sums import Sums
+from gfmdlayer.history.modes import Modes
+from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import Resumable, State
+from gfmdlayer.resumable import State
 
 # Part of the change over a step that may be curvature, where no earlier displacement is known:
 # measured, it is 0.1 where contact begins and less elsewhere.
@@ -59,70 +60,17 @@ _TINY = 1e-300  # in place of a division by zero
 _SMALLEST_FORCE = 1e-4
 
 
-class Integrator(Resumable, Protocol):
-    """Integrates the history of a body: -kappa u + b is the stress at the end of a step; see `modes`."""
-
-    u: ComplexArray  # (nq,), transform of the displacement after the last step
-    step: float  # length of the step of the last `terms`, in reduced time
-    stiffness: FloatArray  # (nq,), kappa of the last `terms`
-    stored: float  # elastic energy per area after the last step
-    dissipated: float  # heat per area since the start
-    spectrum_error: float  # bound on the relative error of K(q, s)
-    shortest_time: float  # shortest relevant relaxation time; infinite for an elastic body
-
-    @property
-    def loss_stiffness(self) -> FloatArray | None:
-        """Imaginary part of the stiffness of the last `terms`; None for a punch at rest."""
-        ...
-
-    @property
-    def slope(self) -> ComplexArray | None:
-        """Factors i q of the slope along the motion of the punch, shape (nq,); None for a punch at rest."""
-        ...
-
-    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b at the end of a step of this length."""
-        ...
-
-    def force(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return -sigma at the end of the step of the last `terms`, for the transform of a displacement."""
-        ...
-
-    def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b of the last `terms` with the curvature c of `ErrorControl`, linear in u."""
-        ...
-
-    def parts(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return the displacements at the end of the step whose histories are separate: u, or one a body."""
-        ...
-
-    @property
-    def past(self) -> ComplexArray:
-        """The same displacements after the last step."""
-        ...
-
-    def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
-        """Return the part of -sigma at the end of the step that is due to dt^2 u''/2 of the `parts`."""
-        ...
-
-    def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:
-        """Return the part of -sigma that `force` leaves out, for this displacement and dt^2 u''/2."""
-        ...
-
-    def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
-        """Advance the history over the step of the last `terms`; without a curvature u is linear."""
-        ...
+# The history of one body or two: -kappa u + b is the stress at the end of a step.
+Integrator = Modes | SideBySide
 
 
 class ErrorControl:
-    """Controls the error of an integrator with the exponential scheme and steps that vary in length.
-
-    The tolerance is the largest error of the mean pressure relative to its largest value so far (of the
-    depth, in load control), and of the displacement relative to the largest depth so far. `curved`: the
-    stress of a step includes the curvature, see above.
-    """
+    """Controls the error of an integrator with the exponential scheme and steps that vary in length."""
 
     def __init__(self, integrator: Integrator, sums: Sums, tolerance: float, *, curved: bool = False) -> None:
+        # The tolerance is the largest error of the mean pressure relative to its largest value so far (of the
+        # depth, in load control), and of the displacement relative to the largest depth so far. `curved`: the
+        # stress of a step includes the curvature, see above.
         self._integrator, self._sums, self._curved = integrator, sums, curved
         self.tolerance = tolerance
         self._contact_motion: ComplexArray | None = None  # change of u over the last step of a moving punch
@@ -164,14 +112,15 @@ class ErrorControl:
     def error(
         self, spectrum: ComplexArray, *, moving: bool, deep: bool, attracted: bool = False
     ) -> tuple[float, float]:
-        """Estimate the error of the step of the last `terms`, which ends with this transform of u.
-
-        `moving`: the punch moves over the step; `deep`: its depth is comparable to the largest so far.
-        Returns the relative error of the mean pressure (at given load, of the depth; of the stress, where the
-        interface attracts) or of the tangential force; and the root mean square error of the displacement.
-        """
-        integrator, error = self._integrator, self._truncation_error(spectrum)
-        force = integrator.force(spectrum)
+        """Estimate the error of the step of the last `terms`, which ends with this transform of u."""
+        # `moving`: the punch moves over the step; `deep`: its depth is comparable to the largest so far.
+        # Returns the relative error of the mean pressure (at given load, of the depth; of the stress, where
+        # the interface attracts) or of the tangential force; and the root mean square error of the
+        # displacement.
+        integrator, curvature = self._integrator, self._curvature(spectrum)
+        if curvature is None:
+            curvature = _UNKNOWN_CURVATURE * (integrator.parts(spectrum) - integrator.past)
+        force, error = integrator.force(spectrum), integrator.missing_stress(spectrum, curvature)
         if moving:  # the change over a step that is then rejected serves as well
             self._contact_motion = spectrum - integrator.u
         weights, kappa = self._sums.weights, integrator.stiffness
@@ -191,14 +140,6 @@ class ErrorControl:
         if integrator.slope is not None:
             relative = max(relative, self._tangential_error(integrator.slope * spectrum, force, error))
         return relative, math.sqrt(self._sums.total(square))
-
-    def _truncation_error(self, spectrum: ComplexArray) -> ComplexArray:
-        """Stress delta f by which the force is too small, because u is not linear over the step."""
-        curvature = self._curvature(spectrum)
-        if curvature is None:
-            integrator = self._integrator
-            curvature = _UNKNOWN_CURVATURE * (integrator.parts(spectrum) - integrator.past)
-        return self._integrator.missing_stress(spectrum, curvature)
 
     def _tangential_error(self, slope: ComplexArray, force: ComplexArray, error: ComplexArray) -> float:
         """Error of the tangential force, relative to the largest so far."""

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.body.depths import Place
-from gfmdlayer.body.inside import Inside, Readout, alike
-from gfmdlayer.body.relaxation import Spectrum
+from gfmdlayer.body.inside import Inside, alike
+from gfmdlayer.body.relaxation import Spectrum, distinct_branches
+from gfmdlayer.body.solid import Place
 from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.error_control import Integrator
@@ -49,10 +49,7 @@ class Springs(NamedTuple):
 
 
 class Interior:
-    """The fields below the surface of a stack, on a grid.
-
-    `modes` is the function `spectrum` of the body whose modes an integrator has; none of them is merged.
-    """
+    """The fields below the surface of a stack; `modes` is the `spectrum` of the integrator's body."""
 
     def __init__(
         self,
@@ -98,7 +95,7 @@ class Interior:
         found = Springs(*(each[:, self._where] * -u for each in inside.relaxed))
         scale, every = (inside.q * inside.stiffness[0])[self._where], np.arange(u.size)
         network = isinstance(integrator, StackModes)
-        moduli, taus = inside.of_uppermost
+        moduli, taus = distinct_branches(inside.stack.present[0].material)
         for k, (G, tau) in enumerate(zip(moduli, taus, strict=True)):
             each = np.full((inside.q.size, 1), tau)
             rows = np.full(each.shape, k) if network else self._nearest.rows(np.arange(len(each)), each)
@@ -108,7 +105,7 @@ class Interior:
             springs = inside.of_internal(self._where[at], -u[at], -xi)
             found.strains[1:, at], found.forces[1:, at] = springs
         else:
-            self._add(found, inside.memory, self._rows, y)
+            self._add_memory(found, y)
         return self._with_mean(found, p)
 
     @cached_property
@@ -118,16 +115,17 @@ class Interior:
 
     @cached_property
     def _rows(self) -> IntArray:
-        memory = self.inside.memory
-        return self._nearest.rows(memory.waves, memory.times)
+        """Numbers of the modes of the memory."""
+        return self._nearest.rows(self.inside.memory.waves, self.inside.memory.times)
 
     def _with_mean(self, springs: Springs, p: ComplexArray) -> Springs:
         """Keep the mean pressure as the force of the first spring, which has none of its own."""
         springs.forces[0, self._at_mean] = p[self._at_mean]
         return springs
 
-    def _add(self, springs: Springs, memory: Readout, rows: IntArray, y: ComplexArray) -> None:
-        """Add the parts of the stretches y, (modes, nq), where they count; `rows` are those of the memory."""
+    def _add_memory(self, springs: Springs, y: ComplexArray) -> None:
+        """Add the parts of the stretches y, (modes, nq), where they count."""
+        memory, rows = self.inside.memory, self._rows
         number = np.full(self.inside.q.size, -1)
         number[memory.waves] = np.arange(memory.waves.size)
         felt = number[self._where]
@@ -225,11 +223,9 @@ def superpose(
     odd: FloatArray,
     spectra: ComplexArray,
 ) -> None:
-    """Set the transforms of the fields, in the order of `LINE` or `SURFACE`.
-
-    `transfer` has the shape (waves, 6, springs), `column` the numbers of the waves, (nq,); `n` and `odd` are
-    the directions of the waves, (axes, nq), the latter zero at the largest wavenumber of the axis.
-    """
+    """Set the transforms of the fields, in the order of `LINE` or `SURFACE`."""
+    # `transfer` has the shape (waves, 6, springs), `column` the numbers of the waves, (nq,); `n` and `odd`
+    # are the directions of the waves, (axes, nq), the latter zero at the largest wavenumber of the axis.
     for i in range(column.size):
         T = transfer[column[i]]
         W = U = szz = S = snn = stt = 0j
@@ -262,8 +258,14 @@ INVARIANTS = {
 
 
 def von_mises(stress: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the von Mises stress, of stresses by the names of their components."""
-    return np.asarray(np.sqrt(3 * _second(stress)))
+    """Return the von Mises stress (3 J2)^(1/2), of stresses by the names of their components."""
+    xx, yy, zz = (stress[name] for name in ("xx", "yy", "zz"))
+    a, b, c = xx - yy, yy - zz, zz - xx
+    total = (a * a + b * b + c * c) / 6
+    for name in ("xy", "xz", "yz"):
+        if name in stress:
+            total += stress[name] * stress[name]
+    return np.asarray(np.sqrt(3 * total))
 
 
 def largest_shear(stress: Mapping[str, FloatArray], equivalent: FloatArray) -> FloatArray:
@@ -307,14 +309,3 @@ def invariants(stress: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     equivalent = von_mises(stress)
     every = equivalent, largest_shear(stress, equivalent), shear_on_plane(stress)
     return dict(zip(INVARIANTS, every, strict=True))
-
-
-def _second(stress: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the second invariant J2 of the deviator."""
-    xx, yy, zz = (stress[name] for name in ("xx", "yy", "zz"))
-    a, b, c = xx - yy, yy - zz, zz - xx
-    total = (a * a + b * b + c * c) / 6
-    for name in ("xy", "xz", "yz"):
-        if name in stress:
-            total += stress[name] * stress[name]
-    return np.asarray(total)

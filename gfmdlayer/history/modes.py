@@ -162,10 +162,8 @@ def advance(
     new_u: FloatArray,
     curvature: FloatArray,
 ) -> tuple[float, float]:
-    """Advance stretches and displacement by a step; return twice the stored energy, and the heat of the step.
-
-    `springs` is K_0 times Parseval's weights; the array `curvature` is empty where u is linear.
-    """
+    """Advance stretches and displacement by a step; return twice the stored energy, and the heat."""
+    # `springs` is K_0 times Parseval's weights; the array `curvature` is empty where u is linear.
     index, stretch, f, weights = local.position, local.stretch, local_factors, local.energy_weights
     moduli, factors = branches.moduli, branch_factors
     twice, heat, remainder, curvature_loss = 0.0, 0.0, 0.0, 0.0
@@ -270,16 +268,14 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """The relaxing modes of a surface: their history, stiffness and energy; see `error_control.Integrator`.
+    """The relaxing modes of a surface: their history, stiffness and energy; an `error_control.Integrator`."""
 
-    Energies are means over the surface of the grid. Without `sums` every wave has weight one.
-    """
-
-    stiffness: FloatArray
-    loss_stiffness: FloatArray | None = None
-    slope: ComplexArray | None = None
+    stiffness: FloatArray  # kappa of the last `terms`, (nq,)
+    loss_stiffness: FloatArray | None = None  # its imaginary part under a moving punch
+    slope: ComplexArray | None = None  # factors i q of the slope along the motion of the punch, (nq,)
 
     def __init__(self, spectrum: Spectrum, scheme: Scheme, sums: Sums | None = None) -> None:
+        # Energies are means over the surface of the grid. Without `sums` every wave has weight one.
         self.relaxed = np.ravel(spectrum.relaxed)
         size = self.relaxed.size
         self._sums = Sums(np.ones(size)) if sums is None else sums
@@ -345,10 +341,8 @@ class Modes:
         return found
 
     def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b of the last `terms` with the curvature, which is linear in u.
-
-        `ratio` is the step over the last two; `velocity` belongs to the last step.
-        """
+        """Return kappa and b of the last `terms` with the curvature, which is linear in u."""
+        # `ratio` is the step over the last two; `velocity` belongs to the last step.
         gain = self.curvature_stress(np.full(self.u.shape, ratio, dtype=np.complex128)).real
         return self.stiffness + gain, self._b + gain * (self.u + self.step * velocity)
 
@@ -362,19 +356,16 @@ class Modes:
         return self.u
 
     def slowest(self, tolerance: float) -> float:
-        """Return a bound on the time in which a body that rests in the frame of the contact creeps.
-
-        It is the longest relaxation time with more than the part `tolerance` of the stiffness, times the
-        largest ratio of glassy and relaxed stiffness.
-        """
+        """Return a bound on the time in which a body that rests in the frame of the contact creeps."""
+        # It is the longest relaxation time with more than the part `tolerance` of the stiffness, times the
+        # largest ratio of glassy and relaxed stiffness.
         branches, local = self._branches, self._local
         glassy = self.relaxed + branches.shape[::2] * float(branches.moduli.sum())
         np.add.at(glassy, local.position, local.weights)
         some = self.relaxed > 0
         contrast = (glassy[some] / self.relaxed[some]).max(initial=1.0)
-        heaviest = np.outer(branches.moduli, branches.shape[::2][some] / glassy[some]).max(
-            axis=1, initial=0.0
-        )
+        shares = np.outer(branches.moduli, branches.shape[::2][some] / glassy[some])
+        heaviest = shares.max(axis=1, initial=0.0)
         parts = np.concatenate((heaviest, local.weights / glassy[local.position]))
         longest = self._times[parts > tolerance].max(initial=0.0)
         return self._sums.maximum(float(contrast)) * self._sums.maximum(float(longest))

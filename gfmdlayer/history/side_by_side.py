@@ -89,12 +89,10 @@ def _halves(both: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
 
 
 class SideBySide:
-    """The histories of a body and its counterbody as one integrator; see `error_control.Integrator`.
-
-    `ratio` is the velocity of the contact along the counterbody over the one along the body.
-    """
+    """The histories of a body and its counterbody as one integrator; see `error_control.Integrator`."""
 
     def __init__(self, bodies: tuple[Modes, Modes], sums: Sums, ratio: float = 0.0) -> None:
+        # `ratio` is the velocity of the contact along the counterbody over the one along the body.
         self.bodies, self._sums, self._ratio = bodies, sums, ratio
         self.spectrum_error = max(each.spectrum_error for each in bodies)
         self.shortest_time = min(each.shortest_time for each in bodies)

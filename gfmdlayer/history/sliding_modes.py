@@ -61,11 +61,7 @@ class Waves(NamedTuple):
 
 
 class SlidingModes(Modes):
-    """The relaxing modes of a surface in the frame of a punch that moves along it, by the exponential scheme.
-
-    `wavenumbers_x`, shape (2, *q.shape): wavenumbers along x of the two waves whose mean is the mode; mostly
-    they are the same. `velocity`: v at a time, linear in time over each step.
-    """
+    """The relaxing modes of a surface in the frame of a moving punch, by the exponential scheme."""
 
     loss_stiffness: FloatArray  # (nq,), imaginary part of the stiffness at the end of the step
     slope: ComplexArray  # (nq,), i q, with the mean q of the two waves of a mode
@@ -73,6 +69,8 @@ class SlidingModes(Modes):
     def __init__(
         self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, velocity: Trajectory
     ) -> None:
+        # `wavenumbers_x`, shape (2, *q.shape): wavenumbers along x of the two waves whose mean is the mode;
+        # mostly they are the same. `velocity`: v at a time, linear in time over each step.
         # The base class has the springs K_0 but no dashpots.
         springs = Spectrum(spectrum.relaxed, spectrum.weights[:0], spectrum.times[:0], spectrum.error)
         super().__init__(springs, exponential, sums)
@@ -170,13 +168,12 @@ class SlidingModes(Modes):
         return np.asarray(super().missing_stress(spectrum, curvature) + change)
 
     def slowest(self, tolerance: float) -> float:
-        """Return the longest time on the way to the steady state, at the last velocity.
-
-        It is the time of one passage over the period, after which the punch meets its own track, or the
-        longest relevant relaxation time. A branch that is much slower than the passage does not relax under
-        the punch: its part in the loss is small, and so is its memory of the start of the contact.
-        Relaxation times with at most the part `tolerance` of the loss of the longest waves are not relevant.
-        """
+        """Return the longest time on the way to the steady state, at the last velocity."""
+        # It is the time of one passage over the period, after which the punch meets its own track, or the
+        # longest relevant relaxation time. A branch that is much slower than the passage does not relax under
+        # the punch: its part in the loss is small, and so is its memory of the start of the contact.
+        # Relaxation times with at most the part `tolerance` of the loss of the longest waves are not
+        # relevant.
         velocity = abs(self._velocity_at(math.inf))
         longest = np.abs(self._q) < 1.5 * self._longest_wave
         cycles = (np.abs(self._q) * velocity * self._theta)[longest]
@@ -197,10 +194,8 @@ class SlidingModes(Modes):
 
 
 def phi_functions(z: ComplexArray) -> ComplexArray:
-    """phi_n(z) = sum_k (-z)^k/(k + n)! for n = 0 ... 5 along the first axis; Re z >= 0.
-
-    phi_0 is exp(-z), and phi_n = 1/n! - z phi_(n+1): upwards where |z| >= 1, else downwards from a series.
-    """
+    """phi_n(z) = sum_k (-z)^k/(k + n)! for n = 0 ... 5 along the first axis; Re z >= 0."""
+    # phi_0 is exp(-z), and phi_n = 1/n! - z phi_(n+1): upwards where |z| >= 1, else downwards from a series.
     small, large = np.abs(z) < 1, np.where(np.abs(z) < 1, 1.0, z)
     near = np.where(small, z, 0.0)
     up, down = [np.exp(-large)], [np.polynomial.polynomial.polyval(near, _SERIES)]

@@ -218,10 +218,8 @@ def advance_step(
     xi: FloatArray,
     work: FloatArray,
 ) -> None:
-    """Advance xi by a step in which u moves by `moved`; set the work on the network, (positions,).
-
-    `curvature` is dt^2 u''/2, (positions, 2), or empty where u is linear.
-    """
+    """Advance xi by a step in which u moves by `moved`; set the work on the network, (positions,)."""
+    # `curvature` is dt^2 u''/2, (positions, 2), or empty where u is linear.
     waves, redundant, springs = elements.projection.shape
     poles = rule.poles.size
     drive = np.empty((springs, 2 * poles))
@@ -267,11 +265,7 @@ def network_energy(elements: Elements, xi: FloatArray, u: FloatArray, energy: Fl
 
 
 class StackModes(Modes):
-    """A stack whose layers have reduced times of their own: modes of the uppermost layer, and a network.
-
-    `reduced_times` has one for each law of the body, None where the times do not change; elastic layers below
-    need none. `halved`: each step is corrected for ratios that change within it, for steps of varying length.
-    """
+    """A stack whose layers have reduced times of their own: modes of the uppermost layer, and a network."""
 
     def __init__(
         self,
@@ -282,6 +276,9 @@ class StackModes(Modes):
         reduced_times: Sequence[ReducedTime | None],
         halved: bool = False,
     ) -> None:
+        # `reduced_times` has one for each law of the body, None where the times do not change; elastic layers
+        # below need none. `halved`: each step is corrected for ratios that change within it, for steps of
+        # varying length.
         super().__init__(internal.uppermost, scheme, sums)
         network, at, self._halved = internal.network, internal.number, halved
         self._rule = EXPONENTIAL if scheme is exponential else _BACKWARD_EULER
@@ -309,10 +306,8 @@ class StackModes(Modes):
         self.shortest_time = min(own, sums.minimum(self._shortest_time(glassy, rates)))
 
     def _shortest_time(self, glassy: FloatArray, rates: FloatArray) -> float:
-        """Shortest relevant relaxation time of the elements; `glassy` is the stiffness without the network.
-
-        Each element relaxes with the others at rest, which is exact for the fastest one.
-        """
+        """Shortest relevant time of the elements; `glassy` is the stiffness without the network."""
+        # Each element relaxes with the others at rest, which is exact for the fastest one.
         of, roots = self._elements, self._elements.roots
         lengths, loads = (of.projection**2).sum(axis=1), np.einsum("kr,kra->ka", of.force, of.projection)
         spring = np.repeat(np.arange(of.first.size - 1), np.diff(of.first))
@@ -384,11 +379,11 @@ class StackModes(Modes):
 
     def _rates(self, begin: float, length: float) -> FloatArray:
         """Mean rate at which the reduced time of each layer elapses in a step; at its begin for length 0."""
-        if length == 0:
-            return np.array([1.0 if each is None else 1 / each.factor(begin) for each in self._reduced_times])
-        return np.array(
-            [1.0 if each is None else each.step(begin, length) / length for each in self._reduced_times]
-        )
+
+        def rate(of: ReducedTime) -> float:
+            return of.step(begin, length) / length if length else 1 / of.factor(begin)
+
+        return np.array([1.0 if each is None else rate(each) for each in self._reduced_times])
 
     def _factors_for(self, length: float, rates: FloatArray) -> Factors:
         """Return the factors of a step in which the reduced times elapse at these mean rates."""

@@ -7,13 +7,9 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import Any
 
-from gfmdlayer.resumable import Resumable, State
-
-if TYPE_CHECKING:
-    from gfmdlayer.arrays import ComplexArray
-    from gfmdlayer.history.instabilities import Change
+from gfmdlayer.resumable import State
 
 # Times closer than this part of the run are the same: output times are rounded decimals and sums.
 SAME_TIME = 1e-10
@@ -54,35 +50,11 @@ def fingerprint(stops: Iterable[Instant]) -> str:
     return hashlib.sha256(repr([astuple(stop) for stop in stops]).encode()).hexdigest()
 
 
-class Steps(Resumable, Protocol):
-    """The time points of a run."""
-
-    def __iter__(self) -> Iterator[Instant]:
-        """Yield the time points in order; an earlier one follows a rejected one."""
-        ...
-
-    def accepts(
-        self, spectrum: ComplexArray, response: float, depth: float, change: Change | None = None
-    ) -> bool:
-        """Return whether the last step is accurate enough, by the transform of the displacement at its end.
-
-        The response is the mean pressure at a prescribed depth, the depth under a prescribed load. `change`
-        is given where the interface attracts.
-        """
-        ...
-
-    def course(self) -> Course | None:
-        """Return the course so far if the next step is the first that may depend on the end of the run."""
-        ...
-
-
 class FixedSteps:
-    """Steps that are known before the run; each is accepted.
-
-    Between two of the `stops` all steps have the length of the later one, at most `step`.
-    """
+    """Steps that are known before the run; each is accepted."""
 
     def __init__(self, instants: Iterable[Instant], stops: Sequence[Instant], step: float) -> None:
+        # Between two of the `stops` all steps have the length of the later one, at most `step`.
         self._instants, self._stops = instants, stops
         self._count = 0
         # Steps of the largest length suit a later end too; others were fitted to this end.
@@ -95,15 +67,13 @@ class FixedSteps:
             self._time = instant.time
             yield instant
 
-    def accepts(
-        self, _spectrum: ComplexArray, _response: float, _depth: float, _change: Change | None = None
-    ) -> bool:
+    def accepts(self, *_: Any) -> bool:
         """Accept every step."""
         self._count += 1
         return True
 
     def course(self) -> Course | None:
-        """Return the course, see `Steps`, before the last step at the latest."""
+        """Return the course, see `AdaptiveSteps.course`, before the last step at the latest."""
         time = self._time
         if self._count != self._parting or time == 0:
             return None
@@ -124,11 +94,9 @@ class FixedSteps:
 def equal_steps(
     end: float, step: float, snapshots: Iterable[float], breakpoints: Iterable[float]
 ) -> Iterator[Instant]:
-    """Yield every whole number of steps from 0 to the end, as in the paper; the first is a step from rest.
-
-    Snapshots are whole numbers of steps, to a millionth of one, as the configuration makes sure. The last
-    time point at or before each breakpoint is marked.
-    """
+    """Yield every whole number of steps from 0 to the end, as in the paper; the first is a step from rest."""
+    # Snapshots are whole numbers of steps, to a millionth of one, as the configuration makes sure. The last
+    # time point at or before each breakpoint is marked.
     marked = {round(stop.time / step): stop for stop in equal_stops(end, step, snapshots, breakpoints)}
     for i in range(round(end / step) + 1):
         yield marked.get(i) or Instant(i * step, step)
@@ -180,10 +148,8 @@ def number_of_steps(stops: Sequence[Instant]) -> int:
 def stops(
     end: float, snapshots: Iterable[float], breakpoints: Iterable[float], times: Iterable[float] = ()
 ) -> list[Instant]:
-    """Return start, end and all times to land on between them, in order, without the lengths of the steps.
-
-    Times that differ by rounding are one. Start and end are no breakpoints.
-    """
+    """Return start, end and all times to land on between them, in order, without the lengths of the steps."""
+    # Times that differ by rounding are one. Start and end are no breakpoints.
     same = SAME_TIME * end
     found = [0.0]
     at_snapshot, at_breakpoint = [False], [False]

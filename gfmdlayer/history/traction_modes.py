@@ -17,11 +17,28 @@ Per wavevector of unit vector n the surface moves by W into the body, by i U n a
 At the largest wavenumber of an even axis +q and -q share a mode of the grid. Each has its own history, and
 half of the traction; the sum of both displacements is seen. So what is odd along the axis vanishes at the
 points, as in `friction.response`, and yet relaxes.
+
+The history takes the displacements x = (W, u) as linear over a step. The curvature c = dt^2 x''/2 follows
+from the last three accepted displacements, which are carried with the material. The history advances with it,
+and the traction at the end of the step is too small by delta f = sum_j v_j curvature_gain_j v_j^H c.
+
+Where the punch moves by the depth d and the path D, the change v of x over the step does the work
+
+    <v, f> = p d + t.D        (means over the surface; and the heat of slip)
+
+on the tractions f = (p, t), so that <v, delta f> over |d| p + |D| |t|, with the largest means so far, is the
+relative error of pressure or tangential force. While the punch rests, v is the displacement itself, or the
+last change in which the punch moved. The rest of delta f moves the free surface. Under an interface that
+attracts, where the mean pressure goes through zero, <v, delta f>/|v| counts relative to the largest stress.
+
+Slip makes the tractions depend on the path too. That error has nothing to do with relaxation, and is not
+estimated: the programme bounds the steps where surfaces slip.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -35,26 +52,18 @@ from gfmdlayer.history.modes import RELEVANT, Factors, Scheme, exponential
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import CompositeState, State
 
+_UNKNOWN_CURVATURE = 0.25  # part of a change that may be curvature, where no earlier displacement is known
+_NO_CONTACT = 1e-10  # part of the product of norms below which a work is rounding
 _NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
 
 
 class VectorModes:
-    """Relaxing modes of n components at waves: their history, stiffness and energy.
-
-    Parameters
-    ----------
-    spectrum : VectorSpectrum
-        Modes at waves of shape (nq,).
-    scheme : Scheme
-        `exponential` or `backward_euler` of `modes`.
-    weights : ndarray, shape (nq,), optional
-        Of the waves in a mean over the surface; by default one.
-    """
+    """Relaxing modes of n components at waves; `weights` of these in a mean over the surface."""
 
     def __init__(
         self, spectrum: VectorSpectrum, scheme: Scheme = exponential, weights: FloatArray | None = None
     ) -> None:
-        self._spectrum, self._scheme = spectrum, scheme
+        self.spectrum, self._scheme = spectrum, scheme
         count, components = spectrum.relaxed.shape[:2]
         self._weights = np.ones(count) if weights is None else weights
         self.step = math.nan
@@ -66,14 +75,9 @@ class VectorModes:
     @property
     def shortest_time(self) -> float:
         """Shortest relevant relaxation time; infinite for an elastic body."""
-        glassy = np.trace(self._spectrum.glassy, axis1=-2, axis2=-1).real
-        relevant = (np.abs(self._spectrum.vectors) ** 2).sum(axis=-1) > RELEVANT * glassy
-        return float(self._spectrum.times[relevant].min(initial=math.inf))
-
-    @property
-    def relaxing(self) -> tuple[FloatArray, NDArray[Any]]:
-        """Times, (modes, nq), and vectors, (modes, nq, n), of the modes."""
-        return self._spectrum.times, self._spectrum.vectors
+        glassy = np.trace(self.spectrum.glassy, axis1=-2, axis2=-1).real
+        relevant = (np.abs(self.spectrum.vectors) ** 2).sum(axis=-1) > RELEVANT * glassy
+        return float(self.spectrum.times[relevant].min(initial=math.inf))
 
     def terms(self, step: float) -> tuple[NDArray[Any], ComplexArray]:
         """Return kappa, (nq, n, n), and b, (nq, n), at the end of a step."""
@@ -88,10 +92,10 @@ class VectorModes:
         """Advance the history over the step of the last `terms` to the displacements x, (nq, n)."""
         bent = np.zeros_like(x) if curvature is None else curvature
         stored, heat = _advance(
-            self._spectrum.vectors, self._factors, x - self.begun, bent, self._phases, self._stretch
+            self.spectrum.vectors, self._factors, x - self.begun, bent, self._phases, self._stretch
         )
         self.x, self._phases = x.copy(), np.ones_like(self._phases)
-        elastic = np.einsum("qa,qab,qb->q", x.conj(), self._spectrum.relaxed, x).real
+        elastic = np.einsum("qa,qab,qb->q", x.conj(), self.spectrum.relaxed, x).real
         self.stored = float(self._weights @ (elastic + stored)) / 2
         self.dissipated += float(self._weights @ heat)
 
@@ -118,40 +122,21 @@ class VectorModes:
         """Compute the stiffness and the factors for the length of a step."""
         if step == self.step:
             return
-        self.step, times, v = step, self._spectrum.times, self._spectrum.vectors
+        self.step, times, v = step, self.spectrum.times, self.spectrum.vectors
         self._factors = Factors(*(each.reshape(times.shape) for each in self._scheme(step / times.ravel())))
-        self._stiffness = self._spectrum.relaxed.copy()
+        self._stiffness = self.spectrum.relaxed.copy()
         _stiffen(v, self._factors.gain, self._stiffness)
 
     def _pull(self, gain: FloatArray, x: ComplexArray, decay: FloatArray | None) -> ComplexArray:
         """Return sum_j v_j (gain_j v_j^H x - decay_j y_j), (nq, n); the second term with a decay."""
         found, past = np.zeros_like(self.x), decay is not None
         factors = gain, gain if decay is None else decay
-        _pull(self._spectrum.vectors, *factors, x, self._stretch, self._phases, past, found)
+        _pull(self.spectrum.vectors, *factors, x, self._stretch, self._phases, past, found)
         return found
 
 
 class TractionModes:
-    """The history of a surface on a grid, from tractions (p, t_x[, t_y]) to displacements (W, u_x[, u_y]).
-
-    Both are transforms of shape (1 + axes, modes), one row below the other. A step of length dt has
-
-        displacements = C tractions + offset
-
-    with the compliance C and the offset of `terms`, which are those of a `friction.problem.Problem`. Energies
-    are means over the surface: stored + dissipated is the work of the tractions.
-
-    Parameters
-    ----------
-    grid : Grid
-        Of one or two axes.
-    spectrum : TractionSpectrum
-        Of the body at the wavenumbers of the grid.
-    scheme : Scheme
-        `exponential` or `backward_euler` of `modes`.
-    velocity : float
-        Of the contact along x at the end of the run, for `slowest`.
-    """
+    """The history of a surface: displacements (W, u_x[, u_y]) = C tractions (p, t_x[, t_y]) + offset."""
 
     def __init__(
         self,
@@ -160,6 +145,8 @@ class TractionModes:
         scheme: Scheme = exponential,
         velocity: float = 0.0,
     ) -> None:
+        # All are transforms, (1 + axes, modes). stored + dissipated is the work per area. `velocity` of the
+        # contact along x at the end of the run serves `slowest`.
         self._velocity = velocity
         self._grid, self._axes = grid, len(grid.points)
         self._vectors, self._mode, self._share = _waves(grid)
@@ -197,10 +184,8 @@ class TractionModes:
         return self._seen([part.begun for part in self.parts])
 
     def terms(self, step: float) -> tuple[Response, ComplexArray]:
-        """Return the response to tractions at the end of a step, and the displacements without tractions.
-
-        The response is the same object for steps of equal length.
-        """
+        """Return the response to tractions at the end of a step, and the displacements without tractions."""
+        # The response is the same object for steps of equal length.
         known = self._response is not None and step == self.parts[0].step
         found = [part.terms(step) for part in self.parts]
         if not known:
@@ -228,10 +213,7 @@ class TractionModes:
         return self.moved([b + load for b, load in zip(self._b, loads, strict=True)])
 
     def advance(self, tractions: ComplexArray, curvatures: list[ComplexArray] | None = None) -> None:
-        """Advance the history over the step of the last `terms`, at whose end these tractions act.
-
-        `curvatures` are dt^2 x''/2 of the waves, where they are known.
-        """
+        """Advance the history over the step of the last `terms`; `curvatures` are dt^2 x''/2, if known."""
         every, given = self.under(self.loads(tractions)), curvatures or (None,) * self._axes
         for part, x, c in zip(self.parts, every, given, strict=True):
             part.advance(x, c)
@@ -253,15 +235,11 @@ class TractionModes:
         return spectrum * self.phases[: spectrum.shape[-1]]
 
     def slowest(self, tolerance: float) -> float:
-        """Return the longest time on the way to the steady state of a moving contact.
-
-        That is the time of one passage over the period, or the longest relaxation time with more than the
-        part `tolerance` of the loss of the longest waves, as in `SlidingModes.slowest`.
-        """
+        """Return the longest time on the way to the steady state, see `SlidingModes.slowest`."""
         q, speed = np.abs(self._vectors[0]), abs(self._velocity)
         longest = q[q > 0].min()
         chosen = (q > 0) & (q < 1.5 * longest)
-        times, vectors = self.parts[0].relaxing
+        times, vectors = self.parts[0].spectrum.times, self.parts[0].spectrum.vectors
         cycles = q[chosen] * speed * times[:, chosen]
         loss = (np.abs(vectors[:, chosen]) ** 2).sum(axis=-1) * cycles / (1 + cycles**2)
         relevant = loss > tolerance * loss.sum()
@@ -301,11 +279,127 @@ class TractionModes:
         return found
 
 
-def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-    """Return wavevectors, (axes, waves), with the mode of the grid and the share in it of each.
+class TractionControl:
+    """Controls the error of `TractionModes` with the exponential scheme and steps that vary in length."""
 
-    The first waves are the modes in their order.
-    """
+    def __init__(self, modes: TractionModes, tolerance: float) -> None:
+        # The tolerance is the largest error of pressure and tangential force relative to their largest values
+        # so far (of the depth, where the load is given), and of the displacement relative to the largest
+        # depth.
+        self._modes, self.tolerance = modes, tolerance
+        self._velocities: list[ComplexArray] | None = None  # of the waves over the last step
+        self._motion: list[ComplexArray] | None = None  # change of them over the last step of a moving punch
+        self._last_step = 0.0
+        self._largest = np.zeros(2)  # mean pressure and mean shear traction
+        self._largest_stress = 0.0
+        self._moved = np.zeros(2)
+
+    @property
+    def shortest_time(self) -> float:
+        """Shortest relevant relaxation time of the body."""
+        return self._modes.shortest_time
+
+    def moves(self, depth: float, path: float) -> None:
+        """Take note of how far the punch moves in the step that is to be judged."""
+        self._moved = np.abs(np.array([depth, path]))
+
+    def advance(self, tractions: ComplexArray) -> None:
+        """Advance the history over the step of the last `terms`, with the curvature that is now known."""
+        modes, step = self._modes, self._modes.parts[0].step
+        now, before = modes.under(modes.loads(tractions)), [part.begun for part in modes.parts]
+        curvatures = self._curvatures(now)
+        modes.advance(tractions, curvatures)
+        if step > 0:
+            self._velocities = [(x - x_0) / step for x, x_0 in zip(now, before, strict=True)]
+            self._last_step = step
+        self._largest = np.maximum(self._largest, self._sizes(tractions))
+
+    def discard_velocity(self) -> None:
+        """Discard the velocity of the surface, which does not predict its displacement after a breakpoint."""
+        self._velocities = None
+
+    def deforms(self, tractions: ComplexArray) -> bool:
+        """Return whether there are tractions."""
+        return bool(tractions.any())
+
+    def error(
+        self,
+        tractions: ComplexArray,
+        *,
+        moving: bool,  # noqa: ARG002
+        deep: bool,
+        attracted: bool = False,
+    ) -> tuple[float, float]:
+        """Estimate the errors of forces and of the displacement, see `ErrorControl.error`."""
+        modes, loads = self._modes, self._modes.loads(tractions)
+        now = modes.under(loads)
+        change = [x - part.begun for x, part in zip(now, modes.parts, strict=True)]
+        curvatures = self._curvatures(now) or [_UNKNOWN_CURVATURE * each for each in change]
+        missing = [part.curvature_stress(c) for part, c in zip(modes.parts, curvatures, strict=True)]
+        largest = np.maximum(self._largest, self._sizes(tractions))
+        if self._moved.any():
+            self._motion = change
+        squares = self._mean(loads, loads)
+        self._largest_stress = max(self._largest_stress, math.sqrt(squares)) if attracted else 0.0
+        ratio = part = 0.0
+        for v, least in ((now if deep else None, 0.0), (self._motion, float(self._moved @ largest))):
+            if v is None:
+                continue
+            if attracted:
+                norm = math.sqrt(self._mean(v, v)) * self._largest_stress
+                part = max(part, abs(self._mean(v, missing)) / norm if norm > 0 else 0.0)
+                continue
+            work = max(abs(self._mean(v, loads)), least)
+            if work**2 > _NO_CONTACT**2 * self._mean(v, v) * squares:
+                ratio = max(ratio, self._mean(v, missing) / work, key=abs)
+        off = modes.moved([m - ratio * f for m, f in zip(missing, loads, strict=True)])
+        return part if attracted else abs(ratio), math.sqrt(self._mean(off, off))
+
+    def _sizes(self, tractions: ComplexArray) -> FloatArray:
+        """Return the means of pressure and shear traction."""
+        p, *shear = np.abs(tractions[:, 0]) / self._modes.size
+        return np.array([p, math.hypot(*shear)])
+
+    def _mean(self, one: Sequence[ComplexArray], other: Sequence[ComplexArray]) -> float:
+        """Return the mean over the surface of the product of two fields of the waves."""
+        products = sum((a.conj() * b).real.sum(axis=1) for a, b in zip(one, other, strict=True))
+        return float(self._modes.weights @ products)
+
+    def _curvatures(self, now: Sequence[ComplexArray]) -> list[ComplexArray] | None:
+        """dt^2 x''/2 from the divided difference of the last three displacements, these included."""
+        if self._velocities is None:
+            return None
+        modes, step = self._modes, self._modes.parts[0].step
+        ratio, found = step / (step + self._last_step), []
+        for x, v, part in zip(now, self._velocities, modes.parts, strict=True):
+            carried = v if modes.phases is None else v * modes.phases[:, np.newaxis]
+            found.append(ratio * (x - part.begun - step * carried))
+        return found
+
+    def state(self) -> State:
+        """Return the history and the last motion of the surface."""
+        held: dict[str, ComplexArray] = {}
+        for name, parts in (("velocity", self._velocities), ("motion", self._motion)):
+            held |= {f"{name}_{i}": each for i, each in enumerate(parts or ())}
+        largest = {"largest": self._largest, "largest_stress": self._largest_stress}
+        return {**self._modes.state(), **held, "last_step": self._last_step, **largest}
+
+    def restore(self, state: State) -> None:
+        """Continue from a state."""
+        self._modes.restore({name: value for name, value in state.items() if "." in name})
+        every = range(len(self._modes.parts))
+        velocities, motion = (
+            [state[f"{name}_{i}"] for i in every] if f"{name}_0" in state else None
+            for name in ("velocity", "motion")
+        )
+        self._velocities, self._motion = velocities, motion
+        self._last_step, self._largest = float(state["last_step"]), np.asarray(state["largest"])
+        self._largest_stress = float(state["largest_stress"])
+
+
+def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
+    """Return wavevectors, (axes, waves), with the mode of the grid and the share in it of each."""
+    # The first waves are the modes in their order.
     vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
     mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
     for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):

@@ -398,9 +398,11 @@ def on_steps(
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
     found = march_on(made, space, profile, history, time, adhesion, snapshots, located)
+    at = np.flatnonzero(np.isfinite(found.lost))
     return Indentation(
         time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.parted,
         found.rise, math.nan, found.solutions, found, space,
+        np.column_stack((found.lost[at], found.last_force[at])),
     )  # fmt: skip
 
 
@@ -422,18 +424,11 @@ def on_halved_steps(
     coarse = on_steps(made, space, profile, history, time, adhesion, None, located)
     fine = on_steps(made, space, profile, history, halved(time), adhesion, snapshots, located)
     found = _extrapolated(coarse, fine, history)
-    return found._replace(lost=_losses(coarse, fine)) if adhesion.work else found
-
-
-def _losses(coarse: Indentation, fine: Indentation) -> FloatArray:
-    """Return times at which contact is lost, without their error of second order, and forces before it."""
-    assert coarse.fields is not None
-    assert fine.fields is not None
-    whole, half = (np.flatnonzero(np.isfinite(each.fields.lost)) for each in (coarse, fine))  # type: ignore[union-attr]
-    times, forces = fine.fields.lost[half], fine.fields.last_force[half]
-    if whole.size == half.size:
-        times = times + (times - coarse.fields.lost[whole]) / 3
-    return np.column_stack((times, forces))
+    whole, half = coarse.lost, fine.lost
+    if whole is not None and half is not None and whole.shape == half.shape:
+        half = half.copy()
+        half[:, 0] += (half[:, 0] - whole[:, 0]) / 3
+    return found._replace(lost=half)
 
 
 def on_quartered_steps(

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.depths import Place, beyond, places
 from gfmdlayer.body.inside import alike, stack_of
 from gfmdlayer.body.materials import Elastic, Law
+from gfmdlayer.body.solid import Place, beyond, places
 from gfmdlayer.body.stack import Layer, LayerStack
-from gfmdlayer.config import ConfigError, load
+from gfmdlayer.config import ConfigError
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.inside import INVARIANTS, Interior, Springs, invariants, named
-from gfmdlayer.results.provenance import provenance
+from gfmdlayer.interactive.one_contact import config_of, derived, numbers_in
 from gfmdlayer.results.schema import VARIABLES
 from gfmdlayer.validation.problems import shown
-from gfmdlayer.validation.units import Units
 
 if TYPE_CHECKING:
     import xarray
@@ -108,7 +106,14 @@ def inside(
             fields = interior.at(springs, place)
             for name, field in (fields | invariants(fields)).items():
                 found[named(name)][(*at, row)] = field
-    return _labelled(data, found, rows, leads, axes)
+    meanings = {name: (each.long_name, each.units) for name, each in VARIABLES.items()}
+    meanings |= {name: (words, "pressure") for name, words in INVARIANTS.items()}
+    coords = {
+        "z": ("z", np.array([place.depth for place in rows])),
+        "layer": ("z", np.array([place.layer for place in rows])),
+    }
+    values = {name: ([*leads, "z", *axes], each) for name, each in found.items()}
+    return derived(data, values, meanings, {*leads, *axes}, coords)
 
 
 def _checked(data: xarray.Dataset) -> list[str]:
@@ -138,9 +143,8 @@ def _stack(body: object, data: xarray.Dataset, *, known: bool) -> LayerStack:
     `known`: the data have the springs of the layers, which determine the stresses whatever the laws.
     """
     if body is None:
-        if "config" not in data.attrs:
+        if (config := config_of(data)) is None:
             raise ConfigError(["body: missing; data has no configuration that names it; give body"])
-        config = load(Path("case"), content=str(data.attrs["config"]))
         if not isinstance(config.solid, Layers):
             raise ConfigError(
                 [f"body: got {type(config.solid).__name__}; inside needs layers without a counterbody"]
@@ -177,10 +181,7 @@ def _stack(body: object, data: xarray.Dataset, *, known: bool) -> LayerStack:
 
 def _places(stack: LayerStack, depths: Sequence[float] | FloatArray) -> list[Place]:
     """Return depth and number of the layer of each row; a depth at an interface has two."""
-    try:
-        given = np.atleast_1d(np.asarray(depths, dtype=float))
-    except (TypeError, ValueError):
-        given = np.array([math.nan])
+    given = numbers_in(depths)
     if given.ndim != 1 or not given.size or not np.isfinite(given).all() or (given < 0).any():
         raise ConfigError([f"depths: got {shown(depths)}; must be numbers >= 0, finite"])
     if (np.diff(given) <= 0).any():
@@ -190,24 +191,3 @@ def _places(stack: LayerStack, depths: Sequence[float] | FloatArray) -> list[Pla
         i, whole = found
         raise ConfigError([f"depths: got {given[i]:g}; must be at most {whole:g}, the body's thickness"])
     return places(thicknesses, given.tolist())
-
-
-def _labelled(
-    data: xarray.Dataset, found: dict[str, FloatArray], rows: list[Place], leads: list[str], grid: list[str]
-) -> xarray.Dataset:
-    """Return the fields and what follows from them, with names, units and coordinates."""
-    import xarray
-
-    labels = str(data.attrs.get("units", ""))
-    label = Units(**dict(part.split(": ") for part in labels.split(", "))).label if labels else str
-    known = {name: each.in_units(label).described for name, each in VARIABLES.items()}
-    dims = [*leads, "z", *grid]
-    known |= {name: {"long_name": words, "units": label("pressure")} for name, words in INVARIANTS.items()}
-    held = {name: (dims, values, known[name]) for name, values in found.items()}
-    coords = {name: each for name, each in data.coords.items() if {*map(str, each.dims)} <= {*leads, *grid}}
-    coords |= {
-        "z": ("z", np.array([place.depth for place in rows]), known["z"]),
-        "layer": ("z", np.array([place.layer for place in rows]), known["layer"]),
-    }
-    scales = {name: data.attrs[name] for name in ("name", "L", "G0", "tau", "units") if name in data.attrs}
-    return xarray.Dataset(held, coords, {**provenance(), **scales})

@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from pathlib import Path
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gfmdlayer.body.body import Body
-from gfmdlayer.config import ConfigError, load
+from gfmdlayer.config import ConfigError
+from gfmdlayer.interactive.one_contact import config_of, derived
 from gfmdlayer.observables.transport import CRITICAL_GAPS, FLOW, THROATS
-from gfmdlayer.results.provenance import provenance
 from gfmdlayer.transport.leakage import doubts, flow_through, numbers_of
 from gfmdlayer.transport.percolation import Throat, throats
 from gfmdlayer.validation.problems import shown
-from gfmdlayer.validation.units import Units
 
 if TYPE_CHECKING:
     import xarray
@@ -113,13 +112,13 @@ def leakage(
     gaps = data["gap"].transpose(*leads, *grid)
     spacing = {name: float(data[name][1] - data[name][0]) for name in grid}
     period = tuple(spacing[name] * data.sizes[name] for name in grid)
-    seal = _size_of_the_seal(period, along, length, width)
-    rate = (
-        None
-        if viscosity is None or pressure_drop is None
-        else pressure_drop / (12 * viscosity) / seal[0] * seal[1]
-    )
-    body = body or (None if pressure_drop is None else _body_of(data.attrs))
+    rate = None
+    if viscosity is not None and pressure_drop is not None:
+        cell = (*period, 1.0)[:2] if along == "x" else (*period, 1.0)[1::-1]  # 1 along the ridges of a line
+        rate = pressure_drop / (12 * viscosity) / (length or cell[0]) * (width or cell[1])
+    if body is None and pressure_drop is not None:
+        with suppress(ConfigError):  # of files that have moved
+            body = None if (config := config_of(data)) is None else config.solid
     shape = tuple(data.sizes[name] for name in leads)
     found: dict[str, FloatArray] = {}
     said: list[str] = []
@@ -150,7 +149,11 @@ def leakage(
         said[MOST_SAID:] = [f"{further} more doubts of this kind"]
     for text in said:
         warnings.warn(text, stacklevel=2)
-    return _labelled(data, found, leads, list(grid))
+    columns = (*FLOW, *THROATS, *CRITICAL_GAPS)
+    meanings = {column.name: (column.long_name, column.units) for column in columns} | _LONG_NAMES
+    dims = {name: [*leads, *grid] if each.ndim > len(leads) else leads for name, each in found.items()}
+    values = {name: (dims[name], each) for name, each in found.items()}
+    return derived(data, values, meanings, {*leads, *(grid if "fluid_pressure" in found else ())})
 
 
 def _grid(data: xarray.Dataset, along: str, given: Mapping[str, float | None]) -> tuple[str, ...]:
@@ -175,14 +178,6 @@ def _grid(data: xarray.Dataset, along: str, given: Mapping[str, float | None]) -
     if wrong:
         raise ConfigError(wrong)
     return tuple(name for name in "xy" if name in data["gap"].dims)
-
-
-def _size_of_the_seal(
-    period: tuple[float, ...], along: str, length: float | None, width: float | None
-) -> tuple[float, float]:
-    """Return length and width of the seal, along the flow and across it; 1 along the ridges of a line."""
-    x, y = (*period, 1.0)[:2]
-    return (length or x, width or y) if along == "x" else (length or y, width or x)
 
 
 def _flow(
@@ -246,34 +241,3 @@ def _lift(
                 f"throat, {beside:.3g}: the fluid opens the seal further"
             )
     return lift, said
-
-
-def _body_of(attributes: Mapping[Any, Any]) -> Body | None:
-    """Return the body of the configuration in the attributes of a case; None where there is none."""
-    if "config" not in attributes:
-        return None
-    try:
-        return load(Path("case"), content=str(attributes["config"])).solid
-    except ConfigError:  # of files that have moved
-        return None
-
-
-def _labelled(
-    data: xarray.Dataset, found: Mapping[str, FloatArray], leads: list[str], grid: list[str]
-) -> xarray.Dataset:
-    """Return the values with names, units and the coordinates of the data."""
-    import xarray
-
-    named = str(data.attrs.get("units", ""))
-    label = Units(**dict(part.split(": ") for part in named.split(", "))).label if named else str
-    meanings = {column.name: (column.long_name, column.units) for column in (*FLOW, *THROATS, *CRITICAL_GAPS)}
-    meanings |= _LONG_NAMES
-    held = {}
-    for name, values in found.items():
-        words, units = meanings[name]
-        dims = [*leads, *grid] if values.ndim > len(leads) else leads
-        held[name] = (dims, values, {"long_name": words, "units": label(units)})
-    kept = {*leads, *(grid if "fluid_pressure" in found else ())}
-    coords = {name: each for name, each in data.coords.items() if {*map(str, each.dims)} <= kept}
-    scales = {name: data.attrs[name] for name in ("name", "L", "G0", "tau", "units") if name in data.attrs}
-    return xarray.Dataset(held, coords, {**provenance(), **scales})

@@ -1,18 +1,25 @@
-"""Fields and numbers of one contact as labelled data."""
+"""Labelled data of one contact and of quantities derived from snapshots; numbers that a user gives."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gfmdlayer.config import Config, load
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.validation.units import Units
 
 if TYPE_CHECKING:
     import xarray
+
+    from gfmdlayer.arrays import FloatArray
 
 
 def meaning(long_name: str, units: str = "1") -> dict[str, str]:
@@ -36,6 +43,45 @@ MEANINGS = {
     "transforms": meaning("pairs of Fourier transforms, forward and backward"),
     "iterations": meaning("iterations of the contact solver"),
 }
+
+
+def numbers_in(value: Any) -> FloatArray:
+    """Return the numbers that a user gives as an array of one axis or more; NaN for anything else."""
+    try:
+        return np.atleast_1d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError):
+        return np.array([math.nan])
+
+
+def config_of(data: xarray.Dataset) -> Config | None:
+    """Return the configuration of a case; None where the data have none."""
+    return load(Path("case"), content=str(data.attrs["config"])) if "config" in data.attrs else None
+
+
+def derived(
+    data: xarray.Dataset,
+    values: Mapping[str, tuple[list[str], NDArray[Any]]],
+    meanings: Mapping[str, tuple[str, str]],
+    kept: Collection[str],
+    coords: Mapping[str, tuple[str, NDArray[Any]]] | None = None,
+) -> xarray.Dataset:
+    """Return derived quantities as a dataset; `values` has the dimensions and the array of each.
+
+    The coordinates of the data along `kept` stay. `meanings` are long names and units in words; the units of
+    the data replace the words.
+    """
+    import xarray
+
+    labels = str(data.attrs.get("units", ""))
+    label = Units(**dict(part.split(": ") for part in labels.split(", "))).label if labels else str
+    known = {name: meaning(words, label(units)) for name, (words, units) in meanings.items()}
+    every: dict[Any, Any] = {
+        name: each for name, each in data.coords.items() if {*map(str, each.dims)} <= {*kept}
+    }
+    every |= {name: (*each, known[name]) for name, each in (coords or {}).items()}
+    scales = {name: data.attrs[name] for name in ("name", "L", "G0", "tau", "units") if name in data.attrs}
+    held = {name: (*each, known[name]) for name, each in values.items()}
+    return xarray.Dataset(held, every, {**provenance(), **scales})
 
 
 def dataset(

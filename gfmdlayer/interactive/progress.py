@@ -20,10 +20,8 @@ INTERVAL = 0.2  # seconds between two updates
 _PREPARING = "compiling kernels, planning transforms, once per machine (about 20 s)"
 
 
-class NotebookBar:
+class NotebookBar(Display):
     """A bar in the output of a notebook's cell."""
-
-    lists_complete = False
 
     def __init__(self) -> None:
         from IPython.display import HTML, display
@@ -40,14 +38,9 @@ class NotebookBar:
         bar = f'<progress value="{progress.fraction:.4f}" max="1"></progress>'
         self._bar.update(self._html(f"{bar} {html.escape(progress.words)}"))
 
-    def close(self) -> None:
-        """Leave the bar."""
 
-
-class Delayed:
+class Delayed(Display):
     """A display that `make` makes when the run has taken some time; earlier lines wait for it."""
-
-    lists_complete = False
 
     def __init__(self, make: Callable[[], Display]) -> None:
         self._make, self._begun = make, time.monotonic()

@@ -48,11 +48,9 @@ Values = tuple[float, float, float]
 
 @nb.njit(inline="always")
 def _decay(x: float) -> float:
-    """Return exp(-x), x >= 0, within 5e-14 of its value, only by products and sums.
-
-    The vector units take it, and it stays exact where sums may be reordered: exp(-x/128) is a power series
-    about x = 32, whose remainder is (1/4)^13/13! = 2e-18, and is squared seven times.
-    """
+    """Return exp(-x), x >= 0, within 5e-14 of its value, only by products and sums."""
+    # The vector units take it, and it stays exact where sums may be reordered: exp(-x/128) is a power series
+    # about x = 32, whose remainder is (1/4)^13/13! = 2e-18, and is squared seven times.
     y = 0.25 - min(x, _FARTHEST) / 128
     e = 1 + y * (1 / 12)
     e = 1 + y * (1 / 11) * e

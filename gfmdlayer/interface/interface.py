@@ -1,4 +1,4 @@
-"""An interface law as a section of the configuration and as a Python object at once.
+"""Interface laws as sections of the configuration and as Python objects at once: the hard wall, and friction.
 
 Configurations are read without numpy, which is imported inside of methods.
 """
@@ -6,8 +6,12 @@ Configurations are read without numpy, which is imported inside of methods.
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
+from pydantic import Discriminator, Tag
+
+from gfmdlayer.validation.fields import File, MustBe, NotNegative, Optional
 from gfmdlayer.validation.sections import Kind
 from gfmdlayer.validation.units import Units
 
@@ -61,3 +65,53 @@ def _numbers(gap: ArrayLike) -> Any:
     import numpy as np
 
     return np.asarray(gap, dtype=np.float64)
+
+
+class WithoutAttraction(Interface):
+    """A law without traction across the gap."""
+
+    attracts: ClassVar[bool] = False
+
+    def interaction(self, units: Units | None = None) -> Interaction:  # noqa: ARG002
+        """Return no terms."""
+        from gfmdlayer.interface.law import HARD_WALL
+
+        return HARD_WALL
+
+
+class HardWall(WithoutAttraction):
+    """The paper's contact, without attraction; with a hardness pressures end there, and leave an imprint."""
+
+    law: Literal["hard_wall"] = "hard_wall"
+    """a hard wall without attraction"""
+    hardness: Optional = None
+    """largest contact pressure, at which the surfaces yield: pressure"""
+
+
+_number_or_file = MustBe("a number >= 0, finite, or the name of a file")
+Coefficient = Annotated[
+    Annotated[NotNegative, _number_or_file, Tag("<number>")] | Annotated[File, Tag("<file>")],
+    Discriminator(lambda value: "<file>" if isinstance(value, (str, Path)) else "<number>"),
+]
+
+
+class Friction(WithoutAttraction):
+    """A law of friction: the largest shear traction that the surfaces carry where they touch."""
+
+
+class Coulomb(Friction):
+    """Coulomb's law: the shear traction is at most the coefficient times the pressure."""
+
+    law: Literal["coulomb"] = "coulomb"
+    """friction: shear traction up to coefficient times pressure"""
+    coefficient: Coefficient
+    """coefficient of friction, or a file with two columns, slip speed and coefficient"""
+
+
+class ShearStrength(Friction):
+    """A constant shear strength of the contact, as of adhesive friction."""
+
+    law: Literal["shear_strength"] = "shear_strength"
+    """friction: shear traction up to a constant stress in contact"""
+    stress: NotNegative
+    """shear strength of the contact: pressure"""

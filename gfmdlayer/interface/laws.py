@@ -9,10 +9,10 @@ from gfmdlayer.validation.sections import load_table
 
 LAWS: Mapping[str, type[Interface]] = load_table(
     "gfmdlayer.interface.adhesion:Exponential",
-    "gfmdlayer.interface.adhesion:HardWall",
+    "gfmdlayer.interface.interface:HardWall",
     "gfmdlayer.interface.adhesion:Dugdale",
     "gfmdlayer.interface.adhesion:LennardJones",
-    "gfmdlayer.interface.electrostatic:Electrostatic",
-    "gfmdlayer.interface.friction:Coulomb",
-    "gfmdlayer.interface.friction:ShearStrength",
+    "gfmdlayer.interface.adhesion:Electrostatic",
+    "gfmdlayer.interface.interface:Coulomb",
+    "gfmdlayer.interface.interface:ShearStrength",
 )

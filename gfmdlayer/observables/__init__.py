@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.adhesion import Adhesion
-from gfmdlayer.observables.bodies import Bodies
+from gfmdlayer.observables.adhesion import Adhesion, Instabilities
 from gfmdlayer.observables.contact import (
     INDENTATION,
+    TOTALS,
     ContactMeans,
     ContactStatistics,
     Force,
     Resolution,
     Temperature,
     Yielding,
+    of_one_contact,
+    totals,
 )
 from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
-from gfmdlayer.observables.energy_balance import EnergyBalance
-from gfmdlayer.observables.folds import Instabilities
+from gfmdlayer.observables.energy_balance import Bodies, EnergyBalance
 from gfmdlayer.observables.friction import Friction, Slip
 from gfmdlayer.observables.inside import PLACE, SHEAR, VON_MISES, Inside
-from gfmdlayer.observables.isolated import TOTALS, of_one_contact, totals
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.steady_state import SteadyState
 from gfmdlayer.observables.transport import SPARSE as _OF_TRANSPORT

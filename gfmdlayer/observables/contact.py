@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.observables.observable import AcceptedStep, Bins, Column, Observable, Parts, Value
-from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 TIME = Column("time", "time", "time", origin="from the beginning of the run")
 AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
               symbol=r"\tilde{a}", origin="over the cell")  # fmt: skip
-PRESSURE = Column("mean_pressure", "mean contact pressure ptilde = pbar / (2 G0)", symbol=r"\tilde{p}",
+PRESSURE = Column("mean_pressure", "mean pressure over the cell ptilde = pbar / (2 G0)", symbol=r"\tilde{p}",
                   origin="mean over the whole cell; G0 of the uppermost layer")  # fmt: skip
 DEPTH = Column("depth", "indentation depth of the punch", "length",
                origin="from the height at which the punch touches the surface at rest")  # fmt: skip
@@ -48,7 +48,9 @@ class Force(Observable):
     """Mean pressure over the cell, and the force over the cell: of a line contact, per length of the line."""
 
     COLUMNS = (
-        Column("mean_stress", "mean contact pressure pbar", "pressure", origin="mean over the whole cell"),
+        Column(
+            "mean_stress", "mean pressure over the cell pbar", "pressure", origin="mean over the whole cell"
+        ),
         Column(
             "force",
             "force on the punch over the cell",
@@ -88,10 +90,24 @@ class Resolution(Observable):
             origin="over the cell; from the number of points across the contact",
         ),
     )
+    KEPT = "most", "upside_down"
 
     def __init__(self, case: Parts) -> None:
         self._grid, self._most, self._upside_down = case.grid, 0, False
-        self.attributes = {"most_contact_points": 0}
+
+    @property
+    def attributes(self) -> Mapping[str, int]:  # type: ignore[override]
+        """The most points in contact so far."""
+        return {"most_contact_points": self._most}
+
+    @property
+    def warning(self) -> str:  # type: ignore[override]
+        """A line where these are few."""
+        if not 0 < self._most < FEWEST:
+            return ""
+        touching = f"{self._most} point{'s' * (self._most != 1)}"
+        advice = UPSIDE_DOWN if self._upside_down else "take more grid.points"
+        return f"COARSE: at most {touching} in contact; {advice}"
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the area, and remember the number of points."""
@@ -107,27 +123,11 @@ class Resolution(Observable):
         solution, shape = step.solution, self._grid.shape
         touching = in_contact(step.problem, solution)
         pressure = step.problem.wall_pressure(solution.pressure, solution.gap)
-        self._count(self._grid.ranks.total(int(touching.sum())))
+        self._most = max(self._most, self._grid.ranks.total(int(touching.sum())))
         fields = touching.reshape(shape), pressure.reshape(shape), solution.gap.reshape(shape)
         area = interpolated_area(*fields, self._grid)
         error = area_error(fields[0], area, self._grid)
         return {"contact_area_interpolated": area, "contact_area_error": error}
-
-    def state(self) -> State:
-        """Return the largest number of points."""
-        return {"most": self._most}
-
-    def restore(self, state: State) -> None:
-        """Continue from the number of another run."""
-        self._count(int(state["most"]))
-
-    def _count(self, points: int) -> None:
-        self._most = max(self._most, points)
-        self.attributes = {"most_contact_points": self._most}
-        few = 0 < self._most < FEWEST
-        touching = f"{self._most} point{'s' * (self._most != 1)}"
-        advice = UPSIDE_DOWN if self._upside_down else "take more grid.points"
-        self.warning = f"COARSE: at most {touching} in contact; {advice}" if few else ""
 
 
 class Yielding(Observable):
@@ -142,6 +142,7 @@ class Yielding(Observable):
         ),
         Column("yielded_area", "part of the surface whose pressure is the hardness", origin="over the cell"),
     )
+    KEPT = ("work",)
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -158,14 +159,6 @@ class Yielding(Observable):
         self._work += 0.0 if flow is None else problem.flow_stress * self._sums.mean(flow)
         at_hardness = problem.at_hardness(solution.pressure, solution.gap).astype(float)
         return {"plastic_work": self._work, "yielded_area": self._sums.mean(at_hardness)}
-
-    def state(self) -> State:
-        """Return the work so far."""
-        return {"work": self._work}
-
-    def restore(self, state: State) -> None:
-        """Continue from there."""
-        self._work = float(state["work"])
 
 
 MEAN_GAP = Column(
@@ -265,13 +258,13 @@ class Temperature(Observable):
         return {"temperature": temperature, "shift_factor": self._reduced_time.shift.factor(temperature)}
 
 
-# Columns of an isolated, axisymmetric indentation; forces and energies are those of the whole contact.
+# Columns of isolated contacts; forces and energies are those of the whole contact.
 
-_ENERGY, _SINCE = "force length", "from the beginning of the run"
+_WHOLE, _ENERGY, _SINCE = "of the whole contact", "force length", "from the beginning of the run"
 
 INDENTATION = (
     TIME,
-    Column("force", "force on the indenter", "force", symbol="F", origin="of the whole contact"),
+    Column("force", "force on the indenter", "force", symbol="F", origin=_WHOLE),
     Column(
         "depth",
         "depth of the indenter below the undeformed surface",
@@ -285,3 +278,86 @@ INDENTATION = (
     Column("dissipated", "energy dissipated", _ENERGY, origin=_SINCE),
     Column("energy_residual", "work - stored - dissipated", _ENERGY, origin=_SINCE),
 )
+
+_ON_A_LINE = {"length^2": "length", _ENERGY: "force / length length"}  # per length of the line
+
+# By the columns, and attributes, of a periodic contact; None: has no meaning without a cell.
+TOTALS: dict[str, Column | None] = {
+    "contact_area": Column(
+        "area",
+        "contact area, contact points times the area of a point",
+        "length^2",
+        symbol="A",
+        origin="of the whole contact; of a line, its width",
+    ),
+    "mean_pressure": None,
+    "mean_stress": None,
+    "mean_gap": None,
+    "contact_area_interpolated": Column(
+        "area_interpolated",
+        "contact area, the edge located between the points",
+        "length^2",
+        origin="of the whole contact; the edge from pressure and gap beside it",
+    ),
+    "contact_area_error": Column(
+        "area_error",
+        "estimated error of area_interpolated",
+        "length^2",
+        origin="from the number of points across the contact",
+    ),
+    "work": Column("work", "work done by the punch, and by a changing voltage", _ENERGY, origin=_SINCE),
+    "stored": Column("stored", "elastic energy stored", _ENERGY, origin="from the body at rest"),
+    "dissipated": Column("dissipated", "energy dissipated", _ENERGY, origin=_SINCE),
+    "energy_residual": Column(
+        "energy_residual",
+        "work - stored - dissipated - energy of the interface - plastic work - lost in instabilities",
+        _ENERGY,
+        origin=_SINCE,
+    ),
+    "plastic_work": Column(
+        "plastic_work",
+        "plastic work, the hardness (less the attraction in contact) times the volume of the imprint",
+        _ENERGY,
+        origin=_SINCE,
+    ),
+    "yielded_area": Column("yielded_area", "area whose pressure is the hardness", "length^2", origin=_WHOLE),
+    "lost": Column("lost", "energy lost in instabilities", _ENERGY, origin=_SINCE),
+    "instability_energy": Column(
+        "instability_energy", "energy lost in each instability", _ENERGY, origin=_WHOLE
+    ),
+    "interface_energy": Column(
+        "interface_energy", "energy of the interface, zero far away", _ENERGY, origin=_WHOLE
+    ),
+    "attractive_area": Column(
+        "attracted_area",
+        "area out of contact with at least a tenth of the largest traction",
+        "length^2",
+        origin=_WHOLE,
+    ),
+    "pull_off_stress": None,
+    "work_of_separation": Column(
+        "total_work_of_separation",
+        "work of separation",
+        _ENERGY,
+        origin="over the steps in which the depth falls",
+    ),
+}
+
+
+def of_one_contact(columns: Iterable[Column], *, line: bool) -> Iterator[Column]:
+    """Yield the columns of an isolated contact for those of a periodic one."""
+    for column in columns:
+        if (total := TOTALS.get(column.name, column)) is not None:
+            yield replace(total, units=_ON_A_LINE.get(total.units, total.units)) if line else total
+
+
+def totals(values: Mapping[str, Any], cell: float) -> dict[str, Any]:
+    """Return the columns of an isolated contact for those of a cell of an area, or length."""
+    found = {}
+    for name, value in values.items():
+        total = TOTALS.get(name)
+        if name not in TOTALS:
+            found[name] = value
+        elif total is not None:
+            found[total.name] = value * cell
+    return found

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from gfmdlayer.body.materials import Material
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -28,6 +27,7 @@ class Effort(Observable):
         Column("iterations", "iterations of the contact solver in the step", dtype="i8", origin=_STEP),
         Column("rejected", "attempts at the step that were rejected", dtype="i8", origin=_STEP),
     )
+    KEPT = "transforms", "iterations", "attempts"
 
     def __init__(self, _case: Parts) -> None:
         self._transforms = self._iterations = self._attempts = 0
@@ -40,20 +40,10 @@ class Effort(Observable):
 
     def measure(self, _step: AcceptedStep) -> Mapping[str, float]:
         """Return the counts and begin at zero for the next step."""
-        counts = {"transforms": self._transforms, "iterations": self._iterations}
-        counts |= {"rejected": self._attempts - 1}
+        made = self._transforms, self._iterations, self._attempts - 1
+        counts = {column.name: count for column, count in zip(self.COLUMNS, made, strict=True)}
         self._transforms = self._iterations = self._attempts = 0
         return counts
-
-    def state(self) -> State:
-        """Return the counts."""
-        made = {"transforms": self._transforms, "iterations": self._iterations}
-        return made | {"attempts": self._attempts}
-
-    def restore(self, state: State) -> None:
-        """Continue from the counts of another run."""
-        self._transforms, self._iterations = int(state["transforms"]), int(state["iterations"])
-        self._attempts = int(state["attempts"])
 
 
 class SpectrumError(Observable):

@@ -9,14 +9,14 @@ order in dt with the exponential scheme and of first order with backward Euler.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
-an instability has work before the jump and behind it (`observables.folds`); the loss is this work less the
+an instability has work before the jump and behind it (`observables.adhesion`); the loss is this work less the
 gain of the energies. Its error is the error of the work, of higher than first order in the step. If the end
 of the branch is not known, the loss is the solver's, with the work of the trapezoidal rule, and the work
-follows from the balance; the error is at most `folds.across`, of first order in the step. In both cases the
-balance of the step closes by construction: the residual checks only the steps between the jumps.
+follows from the balance; the error is at most `adhesion.across`, of first order in the step. In both cases
+the balance of the step closes by construction: the residual checks only the steps between the jumps.
 
 A voltage that changes does work too. The energy of the interface includes the field and its source,
-w(g, t) = -C(g) V(t)^2/2 per area (`interface.electrostatic`), and at a fixed gap it changes by -C V dV: a
+w(g, t) = -C(g) V(t)^2/2 per area (`interface.adhesion`), and at a fixed gap it changes by -C V dV: a
 rising voltage takes energy out of this balance, into the source. Over a step this is the mean of the change
 of w at the gap before and at the gap after it. The rest of the change of w is then, to rounding, the mean of
 its change at the law before and at the law after: the work of the traction.
@@ -32,9 +32,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.folds import Point, Row, across, work_over_fold
+from gfmdlayer.observables.adhesion import Point, Row, across, work_over_fold
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.resumable import State
 
@@ -63,6 +63,7 @@ class EnergyBalance(Observable):
     )
 
     LOST = Column("lost", "energy lost in instabilities per area", _UNITS, origin=_SINCE)
+    KEPT = "work", "lost", "energies", "torn"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -148,24 +149,45 @@ class EnergyBalance(Observable):
 
     def state(self) -> State:
         """Return work and loss, and the last points of both curves."""
-        curves: dict[str, Any] = {"normal": [tuple(row) for row in self._rows]}
-        curves |= {
-            "tangential": [[each for point in points for each in point] for points in self._tangential]
-        }
+        curves = {"normal": list(self._rows), "tangential": list(self._tangential)}
         field = {} if self._field is None else {"field_time": self._field[0], "field_gap": self._field[1]}
-        flight = {"torn": True} if self._torn else {}
-        energies = {"work": self._work, "lost": self._lost, "energies": self._energies}
-        return {**energies, **curves, **field, **flight}
+        return {**super().state(), **curves, **field}
 
     def restore(self, state: State) -> None:
         """Continue from the work and the points of another run."""
-        self._work, self._energies = float(state["work"]), float(state["energies"])
-        self._lost, self._torn = float(state["lost"]), "torn" in state
+        super().restore(state)
         self._rows.extend(Row(*values) for values in state["normal"].tolist())
-        for row in state["tangential"].tolist():
-            self._tangential.append(tuple(zip(row[::2], row[1::2], strict=True)))
+        self._tangential.extend(tuple(map(tuple, points)) for points in state["tangential"].tolist())
         if "field_time" in state:
             self._field = float(state["field_time"]), state["field_gap"]
+
+
+_NAMES = "body", "counterbody"
+
+
+class Bodies(Observable):
+    """Stored and dissipated energy of each of two deformable bodies; the balance has their sums."""
+
+    COLUMNS = (
+        *(Column(f"stored_{name}", f"elastic energy stored in the {name}, per area", _UNITS,
+                 origin="from the body at rest") for name in _NAMES),
+        *(Column(f"dissipated_{name}", f"energy dissipated in the {name}, per area", _UNITS,
+                 origin=_SINCE) for name in _NAMES),
+    )  # fmt: skip
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns of a case with a deformable counterbody."""
+        return cls.COLUMNS if config.two_bodies else None
+
+    def __init__(self, case: Parts) -> None:
+        self._bodies = case.integrator.bodies
+
+    def measure(self, _step: AcceptedStep) -> Mapping[str, float]:
+        """Return the energies."""
+        own = [*zip(_NAMES, self._bodies, strict=True)]
+        stored = {f"stored_{name}": body.stored for name, body in own}
+        return stored | {f"dissipated_{name}": body.dissipated for name, body in own}
 
 
 def _tangential(step: AcceptedStep) -> tuple[Point, ...]:

@@ -23,7 +23,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -151,6 +150,7 @@ class Slip(Observable):
         Column("full_slip", "time at which no point sticks any more", "time", origin=_FROM_ROWS),
         Column("restick", "time at which a point sticks again after full slip", "time", origin=_FROM_ROWS),
     )
+    KEPT = "heat", "position", "times"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -162,17 +162,14 @@ class Slip(Observable):
         return tuple(column for column in cls.COLUMNS if column.name not in left_out)
 
     def __init__(self, case: Parts) -> None:
-        self._direction, self._names = (
-            direction(case.config),
-            [c.name for c in self.columns(case.config) or ()],
-        )
-        self._heat, self._position = 0.0, 0.0
-        self._times = {column.name: math.nan for column in self.NUMBERS}
+        self._names = [column.name for column in self.columns(case.config) or ()]
+        self._direction, self._heat, self._position = direction(case.config), 0.0, 0.0
+        self._times = [math.nan] * len(self.NUMBERS)
 
     @property
     def attributes(self) -> Mapping[str, float]:  # type: ignore[override]
         """Times of the events."""
-        return self._times
+        return {column.name: time for column, time in zip(self.NUMBERS, self._times, strict=True)}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the columns of the case."""
@@ -180,16 +177,18 @@ class Slip(Observable):
         assert shear is not None
         self._heat -= float((shear.mean_traction * shear.slip).sum(axis=0).mean())
         n, touching, force = self._direction, shear.touching, shear.force
-        self._take_note(step.time, touching=bool(touching.any()), sticks=bool(shear.stick.any()),
-                        slips=bool((touching & ~shear.stick).any()))  # fmt: skip
+        sticks, slips = bool(shear.stick.any()), bool((touching & ~shear.stick).any())
+        sticks_again = sticks and not math.isnan(self._times[1])
+        for i, is_now in enumerate((slips, bool(touching.any()) and not sticks, sticks_again)):
+            if is_now and math.isnan(self._times[i]):
+                self._times[i] = step.time
         means = shear.traction.mean(axis=1)
         position = float(step.row.get("position", 0.0))
         travelled, self._position = position - self._position, position
+        by_loss = float(step.row["tangential_force"]) - force
         found = {
             "interface_friction": force / mean if mean > 0 else math.nan,
-            "hysteresis_friction": (float(step.row["tangential_force"]) - force) / mean
-            if mean > 0
-            else math.nan,
+            "hysteresis_friction": by_loss / mean if mean > 0 else math.nan,
             "stick_area": float(shear.stick.mean()),
             "slip_heat": self._heat,
             "tangential_displacement": float(n @ shear.moved),
@@ -197,23 +196,3 @@ class Slip(Observable):
             "transverse_force": float(n[0] * means[-1] - n[-1] * means[0]),
         }
         return {name: found[name] for name in self._names}
-
-    def _take_note(self, time: float, *, touching: bool, sticks: bool, slips: bool) -> None:
-        """Record the time of an event that has not happened before."""
-        happened = {
-            "first_slip": slips,
-            "full_slip": touching and not sticks,
-            "restick": sticks and not math.isnan(self._times["full_slip"]),
-        }
-        for name, is_now in happened.items():
-            if is_now and math.isnan(self._times[name]):
-                self._times[name] = time
-
-    def state(self) -> State:
-        """Return heat, place and the times of the events."""
-        return {"heat": self._heat, "position": self._position, **self._times}
-
-    def restore(self, state: State) -> None:
-        """Continue from there."""
-        self._heat, self._position = float(state["heat"]), float(state["position"])
-        self._times = {name: float(state[name]) for name in self._times}

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.depths import Place
-from gfmdlayer.config.inside import DEPTH_PAIRS, interfaces
+from gfmdlayer.body.solid import DEPTH_PAIRS, Place
+from gfmdlayer.config.layers import interfaces
 from gfmdlayer.observables.observable import AcceptedStep, Column, Parts, Places, Value
 from gfmdlayer.observables.transport import Every
 
@@ -18,15 +18,8 @@ _DEPTHS = "over the depths of output.inside"
 _INTERFACE = "over each interface, the bond to a rigid base included"
 
 VON_MISES = Column("largest_von_mises", "largest von Mises stress", "pressure", origin=_DEPTHS)
-PLACE = tuple(
-    Column(
-        f"largest_von_mises_{axis}",
-        f"place of the largest von Mises stress: {axis}",
-        "length",
-        origin=_DEPTHS,
-    )
-    for axis in "xyz"
-)
+_AT = "place of the largest von Mises stress: "
+PLACE = tuple(Column(f"largest_von_mises_{axis}", _AT + axis, "length", origin=_DEPTHS) for axis in "xyz")
 SHEAR = Column("largest_shear_stress", "largest shear stress on any plane", "pressure", origin=_DEPTHS)
 
 
@@ -70,7 +63,7 @@ class Inside(Every):
         assert asked is not None
         assert asked.every is not None
         super().__init__(case, asked.every)
-        self._case, self._names = case, [each.name for each in self.columns(config) or ()]
+        self._case = case
         self._interfaces = [Place(depth, i) for i, depth in enumerate(interfaces(config.solid))]
 
     def measure(self, step: AcceptedStep) -> Mapping[str, Value]:

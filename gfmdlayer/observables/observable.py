@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
-from gfmdlayer.resumable import Stateless
+from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute, BoolArray, FloatArray
@@ -125,67 +125,53 @@ class Parts(Protocol):
     @property
     def grid(self) -> Grid:
         """The periodic grid."""
-        ...
 
     @property
     def transforms(self) -> Transforms:
         """Fourier transforms of the grid."""
-        ...
 
     @property
     def body(self) -> Body:
         """The body under the surface."""
-        ...
 
     @property
     def interior(self) -> Any:
         """The fields below the surface (`history.inside.Interior`); None where they are not asked for."""
-        ...
 
     def springs(self, step: AcceptedStep) -> Any:
         """Return strains and forces below the surface of an accepted step."""
-        ...
 
     @property
     def integrator(self) -> Any:
         """The time integrator, of the kind that the configuration asks for."""
-        ...
 
     @property
     def interface(self) -> Interaction:
         """Interaction of surface and punch across the gap, at any time."""
-        ...
 
     @property
     def velocity(self) -> Constant | Table | None:
         """Velocity of the punch along x; None where it stays."""
-        ...
 
     @property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches."""
-        ...
 
     @property
     def reduced_time(self) -> ReducedTime | None:
         """The reduced time in which the whole body relaxes; None where it has none."""
-        ...
 
     @property
     def reduced_times(self) -> tuple[ReducedTime | None, ...]:
         """The reduced time of each of the laws; None for one whose times do not change."""
-        ...
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
-        ...
 
 
-class Observable(Stateless):
+class Observable:
     """Measures columns of each accepted step.
-
-    What is remembered from step to step is returned by `state` and put back by `restore`.
 
     Parameters
     ----------
@@ -198,6 +184,9 @@ class Observable(Stateless):
         Columns that are the same in every case that has the observable.
     NUMBERS : tuple of Column
         Attributes that the sweep file holds too, a number for each case.
+    KEPT : tuple of str
+        Names of the numbers, tuples and lists that it carries from step to step: "work" is the attribute
+        `_work`.
     finished : bool
         Whether the run may end after the last accepted step.
     attributes : dict
@@ -208,6 +197,7 @@ class Observable(Stateless):
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()
     NUMBERS: ClassVar[tuple[Column, ...]] = ()
+    KEPT: ClassVar[tuple[str, ...]] = ()
     finished: bool = False
     attributes: Mapping[str, Attribute] = MappingProxyType({})
     warning: str = ""
@@ -231,3 +221,15 @@ class Observable(Stateless):
     def measure(self, step: AcceptedStep) -> Mapping[str, Value]:  # noqa: ARG002
         """Return the values of the columns, by name."""
         return {}
+
+    def state(self) -> State:
+        """Return the attributes in KEPT."""
+        return {name: getattr(self, f"_{name}") for name in self.KEPT}
+
+    def restore(self, state: State) -> None:
+        """Continue from the state of another run, each attribute in its type."""
+        import numpy as np
+
+        for name in self.KEPT:
+            kind = type(getattr(self, f"_{name}"))
+            setattr(self, f"_{name}", kind(np.asarray(state[name]).tolist()))

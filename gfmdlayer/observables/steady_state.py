@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -25,6 +24,8 @@ class SteadyState(Observable):
     The first window begins with the last breakpoint of the programme, another one after each that was not
     steady.
     """
+
+    KEPT = "begun", "least", "most"  # no run is resumed from a steady state, which ends it
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -60,15 +61,6 @@ class SteadyState(Observable):
                 self.attributes = {"settled": 1, "steady_time": step.time}
             self._begin(step.time, values)
         return {}
-
-    def state(self) -> State:
-        """Return the current window; no run is resumed from a steady state, which ends it."""
-        return {"begun": self._begun, "least": self._least, "most": self._most}
-
-    def restore(self, state: State) -> None:
-        """Continue with the window of another run."""
-        self._begun = float(state["begun"])
-        self._least, self._most = tuple(state["least"].tolist()), tuple(state["most"].tolist())
 
     def _is_steady(self, least: float, most: float) -> bool:
         return most - least <= self._tolerance * max(abs(least), abs(most)) + _ROUNDING

@@ -7,12 +7,12 @@ which computes them (`_whole`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, Places, Value
-from gfmdlayer.transport.memory import flow_memory
+from gfmdlayer.transport import flow_memory
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.config.sections import Conductor
     from gfmdlayer.resumable import State
-    from gfmdlayer.transport.spots import Spots
 
 _CELL = "over the cell; valid while the fluid does not lift the surface"
 _PATH = "on the widest path; valid while the fluid does not lift the surface"
@@ -60,18 +59,12 @@ SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE))  # NaN i
 class Every(Observable):
     """Measured in every n-th row, at the times of the snapshots and at the end; NaN in the other rows."""
 
+    KEPT = ("rows",)
+
     def __init__(self, case: Parts, every: int) -> None:
         self._grid, self._every, self._rows = case.grid, every, 0
-        output, end = case.config.output, case.config.time.end
-        self._times = (*output.snapshot_times, end)
-
-    def state(self) -> State:
-        """Return the number of rows so far."""
-        return {"rows": self._rows}
-
-    def restore(self, state: State) -> None:
-        """Continue from the rows of another run."""
-        self._rows = int(state["rows"])
+        self._names = [column.name for column in self.columns(case.config) or ()]
+        self._times = (*case.config.output.snapshot_times, case.config.time.end)
 
     def _due(self, time: float) -> bool:
         self._rows += 1
@@ -156,7 +149,6 @@ class Leakage(Every):
         asked = case.config.output.leakage
         assert asked is not None
         super().__init__(case, asked.every)
-        self._names = [each.name for each in self.columns(case.config) or ()]
         self._said: dict[str, str] = {}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
@@ -170,8 +162,12 @@ class Leakage(Every):
         for axis, throat in narrow.items():
             for reason in doubts(axis, throat, depth, step.solution.residual):
                 self._said[reason[:_KIND]] = f"t = {step.time:.6g}: {reason}"
-        self.warning = "; ".join(self._said.values())
         return dict(row)
+
+    @property
+    def warning(self) -> str:  # type: ignore[override]
+        """Doubts about the flow, the last of each kind."""
+        return "; ".join(self._said.values())
 
     def state(self) -> State:
         """Return the rows and the doubts so far."""
@@ -182,7 +178,6 @@ class Leakage(Every):
         super().restore(state)
         lines = str(state["said"]).splitlines()
         self._said = {line.partition(": ")[2][:_KIND]: line for line in lines}
-        self.warning = "; ".join(self._said.values())
 
     def _found(self, gap: FloatArray) -> tuple[dict[str, float], dict[str, Any]]:
         from gfmdlayer.transport.leakage import flow_through, numbers_of
@@ -193,7 +188,42 @@ class Leakage(Every):
         return row | {f"throat_points_{axis}": each.points for axis, each in narrow.items()}, narrow
 
 
-class SpotRadius(Observable):
+class OfSpots(Every):
+    """Measures the contact spots; the impedances of both sides add, on the whole grid."""
+
+    def __init__(self, case: Parts, every: int, sides: Sequence[tuple[Any, float]]) -> None:
+        import numpy as np
+
+        from gfmdlayer.grid.grid import Grid
+        from gfmdlayer.transport.spots import Spots, impedance
+
+        super().__init__(case, every)
+        self._spots = None
+        if case.grid.ranks.first:
+            q = Grid(case.grid.points, case.grid.period).wavenumbers
+            every_side = [impedance(q, films, base) for films, base in sides]
+            self._spots = Spots(np.sum(every_side, axis=0), _cell(case.grid))
+
+    def _total(self, step: AcceptedStep) -> float:
+        """Return the flow through the spots at a potential of 1."""
+        from gfmdlayer.observables.contact_statistics import in_contact
+
+        touching = in_contact(step.problem, step.solution)
+        return float(_whole(self._grid, touching, lambda contact: self._spots and self._spots.total(contact)))
+
+    def state(self) -> State:
+        """Return the rows, and the density from which the next solution starts."""
+        density = None if self._spots is None else self._spots.density
+        return {**super().state(), **({} if density is None else {"density": density})}
+
+    def restore(self, state: State) -> None:
+        """Continue from those of another run."""
+        super().restore(state)
+        if self._spots is not None and "density" in state:
+            self._spots.density = state["density"]
+
+
+class SpotRadius(OfSpots):
     """Radius of the disc with the resistance of all contact spots, on homogeneous halfspaces.
 
     It needs no material: charge has no memory, and the resistance follows the contact area of the step.
@@ -212,23 +242,14 @@ class SpotRadius(Observable):
         return SPOTS_PAIRS, SPOTS_FIELDS * 8.0 * math.prod(config.grid.points)
 
     def __init__(self, case: Parts) -> None:
-        self._grid = case.grid
-        self._spots = _of_conductors(case, [((), 1.0)]) if case.grid.ranks.first else None
+        super().__init__(case, 1, [((), 1.0)])
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the radius, S/4 for a conductivity of 1."""
-        return {RADIUS.name: _total(self._grid, step, self._spots) / 4}
-
-    def state(self) -> State:
-        """Return the density, from which the next step starts."""
-        return _density(self._spots)
-
-    def restore(self, state: State) -> None:
-        """Continue from the density of another run."""
-        _put_back(self._spots, state)
+        return {RADIUS.name: self._total(step) / 4}
 
 
-class Conductance(Every):
+class Conductance(OfSpots):
     """Resistance of the contact spots between two conductors (`output.conductance`).
 
     Constriction and films on both sides, and the films in series over the cell. Without contact it is
@@ -255,9 +276,8 @@ class Conductance(Every):
     def __init__(self, case: Parts) -> None:
         asked = case.config.output.conductance
         assert asked is not None
-        super().__init__(case, asked.every)
         sides = [_conductor(each) for each in (asked.body, asked.punch)]
-        self._spots = _of_conductors(case, sides) if case.grid.ranks.first else None
+        super().__init__(case, asked.every, sides)
         in_series = sum(d / k for films, base in sides if 0 < base < math.inf for d, k in films)
         self._series = in_series / math.prod(case.grid.period)
 
@@ -265,17 +285,8 @@ class Conductance(Every):
         """Return the resistance."""
         if not self._due(step.time):
             return {RESISTANCE.name: math.nan}
-        total = _total(self._grid, step, self._spots)
+        total = self._total(step)
         return {RESISTANCE.name: 1 / total + self._series if total > 0 else math.inf}
-
-    def state(self) -> State:
-        """Return the rows and the density."""
-        return {**super().state(), **_density(self._spots)}
-
-    def restore(self, state: State) -> None:
-        """Continue from the rows and the density of another run."""
-        super().restore(state)
-        _put_back(self._spots, state)
 
 
 class Stiffness(Every):
@@ -364,30 +375,3 @@ def _conductor(side: Conductor) -> tuple[tuple[tuple[float, float], ...], float]
     """Return films (thickness, conductivity) and the conductivity of the base."""
     films = tuple((each.thickness, 1 / each.resistivity) for each in side.films)
     return films, math.inf if side.resistivity == 0 else 1 / side.resistivity
-
-
-def _of_conductors(case: Parts, sides: Any) -> Spots:
-    """Return the problem of the sum of the impedances of all sides, on the whole grid."""
-    from gfmdlayer.grid.grid import Grid
-    from gfmdlayer.transport.spots import Spots, impedance
-
-    q = Grid(case.grid.points, case.grid.period).wavenumbers
-    Z = [impedance(q, films, base) for films, base in sides]
-    return Spots(Z[0] + Z[-1] if len(Z) > 1 else Z[0], _cell(case.grid))
-
-
-def _total(grid: Any, step: AcceptedStep, spots: Spots | None) -> float:
-    from gfmdlayer.observables.contact_statistics import in_contact
-
-    return float(
-        _whole(grid, in_contact(step.problem, step.solution), lambda contact: spots and spots.total(contact))
-    )
-
-
-def _density(spots: Spots | None) -> State:
-    return {} if spots is None or spots.density is None else {"density": spots.density}
-
-
-def _put_back(spots: Spots | None, state: State) -> None:
-    if spots is not None and "density" in state:
-        spots.density = state["density"]

@@ -28,7 +28,7 @@ class Profile(Shape):
 
     def heights(self, grid: Grid) -> FloatArray:
         """Heights above the lowest; TableError unless the file holds a finite one for each grid point."""
-        from gfmdlayer.punch.height_files import read_profile
+        from gfmdlayer.punch.topography import read_profile
 
         return read_profile(self.file, grid, outward=self.touches_first == "highest")
 
@@ -73,7 +73,7 @@ class Topography(Shape):
     @property
     def whole_only(self) -> str:
         """A step that concerns distant points, or a file that is not read in parts."""
-        from gfmdlayer.punch.height_files import IN_PARTS
+        from gfmdlayer.punch.topography import IN_PARTS
 
         if self.file.suffix.lower() not in IN_PARTS:
             return f"file: got {self.file.suffix or 'no ending'}, not {', '.join(IN_PARTS)}"
@@ -83,7 +83,7 @@ class Topography(Shape):
     def _made_periodic(self, grid: Grid) -> tuple[FloatArray, list[str]]:
         from gfmdlayer.grid.grid import Grid as Whole
         from gfmdlayer.punch import topography
-        from gfmdlayer.punch.height_files import read_heights
+        from gfmdlayer.punch.topography import read_heights
 
         measured = read_heights(self.file, len(grid.shape), self.dataset, grid)
         topography.check_lengths(self.file, measured.lengths, self.unit, grid.period)

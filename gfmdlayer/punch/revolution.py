@@ -73,12 +73,10 @@ def flat(radius: float) -> Revolution:
 
 
 def of_table(r: ArrayLike, h: ArrayLike) -> Revolution:
-    """Return the convex profile through a table of radii from 0 and heights, up to its last radius.
-
-    The slope is linear between the middles of the rows, where it is the slope of the table: a paraboloid
-    and a cone are exact, other profiles are so to second order in the spacing. ValueError if the radii do not
-    ascend, or the profile is not convex.
-    """
+    """Return the convex profile through a table of radii from 0 and heights, up to its last radius."""
+    # The slope is linear between the middles of the rows, where it is the slope of the table: a paraboloid
+    # and a cone are exact, other profiles are so to second order in the spacing. ValueError if the radii do
+    # not ascend, or the profile is not convex.
     r, h = np.asarray(r, dtype=float), np.asarray(h, dtype=float)
     if r.ndim != 1 or r.shape != h.shape or r.size < 3:
         raise ValueError(f"got radii of shape {r.shape} and heights of shape {h.shape}; must be equal, >= 3")

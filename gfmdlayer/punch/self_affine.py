@@ -86,9 +86,8 @@ class SelfAffine(Shape):
         twice = np.full(q.shape[-1], 2.0)  # waves of the half spectrum that stand for two
         twice[0] = 1.0 if grid.ranks.first else 2.0
         power = amplitude**2 * twice * (1.0 if self.rms_slope is None else q**2)
-        amplitude *= (
-            (self.rms_slope or self.rms_height) / np.sqrt(grid.ranks.total(float(power.sum()))) * grid.size
-        )
+        rms = np.sqrt(grid.ranks.total(float(power.sum())))
+        amplitude *= (self.rms_slope or self.rms_height) / rms * grid.size
         heights = grid.from_waves(amplitude * _phases(grid, self.seed))
         return np.asarray(heights - grid.ranks.minimum(float(heights.min())))
 
@@ -119,11 +118,9 @@ class SelfAffine(Shape):
 
 
 def _phases(grid: Grid, seed: int) -> ComplexArray:
-    """Factors exp(i phi) of the modes; those of q and -q belong together.
-
-    Along the last of two axes each number of waves has a generator of its own, which gives the phases for 0,
-    1, -1, 2, -2 ... waves along the first.
-    """
+    """Factors exp(i phi) of the modes; those of q and -q belong together."""
+    # Along the last of two axes each number of waves has a generator of its own, which gives the phases for
+    # 0, 1, -1, 2, -2 ... waves along the first.
     import numpy as np
 
     if len(grid.shape) == 1:

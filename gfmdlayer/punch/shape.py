@@ -89,10 +89,8 @@ class Analytic(Shape):
         return None
 
     def heights(self, grid: Grid, counts: tuple[int, ...] = (1,)) -> FloatArray:
-        """Heights of the grid's shape; `counts` copies fill the cell along each axis.
-
-        The last number also stands for the axes that follow.
-        """
+        """Heights of the grid's shape; `counts` copies fill the cell along each axis."""
+        # The last number also stands for the axes that follow.
         import numpy as np
 
         counts = counts + counts[-1:] * (len(grid.shape) - len(counts))

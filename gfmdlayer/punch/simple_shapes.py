@@ -149,10 +149,8 @@ class Flat(Analytic):
         width = along_axis(self.width, extent.axis)
         if not math.isfinite(width) or width + 2 * self.edge_radius < extent.length:
             return None
-        message = (
-            f"got {width!r} with edge_radius {self.edge_radius!r}; width + 2 edge_radius must be below "
-            f"{extent.words}"
-        )
+        allowed = f"width + 2 edge_radius must be below {extent.words}"
+        message = f"got {width!r} with edge_radius {self.edge_radius!r}; {allowed}"
         return Problem(("width",), message, ("edge_radius",))
 
     def face(self, period: tuple[float, ...]) -> float:
@@ -204,10 +202,8 @@ class Sinusoid(Analytic):
         fits = waves >= 1 - 1e-9 and abs(waves - round(waves)) <= 1e-9 * waves
         if fits or math.isinf(wavelength) or along_axis(self.amplitude, extent.axis) == 0:
             return None
-        message = (
-            f"got {wavelength!r}, which does not divide {extent.words}; must be the period divided by a "
-            "whole number"
-        )
+        allowed = "must be the period divided by a whole number"
+        message = f"got {wavelength!r}, which does not divide {extent.words}; {allowed}"
         return Problem(("wavelength",), message, ("amplitude",))
 
 
@@ -221,11 +217,9 @@ def _circle(r: FloatArray, radius: float) -> FloatArray:
 def _short(radius: float, extent: Extent) -> Problem | None:
     if radius >= extent.length / 2:
         return None
-    message = (
-        f"got {radius!r}: the circle ends inside the cell and has no height beyond; must be a number >= half "
-        f"{extent.words} (a parabola takes any radius)"
-    )
-    return Problem(("radius",), message)
+    found = f"got {radius!r}: the circle ends inside the cell and has no height beyond"
+    allowed = f"must be a number >= half {extent.words} (a parabola takes any radius)"
+    return Problem(("radius",), f"{found}; {allowed}")
 
 
 Angle = Annotated[float, strict, Field(gt=0, lt=90), MustBe("a number > 0 and < 90, in degrees")]

@@ -52,8 +52,8 @@ def write_checkpoint(
 ) -> None:
     """Write the states of all ranks; each rank calls this with its own.
 
-    `made_by` has all else on which the bits of later results depend: input, versions, processor. An OSError
-    on the first rank leaves the checkpoint before in place.
+    `made_by` has all else on which the bits of later results depend: input, versions, processor.
+    An OSError on the first rank leaves the checkpoint before in place.
     """
     arrays = {name: np.asarray(values) for name, values in state.items()}
     names = ranks.all_of(list(arrays))
@@ -73,7 +73,7 @@ def write_checkpoint(
 def read_checkpoint(path: Path, made_by: Mapping[str, str], ranks: Ranks = ALONE) -> Checkpoint:
     """Read a checkpoint; each rank calls this and gets its own state.
 
-    A CheckpointError on all ranks, if the file is damaged, or if other input, versions, ranks or another
+    CheckpointError on all ranks, if the file is damaged, or if other input, versions, ranks or another
     processor made it.
     """
     with ExitStack() as stack:
@@ -82,7 +82,10 @@ def read_checkpoint(path: Path, made_by: Mapping[str, str], ranks: Ranks = ALONE
         with ranks.agreeing(CheckpointError):
             if ranks.first:
                 file, about = _opened(path, stack)
-                _refuse_other_origin(about["made_by"], made_by)
+                found, keys = about["made_by"], sorted({*about["made_by"], *made_by})
+                pairs = ((key, found.get(key, "(none)"), made_by.get(key, "(none)")) for key in keys)
+                if changed := [f"{key} {old} -> {new}" for key, old, new in pairs if old != new]:
+                    raise CheckpointError(f"it would not give the same bits: {'; '.join(changed)}")
         about = ranks.shared(about)
         names: list[list[str]] = about.pop("arrays")
         own = ranks.handed_out(_arrays(file, path), [len(each) for each in names])
@@ -121,16 +124,6 @@ def _opened(path: Path, stack: ExitStack) -> tuple[BinaryIO, dict[str, Any]]:
     if not intact or about is None or not isinstance(about.get("arrays"), list):
         raise CheckpointError("it is damaged")
     return file, about
-
-
-def _refuse_other_origin(found: Mapping[str, str], wanted: Mapping[str, str]) -> None:
-    changed = [
-        f"{key} {found.get(key, '(none)')} -> {wanted.get(key, '(none)')}"
-        for key in sorted({*found, *wanted})
-        if found.get(key) != wanted.get(key)
-    ]
-    if changed:
-        raise CheckpointError(f"it would not give the same bits: {'; '.join(changed)}")
 
 
 def _arrays(file: BinaryIO | None, path: Path) -> Iterator[NDArray[Any]]:

@@ -9,7 +9,6 @@ file read as fast, but a file with another grid would be read without an error, 
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.results.schema import SAME_TIME, ResultsError
 
 
@@ -25,7 +25,7 @@ class FieldOfCases(BackendArray):
     """One field of all cases, along the swept keys and then the field's own axes."""
 
     def __init__(
-        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: NDArray[np.float64]
+        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: FloatArray
     ) -> None:
         self._files, self._name, self._inner, self._times = files, name, shape, times
         self.shape = (*files.shape, *shape)
@@ -35,24 +35,21 @@ class FieldOfCases(BackendArray):
         support = indexing.IndexingSupport.BASIC
         return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
 
-    def _read(self, key: tuple[int | slice, ...]) -> NDArray[np.float64]:
+    def _read(self, key: tuple[int | slice, ...]) -> FloatArray:
         outer, part = key[: self._files.ndim], key[self._files.ndim :]
         files = np.asarray(self._files[outer], dtype=object)
         inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
         found = np.full((*files.shape, *inner), np.nan)
         for place, file in np.ndenumerate(files):
-            if file.is_file():
-                found[place] = self._read_case(file, part)
+            if not file.is_file():
+                continue
+            with h5py.File(file, locking=False) as h5:
+                field, wrong = h5[self._name], ""
+                if field.shape != self._inner:
+                    wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
+                elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
+                    wrong = "snapshots at other times than in the first case"
+                if wrong:
+                    raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
+                found[place] = field[part]
         return found
-
-    def _read_case(self, file: Path, part: tuple[int | slice, ...]) -> NDArray[np.float64]:
-        with h5py.File(file, locking=False) as h5:
-            field = h5[self._name]
-            wrong = ""
-            if field.shape != self._inner:
-                wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
-            elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
-                wrong = "snapshots at other times than in the first case"
-            if wrong:
-                raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-            return np.asarray(field[part])

@@ -30,22 +30,23 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import h5py
 import numpy as np
 from h5py import h5a, h5f, h5g
 from numpy.typing import NDArray
 
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.config.sweeps import as_label, is_listed, sampling, swept_keys
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
-from gfmdlayer.results.netcdf import add_variable, attribute, column, new_file, opened, write_at
+from gfmdlayer.results.netcdf import PACKED, add_variable, attribute, column, new_file, opened, write_at
 from gfmdlayer.results.schema import (
     FIELDS,
     OVER_TIME,
@@ -54,6 +55,7 @@ from gfmdlayer.results.schema import (
     SWEEP_FILE,
     VARIABLES,
     described_key,
+    numbered,
 )
 
 if TYPE_CHECKING:
@@ -64,28 +66,10 @@ INCOMPLETE = "no complete result file"
 WAITING = "not complete yet"  # in place of the reason of a failure
 ROW = "row"  # the dimension of the rows of cases with times of their own
 OF_ONE_CASE = {
-    *(
-        "config",
-        "digest",
-        "coordinates",
-        "hostname",
-        "started",
-        "finished",
-        "wall_seconds",
-        "rows",
-        "snapshots",
-        "complete",
-    ),
-    *known_numbers(),
-    *(
-        "instabilities",
-        "instability_time",
-        "instability_depth",
-        "instability_energy",
-        "instability_error",
-        "ended",
-    ),
-}
+    "config", "digest", "coordinates", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots",
+    "complete", *known_numbers(), "instabilities", "instability_time", "instability_depth",
+    "instability_energy", "instability_error", "ended",
+}  # fmt: skip
 
 _NAMED = 5  # cases in a line of the notes
 
@@ -108,7 +92,7 @@ class Column(NamedTuple):
 
     described: Mapping[str, str]
     bins: str = ""  # name of the dimension of the bins; empty for a number
-    edges: Mapping[str, tuple[Mapping[str, str], NDArray[np.float64]]] = MappingProxyType({})
+    edges: Mapping[str, tuple[Mapping[str, str], FloatArray]] = MappingProxyType({})
 
 
 class Labelled(NamedTuple):
@@ -139,27 +123,6 @@ class Swept(NamedTuple):
         return cls(keys, is_listed(sweep), unit, asked, sampling(sweep))
 
 
-class CaseData(Protocol):
-    """One case, open for reading."""
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of all variables; cases with equal names have columns along equal dimensions."""
-
-    @property
-    def attributes(self) -> list[str]:
-        """Names of the attributes."""
-
-    def attribute(self, name: str) -> object:
-        """Value of an attribute, or None."""
-
-    def values(self, name: str) -> NDArray[np.float64]:
-        """Values of a variable."""
-
-    def columns(self) -> Iterator[tuple[str, Column]]:
-        """Variables along time."""
-
-
 class _File:
     """A case in its file."""
 
@@ -177,7 +140,7 @@ class _File:
     def attribute(self, name: str) -> object:
         return attribute(self._file, name)
 
-    def values(self, name: str) -> NDArray[np.float64]:
+    def values(self, name: str) -> FloatArray:
         return column(self._file, name)
 
     def columns(self) -> Iterator[tuple[str, Column]]:
@@ -217,7 +180,7 @@ class _Memory:
     def attribute(self, name: str) -> object:
         return self._data.attrs.get(name)
 
-    def values(self, name: str) -> NDArray[np.float64]:
+    def values(self, name: str) -> FloatArray:
         return self._data[name].to_numpy()
 
     def columns(self) -> Iterator[tuple[str, Column]]:
@@ -227,6 +190,9 @@ class _Memory:
                 ends = [end for end in (bins, f"{bins}_end") if end in self._data.coords]
                 edges = {end: (self._data[end].attrs, self._data[end].to_numpy()) for end in ends}
                 yield str(name), Column(values.attrs, bins, edges)
+
+
+CaseData: TypeAlias = _File | _Memory  # cases with equal `variables` have columns along equal dimensions
 
 
 @contextmanager
@@ -242,11 +208,11 @@ class _Times:
     """The times of the cases; those of the longest case, and those that all share, are in memory."""
 
     def __init__(self) -> None:
-        self.longest: NDArray[np.float64] = np.empty(0)
-        self._shared: NDArray[np.float64] | None = None
+        self.longest: FloatArray = np.empty(0)
+        self._shared: FloatArray | None = None
         self._end, self._nested = 0.0, True
 
-    def add(self, times: NDArray[np.float64]) -> None:
+    def add(self, times: FloatArray) -> None:
         """Add the times of a case."""
         if np.array_equal(times, self.longest):
             return
@@ -255,7 +221,7 @@ class _Times:
         self._shared = times if self._shared is None else self._shared[rows_at(times, self._shared) >= 0]
         self._end = max(self._end, *times[-1:])
 
-    def common(self, asked: Asked) -> NDArray[np.float64] | None:
+    def common(self, asked: Asked) -> FloatArray | None:
         """Return times for all cases: those of the longest, or those asked for; None without such times."""
         if self._nested or self._shared is None:
             return self.longest
@@ -270,9 +236,8 @@ class _Times:
 class Gathered:
     """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
 
-    The first pass, here, finds the times, columns and shared attributes of the cases; the second, `curves`,
-    reads the columns. `failed` has the reason for each case without results, `places` the indices of each
-    case along `dimensions`; `along` is the dimension of the rows, time or row.
+    `failed` has the reason for each case without results, `places` the indices of each case along
+    `dimensions`; `along` is the dimension of the rows, time or row.
     """
 
     def __init__(self, records: Sequence[CaseRecord], swept: Swept) -> None:
@@ -283,7 +248,7 @@ class Gathered:
         self.failed = {each.index: each.failed for each in records if each.failed is not None}
         self._columns: dict[str, Column] = {}
         self._numbers: dict[str, dict[int, float]] = {}
-        self._shared: dict[str, object] = {}
+        self._shared: dict[str, Any] = {}
         self._of_first: frozenset[str] | None = None
         self._layouts: dict[tuple[str, ...], dict[str, Column]] = {}
         self._held: dict[int, frozenset[str]] = {}
@@ -308,7 +273,8 @@ class Gathered:
                 times = case.values("time")
                 if case.attribute("complete") != 1 or case.attribute("rows") != len(times):
                     return False
-                shared = self._shared_with(case)
+                names = case.attributes if self._of_first is None else self._shared
+                found: dict[str, Any] = {n: case.attribute(n) for n in names if n not in OF_ONE_CASE}
                 held = self._columns_of(case)
                 own = {name: case.attribute(name) for name in known_numbers()}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
@@ -319,15 +285,10 @@ class Gathered:
             if value is not None:
                 self._numbers.setdefault(name, {})[record.index] = float(str(value))
         if self._of_first is None:
-            self._of_first = frozenset(shared)
-        self._shared = shared
+            self._of_first, self._shared = frozenset(found), found
+        else:
+            self._shared = {n: each for n, each in self._shared.items() if np.array_equal(found[n], each)}
         return True
-
-    def _shared_with(self, case: CaseData) -> dict[str, object]:
-        if self._of_first is None:
-            return {name: case.attribute(name) for name in case.attributes if name not in OF_ONE_CASE}
-        shared = self._shared.items()
-        return {name: value for name, value in shared if np.array_equal(case.attribute(name), value)}  # type: ignore[arg-type]
 
     def _columns_of(self, case: CaseData) -> frozenset[str]:
         """Take note of the columns of a case; return the names of those over the bins of earlier cases."""
@@ -337,19 +298,20 @@ class Gathered:
         held = self._layouts[names]
         for name, found in held.items():
             self._columns.setdefault(name, found)
-        return frozenset(name for name, found in held.items() if self._fits(name, found, case))
-
-    def _fits(self, name: str, found: Column, case: CaseData) -> bool:
-        known = self._columns[name]
-        return found.bins == known.bins and all(
-            np.array_equal(case.values(end), edges) for end, (_, edges) in known.edges.items()
-        )
+        fitting = []
+        for name, found in held.items():
+            known = self._columns[name]
+            ends = ((case.values(end), edges) for end, (_, edges) in known.edges.items())
+            if found.bins == known.bins and all(np.array_equal(*each) for each in ends):
+                fitting.append(name)
+        return frozenset(fitting)
 
     @property
     def coordinates(self) -> dict[str, Labelled]:
         """Time or row, labels, numbers of the cases and ends of bins; each after its dimension."""
         layout = self._layout
-        along = self._time if self.along == TIME.name else {"long_name": "row of the case", "units": "1"}
+        time = TIME.in_units(self._unit).described
+        along = time if self.along == TIME.name else {"long_name": "row of the case", "units": "1"}
         numbers = np.empty(self.shape, dtype=VARIABLES["case"].dtype)
         for record, place in zip(self._records, self.places, strict=True):
             numbers[place] = record.index
@@ -367,10 +329,6 @@ class Gathered:
         return {self.along: Labelled((self.along,), along, self._times), **both, **bins}
 
     @property
-    def _time(self) -> Mapping[str, str]:
-        return TIME.in_units(self._unit).described
-
-    @property
     def numbers(self) -> dict[str, Labelled]:
         """Numbers of whole cases, NaN where a case has none."""
         found = {}
@@ -386,7 +344,7 @@ class Gathered:
     def columns(self) -> dict[str, tuple[tuple[str, ...], Mapping[str, str], tuple[int, ...]]]:
         """Name -> dimensions, attributes and shape of each column, and of time where cases differ in it."""
         found = {}
-        of_cases = {TIME.name: Column(self._time)} if self.along == ROW else {}
+        of_cases = {TIME.name: Column(TIME.in_units(self._unit).described)} if self.along == ROW else {}
         for name, each in (of_cases | self._columns).items():
             dimensions, shape = (*self.dimensions, self.along), (*self.shape, self._times.size)
             if each.bins:
@@ -397,7 +355,7 @@ class Gathered:
     def _name(self, column: str) -> str:
         return f"{column}{OVER_TIME}" if column in self._layout.labels else column
 
-    def curves(self) -> Iterator[tuple[tuple[int, ...], dict[str, NDArray[np.float64]]]]:
+    def curves(self) -> Iterator[tuple[tuple[int, ...], dict[str, FloatArray]]]:
         """Yield the place of each complete case, and its columns at the common times or in all rows."""
         for record, place in zip(self._records, self.places, strict=True):
             if record.index in self.failed:
@@ -409,7 +367,7 @@ class Gathered:
             else:
                 yield place, found
 
-    def _read(self, record: CaseRecord) -> dict[str, NDArray[np.float64]]:
+    def _read(self, record: CaseRecord) -> dict[str, FloatArray]:
         with _open(record) as case:
             names = sorted(self._held[record.index])
             if self.along == ROW:
@@ -419,7 +377,12 @@ class Gathered:
                 return found
             settled = bool(case.attribute("settled"))
             rows = rows_at(case.values(TIME.name), self._times, steady=settled)
-            return {self._name(name): _at_rows(case.values(name), rows) for name in names}
+            found = {self._name(name): case.values(name)[rows] for name in names}
+        if (rows < 0).any():  # behind the end of the case
+            found = {name: values.astype(np.float64) for name, values in found.items()}
+            for values in found.values():
+                values[rows < 0] = np.nan
+        return found
 
     @property
     def notes(self) -> list[str]:
@@ -429,7 +392,7 @@ class Gathered:
             if lacking := frozenset(index for index, held in self._held.items() if name not in held):
                 alike.setdefault(lacking, []).append(name)
         lines = [
-            f"{', '.join(sorted(names))}: NaN in {_numbered(cases)}"
+            f"{', '.join(sorted(names))}: NaN in {numbered(sorted(cases), _NAMED)}"
             for cases, names in alike.items()
             if len(cases) < len(self._held)
         ]
@@ -447,25 +410,11 @@ class Gathered:
         waiting = " ".join(f"{index:04d}" for index, reason in lost if reason == WAITING)
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in lost if reason != WAITING)
         own = {"swept": " ".join(self._swept.keys), "complete": int(not waiting), "failed": report}
-        return {
-            **self._shared,
-            **self._swept.sampling,
-            **own,
-            "incomplete": waiting,
-            "notes": "\n".join(self.notes),
-        }
+        own |= {"incomplete": waiting, "notes": "\n".join(self.notes)}
+        return {**self._shared, **self._swept.sampling, **own}
 
 
-def _numbered(cases: Collection[int]) -> str:
-    """Name some cases, or the first of many."""
-    first = ", ".join(f"{index:04d}" for index in sorted(cases)[:_NAMED])
-    more = len(cases) - _NAMED
-    return f"case{'s' * (len(cases) > 1)} {first}" + (f" and {more} more" if more > 0 else "")
-
-
-def rows_at(
-    times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool = False
-) -> NDArray[np.int64]:
+def rows_at(times: FloatArray, wanted: FloatArray, *, steady: bool = False) -> IntArray:
     """Find the rows of a case at given times, -1 where there is none; both increase.
 
     After a steady state, the last row stands for all later times.
@@ -476,15 +425,6 @@ def rows_at(
     after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
     found = (np.abs(times[after] - wanted) <= tolerance) | (steady & (wanted > times[-1]))
     return np.where(found, after, -1)
-
-
-def _at_rows(values: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the values of a column at rows, NaN where there is none (-1): behind the end of a case."""
-    found = values[rows]
-    if (rows < 0).any():
-        found = found.astype(np.float64)
-        found[rows < 0] = np.nan
-    return found
 
 
 class Labels(NamedTuple):
@@ -542,10 +482,7 @@ CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
 
 def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) -> Path:
-    """Write DIR/sweep.h5 from the files of the cases; return its path.
-
-    A case that failed or whose file is not complete is NaN, and is named in the attribute `failed`.
-    """
+    """Write DIR/sweep.h5 from the files of the cases; a failed case is NaN, and named in `failed`."""
     path = Path(directory) / SWEEP_FILE
     sweep = Gathered(records, swept)
     with new_file(path) as file:
@@ -565,10 +502,15 @@ def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) 
 
         for name, (dimensions, described, values) in sweep.numbers.items():
             add(name, dimensions, described, data=values)
-        columns = {
-            name: add(name, dimensions, described, **_options(shape))
-            for name, (dimensions, described, shape) in sweep.columns.items()
-        }
+        columns = {}
+        for name, (dimensions, described, shape) in sweep.columns.items():
+            options: dict[str, Any] = {"shape": shape, "dtype": "f8", "fillvalue": np.nan}
+            if math.prod(shape):  # in chunks of whole curves of neighbouring cases
+                chunks: list[int] = []
+                for length in reversed(shape):
+                    chunks.insert(0, max(1, min(length, CHUNK // math.prod(chunks))))
+                options |= {"chunks": tuple(chunks), **PACKED}
+            columns[name] = add(name, dimensions, described, **options)
         for place, curves in sweep.curves():
             for name, values in curves.items():
                 if values.size:
@@ -577,17 +519,6 @@ def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) 
             file.check()
         h5.attrs.update(sweep.attributes)
     return path
-
-
-def _options(shape: tuple[int, ...]) -> dict[str, Any]:
-    """Options of a column: NaN until it is written, in chunks of whole curves of neighbouring cases."""
-    options: dict[str, Any] = {"shape": shape, "dtype": "f8", "fillvalue": np.nan}
-    if math.prod(shape):
-        chunks: list[int] = []
-        for length in reversed(shape):
-            chunks.insert(0, max(1, min(length, CHUNK // math.prod(chunks))))
-        options |= {"chunks": tuple(chunks), "compression": "gzip", "compression_opts": 1, "shuffle": True}
-    return options
 
 
 def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
@@ -610,9 +541,9 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
     first = cases[0] if cases else xarray.Dataset()
     if first.sizes.get("snapshot") and _agree(cases, "snapshot", "x", "y"):
         below = _agree(cases, "z", "layer", "spring")
-        for name in (
-            each for each in (SNAPSHOT_FIELDS if below else FIELDS) if all(each in case for case in cases)
-        ):
+        for name in SNAPSHOT_FIELDS if below else FIELDS:
+            if not all(name in case for case in cases):
+                continue
             fields = np.full((*sweep.shape, *first[name].shape), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
                 if isinstance(record.source, xarray.Dataset):

@@ -34,7 +34,7 @@ from gfmdlayer.results.schema import BELOW, FIELDS, VARIABLES, ResultsError, Var
 if TYPE_CHECKING:
     import xarray
 
-    from gfmdlayer.body.depths import Place
+    from gfmdlayer.body.solid import Place
     from gfmdlayer.grid.grid import Grid
 
 HELD = 1 << 24  # bytes in memory at most, before they are written
@@ -57,11 +57,7 @@ class Recorder(Protocol):
         /,
         *others: FloatArray | None,
     ) -> None:
-        """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`.
-
-        The traction is given with attraction only, the imprint with a hardness, shear and slip with friction,
-        the displacements of body and counterbody where both deform.
-        """
+        """Record the surface at a time, by arrays or None in the order of `schema.SNAPSHOT_FIELDS`."""
         ...
 
     def note(self, **attributes: Attribute) -> None:
@@ -78,10 +74,9 @@ class Position(NamedTuple):
 
 
 class Journal:
-    """A recorder that keeps rows and snapshots in memory, and in a file where they become many.
+    """A recorder that keeps rows and snapshots in memory, and in a file above `held` bytes.
 
-    The file replaces an earlier one when it is first written. Where several ranks share the `grid` of the
-    snapshots, only the first rank writes. `held` are the bytes in memory at most.
+    The file replaces an earlier one when it is first written. Of several ranks only the first one writes.
     """
 
     def __init__(self, path: Path, grid: Grid | None = None, held: int = HELD) -> None:
@@ -132,8 +127,15 @@ class Journal:
             if not self._is_intact(self._file):
                 raise ResultsError(f"{self._path}: is damaged")
             self._file.seek(0)
-            while self._file.tell() < self._good.size:
-                self._replay_block(self._file, recorder)
+            while (file := self._file).tell() < self._good.size:
+                columns, *places = npy.read_array(file).tolist()
+                values = [npy.read_array(file) for _ in range(columns)]
+                for row in zip(*values, strict=True):
+                    recorder.row(**dict(zip(self._columns, row, strict=True)))
+                if places:
+                    instant, held = float(npy.read_array(file)), {place: _mapped(file) for place in places}
+                    given: list[Any] = [held.get(place + 1) for place in range(places[-1])]
+                    recorder.snapshot(instant, *given)
         for row in self._rows:
             recorder.row(**dict(zip(self._columns, row, strict=True)))
         for instant, fields in self._snapshots:
@@ -227,16 +229,6 @@ class Journal:
             left, checksum = left - len(part), zlib.crc32(part, checksum)
         return not left and checksum == self._good.checksum
 
-    def _replay_block(self, file: io.FileIO, recorder: Recorder) -> None:
-        columns, *places = npy.read_array(file).tolist()
-        values = [npy.read_array(file) for _ in range(columns)]
-        for row in zip(*values, strict=True):
-            recorder.row(**dict(zip(self._columns, row, strict=True)))
-        if places:
-            instant, fields = float(npy.read_array(file)), {place: _mapped(file) for place in places}
-            given: list[Any] = [fields.get(place + 1) for place in range(places[-1])]
-            recorder.snapshot(instant, *given)
-
 
 def _places(fields: Sequence[FloatArray | None]) -> NDArray[np.int64]:
     """Return what comes before a snapshot: no columns, and the places of the fields that are given."""
@@ -273,9 +265,7 @@ class Recording:
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
-        self.fields: list[
-            tuple[Any, ...]
-        ] = []  # time, then those of SNAPSHOT_FIELDS, None where one is not given
+        self.fields: list[tuple[Any, ...]] = []  # time, and those of SNAPSHOT_FIELDS, None if not given
         self.noted: dict[str, Attribute] = {}
         self._started, self._begun = now(), time.monotonic()
 
@@ -299,10 +289,7 @@ class Recording:
         unit: Callable[[str], str] = str,
         places: Sequence[Place] = (),
     ) -> xarray.Dataset:
-        """Return the results as `open_case` gives them; `attributes` come in addition to the provenance.
-
-        `places` are those of the fields below the surface.
-        """
+        """Return the results as `open_case` gives them; `places` are those below the surface."""
         import xarray
 
         columns = [column.in_units(unit) for column in columns]
@@ -338,11 +325,9 @@ class Recording:
     def _snapshots(self, lengths: Mapping[str, int], known: Mapping[str, Variable]) -> dict[str, Any]:
         times = np.array([time for time, *_ in self.fields], dtype=np.float64)
         found: dict[str, Any] = {"snapshot": (("snapshot",), times, known["snapshot"].described)}
-        for place, name in enumerate(FIELDS, start=1):
-            given = (
-                self.fields[0][place : place + 1] if self.fields else (place <= 2 or None,)
-            )  # as in a file
-            if given and given[0] is not None:
+        first = self.fields[0] if self.fields else (0.0, 0.0, 0.0)  # as in a file
+        for place, name in enumerate(FIELDS[: len(first) - 1], start=1):
+            if first[place] is not None:
                 values = np.reshape([fields[place] for fields in self.fields], (-1, *lengths.values()))
                 found[name] = (("snapshot", *lengths), values, known[name].described)
         return found
@@ -365,9 +350,6 @@ class Recording:
             rows = [place.depth for place in places] if first == "z" else range(len(example))
             found[first] = ((first,), np.array(rows), known[first].described)
         if "z" in found:
-            found["layer"] = (
-                ("z",),
-                np.array([place.layer for place in places]),
-                known["layer"].described,
-            )
+            layers = np.array([place.layer for place in places])
+            found["layer"] = (("z",), layers, known["layer"].described)
         return found

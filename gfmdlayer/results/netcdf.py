@@ -22,9 +22,11 @@ import numpy as np
 from h5py import h5a, h5d, h5f, h5p, h5s, h5t
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.arrays import Attribute
+from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.files.whole import publish, seal, unfinished_path
 from gfmdlayer.results.schema import ResultsError
+
+PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
 class _Stream(io.FileIO):
@@ -124,11 +126,7 @@ def contents(fill: Callable[[h5py.File], None]) -> bytes:
 
 
 def add_variable(
-    h5: h5py.File,
-    name: str,
-    dimensions: Sequence[str],
-    described: Mapping[str, str],
-    **options: Any,
+    h5: h5py.File, name: str, dimensions: Sequence[str], described: Mapping[str, str], **options: Any
 ) -> h5py.Dataset:
     """Create a variable on existing dimensions; `options` are those of h5py's create_dataset.
 
@@ -198,7 +196,7 @@ def opened(path: Path) -> Iterator[h5f.FileID]:
         file.close()
 
 
-def column(file: h5f.FileID, name: str) -> NDArray[np.float64]:
+def column(file: h5f.FileID, name: str) -> FloatArray:
     """Read a column, checksums included; KeyError if the file has none of this name."""
     dataset = h5d.open(file, name.encode())
     values = np.empty(dataset.shape)

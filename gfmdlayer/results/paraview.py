@@ -11,11 +11,11 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.locks import write_new
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.netcdf import naming
+from gfmdlayer.results.netcdf import PACKED, naming
 from gfmdlayer.results.schema import BELOW, FIELDS
 
 POINTS, INSIDE = "paraview/points", "paraview/points_inside"
@@ -25,10 +25,7 @@ _FLOAT = 'Format="HDF" NumberType="Float" Precision="{}"'
 
 
 def describe(h5: h5py.File, path: Path) -> Path:
-    """Describe the snapshots of a case, `path` its final name, for ParaView; add the points to the case.
-
-    The fields below the surface are a second grid, of the snapshots that have them; z points down.
-    """
+    """Describe the snapshots of a case for ParaView, `path` its final name; add the points to it."""
     times = list(enumerate(h5["snapshot"][()].tolist()))
     above = {name: h5[name].shape for name in FIELDS if name in h5}
     below = {name: h5[name].shape for name, first in BELOW.items() if name in h5 and first == "z"}
@@ -45,13 +42,12 @@ def describe(h5: h5py.File, path: Path) -> Path:
     return written
 
 
-def _add_points(h5: h5py.File, name: str, z: NDArray[np.float64]) -> None:
+def _add_points(h5: h5py.File, name: str, z: FloatArray) -> None:
     """Add the coordinates of the points at these depths, some rows of the grid at a time."""
     x, y = h5["x"][()], h5["y"][()]
     rows = min(x.size, -(-BLOCK // y.size))  # equal rows of one chunk compress well
-    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
     shape, chunks = (z.size, x.size, y.size, 3), (1, rows, y.size, 3)
-    points = h5.create_dataset(name, shape, "f4", chunks=chunks, **packed)
+    points = h5.create_dataset(name, shape, "f4", chunks=chunks, **PACKED)
     for k, depth in enumerate(z):
         for start in range(0, x.size, rows):
             some = x[start : start + rows]

@@ -49,7 +49,7 @@ def version_of(distribution: str) -> str:
 def git_commit(checkout: Path) -> str:
     """Return the commit checked out in a folder, with "-dirty" where files differ from it, or UNKNOWN.
 
-    The folder itself must be the checkout: a package installed inside an unrelated repository has no commit.
+    The folder itself must be the checkout: a package installed inside another repository has no commit.
     Nothing is written to the repository, not even to git's index.
     """
     if not (checkout / ".git").exists():

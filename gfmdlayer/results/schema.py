@@ -8,7 +8,7 @@ and "1" for dimensionless quantities.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -21,10 +21,7 @@ class ResultsError(OSError):
 
 @dataclass(frozen=True)
 class Variable:
-    """Meaning, units and numpy type of a coordinate or field; columns of rows are declared by observables.
-
-    Where it is measured from, or over what, is for the reference.
-    """
+    """Meaning, units, numpy type and origin of a coordinate or field; observables declare columns."""
 
     long_name: str
     units: str = "1"
@@ -49,79 +46,46 @@ class Parameter(NamedTuple):
     units: str
 
 
+_VARIABLES = """\
+x | position along x | length | f8 | from the middle of the cell, and of the punch
+y | position along y | length | f8 | from the middle of the cell
+snapshot | time of the snapshot | time | f8 | from the beginning of the run
+displacement | normal displacement of the surface, positive upward | length | f8 | from the surface at rest
+pressure | contact pressure, positive in compression | pressure | f8 | at each point, of the wall
+gap | gap between surface and punch, zero in contact | length | f8 | at each point
+traction | traction across the gap, positive in attraction | pressure | f8 | at each point, of the interface
+imprint | height that the surfaces have lost | length | f8 | at each point, from the beginning of the run
+shear_x | shear traction of the punch on the surface along x | pressure | f8 | at each point
+shear_y | shear traction of the punch on the surface along y | pressure | f8 | at each point
+slip_velocity_x | velocity of the surface against the punch along x, zero where it sticks | length / time |
+  f8 | at each point in contact, mean over the step; else NaN
+slip_velocity_y | velocity of the surface against the punch along y, zero where it sticks | length / time |
+  f8 | at each point in contact, mean over the step; else NaN
+z | depth below the surface | length | f8 | of the undeformed body; an interface is there twice
+layer | number of the layer at the depth | 1 | i8 | from the surface, 0
+displacement_x | displacement along x | length | f4 | below the surface
+displacement_y | displacement along y | length | f4 | below the surface
+displacement_z | displacement along z, positive downward | length | f4 | below the surface
+stress_xx | normal stress along x, positive in tension | pressure | f4 | below the surface
+stress_yy | normal stress along y, positive in tension | pressure | f4 | below the surface
+stress_zz | normal stress along z, of an interface the peel stress, positive in tension | pressure | f4 |
+  below the surface
+stress_xy | shear stress xy | pressure | f4 | below the surface
+stress_xz | shear stress xz | pressure | f4 | below the surface
+stress_yz | shear stress yz | pressure | f4 | below the surface
+von_mises | von Mises stress | pressure | f4 | below the surface
+spring | number of the spring | 1 | i8 | from the surface, 0
+spring_strain | strain of each spring of the layers | length | f8 | for other depths
+spring_force | force of each spring of the layers | pressure | f8 | for other depths
+displacement_body | normal displacement of the surface of the body, positive out of it | length | f8 | from
+  the surface at rest
+displacement_counterbody | normal displacement of the surface of the counterbody, positive out of it |
+  length | f8 | from the surface at rest
+case | number of the case and of its file in cases/ | 1 | i8 | from 0
+"""
 VARIABLES: dict[str, Variable] = {
-    "x": Variable("position along x", "length", origin="from the middle of the cell, and of the punch"),
-    "y": Variable("position along y", "length", origin="from the middle of the cell"),
-    "snapshot": Variable("time of the snapshot", "time", origin="from the beginning of the run"),
-    "displacement": Variable(
-        "normal displacement of the surface, positive upward", "length", origin="from the surface at rest"
-    ),
-    "pressure": Variable(
-        "contact pressure, positive in compression", "pressure", origin="at each point, of the wall"
-    ),
-    "gap": Variable("gap between surface and punch, zero in contact", "length", origin="at each point"),
-    "traction": Variable(
-        "traction across the gap, positive in attraction",
-        "pressure",
-        origin="at each point, of the interface",
-    ),
-    "imprint": Variable(
-        "height that the surfaces have lost", "length", origin="at each point, from the beginning of the run"
-    ),
-    **{
-        f"shear_{axis}": Variable(
-            f"shear traction of the punch on the surface along {axis}", "pressure", origin="at each point"
-        )
-        for axis in "xy"
-    },
-    **{
-        f"slip_velocity_{axis}": Variable(
-            f"velocity of the surface against the punch along {axis}, zero where it sticks",
-            "length / time",
-            origin="at each point in contact, mean over the step; else NaN",
-        )
-        for axis in "xy"
-    },
-    "z": Variable(
-        "depth below the surface", "length", origin="of the undeformed body; an interface is there twice"
-    ),
-    "layer": Variable("number of the layer at the depth", "1", "i8", origin="from the surface, 0"),
-    **{
-        f"displacement_{axis}": Variable(
-            f"displacement along {axis}" + ", positive downward" * (axis == "z"),
-            "length",
-            "f4",
-            origin="below the surface",
-        )
-        for axis in "xyz"
-    },
-    **{
-        f"stress_{axes}": Variable(
-            f"{words}, positive in tension", "pressure", "f4", origin="below the surface"
-        )
-        for axes, words in (
-            ("xx", "normal stress along x"),
-            ("yy", "normal stress along y"),
-            ("zz", "normal stress along z, of an interface the peel stress"),
-        )
-    },
-    **{
-        f"stress_{axes}": Variable(f"shear stress {axes}", "pressure", "f4", origin="below the surface")
-        for axes in ("xy", "xz", "yz")
-    },
-    "von_mises": Variable("von Mises stress", "pressure", "f4", origin="below the surface"),
-    "spring": Variable("number of the spring", "1", "i8", origin="from the surface, 0"),
-    "spring_strain": Variable("strain of each spring of the layers", "length", origin="for other depths"),
-    "spring_force": Variable("force of each spring of the layers", "pressure", origin="for other depths"),
-    **{
-        f"displacement_{name}": Variable(
-            f"normal displacement of the surface of the {name}, positive out of it",
-            "length",
-            origin="from the surface at rest",
-        )
-        for name in ("body", "counterbody")
-    },
-    "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
+    name: Variable(*about)
+    for name, *about in (row.split(" | ") for row in _VARIABLES.replace("\n  ", " ").splitlines())
 }
 
 # Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness, shear
@@ -187,6 +151,13 @@ _OF_A_BRANCH = {
 }
 
 
+def numbered(cases: Sequence[int], most: int = 8) -> str:
+    """Name cases by their numbers, or the first of many."""
+    more = len(cases) - most
+    first = ", ".join(f"{number:04d}" for number in cases[:most])
+    return f"case{'s' * (len(cases) > 1)} {first}{f' and {more} more' * (more > 0)}"
+
+
 def in_order(fields: Mapping[str, Any]) -> list[Any]:
     """Return fields of a snapshot in the order of `SNAPSHOT_FIELDS`, None where one is not given."""
     return [fields.get(name) for name in SNAPSHOT_FIELDS[: 1 + max(map(SNAPSHOT_FIELDS.index, fields))]]
@@ -195,8 +166,7 @@ def in_order(fields: Mapping[str, Any]) -> list[Any]:
 def parameter(key: str) -> Parameter | None:
     """Return the meaning of a config key that may be swept; None for a key without symbol and dimension.
 
-    Layers and branches are counted from 1: `layers.0.thickness` is d_1, and the branches of its material have
-    the moduli G_1,1 and G_1,2.
+    Layers and branches are counted from 1: `layers.0.thickness` is d_1.
     """
     from gfmdlayer.config import Config
 

@@ -48,6 +48,13 @@ def case_numbers(config: Path) -> Sequence[int]:
     return range(count)
 
 
+def must_agree(config: Path, numbers: Sequence[int], count: int) -> None:
+    """Refuse a configuration of results that was changed: it names other cases than its sweep has."""
+    if len(numbers) != count:
+        found = f"names {len(numbers)} cases, and its sweep has {count}"
+        raise ResultsError(f"{config}: {found}; must be as the run wrote it")
+
+
 def _ranges(numbers: Sequence[int]) -> Iterator[str]:
     """Yield numbers as text: 0-2, 6, 3-5."""
     first = last = numbers[0]

@@ -18,7 +18,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -28,16 +28,16 @@ import numpy as np
 from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.arrays import Attribute
+from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.results.gathering import dimension_names, labels
-from gfmdlayer.results.netcdf import NewFile, add_variable, append, contents, new_file, set_attributes
+from gfmdlayer.results.netcdf import PACKED, NewFile, add_variable, append, contents, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import BELOW, SNAPSHOT_FIELDS, VARIABLES, Variable, described_key
 
 if TYPE_CHECKING:
-    from gfmdlayer.body.depths import Place
+    from gfmdlayer.body.solid import Place
 
 # The template of a case file: all variables without their values.
 #
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 CHUNK_ROWS = 128  # a chunk is written whole, and most of what a case of few steps takes on the disk
 BLOCK = 2**20  # points of a snapshot in a chunk
-PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+CHECKED = PACKED | {"fletcher32": True}
 SNAPSHOTS = ("snapshot", "displacement", "pressure")
 
 Lengths = tuple[tuple[str, int], ...]
@@ -60,37 +60,35 @@ Fields = tuple[tuple[str, Variable], ...]
 def case_template(columns: tuple[Column, ...], axes: Lengths, fields: Fields) -> bytes:
     """Return a file with all variables but the gap, with the bins of histograms and the provenance.
 
-    `axes` are the coordinates of the grid with their lengths, `fields` coordinates and fields with their
-    units.
+    `axes` are the coordinates of the grid with their lengths.
     """
-    return contents(partial(_lay_out, columns=columns, axes=axes, known=dict(fields)))
+    known = dict(fields)
 
+    def lay_out(h5: h5py.File) -> None:
+        h5.attrs.update(provenance())
+        for column in columns:
+            if column.name == "time":
+                _add_column(h5, column)
+        for name, length in axes:
+            add_variable(h5, name, (name,), known[name].described, shape=(length,), dtype="f8")
+        for bins in dict.fromkeys(column.along for column in columns if column.along is not None):
+            for name, edges, described in bins.ends:
+                add_variable(h5, name, (bins.name,), described, data=edges, dtype="f8")
+        add_variable(h5, "snapshot", ("snapshot",), known["snapshot"].described, dtype="f8", **_growing())
+        for field in ("displacement", "pressure"):
+            add_field(h5, field, tuple(name for name, _ in axes), known[field])
+        for column in columns:
+            if column.name != "time":
+                _add_column(h5, column)
 
-def _lay_out(
-    h5: h5py.File, columns: tuple[Column, ...], axes: Lengths, known: Mapping[str, Variable]
-) -> None:
-    h5.attrs.update(provenance())
-    for column in columns:
-        if column.name == "time":
-            _add_column(h5, column)
-    for name, length in axes:
-        add_variable(h5, name, (name,), known[name].described, shape=(length,), dtype="f8")
-    for bins in dict.fromkeys(column.along for column in columns if column.along is not None):
-        for name, edges, described in bins.ends:
-            add_variable(h5, name, (bins.name,), described, data=edges, dtype="f8")
-    add_variable(h5, "snapshot", ("snapshot",), known["snapshot"].described, dtype="f8", **_growing())
-    for field in ("displacement", "pressure"):
-        add_field(h5, field, tuple(name for name, _ in axes), known[field])
-    for column in columns:
-        if column.name != "time":
-            _add_column(h5, column)
+    return contents(lay_out)
 
 
 def _add_column(h5: h5py.File, column: Column) -> None:
     if column.along is None:
         add_variable(h5, column.name, ("time",), column.described, dtype=column.dtype, **_growing())
         return
-    dimensions, options = ("time", column.along.name), _growing(column.size) | PACKED
+    dimensions, options = ("time", column.along.name), _growing(column.size) | CHECKED
     dataset = add_variable(h5, column.name, dimensions, column.described, dtype=column.dtype, **options)
     if beside := [name for name, *_ in column.along.ends if name != column.along.name]:
         dataset.attrs["coordinates"] = " ".join(beside)
@@ -108,32 +106,20 @@ def add_field(
     """Add a variable of the snapshots, in blocks of at most BLOCK points."""
     shape = tuple(len(h5[axis]) for axis in axes)
     rows = -(-shape[0] // -(-math.prod(shape) // BLOCK))
-    return add_variable(
-        h5,
-        name,
-        ("snapshot", *axes),
-        known.described,
-        dtype=known.dtype,
-        shape=(0, *shape),
-        maxshape=(None, *shape),
-        chunks=(1, rows, *shape[1:]),
-        **PACKED,
-        **options,
-    )
+    grows = {"shape": (0, *shape), "maxshape": (None, *shape), "chunks": (1, rows, *shape[1:])}
+    options = {"dtype": known.dtype, **grows, **CHECKED, **options}
+    return add_variable(h5, name, ("snapshot", *axes), known.described, **options)
 
 
 ROWS_HELD = 512
 
 
 class CaseWriter:
-    """Write one case; a context manager.
+    """Write one case; a context manager, after which the file is complete, or removed after an exception.
 
-    At the end of its block the file is complete under its name; after an exception the unfinished file is
-    removed. Every method raises ResultsError, which names the file, if it cannot be written.
-
-    `coordinates` of the grid are in the order of the arrays' axes. `attributes` take precedence over the
-    provenance, so that a resumed case keeps the time of its first start; `elapsed` are the seconds of earlier
-    runs, added to `wall_seconds`. `places` are those of the fields below the surface.
+    `coordinates` are in the order of the arrays' axes; `attributes` replace those of the provenance;
+    `elapsed` are seconds of earlier runs; `places` are those of the fields below the surface.
+    ResultsError, which names the file, if it cannot be written.
     """
 
     def __init__(
@@ -158,7 +144,7 @@ class CaseWriter:
         self._elapsed = elapsed
         self._columns: tuple[str, ...] | None = None
         self._growing: dict[str, h5d.DatasetID] = {}
-        self._held: list[tuple[float | NDArray[np.float64], ...]] = []
+        self._held: list[tuple[float | FloatArray, ...]] = []
         self._rows = 0
         self._last_time = -math.inf
 
@@ -177,26 +163,31 @@ class CaseWriter:
             self._stack.__exit__(kind, error, trace)
             return
         with self._stack:
-            self._finish()
+            if self._columns is None:
+                self._begin(("time",))
+            self._append_rows()
+            ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
+            counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
+            added = {name: value for name, value in ended.items() if name not in self._attributes}
+            set_attributes(self._h5, {**added, **self.noted, **counts, "complete": 1})
+            if len(self._shape) == 2 and counts["snapshots"]:
+                describe(self._h5, self.path)
 
     @property
     def elapsed(self) -> float:
         """Seconds spent on the case so far."""
         return self._elapsed + time.monotonic() - self._begun
 
-    def row(self, **values: float | NDArray[np.float64]) -> None:
+    def row(self, **values: float | FloatArray) -> None:
         """Record one accepted step: its `time`, later than in the row before, and the other columns.
 
-        A value is a number or, of a histogram, an array. All rows have the columns of the first. A column
-        that is not declared is a KeyError; other columns than in the first row, or a time that does not grow,
-        a ValueError.
+        All rows have the columns of the first.
         """
         if self._columns is None:
             self._begin(tuple(values))
         elif values.keys() != set(self._columns):
-            raise ValueError(
-                f"{self.path}: row has columns {sorted(values)}, the first had {sorted(self._columns)}"
-            )
+            first = f"the first had {sorted(self._columns)}"
+            raise ValueError(f"{self.path}: row has columns {sorted(values)}, {first}")
         time_now = float(values["time"])
         if not time_now > self._last_time:
             raise ValueError(f"{self.path}: row at time {time_now} follows one at {self._last_time}")
@@ -208,15 +199,14 @@ class CaseWriter:
     def snapshot(
         self,
         time: float,
-        displacement: NDArray[np.float64],
-        pressure: NDArray[np.float64],
-        *others: NDArray[np.float64] | None,
+        displacement: FloatArray,
+        pressure: FloatArray,
+        *others: FloatArray | None,
     ) -> None:
         """Record the surface at a time, by arrays in the order of `schema.SNAPSHOT_FIELDS`.
 
-        Gap, traction and the others of the shape of the grid are given in every snapshot or in none; those
-        below the surface have depths or springs as their first axis. Arrays of another shape are a
-        ValueError.
+        Those of the shape of the grid are given in every snapshot or in none; those below the surface have
+        depths or springs as their first axis.
         """
         if self._columns is None:
             self._begin(("time",))
@@ -271,19 +261,15 @@ class CaseWriter:
             known = ", ".join(sorted(self._declared))
             raise KeyError(f"{self.path}: no variable {min(unknown)!r} is declared; known: {known}")
         axes = tuple((name, len(values)) for name, values in self._coordinates.items())
-        self._h5 = self._file.begin(
-            case_template(tuple(self._declared[name] for name in columns), axes, self._fields)
-        )
+        declared = tuple(self._declared[name] for name in columns)
+        self._h5 = self._file.begin(case_template(declared, axes, self._fields))
         for name, values in self._coordinates.items():
             self._h5[name][...] = values
         growing = dict.fromkeys((*columns, *SNAPSHOTS))
         self._growing = {name: h5d.open(self._h5.id, name.encode()) for name in growing}
         set_attributes(self._h5, {"started": self._started, **self._attributes})
-        self._add_swept()
         self._columns = columns
-
-    def _add_swept(self) -> None:
-        """Add the values of the swept keys as coordinates; a name that a column has is the whole key."""
+        # The values of the swept keys are coordinates; a name that a column has is the whole key.
         names = dimension_names([*self._swept], self._declared)
         for name, (key, value) in zip(names, self._swept.items(), strict=True):
             (held,) = labels(key, [value])
@@ -301,14 +287,3 @@ class CaseWriter:
         self._rows += len(self._held)
         self._held.clear()
         self._file.check()
-
-    def _finish(self) -> None:
-        if self._columns is None:
-            self._begin(("time",))
-        self._append_rows()
-        ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
-        counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
-        added = {name: value for name, value in ended.items() if name not in self._attributes}
-        set_attributes(self._h5, {**added, **self.noted, **counts, "complete": 1})
-        if len(self._shape) == 2 and counts["snapshots"]:
-            describe(self._h5, self.path)

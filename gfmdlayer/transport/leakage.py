@@ -31,7 +31,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.transport.memory import LARGEST_DIRECT
+from gfmdlayer.transport import LARGEST_DIRECT
 from gfmdlayer.transport.percolation import Clusters, Throat, clusters
 
 Mean = Literal["harmonic", "linear"]
@@ -44,25 +44,17 @@ _STRONG = ("symmetric", {"theta": 0.08})
 
 @dataclass(frozen=True)
 class Flow:
-    """Flow through a gap.
+    """Flow through a gap; the last two fields are empty for a line."""
 
-    Attributes
-    ----------
-    tensor : ndarray, shape (2, 2)
-        K [length^3].
-    imbalance : ndarray, shape (2,)
-        Spread of the flow through the cross-sections, relative to their mean; 0 without a flow.
-    pressure : ndarray, shape (2, nx, ny)
-        Pressure of the fluid under a drop along x, and along y, over the drop across the cell; 0 in the
-        middle of the cell on average. NaN in contact and where nothing flows. Empty for a line.
-    flow : ndarray, shape (2, 2, nx, ny)
-        Components along x and y of 12 eta q/G under a drop along x, and along y [length^3]; their means are
-        the columns of K. Empty for a line.
-    """
-
-    tensor: FloatArray
-    imbalance: FloatArray
+    tensor: FloatArray  # K, (2, 2) [length^3]
+    imbalance: (
+        FloatArray  # (2,), spread of the flow through the cross-sections over their mean; 0 without one
+    )
+    # Pressure under a drop along x, and along y, over the drop across the cell, (2, nx, ny); 0 in the middle
+    # of the cell on average, NaN in contact and where nothing flows.
     pressure: FloatArray
+    # Components along x and y of 12 eta q/G under a drop along x, and along y, (2, 2, nx, ny) [length^3];
+    # their means are the columns of K.
     flow: FloatArray
 
 
@@ -78,18 +70,14 @@ def flow_through(gap: FloatArray, period: Sequence[float], mean: Mean = "harmoni
     """Return the flow through a gap (nx,) or (nx, ny), 0 in contact, over a cell of these lengths."""
     gap = np.asarray(gap, dtype=float)
     if gap.ndim == 1:
-        return _of_a_line(gap)
+        across = 0.0 if gap.min() <= 0 else 1.0 / float(np.mean(gap**-3.0))
+        tensor = np.diag([across, float(np.mean(gap**3))])
+        return Flow(tensor, np.zeros(2), np.empty((2, 0, 0)), np.empty((2, 2, 0, 0)))
     found = clusters(gap > 0)
     if not found.winds.any():
         nowhere = np.full((2, *gap.shape), np.nan)
         return Flow(np.zeros((2, 2)), np.zeros(2), nowhere, np.zeros((2, *nowhere.shape)))
     return _of_clusters(gap, (period[0], period[1]), mean, found)
-
-
-def _of_a_line(gap: FloatArray) -> Flow:
-    across = 0.0 if gap.min() <= 0 else 1.0 / float(np.mean(gap**-3.0))
-    empty = np.empty((2, 0, 0))
-    return Flow(np.diag([across, float(np.mean(gap**3))]), np.zeros(2), empty, np.empty((2, 2, 0, 0)))
 
 
 def _of_clusters(gap: FloatArray, period: tuple[float, float], mean: Mean, found: Clusters) -> Flow:
@@ -190,10 +178,8 @@ def _by_multigrid(matrix: Any, sources: Sequence[FloatArray]) -> Iterator[FloatA
 
 
 def bruggeman(gap: FloatArray, threshold: float = THRESHOLD) -> float:
-    """Estimate (K_xx K_yy)^(1/2) [length^3] of an isotropic gap by Bruggeman's effective medium.
-
-    mean of n K/(g^3 + (n - 1) K) = 1 with n = 1/(1 - threshold); 0 from a contact area `threshold` on.
-    """
+    """Estimate (K_xx K_yy)^(1/2) [length^3] of an isotropic gap by Bruggeman's effective medium."""
+    # mean of n K/(g^3 + (n - 1) K) = 1 with n = 1/(1 - threshold); 0 from a contact area `threshold` on.
     cubes, n = np.ravel(gap) ** 3, 1 / (1 - threshold)
     largest = float(cubes.max(initial=0.0))
     if largest == 0 or np.mean(cubes == 0) >= threshold:
@@ -215,11 +201,9 @@ ALLOWED = 0.01  # relative error of K by the solution of the contact
 
 
 def doubts(axis: str, throat: Throat, depth: float, residual: float) -> Iterator[str]:
-    """Yield why K along an axis is not to be trusted: a coarse throat, a contact solved too loosely.
-
-    A residual r leaves gaps open by up to r times the deepest displacement `depth`; K changes as the cube of
-    the critical gap. Against contacts solved to 1e-10 this bound is two to three times the error.
-    """
+    """Yield why K along an axis is not to be trusted: a coarse throat, a contact solved too loosely."""
+    # A residual r leaves gaps open by up to r times the deepest displacement `depth`; K changes as the cube
+    # of the critical gap. Against contacts solved to 1e-10 this bound is two to three times the error.
     if throat.gap <= 0:
         return
     if throat.points < FEWEST_POINTS:

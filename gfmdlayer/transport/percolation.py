@@ -51,10 +51,8 @@ def clusters(is_open: BoolArray) -> Clusters:
 
 
 def throats(gap: FloatArray, spacing: tuple[float, float]) -> tuple[Throat, Throat]:
-    """Return the throats along x and y of a gap (nx, ny), 0 in contact.
-
-    Points join in the order of their gaps, the widest first, until a cluster winds.
-    """
+    """Return the throats along x and y of a gap (nx, ny), 0 in contact."""
+    # Points join in the order of their gaps, the widest first, until a cluster winds.
     flat = np.ravel(gap)
     candidates = np.flatnonzero(flat > 0)
     order = candidates[np.argsort(-flat[candidates], kind="stable")]
@@ -80,11 +78,9 @@ def _throat(gap: FloatArray, order: Indices, last: int, spacing: tuple[float, fl
 def _join(
     order: Indices, rows: int, columns: int, first_only: bool
 ) -> tuple[Indices, BoolArray, tuple[int, int]]:
-    """Open points one after the other, and join each with its open neighbours.
-
-    Returns the root of each point (-1: closed), whether its cluster winds along x and y, and the places in
-    `order` at which a cluster first winds along x and along y (-1: never). `first_only` stops there.
-    """
+    """Open points one after the other, and join each with its open neighbours."""
+    # Returns the root of each point (-1: closed), whether its cluster winds along x and y, and the places in
+    # `order` at which a cluster first winds along x and along y (-1: never). `first_only` stops there.
     size = rows * columns
     root = np.full(size, -1, np.int64)
     cell = np.zeros((size, 2), np.int32)  # of a point, from the cell of its parent

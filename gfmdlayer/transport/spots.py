@@ -35,10 +35,8 @@ _MOST_ITERATIONS = 2000
 
 
 def impedance(q: FloatArray, films: Sequence[tuple[float, float]], base: float) -> FloatArray:
-    """Impedance at wavenumbers q of films (thickness, conductivity), the uppermost first, on a base.
-
-    The base is the conductivity of a halfspace; inf is a perfect conductor, 0 an insulator.
-    """
+    """Impedance at wavenumbers q of films (thickness, conductivity), the uppermost first, on a base."""
+    # The base is the conductivity of a halfspace; inf is a perfect conductor, 0 an insulator.
     q = np.asarray(q, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.zeros(q.shape) if math.isinf(base) else 1 / (base * q) if base else np.full(q.shape, np.inf)

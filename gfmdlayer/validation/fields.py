@@ -118,18 +118,14 @@ def _readable(path: Path) -> Path:
     """Reject a file that cannot be opened, before the run starts."""
     path = path.absolute()
     try:
-        if not path.exists():
-            wrong = "does not exist"
-        elif not path.is_file():
-            wrong = "is not a regular file"
-        else:
+        if path.is_file():
             path.open("rb").close()
             return path
+        wrong = "is not a regular file" if path.exists() else "does not exist"
     except OSError as error:
         wrong = f"cannot be read ({error.strerror})"
-    raise ValueError(
-        f"{path} {wrong}; must be the name of a readable file, relative to the configuration's folder"
-    )
+    allowed = "must be the name of a readable file, relative to the configuration's folder"
+    raise ValueError(f"{path} {wrong}; {allowed}")
 
 
 def _not_null(value: object) -> object:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 Location = tuple[str | int, ...]
 
@@ -111,6 +112,13 @@ def not_in_list(part: str | int, length: int, key: str) -> str:
     return f"{key} has {entries}, and {part} is not one of them; must be {allowed}"
 
 
+def not_increasing(at: Location, values: Iterable[float], noun: str, *others: str) -> Iterator[Problem]:
+    """Yield the values of a list that are not above the one before."""
+    for i, (before, value) in enumerate(pairwise(values), start=1):
+        if value <= before:
+            yield Problem((*at, i), f"got {value!r} after {before!r}; {noun} must increase", others)
+
+
 def shown(value: object) -> str:
     """Return a value as in YAML, shortened to fit a line of text."""
     match value:
@@ -151,10 +159,7 @@ def colon_without_space(text: str) -> str:
 
 
 def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) -> str:
-    """Return the message for an unknown key, with the nearest known one.
-
-    `siblings` are the keys of the same section, `everywhere` the dotted keys of the whole configuration.
-    """
+    """Return the message for an unknown key beside `siblings`, with the nearest one known `everywhere`."""
     siblings, everywhere = list(siblings), list(everywhere)
     hint = colon_without_space(key) or nearest(key, siblings)
     if key in everywhere and key not in siblings and "." in key:

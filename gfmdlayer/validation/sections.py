@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
+from itertools import chain
 from operator import is_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
@@ -60,13 +61,7 @@ class Section(BaseModel):
 
         @alone
         def __init__(self, **keys: Any) -> None:
-            """Make a section from its keys, by name; NumPy's numbers and arrays count as plain ones.
-
-            Raises
-            ------
-            ConfigError
-                With every error, each ``key: value found; values allowed``.
-            """
+            """Make a section from its keys, which may be NumPy's numbers; ConfigError lists every error."""
             self._take(plain(keys))
 
     def _take(self, data: dict[str, Any]) -> None:
@@ -151,7 +146,8 @@ class OneOf(Generic[Member]):
 
 def held_by(field: FieldInfo) -> OneOf[Any] | type[Section] | None:
     """Return the section of a field (alone, in a list or as plain data), or the choice of several."""
-    for note in (*field.metadata, *_notes(field.annotation)):
+    of_members = (getattr(part, "__metadata__", ()) for part in get_args(field.annotation))
+    for note in chain(field.metadata, *of_members):
         if isinstance(note, OneOf):
             return note
         if section := getattr(note, "section", None):
@@ -215,12 +211,6 @@ def contradictions(section: Section) -> Iterator[Problem]:
             yield problem.within(at)
 
 
-def _notes(annotation: Any) -> Iterator[Any]:
-    """Yield the metadata of Annotated members of a union."""
-    for part in get_args(annotation):
-        yield from getattr(part, "__metadata__", ())
-
-
 def types_in(annotation: Any) -> Iterator[type]:
     """Yield the classes in an annotation, through unions, lists and Annotated."""
     if hasattr(annotation, "__metadata__"):
@@ -247,7 +237,10 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
                 message = unknown_key(str(location[-1]), section.fields(), everywhere)
                 found.append(Problem(location, message, at_key=True))
             case "missing":
-                found.append(Problem(location, f"missing; must be {_allowed(section, str(location[-1]))}"))
+                key = str(location[-1])
+                notes = (note.allowed for note in section.fields()[key].metadata if isinstance(note, MustBe))
+                allowed = next(notes, None) or meanings(section).get(key, "given")
+                found.append(Problem(location, f"missing; must be {allowed}"))
             case "union_tag_invalid":
                 words = Word(*entry["ctx"]["expected_tags"].replace("'", "").split(", "))
                 word = entry["ctx"]["tag"]
@@ -267,8 +260,7 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
 def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Location, type[Section], str]:
     """Return a location without pydantic's names for members of unions, its section, and its choosing key.
 
-    The section has the last key; the choosing key is empty unless there are several sections. With `unknown`
-    the last part is not a known key.
+    With `unknown` the last part is not a known key.
     """
     location: list[str | int] = []
     holder: type[Section] = root
@@ -299,12 +291,6 @@ def _form(section: type[Section], location: Location, value: object) -> str:
     return f", such as {{{', '.join([f'{held.key}: {word}', *keys])}}}"
 
 
-def _allowed(section: type[Section], key: str) -> str:
-    notes: Iterable[Any] = section.fields()[key].metadata
-    allowed = [note.allowed for note in notes if isinstance(note, MustBe)]
-    return allowed[0] if allowed else meanings(section).get(key, "given")
-
-
 class OneOrMore(OneOf[Member]):
     """Annotation of a field with one of several sections, or a list of them."""
 
@@ -329,19 +315,14 @@ def files_named(section: Section) -> dict[str, Path]:
     }
 
 
-def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
-    """Yield the dotted keys below a section that may name a file."""
-    yield from (prefix + key for key in _files_below(section))
-
-
-@cache
-def _files_below(section: type[Section]) -> tuple[str, ...]:
-    """Return these keys, found once for each section: laws and bodies stand in many places."""
+@cache  # found once for each section: laws and bodies stand in many places
+def keys_of_files(section: type[Section]) -> tuple[str, ...]:
+    """Return the dotted keys below a section that may name a file."""
     found: list[str] = []
     for key, field in section.fields().items():
         held = held_by(field)
         for member in held.members.values() if isinstance(held, OneOf) else filter(None, [held]):
-            found += (f"{key}.{below}" for below in _files_below(member))  # type: ignore[arg-type]
+            found += (f"{key}.{below}" for below in keys_of_files(member))  # type: ignore[arg-type]
         if Path in types_in(field.annotation):
             found.append(key)
     return tuple(found)

@@ -57,7 +57,10 @@ class Units(Section):
     def label(self, words: str) -> str:
         """Write the unit of a quantity whose dimension is declared in words: "pressure", "length / time"."""
         names = {"length": self.length, "pressure": self.stress, "time": self.time}
-        if newtons := self._newtons:
+        stress, length = _STRESSES[self.stress], _LENGTHS[self.length]
+        # Stress times length squared is newtons with a prefix, where one has its size.
+        power = None if stress is None or length is None else stress + 2 * length
+        if newtons := next((f"{prefix}N" for prefix, size in _PREFIXES.items() if size == power), ""):
             words = words.replace("pressure length", "force / length").replace("force", newtons)
         else:
             words = words.replace("force / length", "pressure length").replace("force", "pressure length^2")
@@ -73,13 +76,3 @@ class Units(Section):
         if stress is None or length is None:
             return None
         return float(f"{_PERMITTIVITY}e{-12 - stress - 2 * length}")
-
-    @property
-    def _newtons(self) -> str:
-        """Stress times length squared as newtons with a prefix; empty where no prefix is its size."""
-        stress, length = _STRESSES[self.stress], _LENGTHS[self.length]
-        if stress is not None and length is not None:
-            for prefix, power in _PREFIXES.items():
-                if power == stress + 2 * length:
-                    return f"{prefix}N"
-        return ""

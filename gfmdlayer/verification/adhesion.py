@@ -12,7 +12,17 @@ from scipy.optimize import brentq
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.verification.rows import Row
-from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, RIGID, Recording, run
+from gfmdlayer.verification.runs import (
+    ALONE,
+    ELASTIC,
+    HALFSPACE,
+    RIGID,
+    Recording,
+    adaptive,
+    exponential,
+    run,
+    there_and_back,
+)
 from gfmdlayer.verification.theory import E_STAR, RADIUS, parabola_depth, parabola_pressure
 
 _JKR = "periodic JKR, closed form; Johnson, Kendall and Roberts, Proc. R. Soc. A 324 (1971) 301"
@@ -23,9 +33,7 @@ _BRADLEY = "Bradley, Phil. Mag. 13 (1932) 853"
 
 def cycle(start: float, depth: float, final: float, speed: float) -> dict[str, object]:
     """Approach and retraction at a speed, by adaptive steps."""
-    motion = {"kind": "approach_retract", "start": start, "depth": depth, "final": final}
-    both = {"approach_speed": speed, "retract_speed": speed}
-    return {"trajectory": motion | both, "time": {"step": "adaptive", "tolerance": 1e-3}}
+    return {"trajectory": there_and_back(start, depth, final, speed), **adaptive(1e-3)}
 
 
 def retraction(found: Recording) -> tuple[FloatArray, FloatArray]:
@@ -36,12 +44,7 @@ def retraction(found: Recording) -> tuple[FloatArray, FloatArray]:
 
 
 def _adhesive_rows(
-    found: Recording,
-    depth: FloatArray,
-    pressure: FloatArray,
-    name: str,
-    source: str,
-    places: tuple[float, ...],
+    found: Recording, depth: FloatArray, pressure: FloatArray, name: str, source: str, *places: float
 ) -> Iterator[Row]:
     """Yield pull-off and pressures at depths of the retraction, with a hundredth of the pull-off as bound."""
     ours, stress = retraction(found)
@@ -68,16 +71,15 @@ def line_jkr(_quick: bool) -> Iterator[Row]:
     pull = np.sqrt(2 * E_STAR * work * np.tan(np.pi * a))
     pressure = parabola_pressure(a) - pull
     depth = parabola_depth(a) + 2 / (np.pi * E_STAR) * np.log(np.sin(np.pi * a)) * pull
-    law = {"law": "exponential", "work": work, "range": 1e-3}
-    values = {"grid.points": 2048, "interface": law}
+    values = {"grid.points": 2048, "interface": exponential(work, 1e-3)}
     found = run(HALFSPACE, values, cycle(-0.004, 0.004, -0.016, 0.01))
-    yield from _adhesive_rows(found, depth, pressure, "line", _JKR, (0.003, 0.0, -0.003, -0.006))
+    yield from _adhesive_rows(found, depth, pressure, "line", _JKR, 0.003, 0.0, -0.003, -0.006)
     critical = (2 * work * RADIUS**2 / (math.pi * E_STAR)) ** (1 / 3)
     alone = -0.75 * math.sqrt(2 * math.pi * critical * E_STAR * work)
     yield Row("pull-off of an isolated line", alone, float(found["mean_stress"].min()), 0.01 * -alone, _JKR)
     least, known = float(pressure.min()), "dense Newton's method and FIRE, an independent program"
     for reach, theory in ((4e-3, 0.888), (2e-3, 0.970)):
-        wide = values | {"grid.points": 1024, "interface": law | {"range": reach}, "output.times": 0.01}
+        wide = {"grid.points": 1024, "interface": exponential(work, reach), "output.times": 0.01}
         part = float(run(HALFSPACE, wide, cycle(-0.004, 0.004, -0.016, 0.01))["mean_stress"].min()) / least
         yield Row(f"pull-off over the pull-off of JKR, range {reach:g}", theory, part, 0.002, known)
 
@@ -93,12 +95,10 @@ def wave(_quick: bool) -> Iterator[Row]:
     s, pull = np.sin(psi) ** 2, np.sqrt(2 * E_STAR * work * np.tan(psi))
     pressure = math.pi * E_STAR * amplitude * s - pull
     depth = amplitude * (s - s * np.log(s)) + 2 / (math.pi * E_STAR) * np.log(np.sin(psi)) * pull
-    law = {"law": "exponential", "work": work, "range": 2e-3}
     punch = {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0}
-    found = run(
-        HALFSPACE, {"grid.points": 1024, "interface": law, "punch": punch}, cycle(0, 0.012, -0.015, 0.01)
-    )
-    yield from _adhesive_rows(found, depth, pressure, "wave", _WAVE, (0.009, 0.003, -0.003))
+    values = {"grid.points": 1024, "interface": exponential(work, 2e-3), "punch": punch}
+    found = run(HALFSPACE, values, cycle(0, 0.012, -0.015, 0.01))
+    yield from _adhesive_rows(found, depth, pressure, "wave", _WAVE, 0.009, 0.003, -0.003)
 
 
 def full_contact(_quick: bool) -> Iterator[Row]:
@@ -110,27 +110,17 @@ def full_contact(_quick: bool) -> Iterator[Row]:
     amplitude, work, reach = 0.002, 1e-3, 0.05
     strength, height = work / reach, math.pi * E_STAR * amplitude
     opens = height - strength
-    law = {"law": "exponential", "work": work, "range": reach}
-    punch = {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0}
-    motion = {
-        "control": "load",
-        "kind": "approach_retract",
-        "start": 0.0,
-        "load": 2 * opens,
-        "final": 0.5 * opens,
-        "approach_speed": 100 * opens,
-        "retract_speed": opens,
+    motion = there_and_back(0.0, 2 * opens, 0.5 * opens, 100 * opens, opens)
+    motion |= {"control": "load", "load": motion.pop("depth")}
+    values: dict[str, object] = {
+        "grid.points": 256,
+        "interface": exponential(work, reach),
+        "punch": {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0},
+        "trajectory": motion,
     }
-    values: dict[str, object] = {"grid.points": 256, "interface": law, "punch": punch, "trajectory": motion}
     found = run(HALFSPACE, values, {"time.step": 0.01, "time.integrator": "exponential"})
-    load, full = found["mean_stress"], found["contact_area"] == 1
-    yield Row(
-        "load at which full contact opens",
-        opens,
-        float(load[full].min()),
-        0.011 * opens,
-        "pi E* A/L - w/range",
-    )
+    load = float(found["mean_stress"][found["contact_area"] == 1].min())
+    yield Row("load at which full contact opens", opens, load, 0.011 * opens, "pi E* A/L - w/range")
 
 
 def sphere(quick: bool) -> Iterator[Row]:
@@ -182,7 +172,7 @@ def rigid_sphere(_quick: bool) -> Iterator[Row]:
     rim = (reach / (0.125 / radius)) ** 2
     z = 1 + gap / reach
     for law, part, beyond in (
-        ({"law": "exponential", "work": work, "range": reach}, math.exp(-gap / reach), 0.0),
+        (exponential(work, reach), math.exp(-gap / reach), 0.0),
         ({"law": "lennard_jones", "work": work, "separation": reach}, (4 * z**-2 - z**-8) / 3, 4 / 3 * rim),
     ):
         values: Mapping[str, object] = {
@@ -207,23 +197,16 @@ _GENT = (
 )
 
 
-def _pulled(
-    body: Mapping[str, object],
-    speed: float,
-    dwell: float = 200.0,
-    *,
-    tolerance: float = 1e-3,
-    points: int = 1024,
-) -> Recording:
+def _pulled(speed: float, dwell: float = 200.0, tolerance: float = 1e-3, **body: object) -> Recording:
     """Press a parabola in, rest for the dwell, retract; without a dwell the approach is as fast."""
     approach = 50 * _DEPTH if dwell else speed
     final = -0.02 if speed > 1e-3 else -0.006
-    motion = {"kind": "approach_retract", "start": 0.0, "depth": _DEPTH, "final": final,
-              "approach_speed": approach, "retract_speed": speed, "dwell": dwell}  # fmt: skip
-    law = {"law": "exponential", "work": _WORK, "range": _RANGE}
-    values: dict[str, object] = {"grid.points": points, "interface": law, "trajectory": motion}
-    time = {"time": {"step": "adaptive", "tolerance": tolerance}}
-    return run(ALONE, body, values, time)
+    values = {
+        "grid.points": 1024,
+        "interface": exponential(_WORK, _RANGE),
+        "trajectory": there_and_back(0.0, _DEPTH, final, approach, speed, dwell),
+    }
+    return run(ALONE, values, adaptive(tolerance), body)
 
 
 def _least(found: Recording) -> float:
@@ -239,20 +222,19 @@ def rate_dependence(_quick: bool) -> Iterator[Row]:
     cohesive zone, which is longer by Ginf/G0 in the glassy body: 0.05 and 0.15 of the contact for contrasts
     of 2 and 5. Between the limits the heat has its largest value.
     """
-    law = {"law": "exponential", "work": _WORK, "range": _RANGE}
-    values = {"grid.points": 2048, "interface": law}  # five points in the cohesive zone
-    relaxed = run(ALONE, ELASTIC, values, cycle(0.0, _DEPTH, -0.006, 1e-2))
-    slow = _pulled({}, 1e-8, points=2048)
-    elastic = _least(relaxed)
+    fine = {"grid.points": 2048}  # five points in the cohesive zone
+    law = {"interface": exponential(_WORK, _RANGE)}
+    elastic = _least(run(ALONE, ELASTIC, law, fine, cycle(0.0, _DEPTH, -0.006, 1e-2)))
+    slow = _pulled(1e-8, **fine)
     yield Row("slow pull-off over the relaxed elastic one", 1.0, _least(slow) / elastic, 0.01, _RELAXED)
     for contrast, bound in ((2.0, 0.1), (5.0, 0.75)):
-        fast = _pulled({"layer.material.Ginf": contrast}, 1.0)
+        fast = _pulled(1.0, **{"layer.material.Ginf": contrast})
         apparent = (_least(fast) / elastic) ** 1.5
         yield Row(f"apparent work over w, fast, Ginf = {contrast:g} G0", contrast, apparent, bound, _GENT)
-    pulls = [_least(_pulled({}, speed)) for speed in (1e-5, 1e-4, 1e-3, 1e-2)]
+    pulls = [_least(_pulled(speed)) for speed in (1e-5, 1e-4, 1e-3, 1e-2)]
     rising = float(np.min(np.diff([_least(slow), *pulls])))
     yield Row("least growth of the pull-off with the speed, negative part", 0.0, min(rising, 0.0), 0.0, _GENT)
-    work = [float(_pulled({}, speed, 0.0).last("work")) for speed in (1e-7, 3e-4, 100.0)]
+    work = [_pulled(speed, 0.0).last("work") for speed in (1e-7, 3e-4, 100.0)]
     ends = max(work[0], work[2]) / work[1]
     yield Row("work of a cycle, slowest or fastest over that between", min(ends, 1.0), ends, 0.0, _GENT)
 
@@ -264,12 +246,10 @@ def size_of_the_step(_quick: bool) -> Iterator[Row]:
     tolerances of 1e-3, 1e-4, 1e-5. The traction of the opening edge, and so the pull, is in error by a part
     of third order, 0.05 s^3 = 6e-3, 1.3e-3, 1.4e-4. (With u linear over the steps it was 0.1 s^2.)
     """
-    found = [_least(_pulled({}, 1e-4, tolerance=tolerance)) for tolerance in (1e-3, 1e-4, 1e-5)]
-    for coarse, fine, name, bound in (
-        (found[0], found[1], "1e-3 over 1e-4", 7e-3),
-        (found[1], found[2], "1e-4 over 1e-5", 1.5e-3),
-    ):
-        yield Row(f"pull-off, tolerance {name}", 1.0, coarse / fine, bound, "no dependence on the step")
+    coarse, fine, finest = (_least(_pulled(1e-4, tolerance=tolerance)) for tolerance in (1e-3, 1e-4, 1e-5))
+    source = "no dependence on the step"
+    yield Row("pull-off, tolerance 1e-3 over 1e-4", 1.0, coarse / fine, 7e-3, source)
+    yield Row("pull-off, tolerance 1e-4 over 1e-5", 1.0, fine / finest, 1.5e-3, source)
 
 
 def flat_punch(_quick: bool) -> Iterator[Row]:
@@ -279,21 +259,16 @@ def flat_punch(_quick: bool) -> Iterator[Row]:
     relaxed body for slow and of the glassy body for fast retraction. The cohesive zone l takes a part of
     the order of l/a of the tension: 2 % in the relaxed, 6 % in the glassy body. Any speed lies between.
     """
-    half, law = 0.1, {"law": "exponential", "work": _WORK, "range": 2e-4}
-    punch = {"shape": "flat", "width": 2 * half, "edge_radius": 1e-4}
-    found = []
+    half, found = 0.1, []
+    values = {
+        "grid.points": 4096,
+        "interface": exponential(_WORK, 2e-4),
+        "punch": {"shape": "flat", "width": 2 * half, "edge_radius": 1e-4},
+        "layer.material.Ginf": 4.0,
+    }
     for speed in (1e-7, 1e-3, 10.0):
-        motion = {"kind": "approach_retract", "start": -1e-3, "depth": 0.0, "final": -0.05,
-                  "approach_speed": 1.0, "retract_speed": speed, "dwell": 100.0}  # fmt: skip
-        values: dict[str, object] = {
-            "grid.points": 4096,
-            "interface": law,
-            "punch": punch,
-            "layer.material.Ginf": 4.0,
-            "trajectory": motion,
-            "time": {"step": "adaptive", "tolerance": 1e-3},
-        }
-        found.append(_least(run(ALONE, values)))
+        motion = {"trajectory": there_and_back(-1e-3, 0.0, -0.05, 1.0, speed, dwell=100.0)}
+        found.append(_least(run(ALONE, values, motion, adaptive(1e-3))))
     slow = math.sqrt(2 * E_STAR * _WORK * math.tan(math.pi * half))
     yield Row("slow pull-off of a flat punch", slow, found[0], 0.04 * slow, _KENDALL)
     yield Row("fast pull-off of a flat punch", 2 * slow, found[2], 0.08 * 2 * slow, _KENDALL)
@@ -314,7 +289,7 @@ def thin_films(quick: bool) -> Iterator[Row]:
         values: dict[str, object] = {
             "grid.points": 4096,
             "layer": {"thickness": thickness, "poisson": poisson, "material": {"Ginf": 1.0}},
-            "interface": {"law": "exponential", "work": _WORK, "range": 3e-4},
+            "interface": exponential(_WORK, 3e-4),
             "punch": {"shape": "flat", "width": 2 * half, "edge_radius": 1e-4},
         }
         found = run(RIGID, values, cycle(-5e-4, 1e-4, -5e-3, 1e-2))
@@ -329,14 +304,20 @@ _PULL_IN = "V^2 = 8 K (g0 + h0)^3/(27 eps0)"
 _FILM = "Shenoy and Sharma, Phys. Rev. Lett. 86 (2001) 119"
 _DELAY = "equation of the uniform mode, by an adaptive Runge-Kutta method"
 
-_GAP, _INSULATION, _VOLTAGE = 2e-3, 1e-3, 1.0
+_GAP, _INSULATION = 2e-3, 1e-3
 _THICKNESS, _POISSON = 0.05, 0.2  # compressible enough for the uniform mode to be the lowest
-_FLAT = {"shape": "sinusoid", "amplitude": 1e-12, "wavelength": 1.0}
+_FILM_BODY: dict[str, object] = {  # under a flat punch
+    "grid.points": 16,
+    "layer.thickness": _THICKNESS,
+    "layer.poisson": _POISSON,
+    "punch": {"shape": "sinusoid", "amplitude": 1e-12, "wavelength": 1.0},
+}
 
 
 def _voltage(square: float) -> dict[str, object]:
     """Interface of a voltage of one; `square` is eps0 V^2."""
-    return {"law": "electrostatic", "voltage": _VOLTAGE, "insulation": _INSULATION, "permittivity": square}
+    law = {"law": "electrostatic", "voltage": 1.0, "insulation": _INSULATION, "permittivity": square}
+    return {"interface": law}
 
 
 def _first(found: Recording, quantity: str) -> float:
@@ -353,18 +334,8 @@ def pull_in(_quick: bool) -> Iterator[Row]:
     """
     stiffness = float(LayeredHalfspace(_THICKNESS, _POISSON, math.inf).stiffness(0.0, 1.0))
     square = 8 * stiffness * (_GAP + _INSULATION) ** 3 / 27
-    motion = {"kind": "approach_retract", "start": -2 * _GAP, "depth": 0.0, "final": -2 * _GAP,
-              "approach_speed": _GAP, "retract_speed": _GAP}  # fmt: skip
-    values: dict[str, object] = {
-        "grid.points": 16,
-        "layer.thickness": _THICKNESS,
-        "layer.poisson": _POISSON,
-        "punch": _FLAT,
-        "interface": _voltage(square),
-        "trajectory": motion,
-        "time": {"end": 2.0, "step": "adaptive", "tolerance": 1e-4},
-    }
-    found = run(RIGID, ELASTIC, values)
+    values = {"trajectory": there_and_back(-2 * _GAP, 0.0, -2 * _GAP, _GAP)}
+    found = run(RIGID, ELASTIC, _FILM_BODY, _voltage(square), values, adaptive(1e-4, end=2.0))
     yield Row("g0 at pull-in", _GAP, -_first(found, "depth"), 1e-3 * _GAP, _PULL_IN)
 
 
@@ -380,25 +351,15 @@ def flat_film(_quick: bool) -> Iterator[Row]:
     stiffness = LayeredHalfspace(_THICKNESS, 0.5, math.inf).stiffness(q, 1.0)
     lowest = int(np.argmin(stiffness))
     square = float(stiffness[lowest]) * (_GAP + _INSULATION) ** 3
-    motion = {"kind": "approach_retract", "start": -1.5 * _GAP, "depth": 0.0, "final": -2 * _GAP,
-              "approach_speed": _GAP, "retract_speed": _GAP}  # fmt: skip
-    rough = {
-        "shape": "self_affine",
-        "hurst": 0.8,
-        "short_cutoff": _THICKNESS,
-        "roll_off": 1.2 * _THICKNESS,
-        "rms_height": 1e-5 * _GAP,
-    }
+    cutoffs = {"short_cutoff": _THICKNESS, "roll_off": 1.2 * _THICKNESS, "rms_height": 1e-5 * _GAP}
     values: dict[str, object] = {
         "grid": {"points": 256, "period": period},
         "layer.thickness": _THICKNESS,
-        "punch": rough | {"seed": 1},
-        "interface": _voltage(square),
-        "trajectory": motion,
-        "time": {"end": 1.0, "step": "adaptive", "tolerance": 1e-4},
+        "punch": {"shape": "self_affine", "hurst": 0.8, "seed": 1, **cutoffs},
+        "trajectory": there_and_back(-1.5 * _GAP, 0.0, -2 * _GAP, _GAP),
         "output.snapshots": "every",
     }
-    found = run(RIGID, ELASTIC, values)
+    found = run(RIGID, ELASTIC, values, _voltage(square), adaptive(1e-4, end=1.0))
     closest = -_first(found, "depth")
     theory = 6.2229 / _THICKNESS
     attraction = square / (closest + _INSULATION) ** 3
@@ -438,17 +399,9 @@ def delayed_pull_in(_quick: bool) -> Iterator[Row]:
     followed = solve_ivp(rate, (0, 50), [0.0], events=ends, rtol=1e-9, atol=1e-15)
     theory = float(followed.t_events[0][0])
     sudden = _GAP / 1e-6
-    motion = {"kind": "approach_retract", "start": -2 * _GAP, "depth": -_GAP, "final": -2 * _GAP,
-              "approach_speed": sudden, "retract_speed": sudden, "dwell": 2 * theory}  # fmt: skip
-    values: dict[str, object] = {
-        "grid.points": 16,
-        "layer.thickness": _THICKNESS,
-        "layer.poisson": _POISSON,
+    values = {
         "layer.material.Ginf": contrast,
-        "punch": _FLAT,
-        "interface": _voltage(square),
-        "trajectory": motion,
-        "time": {"end": 2 * theory, "step": "adaptive", "tolerance": 1e-4},
+        "trajectory": there_and_back(-2 * _GAP, -_GAP, -2 * _GAP, sudden, dwell=2 * theory),
     }
-    found = run(RIGID, values)
+    found = run(RIGID, _FILM_BODY, _voltage(square), values, adaptive(1e-4, end=2 * theory))
     yield Row("time of pull-in/tau", theory, _first(found, "time"), 0.02 * theory, _DELAY)

@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.config import Config
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.punch.self_affine import SelfAffine
-from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Table
 from gfmdlayer.verification.rows import Row
-from gfmdlayer.verification.runs import Recording, run
+from gfmdlayer.verification.runs import HALFSPACE, Recording, run
 
 _E_STAR = 1.0
 _SLOPE = 0.1
@@ -34,19 +31,17 @@ _POINTS, _NUMPY = 128, "a program of its own"  # of `over_time`
 
 def _pressed(points: int, hardness: float, load: float, steps: int = 1, **punch: Any) -> Recording:
     """Press a punch, the rough one by default, into an elastic halfspace by a mean pressure that grows."""
-    return run(
-        {
-            "grid.points": [points, points],
-            "layer.thickness": 0.0,
-            "halfspace.shear_modulus": _E_STAR / 4,
-            "punch": punch or _ROUGH,
-            "interface": {"law": "hard_wall", "hardness": hardness},
-            "trajectory": {"control": "load", "load": load},
-            "time": {"end": 1.0, "step": 1 / steps},
-            "solver.tolerance": _TOLERANCE,
-            "output.snapshots": [1.0],
-        }
-    )
+    values = {
+        "grid.points": [points, points],
+        "halfspace.shear_modulus": _E_STAR / 4,
+        "punch": punch or _ROUGH,
+        "interface": {"law": "hard_wall", "hardness": hardness},
+        "trajectory": {"control": "load", "load": load},
+        "time": {"end": 1.0, "step": 1 / steps},
+        "solver.tolerance": _TOLERANCE,
+        "output.snapshots": [1.0],
+    }
+    return run(HALFSPACE, values)
 
 
 def yielding(quick: bool) -> Iterator[Row]:
@@ -92,23 +87,19 @@ def over_time(quick: bool) -> Iterator[Row]:  # noqa: ARG001  # another grid has
         ("depth", 0.003, "mean_stress", (0.007984, 0.001306), {"plastic_work": 4.4840e-6}),
     ):
         drive = np.interp(times, corners, [0.0, most, most, 0.02 * most, 0.02 * most])
-        config = Config(name="verification").with_values(
-            {
-                "grid.points": [_POINTS, _POINTS],
-                "layer.thickness": math.inf,
-                "interface": {"law": "hard_wall", "hardness": 0.2},
-                "trajectory": {"control": control, control: most},
-                "time": {"end": 5.0, "step": 1 / 64, "integrator": "exponential"},
-                "solver.tolerance": _TOLERANCE,
-            }
-        )
-        found = Recording()
-        simulate(Case(config, warm_up(config), punch=_heights(), trajectory=Table(times, drive)), found)
+        values = {
+            "grid.points": [_POINTS, _POINTS],
+            "layer.thickness": math.inf,
+            "interface": {"law": "hard_wall", "hardness": 0.2},
+            "trajectory": {"control": control, control: most},
+            "time": {"end": 5.0, "step": 1 / 64, "integrator": "exponential"},
+            "solver.tolerance": _TOLERANCE,
+        }
+        found = run(values, punch=_heights(), trajectory=Table(times, drive))
         under = f"under a {control} that is held"
         for time, theory in ((1.0, first), (4.0, held)):
-            yield Row(
-                f"{answer} at t = {time:g} {under}", theory, float(found.at(answer, [time])[0]), 5e-7, _NUMPY
-            )
+            value = found.at(answer, [time]).item()
+            yield Row(f"{answer} at t = {time:g} {under}", theory, value, 5e-7, _NUMPY)
         for name, theory in energies.items():
             bound = 0.5e-4 * 10.0 ** math.floor(math.log10(theory))
             yield Row(f"{name} {under}", theory, found.last(name), bound, _NUMPY)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Unpack
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from gfmdlayer.config import Config
 from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.results import journal
 from gfmdlayer.simulation import Case, Parts
-from gfmdlayer.time_functions import Trajectory
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4
 ALONE: dict[str, object] = {"layer.thickness": float("inf")}
@@ -46,16 +46,33 @@ class Recording(journal.Recording):
         return self[name][rows]
 
 
-def run(*values: Mapping[str, object], trajectory: Trajectory | None = None) -> Recording:
-    """Run the paper's default case with these dotted values in it, later ones before earlier ones.
+def run(*values: Mapping[str, object], **parts: Unpack[Parts]) -> Recording:
+    """Run the paper's default case with these dotted values, later ones before earlier ones.
 
-    A trajectory replaces the configuration's.
+    `parts` replace parts of the case.
     """
     config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
     found = Recording()
-    parts: Parts = {} if trajectory is None else {"trajectory": trajectory}
     simulate(Case(config, warm_up(config), **parts), found)
     return found
+
+
+def there_and_back(
+    start: float, depth: float, final: float, approach: float, retract: float = 0.0, dwell: float = 0.0
+) -> dict[str, object]:
+    """Return the trajectory of an approach and a retraction, by default at the same speed."""
+    way = {"kind": "approach_retract", "start": start, "depth": depth, "final": final, "dwell": dwell}
+    return way | {"approach_speed": approach, "retract_speed": retract or approach}
+
+
+def exponential(work: float, reach: float) -> dict[str, object]:
+    """Return the law of an attraction that decays exponentially over a range."""
+    return {"law": "exponential", "work": work, "range": reach}
+
+
+def adaptive(tolerance: float, **more: object) -> dict[str, object]:
+    """Return the section `time` of adaptive steps."""
+    return {"time": {"step": "adaptive", "tolerance": tolerance, **more}}
 
 
 def difference(found: Recording, reference: Recording, column: str = "mean_pressure") -> float:

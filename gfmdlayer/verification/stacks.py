@@ -12,7 +12,6 @@ from gfmdlayer.body.materials import Elastic, Prony
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import Config
-from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.simulation import Case
 from gfmdlayer.verification.rows import Curve, Row
 from gfmdlayer.verification.runs import Recording, difference, run
@@ -30,11 +29,7 @@ _STACKS = {
 _BODY: dict[str, object] = {
     "layers": [
         {"thickness": 0.02, "poisson": 0.4, "material": {"model": "zener", "G0": 5.0, "Ginf": 25.0}},
-        {
-            "thickness": 0.1,
-            "poisson": 0.5,
-            "material": {"model": "zener", "G0": 1.0, "Ginf": 5.0, "tau": 0.5},
-        },
+        {"thickness": 0.1, "poisson": 0.5, "material": {"model": "zener", "Ginf": 5.0, "tau": 0.5}},
     ],
     "halfspace": {"poisson": 0.3, "material": {"model": "zener", "G0": 20.0, "Ginf": 27.0, "tau": 2.0}},
 }
@@ -129,13 +124,10 @@ def runs(quick: bool) -> Iterator[Row | Curve]:
     balance = Curve("step", "stack: energy balance", _STEPS, residuals, 2)
     yield balance
     yield balance.row(0.2, f"first law, n = {n}")
-    config = Config(name="verification").with_values({**values, "time.step": _STEPS[-1]})
-    merged, exact = every[-1], Recording()
-    case = Case(config, warm_up(config))
-    assert isinstance(case.body, LayerStack)
-    simulate(Case(config, warm_up(config), body=LayerStack(case.body.layers)), exact)
-    bound = 2 * case.body.accuracy + 2 * 10 * solver_error(1e-7, float(exact["contact_area"].max()))
-    yield Row("stack: merged modes", 0.0, difference(merged, exact), bound, f"all modes, n = {n}")
+    merged = _body_of(values)
+    exact = run(values, {"time.step": _STEPS[-1]}, body=LayerStack(merged.layers))
+    bound = 2 * merged.accuracy + 2 * 10 * solver_error(1e-7, float(exact["contact_area"].max()))
+    yield Row("stack: merged modes", 0.0, difference(every[-1], exact), bound, f"all modes, n = {n}")
 
 
 def different_shifts(quick: bool) -> Iterator[Row]:
@@ -155,13 +147,17 @@ def different_shifts(quick: bool) -> Iterator[Row]:
     shifts = {f"{at}.shift": law.model_dump() for at, law in zip(places, laws, strict=True)}
     shifted = {f"{at}.tau": tau * law.factor(26.0) for at, tau, law in zip(places, times, laws, strict=True)}
     found = run(common, shifts, {"temperature": {"value": 26.0}})
-    config, expected = Config(name="verification").with_values({**common, **shifted}), Recording()
-    body = Case(config).body
-    assert isinstance(body, LayerStack)
-    simulate(Case(config, warm_up(config), body=LayerStack(body.layers)), expected)
+    expected = run(common, shifted, body=LayerStack(_body_of({**common, **shifted}).layers))
     bound = 2 * 10 * solver_error(1e-7, float(expected["contact_area"].max()))
     off = difference(found, expected)
     yield Row("stack: different shifts at 26 degrees", 0.0, off, bound, f"shifted times, n = {n}")
+
+
+def _body_of(values: dict[str, object]) -> LayerStack:
+    """Return the stack of a run, whose modes are merged."""
+    body = Case(Config(name="verification").with_values(values)).body
+    assert isinstance(body, LayerStack)
+    return body
 
 
 def _error(found: Recording, fine: Recording) -> float:

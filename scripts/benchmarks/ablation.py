@@ -20,7 +20,7 @@ from unittest.mock import patch
 
 import numba as nb
 import numpy as np
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import Cell, Effort, Table
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.config import Config, load

@@ -19,8 +19,7 @@ from unittest.mock import patch
 import numba as nb
 import numpy as np
 from benchmarks.ablation import with_globals
-from benchmarks.common import bare_pairs
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import Cell, Effort, Table, cpu_of_a_pair
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.fire import Fire
@@ -177,7 +176,7 @@ def _row(course: _Course, repetitions: int) -> dict[str, Cell]:
         "jumps": len(rough),
         "pairs of a jump": float(np.mean(rough)) if rough else None,
         "FIRE: pairs a step": float(np.mean(fire.pairs)) if fire else None,
-        "CPU time / bare pairs": taken / (sum(found.pairs) * _bare(transforms)),
+        "CPU time / bare pairs": taken / (sum(found.pairs) * cpu_of_a_pair(transforms)),
     }
 
 
@@ -196,17 +195,6 @@ def _follow(method: Solver, course: _Course) -> _Outcome:
         jumps.append(found.released_energy > 0)
         start = found.gap
     return _Outcome(pairs[1:], jumps[1:], seconds)
-
-
-def _bare(transforms: Transforms) -> float:
-    """Return the CPU time of a bare pair."""
-    count = max(3, 3_000_000 // math.prod(transforms.shape))
-    task, best = bare_pairs(transforms, count), math.inf
-    for _ in range(5):
-        begun = time.process_time()
-        task()
-        best = min(best, (time.process_time() - begun) / count)
-    return best
 
 
 class _LastDisplacement(Newton):
@@ -271,9 +259,7 @@ _ABLATIONS = (
     _Ablation("cycle on surfaces: the preconditioner by transforms", others=(("cycle_of", _by_transform),)),
     _Ablation("states on the way in single precision", loop=lambda: {"_in_single": _in_double}),
     _Ablation(
-        "preconditioner",
-        loop=lambda: {"begin": _no_preconditioner},
-        others=(("cycle_of", _by_transform),),
+        "preconditioner", loop=lambda: {"begin": _no_preconditioner}, others=(("cycle_of", _by_transform),)
     ),
     _Ablation("its scale where the interface is stiff", loop=lambda: {"begin": _one_stiffness}),
     _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),

@@ -16,9 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.common import default_case
-from benchmarks.rough_peers import rough
-from benchmarks.tables import Effort, Table
+from benchmarks.common import Effort, Table, default_case
+from benchmarks.rough import rough
 from numba.core import event
 
 from gfmdlayer.config import Config

@@ -7,13 +7,11 @@ steps on a cell of 12 thicknesses; its images shift the force. Finer grids and l
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from statistics import median
 from tempfile import NamedTemporaryFile
 
 import numpy as np
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import Cell, Effort, Table, cpu_seconds
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
@@ -37,12 +35,12 @@ def measure(effort: Effort) -> list[Table]:
     body = ViscoelasticLayer(LayeredHalfspace(1.0, 0.5, math.inf), Zener(1.0, 10.0, 1.0))
     history = History(np.array(_TIMES), np.array(_DEPTHS))
     found = follow(body, sphere(5.0), history)
-    isolated = median(_cpu(lambda: follow(body, sphere(5.0), history)) for _ in range(effort.repetitions))
+    times = [cpu_seconds(lambda: follow(body, sphere(5.0), history)) for _ in range(effort.repetitions)]
     rows: list[dict[str, Cell]] = [
         {
             "contact": "isolated",
             "steps": found.time.size - 1,
-            "CPU, ms": 1e3 * isolated,
+            "CPU, ms": 1e3 * median(times),
             "largest force": float(found.force.max()),
             "error": found.error,
         }
@@ -67,7 +65,7 @@ def _periodic(points: int, steps: int, file: str) -> dict[str, Cell]:
         }
     )
     wisdom, recording = warm_up(config), Recording()
-    seconds = _cpu(lambda: simulate(Case(config, wisdom), recording))
+    seconds = cpu_seconds(lambda: simulate(Case(config, wisdom), recording))
     return {
         "contact": f"periodic, {points}²",
         "steps": recording["time"].size - 1,
@@ -75,9 +73,3 @@ def _periodic(points: int, steps: int, file: str) -> dict[str, Cell]:
         "largest force": float(recording["force"].max()),
         "error": None,
     }
-
-
-def _cpu(work: Callable[[], object]) -> float:
-    begun = time.process_time()
-    work()
-    return time.process_time() - begun

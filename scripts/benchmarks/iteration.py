@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from benchmarks.common import STEP, bare_pairs, default_case, ratio
-from benchmarks.tables import Effort, Table
+from benchmarks.common import STEP, Effort, Table, bare_pairs, default_case, ratio
 
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem

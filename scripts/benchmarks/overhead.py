@@ -18,8 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.mpi import mpirun, over_ranks
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import Cell, Effort, Table, mpirun, over_ranks
 
 EFFORT = Effort(points=(16,), steps=3, repetitions=1, cases=1000)
 QUICK = Effort(points=(16,), steps=3, repetitions=1, cases=50)

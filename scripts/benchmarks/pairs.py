@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from benchmarks.common import METHODS, STEP, default_case, run
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import METHODS, STEP, Cell, Effort, Table, default_case, run
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import halfspace
 from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.friction.problem import Law, Problem
 from gfmdlayer.friction.response import Response
@@ -90,11 +90,7 @@ def _counts(trace: Recording) -> dict[str, Cell]:
     """Mean FFT pairs of a step in the ramp, in the hold, and in both."""
     times, pairs = trace["time"][1:], trace["transforms"][1:]
     in_ramp = times <= 1 + STEP / 2
-    return {
-        "ramp": _mean(pairs[in_ramp]),
-        "hold": _mean(pairs[~in_ramp]),
-        "all": _mean(pairs),
-    }
+    return {"ramp": _mean(pairs[in_ramp]), "hold": _mean(pairs[~in_ramp]), "all": _mean(pairs)}
 
 
 def _mean(values: FloatArray) -> float | None:
@@ -112,7 +108,9 @@ def _frictional(
     else:
         h = np.ravel(sum(x**2 for x in np.meshgrid(*grid.coordinates, indexing="ij"))) / 0.5
     solver, most = FrictionSolver(grid, Transforms(grid.points)), 0.95 * _FRICTION * _LOAD
-    problem = Problem(Response.of_halfspace(grid, 1.0, 0.3), h - h.min(), Law(_FRICTION), load=_LOAD)
+    stiffness = halfspace(1.0, poisson=0.3).traction_spectrum(grid.waves)
+    response = Response.of_stiffness(stiffness.in_plane.relaxed, stiffness.across.relaxed)
+    problem = Problem(response, h - h.min(), Law(_FRICTION), load=_LOAD)
     first = found = solver.solve(replace(problem, force=np.zeros(axes)))
     pairs, done = [], first.converged
     for i in range(1, 1 + _COURSE):

@@ -13,8 +13,7 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 
 import numpy as np
-from benchmarks.common import STEP, bare_pairs, default_case, run, seconds
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import STEP, Cell, Effort, Table, bare_pairs, default_case, run, seconds
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config

@@ -13,11 +13,10 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.mpi import over_ranks
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import Cell, Effort, Table, over_ranks
 
 from gfmdlayer.config import load
-from gfmdlayer.execution.case_run import prepare, run_case, warm_up
+from gfmdlayer.execution.case_run import run_case, warm_up
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.schedule import Schedule
@@ -78,7 +77,7 @@ def _run(pool: WorkerPool, every: list[SweepCase]) -> dict[str, object]:
 
 def main() -> None:
     """Run on the ranks of this job; print JSON."""
-    with assemble(prepare=prepare) as pool:
+    with assemble() as pool:
         if pool is not None:
             print(json.dumps(_run(pool, figures(sys.argv[1] == "quick"))))
 

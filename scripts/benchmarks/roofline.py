@@ -23,9 +23,8 @@ from unittest.mock import patch
 
 import numba as nb
 import numpy as np
-from benchmarks.common import bare_pairs
+from benchmarks.common import Cell, Effort, Table, bare_pairs, seconds
 from benchmarks.slabs import configuration
-from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.contact.nested.passes import ParallelPasses
 from gfmdlayer.grid.transforms import Transforms
@@ -44,12 +43,7 @@ _ARRAYS = {
     "direct": (("p", "r", "z", "d"), ("d", "step")),
     "project": (("p", "r", "d"), ("step",)),
     "respond": (("p", "step", "change"), ()),
-    "release": (("p", "r", "d"), ("r",)),
     "extent": (("h", "p", "gap"), ("gap",)),
-    "press": (("gap0",), ("p",)),
-    "times": (("field",), ("field",)),
-    "lowered": (("field",), ("target",)),
-    "add_response": (("gap0", "change"), ("gap",)),
     "comply": (("compliance", "spectrum"), ("spectrum",)),
     "displace": (("stiffness", "intercept", "pressure"), ("u", "pressure")),
     "settle": (("h", "p", "gap"), ("gap", "u")),
@@ -80,8 +74,8 @@ def measure(effort: Effort) -> Iterator[Table]:
                 least = {(kind, t): np.inf for kind in ("pair", "stream") for t in _THREADS}
                 for _ in range(effort.repetitions):
                     for t in _THREADS:
-                        least["pair", t] = min(least["pair", t], _seconds(pairs[t]) / count)
-                        least["stream", t] = min(least["stream", t], _seconds(lambda t=t: stream(t)))
+                        least["pair", t] = min(least["pair", t], seconds(pairs[t]) / count)
+                        least["stream", t] = min(least["stream", t], seconds(lambda t=t: stream(t)))
                 size = 4 if single else 8
                 for t in _THREADS:
                     streamed = t * 24 * _STREAMED / least["stream", t]
@@ -114,23 +108,23 @@ def _passes(points: int, repetitions: int, stream: Callable[[int], None]) -> Tab
             found = _clocked(points, solve)
             least[threads] = min(least.get(threads, found), found, key=lambda each: each[0])
             moved = 24 * _STREAMED * threads
-            streamed[threads] = max(streamed[threads], moved / _seconds(lambda t=threads: stream(t)))
+            streamed[threads] = max(streamed[threads], moved / seconds(lambda t=threads: stream(t)))
     rows: list[dict[str, Cell]] = []
     for threads, (whole, clocks) in least.items():
         clocks["the rest"] = [whole - sum(clock[0] for clock in clocks.values()), np.nan, 1]
         clocks["the solve"] = [whole, np.nan, 1]
-        for name, (seconds, moved, calls) in clocks.items():
+        for name, (spent, moved, calls) in clocks.items():
             alone = least[1][1].get(name, [np.nan])[0]
             rows.append(
                 {
                     "pass": name,
                     "threads": threads,
                     "calls": int(calls),
-                    "time [ms]": 1e3 * seconds,
-                    "share of the solve": seconds / whole,
-                    "times faster": alone / seconds,
-                    "GB/s": None if np.isnan(moved) else moved / seconds / 1e9,
-                    "part of the stream": None if np.isnan(moved) else moved / seconds / streamed[threads],
+                    "time [ms]": 1e3 * spent,
+                    "share of the solve": spent / whole,
+                    "times faster": alone / spent,
+                    "GB/s": None if np.isnan(moved) else moved / spent / 1e9,
+                    "part of the stream": None if np.isnan(moved) else moved / spent / streamed[threads],
                 }
             )
     title = f"Passes of a first solve of a rough surface, {points} x {points} points"
@@ -154,9 +148,9 @@ def _clocked(points: int, solve: Callable[[], object]) -> tuple[float, dict[str,
         def call(self: Any, *arguments: Any) -> Any:
             begun = time.perf_counter()
             answer = method(self, *arguments)
-            seconds = time.perf_counter() - begun
+            spent = time.perf_counter() - begun
             name, moved = describe(*arguments)
-            for i, some in enumerate((seconds, moved, 1)):
+            for i, some in enumerate((spent, moved, 1)):
                 clocks[name][i] += some
             return answer
 
@@ -187,15 +181,9 @@ def _clocked(points: int, solve: Callable[[], object]) -> tuple[float, dict[str,
         patch.object(Transforms, "transform", timed(Transforms.transform, of_transform)),
         patch.object(Transforms, "transform_back", timed(Transforms.transform_back, of_transform)),
     ):
-        whole = _seconds(solve)
+        whole = seconds(solve)
     return whole, dict(sorted(clocks.items(), key=lambda each: -each[1][0]))
 
 
 def _transforms(points: int, threads: int, single: bool) -> Transforms:
     return Transforms((points, points), threads=threads, single=single)
-
-
-def _seconds(task: Callable[[], None]) -> float:
-    begun = time.perf_counter()
-    task()
-    return time.perf_counter() - begun

@@ -1,33 +1,52 @@
 """Rough two-dimensional surfaces: a run, first solves, error over work, other codes, threads and ranks.
 
 `points` is the number along each axis. configs/rough-layer.yaml describes the surface; it is the same on any
-grid that resolves it. A pair in single precision counts as half a pair in double precision. `rough_peers` has
-the other codes; the section `slabs` compares threads and ranks.
+grid that resolves it. A pair in single precision counts as half a pair in double precision. The
+section `slabs` compares threads and ranks.
+
+The other codes, Tamaas and ASPHER, solve to an equal residual on one thread; times are CPU times. The extra
+`bench` installs both. The build of ASPHER needs a C++ compiler, FFTW's headers and Eigen;
+`CMAKE_ARGS=-DFETCHCONTENT_SOURCE_DIR_EIGEN3_SRC=/usr/include/eigen3` gives the place of Eigen.
 """
 
 from __future__ import annotations
 
 import math
+import os
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 from benchmarks import slabs
-from benchmarks.common import bare_pairs, seconds
-from benchmarks.rough_peers import E_STAR, PART, RESIDUAL, SLOPE, compare, rough
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import METHODS, Cell, Effort, Table, cpu_of_a_pair, cpu_seconds
 from benchmarks.whole_run import effort_of_run
 
+from gfmdlayer.config import Config, load
 from gfmdlayer.contact.nested.solver import NestedGradient
-from gfmdlayer.contact.problem import Problem
+from gfmdlayer.contact.problem import Problem, Solution, Solver
+from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import warm_up
+from gfmdlayer.punch.self_affine import SelfAffine
 from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(512,), steps=100, repetitions=3)
 QUICK = Effort(points=(128,), steps=20, repetitions=1)
 
+RESIDUAL = 1e-6
+PART = 0.05  # of E* g', the mean pressure on the halfspace
+E_STAR, SLOPE = 4.0, 0.1
+
+_CASE = Path(__file__).parents[2] / "configs" / "rough-layer.yaml"
+_OWN_TOLERANCES = [10.0**-k for k in range(4, 13)]  # of Tamaas and ASPHER, on their own errors
+_LOOSER = (1e-4, 1e-5)  # tolerances here, beside RESIDUAL
+_EXACT = 1e-9
 _MEASURE = 0.2  # seconds of bare pairs in one measurement
 _FEWEST = 128  # points of an axis of the finest of three grids that are compared, and of one over ranks
 _AREAS = (0.03, 0.10, 0.39, 0.85)  # parts of the surface in contact
@@ -128,7 +147,8 @@ def _layer(effort: Effort) -> Table:
         single = transforms.of_shape(config.grid.points, single=True)
         taken = of_double = of_single = math.inf
         for _ in range(effort.repetitions):
-            of_double, of_single = min(of_double, _bare(transforms)), min(of_single, _bare(single))
+            of_double = min(of_double, cpu_of_a_pair(transforms, _MEASURE))
+            of_single = min(of_single, cpu_of_a_pair(single, _MEASURE))
             begun = time.process_time()
             pairs, iterations = effort_of_run(config, wisdom)
             taken = min(taken, time.process_time() - begun)
@@ -151,12 +171,143 @@ def _layer(effort: Effort) -> Table:
     return Table("rough-layer", title, rows, note)
 
 
-def _bare(transforms: Transforms) -> float:
-    """Return the CPU time of an FFT pair."""
-    once = seconds(bare_pairs(transforms, 3)) / 3
-    task, found = bare_pairs(transforms, count := max(3, math.ceil(_MEASURE / once))), math.inf
-    for _ in range(5):
-        begun = time.process_time()
-        task()
-        found = min(found, (time.process_time() - begun) / count)
-    return found
+# Other codes.
+
+
+def compare(points: int, repetitions: int) -> list[Table]:
+    """Solve with other codes, at decreasing tolerances down to a residual, and with our solvers."""
+    config = rough(points, halfspace=True)
+    case, mean_pressure = Case(config, warm_up(config)), PART * E_STAR * SLOPE
+    zero = np.zeros(math.prod(case.grid.spectral_shape), dtype=np.complex128)
+    problem = Problem(E_STAR / 2 * np.ravel(case.grid.wavenumbers), zero, case.punch, mean_pressure)
+    exact = NestedGradient(case.transforms, case.grid).solve(problem, np.zeros_like(case.punch), _EXACT)
+    rows, every = [], []
+    for name, peer in (("tamaas", _tamaas), ("aspher", _aspher)):
+        if find_spec(name) is None:
+            print(f"{name} is not installed; install gfmdlayer[bench]", file=sys.stderr)
+            continue
+        for tolerance in _OWN_TOLERANCES:
+            taken, pressure = peer(case, mean_pressure, tolerance, repetitions)
+            residual, area = _assessed(case, problem, pressure)
+            row = _row(f"{name} {version(name)}", (area, residual, None), taken, tolerance)
+            every.append(row)
+            if residual <= RESIDUAL:
+                break
+        rows.append(row)
+    for method in ("nested_gradient", *METHODS[:2]):
+        for tolerance in (*_LOOSER, RESIDUAL):
+            given = {"solver": {"method": method, "tolerance": tolerance}}
+            solver = Case(config.with_values(given), transforms=case.transforms).solver
+            taken, solution = _solved(solver, problem, tolerance, repetitions)
+            found = solution.contact_area, solution.residual, solution.transforms
+            row = _row(method, found, taken, tolerance)
+            every.append(row)
+        rows.append(row)
+    own = next(row["time [s]"] for row in rows if row[""] == "nested_gradient")
+    over = [row | {"over nested_gradient": float(row["time [s]"] or 0) / float(own or 1)} for row in rows]
+    errors = [
+        row | {"error of the area": abs(float(row["contact area"] or 0) / exact.contact_area - 1)}
+        for row in every
+    ]
+    title = f"A rough elastic halfspace of {points} x {points} points, pbar = {PART} E* g', one thread"
+    note = (
+        f"A peer's tolerance is the loosest power of ten with a residual within {RESIDUAL:g}; our formula "
+        "computes the residual from its pressure. Target: contact areas agree within 1e-3."
+    )
+    return [
+        Table(f"rough-halfspace-{points}", title, over, note),
+        Table(
+            f"rough-error-{points}",
+            "The same at looser tolerances: error of the contact area",
+            errors,
+            f"Against nested_gradient to a residual of {_EXACT:g}; a point is {1 / points**2:.1e}.",
+        ),
+    ]
+
+
+def _row(
+    name: str, found: tuple[float, float, int | None], taken: float, tolerance: float
+) -> dict[str, Cell]:
+    area, residual, pairs = found
+    return {
+        "": name,
+        "own tolerance": f"{tolerance:g}",
+        "contact area": f"{area:.9f}",
+        "residual": residual,
+        "FFT pairs": pairs,
+        "time [s]": taken,
+    }
+
+
+def _tamaas(
+    case: Case, mean_pressure: float, tolerance: float, repetitions: int
+) -> tuple[float, npt.NDArray[np.float64]]:
+    import tamaas
+
+    tamaas.set_log_level(tamaas.LogLevel.error)
+    tamaas.initialize(1)
+    grid = case.grid
+    model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_2d, list(grid.period), list(grid.points))
+    model.E, model.nu = E_STAR, 0.0  # E* is E
+    peer = tamaas.PolonskyKeerRey(model, -case.punch.reshape(grid.shape), tolerance)
+    peer.max_iter = 100_000
+
+    def solve() -> None:
+        model.traction[:] = 0.0  # or it starts from the last solution
+        peer.solve(mean_pressure)
+
+    taken = min(cpu_seconds(solve) for _ in range(repetitions))
+    return taken, np.ravel(model.traction).copy()
+
+
+def _aspher(
+    case: Case, mean_pressure: float, tolerance: float, repetitions: int
+) -> tuple[float, npt.NDArray[np.float64]]:
+    os.environ["OMP_NUM_THREADS"] = "1"  # read as the library is loaded; else it takes all cores
+    import aspher
+
+    heights, found = case.punch.reshape(case.grid.shape), []
+
+    def solve() -> None:
+        found[:] = [
+            aspher.solve_nested(
+                case.grid.points[0], heights, mean_pressure, 1.0, E_STAR,
+                backend="periodic", tol=tolerance, precision="float_then_double",
+            )
+        ]  # fmt: skip
+
+    taken = min(cpu_seconds(solve) for _ in range(repetitions))
+    return taken, np.ravel(np.asarray(found[0].pressure, dtype=np.float64))
+
+
+def _assessed(case: Case, problem: Problem, pressure: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Residual and contact area of a peer's pressure; the punch is shifted until nothing overlaps."""
+    stiff = problem.stiffness > 0
+    waves = -case.transforms.forward(pressure) * stiff / np.where(stiff, problem.stiffness, 1.0)
+    gap = case.punch - case.transforms.backward(waves) / pressure.size
+    gap -= gap.min()
+    residual, area, *_ = assess(pressure, case.punch - gap, case.punch, problem.residual_floor)
+    return residual, area
+
+
+def _solved(solver: Solver, problem: Problem, tolerance: float, repetitions: int) -> tuple[float, Solution]:
+    start = np.zeros_like(problem.obstacle)
+
+    def solve() -> Solution:
+        return solver.solve(problem, start, tolerance, 20_000)
+
+    solution = solve()
+    if not solution.converged:
+        raise RuntimeError(f"a residual of {solution.residual:g} after {solution.iterations} iterations")
+    return min(cpu_seconds(solve) for _ in range(repetitions)), solution
+
+
+def rough(points: int, *, halfspace: bool = False, cutoff: float = 0.0) -> Config:
+    """The case on another grid; the surface keeps its waves while the shortest has four spacings."""
+    given = load(_CASE)
+    values: dict[str, object] = {"grid.points": [points, points], "output.snapshots": []}
+    assert isinstance(given.punch, SelfAffine)
+    values["punch.short_cutoff"] = cutoff or max(given.punch.short_cutoff, 4 / points)
+    if halfspace:
+        values |= {"layer.thickness": 0.0, "halfspace.shear_modulus": 1.0, "solver.tolerance": RESIDUAL}
+    return given.with_values(values)

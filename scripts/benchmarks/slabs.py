@@ -18,8 +18,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.mpi import over_ranks
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import Cell, Effort, Table, over_ranks
 
 from gfmdlayer.config import Config
 from gfmdlayer.execution.preflight import launched_size

@@ -6,8 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import h5py
-from benchmarks.common import METHODS, STEP, bare_pairs, default_case, ratio
-from benchmarks.tables import Cell, Effort, Table
+from benchmarks.common import METHODS, STEP, Cell, Effort, Table, bare_pairs, default_case, ratio
 
 from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case

@@ -202,18 +202,8 @@ def killed(seed: int, index: int, folder: Path, ways: tuple[str, ...] = ()) -> O
 def tried(trial: Trial, together: bool, disturb: Callable[[Trial, float, int], None]) -> Outcome:
     """Run a study undisturbed, disturb runs of it several times, and compare.
 
-    Parameters
-    ----------
-    trial : Trial
-        The ways to start it.
-    together : bool
-        Of a surface that ranks share.
-    disturb : callable
-        Disturbs a run; takes the trial, the seconds and the exit status of the undisturbed run.
-
-    Returns
-    -------
-    Outcome
+    `together`: ranks share a surface. `disturb` takes the trial, and the seconds and the exit status of the
+    undisturbed run.
     """
     try:
         chosen = study(trial.rng, together)

@@ -1,26 +1,20 @@
 """The paper's printed equations in fifty digits."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
-from mpmath import mp, mpc, mpf
+from mpmath import mp, mpf
 
-from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Material
 
 
-def modulus(material: Material, s: complex) -> mpc:
+def modulus(material, s):
     """G(s), Eq. (4)."""
     exact = mp.mpmathify(complex(s))
     branches = zip(material.branch_moduli.tolist(), material.branch_times.tolist(), strict=True)
     return mpf(material.relaxed) + sum(mpf(G) * exact * mpf(t) / (1 + exact * mpf(t)) for G, t in branches)
 
 
-def relative_error(
-    K: Any, q: float, body: LayeredHalfspace, layer: complex | Material, s: complex = 0
-) -> float:
+def relative_error(K, q, body, layer, s=0):
     """Of a stiffness of a layer of modulus G or of a material at s, against -1/M(q) of Eqs. (10) to (12)."""
     # As q d falls, differences of order one come down to (q d)^4.
     with mp.workdps(50 + math.ceil(max(0.0, -4 * math.log10(q * body.thickness)))):

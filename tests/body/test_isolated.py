@@ -1,9 +1,6 @@
 """The periodic body that answers like the isolated one within reach."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +8,13 @@ from scipy.special import erfc, j0
 
 import gfmdlayer
 from gfmdlayer import Elastic, LayerStack, Prony, Wavevectors, Zener, bonded_layer, halfspace
-from gfmdlayer.body.body import Body, layered_body
-from gfmdlayer.body.isolated import TOLERANCE, Isolated, isolated
-from gfmdlayer.body.materials import Material
+from gfmdlayer.body.body import layered_body
+from gfmdlayer.body.isolated import TOLERANCE, isolated
 
 CELL = (1.0, 1.0)
 
 
-def random_material(rng: np.random.Generator) -> Material:
+def random_material(rng):
     stiff, tau, kind = 10 ** rng.uniform(-1.5, 1.5), 10 ** rng.uniform(-2, 2), rng.integers(3)
     if kind == 0:
         return Elastic(stiff)
@@ -30,7 +26,7 @@ def random_material(rng: np.random.Generator) -> Material:
     return Prony(soft, list(zip(moduli.tolist(), times.tolist(), strict=True)))
 
 
-def random_body(rng: np.random.Generator) -> Body:
+def random_body(rng):
     """1 to 4 layers of 0.01 to 3 periods, moduli from 0.03 to 30, on a base of any kind."""
     layers = [
         gfmdlayer.Layer(
@@ -40,17 +36,17 @@ def random_body(rng: np.random.Generator) -> Body:
         )
         for _ in range(rng.integers(1, 5))
     ]
-    bases: list[Any] = [math.inf, float(10 ** rng.uniform(-1.5, 1.5)), random_material(rng)]
+    bases = [math.inf, float(10 ** rng.uniform(-1.5, 1.5)), random_material(rng)]
     return layered_body(layers, bases[rng.integers(3)], float(rng.choice([0.5, 0.3])), accuracy=1e-6)
 
 
-def error_within_reach(found: Isolated, rng: np.random.Generator) -> float:
+def error_within_reach(found, rng):
     """Largest error of the response to a point load, by sums over all waves and another low pass."""
     n = np.arange(-20, 21)
     nx, ny = (np.ravel(each) for each in np.meshgrid(n, n))
     waves = Wavevectors.of_components(*(2 * np.pi * each for each in (nx, ny)))
 
-    def low_pass(q: Any) -> Any:
+    def low_pass(q):
         return 0.5 * erfc(5 * (q / 60 - 1))
 
     edges = np.unique([0.0, *np.geomspace(1e-9, 120, 60), *np.arange(0, 120, 4.0)])
@@ -76,7 +72,7 @@ def error_within_reach(found: Isolated, rng: np.random.Generator) -> float:
     return worst
 
 
-def fitted(seed: int, count: int) -> list[Isolated]:
+def fitted(seed, count):
     """Fits of random bodies; where one is refused, of the body in the period that is said to do."""
     rng, found = np.random.default_rng(seed), []
     for _ in range(count):
@@ -90,7 +86,7 @@ def fitted(seed: int, count: int) -> list[Isolated]:
     return found
 
 
-def check(found: list[Isolated]) -> None:
+def check(found):
     rng = np.random.default_rng(3)
     for each in found:
         assert each.error <= TOLERANCE
@@ -100,17 +96,17 @@ def check(found: list[Isolated]) -> None:
         assert error_within_reach(each, rng) < 1.1 * TOLERANCE  # between the nodes of the fit
 
 
-def test_random_bodies_answer_without_images_within_reach() -> None:
+def test_random_bodies_answer_without_images_within_reach():
     check(fitted(seed=4, count=8))
 
 
 @pytest.mark.slow
-def test_more_random_bodies_answer_without_images_within_reach() -> None:
+def test_more_random_bodies_answer_without_images_within_reach():
     """A second each; docs/theory/isolated.md has the figures of 300."""
     check(fitted(seed=1, count=16))
 
 
-def test_spectrum_is_the_stiffness_of_its_modes_and_the_body_s_own_beyond() -> None:
+def test_spectrum_is_the_stiffness_of_its_modes_and_the_body_s_own_beyond():
     body = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=0.45, base=5.0)
     found = isolated(body, (2.0, 1.0))
     grid = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": [64, 32], "period": [2.0, 1.0]})).grid
@@ -128,11 +124,11 @@ class Orthotropic:
 
     mean_stiffness = 0.0
 
-    def stiffness(self, waves: Any, s: Any) -> Any:
+    def stiffness(self, waves, s):
         waves = Wavevectors.of(waves)
         return np.hypot(waves.qx, 2 * waves.qy) + 0 * np.asarray(s)
 
-    def spectrum(self, waves: Any) -> gfmdlayer.Spectrum:
+    def spectrum(self, waves):
         return gfmdlayer.Spectrum.of_material(self.stiffness(waves, 0.0), Elastic(1.0))
 
 
@@ -146,6 +142,6 @@ class Orthotropic:
     ],
     ids=["free plate", "free stack", "line on a halfspace", "orthotropic"],
 )
-def test_bodies_without_an_isolated_contact_are_refused(body: Body, period: Any, words: str) -> None:
+def test_bodies_without_an_isolated_contact_are_refused(body, period, words):
     with pytest.raises(ValueError, match=words):
         isolated(body, period)

@@ -1,10 +1,7 @@
 """Zener and Prony solids: G(t), G(omega) and G(s) of Eqs. (2), (4) and (5)."""
 
-from __future__ import annotations
-
 import itertools
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from gfmdlayer.body.continuous import ContinuousLaw, FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
-from gfmdlayer.body.materials import Law, Material, Prony, Zener
+from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
+from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.config import Config
 
 # A handful of operations of half an ulp each.
@@ -23,7 +20,7 @@ SOFT = Zener(G0=1.0, Ginf=10.0, tau=2.0)
 BROAD = Prony(G0=0.5, branches=((4.0, 1e-3), (2.0, 1.0), (1.0, 50.0)))
 
 
-def test_zener_solid_has_the_modulus_of_equation_4_and_relaxes_as_equation_5() -> None:
+def test_zener_solid_has_the_modulus_of_equation_4_and_relaxes_as_equation_5():
     omega, t = np.logspace(-4, 4, 33), np.linspace(0, 20, 41).reshape(1, 41)
     printed = (1.0 + 1j * omega * 2.0 * 10.0) / (1 + 1j * omega * 2.0)
     np.testing.assert_allclose(SOFT.complex_modulus(omega), printed, rtol=2 * ROUNDING)
@@ -32,10 +29,10 @@ def test_zener_solid_has_the_modulus_of_equation_4_and_relaxes_as_equation_5() -
 
 @pytest.mark.parametrize("material", [SOFT, BROAD])
 @pytest.mark.parametrize("omega", [0.01, 0.7, 30.0])
-def test_complex_modulus_is_the_transform_of_the_relaxation_modulus(material: Material, omega: float) -> None:
+def test_complex_modulus_is_the_transform_of_the_relaxation_modulus(material, omega):
     # Eq. (2): G0 transforms to itself; the transient, of which exp(-40) is left where the range ends, goes
     # through a rule for oscillating integrands whose 25 parts are each good to 1e-11.
-    def transient(t: float) -> float:
+    def transient(t):
         return float(material.relaxation_modulus(t)) - material.relaxed
 
     edges = [0.0, *np.logspace(-4, math.log10(40 * material.branch_times.max()), 25)]
@@ -51,7 +48,7 @@ def test_complex_modulus_is_the_transform_of_the_relaxation_modulus(material: Ma
 
 
 @pytest.mark.parametrize("material", [SOFT, BROAD])
-def test_response_runs_from_glassy_to_relaxed(material: Material) -> None:
+def test_response_runs_from_glassy_to_relaxed(material):
     assert material.relaxation_modulus(0.0) == pytest.approx(material.glassy, rel=ROUNDING)
     assert material.relaxation_modulus(math.inf) == material.relaxed
     assert material.laplace(0.0) == material.relaxed
@@ -66,9 +63,7 @@ def test_response_runs_from_glassy_to_relaxed(material: Material) -> None:
     ),
     st.floats(-8, 8).map(lambda k: 10**k),
 )
-def test_any_series_stores_and_loses_energy_but_makes_none(
-    branches: list[tuple[float, float]], omega: float
-) -> None:
+def test_any_series_stores_and_loses_energy_but_makes_none(branches, omega):
     material = Prony(1.0, tuple(branches))
     modulus = complex(material.complex_modulus(omega))
     assert 1 <= modulus.real <= material.glassy * (1 + 10 * ROUNDING)
@@ -76,7 +71,7 @@ def test_any_series_stores_and_loses_energy_but_makes_none(
     assert material.laplace(omega) <= material.laplace(2 * omega) * (1 + 10 * ROUNDING)
 
 
-def test_prony_series_of_one_branch_is_a_zener_solid() -> None:
+def test_prony_series_of_one_branch_is_a_zener_solid():
     one = Prony(1.0, ((9.0, 2.0),))
     s = np.array([0.1, 1j, 3 + 4j])
     np.testing.assert_array_equal(one.laplace(s), SOFT.laplace(s))
@@ -84,7 +79,7 @@ def test_prony_series_of_one_branch_is_a_zener_solid() -> None:
 
 
 @pytest.mark.parametrize("material", [Zener(2.0, 2.0, 1.0), Prony(2.0), Prony(2.0, ((0.0, 1.0),))])
-def test_only_a_material_without_relaxing_branches_is_elastic(material: Material) -> None:
+def test_only_a_material_without_relaxing_branches_is_elastic(material):
     assert [each.elastic for each in (material, SOFT, BROAD)] == [True, False, False]
     assert material.glassy == material.relaxed == 2.0
     np.testing.assert_array_equal(material.relaxation_modulus([0.0, 1.0]), 2.0)
@@ -106,12 +101,12 @@ def test_only_a_material_without_relaxing_branches_is_elastic(material: Material
         (lambda: Prony(1.0, ((math.nan, 1.0),)), r"branches\[0\].G: got .nan"),
     ],
 )
-def test_impossible_materials_are_refused(make: Callable[[], Material], message: str) -> None:
+def test_impossible_materials_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 
 
-def test_parameters_are_taken_in_order_or_by_name_but_once() -> None:
+def test_parameters_are_taken_in_order_or_by_name_but_once():
     assert Zener(2.0, tau=3.0, Ginf=5.0) == Zener(2.0, 5.0, 3.0)
     assert Prony(branches=[{"G": 2.0, "tau": 3.0}]) == Prony(1.0, ((2.0, 3.0),))
     assert [tau for _, tau in BROAD.branches] == [1e-3, 1.0, 50.0]
@@ -121,7 +116,7 @@ def test_parameters_are_taken_in_order_or_by_name_but_once() -> None:
         Zener(1.0, G0=2.0)
 
 
-def test_the_material_of_a_configuration_is_the_one_of_the_theory() -> None:
+def test_the_material_of_a_configuration_is_the_one_of_the_theory():
     keys = {"model": "prony", "G0": 0.5, "branches": [{"G": G, "tau": tau} for G, tau in BROAD.branches]}
     config = Config.model_validate({"name": "x", "layer": {"material": keys}})
     assert config.layer.material == BROAD
@@ -142,15 +137,15 @@ LAWS = [
 ]
 
 
-def identity(law: Law) -> str:
+def identity(law):
     return law.model
 
 
 @pytest.mark.parametrize("exponent", [0.2, 0.8])
 @pytest.mark.parametrize("t", [1e-3, 1.0, 50.0])
-def test_fractional_zener_solid_is_the_integral_over_its_spectrum(exponent: float, t: float) -> None:
+def test_fractional_zener_solid_is_the_integral_over_its_spectrum(exponent, t):
     # The spectrum of Cole and Cole over ln tau; Gorenflo & Mainardi (1997), Eq. (A.19).
-    def integrand(v: float) -> float:
+    def integrand(v):
         a = exponent
         spectrum = math.sin(a * math.pi) / (2 * math.pi * (math.cosh(a * v) + math.cos(a * math.pi)))
         return spectrum * math.exp(-t * math.exp(-v))
@@ -163,9 +158,9 @@ def test_fractional_zener_solid_is_the_integral_over_its_spectrum(exponent: floa
 
 @pytest.mark.parametrize("law", LAWS, ids=identity)
 @pytest.mark.parametrize("s", [0.01, 0.3, 20.0])
-def test_both_moduli_belong_to_each_other(law: ContinuousLaw, s: float) -> None:
+def test_both_moduli_belong_to_each_other(law, s):
     # Eq. (2) on the real axis, with t = exp(x)/s; the integrand is smooth and the quadrature good to 1e-10.
-    def integrand(x: float) -> float:
+    def integrand(x):
         return math.exp(x - math.exp(x)) * float(law.relaxation_modulus(math.exp(x) / s))
 
     edges = [-60.0, -20.0, -5.0, 0.0, 4.0]
@@ -174,7 +169,7 @@ def test_both_moduli_belong_to_each_other(law: ContinuousLaw, s: float) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS, ids=identity)
-def test_complex_modulus_continues_the_one_on_the_real_axis(law: ContinuousLaw) -> None:
+def test_complex_modulus_continues_the_one_on_the_real_axis(law):
     # Cauchy-Riemann: dG/d(ln s) along a ray is -i dG/d(arg s); central differences of 1e-4.
     h = 1e-4
     s = 0.7 * np.exp(0.9j)
@@ -191,19 +186,19 @@ def test_complex_modulus_continues_the_one_on_the_real_axis(law: ContinuousLaw) 
         HavriliakNegami(1.0, 10.0, 2.0, 1.0),
     ],
 )
-def test_laws_of_exponent_one_are_zener_solids(law: ContinuousLaw) -> None:
+def test_laws_of_exponent_one_are_zener_solids(law):
     zener = Zener(1.0, 10.0, 2.0)
     np.testing.assert_allclose(law.relaxation_modulus(TIMES), zener.relaxation_modulus(TIMES), rtol=CONTOUR)
     np.testing.assert_allclose(law.complex_modulus(OMEGA), zener.complex_modulus(OMEGA), rtol=CONTOUR)
 
 
-def test_havriliak_negami_without_asymmetry_is_the_fractional_zener_solid() -> None:
+def test_havriliak_negami_without_asymmetry_is_the_fractional_zener_solid():
     skewed, straight = HavriliakNegami(1.0, 10.0, 2.0, 0.6, 1.0), FractionalZener(1.0, 10.0, 2.0, 0.6)
     np.testing.assert_array_equal(skewed.complex_modulus(OMEGA), straight.complex_modulus(OMEGA))
 
 
 @pytest.mark.parametrize("law", LAWS, ids=identity)
-def test_limits_of_a_law(law: ContinuousLaw) -> None:
+def test_limits_of_a_law(law):
     assert law.relaxation_modulus(math.inf) == law.relaxed
     assert law.laplace(0.0) == law.relaxed
     assert law.relaxation_modulus(0.0) == law.glassy
@@ -211,7 +206,7 @@ def test_limits_of_a_law(law: ContinuousLaw) -> None:
 
 @pytest.mark.parametrize("law", LAWS, ids=identity)
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
-def test_series_keeps_to_its_bounds_everywhere_in_the_range(law: ContinuousLaw, tolerance: float) -> None:
+def test_series_keeps_to_its_bounds_everywhere_in_the_range(law, tolerance):
     series = law.prony(1e-2, 30.0, tolerance)
     assert max(series.error_in_time, series.error_in_frequency) <= tolerance
     t = np.geomspace(1e-2, 30.0, 2000)
@@ -228,7 +223,7 @@ def test_series_keeps_to_its_bounds_everywhere_in_the_range(law: ContinuousLaw, 
 
 
 @pytest.mark.slow
-def test_fractional_zener_solid_over_twelve_decades_takes_22_branches() -> None:
+def test_fractional_zener_solid_over_twelve_decades_takes_22_branches():
     law = FractionalZener(0.1, 1.0, 1.0, 0.5)
     series = law.prony(1e-6, 1e6, 1e-4)
     assert max(series.error_in_time, series.error_in_frequency) <= 1e-4
@@ -243,21 +238,19 @@ def test_fractional_zener_solid_over_twelve_decades_takes_22_branches() -> None:
     st.floats(-3, 3).map(lambda k: 10.0**k),
     st.floats(1.0, 1e3),
 )
-def test_any_law_has_a_series_that_keeps_to_its_tolerance(
-    kind: type[ContinuousLaw], exponent: float, tau: float, contrast: float
-) -> None:
+def test_any_law_has_a_series_that_keeps_to_its_tolerance(kind, exponent, tau, contrast):
     law = kind(1.0, contrast, tau, exponent)
     series = law.prony(1e-2, 1e1, 1e-3)
     assert max(series.error_in_time, series.error_in_frequency) <= 1e-3
 
 
-def test_law_that_is_a_series_is_its_own() -> None:
+def test_law_that_is_a_series_is_its_own():
     zener = Zener(1.0, 10.0, 2.0)
     series = zener.prony(1e-3, 1.0)
     assert series.material is zener
     assert series.error_in_time == series.error_in_frequency == 0
 
 
-def test_range_must_not_be_empty() -> None:
+def test_range_must_not_be_empty():
     with pytest.raises(ValueError, match="must be positive and increase"):
         LAWS[0].prony(1.0, 0.5)

@@ -1,19 +1,15 @@
 """The relaxation spectrum against K(q, G(s)) of the printed equations in 50-digit arithmetic."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony, Zener
-from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, relaxation_spectrum, retardation_spectrum
+from gfmdlayer.body.materials import Prony, Zener
+from gfmdlayer.body.relaxation import NEGLIGIBLE, relaxation_spectrum, retardation_spectrum
 from tests.body.printed import relative_error
 
 # K(q, s) is a sum of terms in the right half-plane, each good to some tens of roundings of 2^-53.
@@ -22,9 +18,7 @@ ROUNDING = 1e-14
 FREQUENCIES = [0, 1e-4j, 0.1 + 0.03j, 1j, 30j, 1e4 + 1e4j, 1e9]
 
 
-def assert_exact(
-    body: LayeredHalfspace, material: Material, q: NDArray[Any], frequencies: list[complex]
-) -> Spectrum:
+def assert_exact(body, material, q, frequencies):
     spectrum = relaxation_spectrum(body, material, q)
     assert (spectrum.weights >= 0).all()
     assert (spectrum.times > 0).all()
@@ -36,7 +30,7 @@ def assert_exact(
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.499, 0.5])
 @pytest.mark.parametrize("contrast", [1.0, 1.01, 10.0, 1e4])
-def test_zener_layer_relaxes_in_three_modes(nu: float, contrast: float) -> None:
+def test_zener_layer_relaxes_in_three_modes(nu, contrast):
     q, material = np.logspace(-6, 3, 10), Zener(1.0, contrast, 1.0)
     for bulk, nu_bulk in zip(
         [0.0, 1e-3, 0.1, 1.0, 10.0, 1e3, math.inf], [0.5, 0.5, 0.3, 0.5, -0.5, 0.5, 0.5], strict=True
@@ -58,7 +52,7 @@ bulks = st.floats(-4, 4).map(lambda k: 10**k) | st.sampled_from([0.0, 1.0, math.
 
 
 @st.composite
-def series(draw: st.DrawFn) -> Prony:
+def series(draw):
     """Branches over twelve decades of time and of modulus, or crowded within rounding of each other."""
     spread = draw(st.sampled_from([6.0, 0.1, 1e-8, 1e-15]))
     branch = st.tuples(st.floats(-9, 3).map(lambda k: 10**k), st.floats(-spread, spread).map(lambda k: 10**k))
@@ -67,9 +61,7 @@ def series(draw: st.DrawFn) -> Prony:
 
 @settings(max_examples=250, deadline=None)
 @given(series(), poisson_ratios, poisson_ratios, bulks, st.floats(-6, 3).map(lambda k: 10**k), frequencies)
-def test_any_layered_body_relaxes_in_modes(
-    material: Prony, nu: float, nu_bulk: float, bulk: float, x: float, s: complex
-) -> None:
+def test_any_layered_body_relaxes_in_modes(material, nu, nu_bulk, bulk, x, s):
     q = np.array([0.25, 4.0])
     body = LayeredHalfspace(x, nu, bulk, nu_bulk)
     spectrum = assert_exact(body, material, q, [0, s])
@@ -77,7 +69,7 @@ def test_any_layered_body_relaxes_in_modes(
 
 
 @pytest.mark.parametrize("branches", [2, 5, 50])
-def test_prony_layer_over_twelve_decades_of_time(branches: int) -> None:
+def test_prony_layer_over_twelve_decades_of_time(branches):
     moduli, taus = (
         10 ** np.random.default_rng(branches).uniform(-1, 2, branches),
         np.logspace(-6, 6, branches),
@@ -90,7 +82,7 @@ def test_prony_layer_over_twelve_decades_of_time(branches: int) -> None:
         np.testing.assert_allclose(spectrum.glassy, body.stiffness(q, material.glassy), rtol=ROUNDING)
 
 
-def test_fifty_branches_sum_to_the_glassy_stiffness_at_all_wavenumbers() -> None:
+def test_fifty_branches_sum_to_the_glassy_stiffness_at_all_wavenumbers():
     material = Prony(1.0, tuple((1.0 + k % 7, tau) for k, tau in enumerate(np.logspace(-6, 6, 50).tolist())))
     body, q = LayeredHalfspace(1e-4, 0.5, 1.0), 16 * np.pi * np.arange(1025)
     spectrum = relaxation_spectrum(body, material, q)
@@ -99,7 +91,7 @@ def test_fifty_branches_sum_to_the_glassy_stiffness_at_all_wavenumbers() -> None
     np.testing.assert_array_equal(spectrum.relaxed, body.stiffness(q, 1.0))
 
 
-def test_branches_of_one_time_are_one_branch() -> None:
+def test_branches_of_one_time_are_one_branch():
     body, q = LayeredHalfspace(0.05, 0.5, 1.0), np.array([1.0, 30.0])
     split = relaxation_spectrum(body, Prony(1.0, ((4.0, 2.0), (0.0, 3.0), (5.0, 2.0))), q)
     whole = relaxation_spectrum(body, Zener(1.0, 10.0, 2.0), q)
@@ -109,9 +101,7 @@ def test_branches_of_one_time_are_one_branch() -> None:
 
 @pytest.mark.parametrize(("thickness", "bulk"), [(0.05, 0.0), (0.05, math.inf), (math.inf, 1.0)])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
-def test_body_proportional_to_its_layer_has_the_times_of_the_material(
-    thickness: float, bulk: float, nu: float
-) -> None:
+def test_body_proportional_to_its_layer_has_the_times_of_the_material(thickness, bulk, nu):
     material = Prony(1.0, ((2.0, 0.1), (3.0, 10.0)))
     body, q = LayeredHalfspace(thickness, nu, bulk), np.array([1e-3, 1.0, 1e3])
     spectrum = relaxation_spectrum(body, material, q)
@@ -128,7 +118,7 @@ def test_body_proportional_to_its_layer_has_the_times_of_the_material(
         (LayeredHalfspace(0.05, 0.5, math.inf), Prony(2.0, ((0.0, 1.0),))),
     ],
 )
-def test_elastic_body_has_no_modes(body: LayeredHalfspace, material: Material) -> None:
+def test_elastic_body_has_no_modes(body, material):
     q = np.array([0.0, 1.0, 100.0])
     spectrum = relaxation_spectrum(body, material, q)
     assert spectrum.weights.shape == spectrum.times.shape == (0, 3)
@@ -136,7 +126,7 @@ def test_elastic_body_has_no_modes(body: LayeredHalfspace, material: Material) -
     np.testing.assert_array_equal(spectrum.stiffness(1j), spectrum.relaxed)
 
 
-def test_mean_height_relaxes_only_on_a_rigid_base() -> None:
+def test_mean_height_relaxes_only_on_a_rigid_base():
     material, q = Zener(1.0, 10.0, 2.0), np.array([0.0, 1.0])
     rigid = LayeredHalfspace(0.1, 0.3, math.inf)
     confined = relaxation_spectrum(rigid, material, q)
@@ -149,7 +139,7 @@ def test_mean_height_relaxes_only_on_a_rigid_base() -> None:
         assert free.weights[:, 1].all()
 
 
-def test_modes_without_weight_in_a_deep_layer_are_left_out() -> None:
+def test_modes_without_weight_in_a_deep_layer_are_left_out():
     material = Prony(1.0, ((2.0, 0.1), (3.0, 10.0)))
     body = LayeredHalfspace(1.0, 0.3, 2.0)
     deep = relaxation_spectrum(body, material, np.array([25.0, 30.0, 1e3]))
@@ -160,7 +150,7 @@ def test_modes_without_weight_in_a_deep_layer_are_left_out() -> None:
     assert np.count_nonzero(mixed.weights[:, 1:].any(axis=1)) == 2
 
 
-def test_weights_left_out_are_negligible() -> None:
+def test_weights_left_out_are_negligible():
     body, q, material = LayeredHalfspace(1.0, 0.5, 1.0), np.linspace(10, 25, 61), Zener(1.0, 10.0, 1.0)
     spectrum = relaxation_spectrum(body, material, q)
     kept = spectrum.weights > 0
@@ -171,13 +161,13 @@ def test_weights_left_out_are_negligible() -> None:
 
 
 @pytest.mark.parametrize("bulk", [1e12, 1e16, 1e18, 1e25, 1e30])
-def test_a_halfspace_may_be_almost_rigid(bulk: float) -> None:
+def test_a_halfspace_may_be_almost_rigid(bulk):
     q = np.geomspace(0.1, 1e3, 9)
     material = Prony(1.0, ((3.0, 0.1), (6.0, 1.0), (2.0, 50.0)))
     assert_exact(LayeredHalfspace(0.05, 0.5, bulk), material, q, [0, 0.1 + 0.03j, 30j])
 
 
-def test_wavenumbers_may_have_any_shape() -> None:
+def test_wavenumbers_may_have_any_shape():
     body, material = LayeredHalfspace(0.05, 0.5, 1.0), Zener(1.0, 10.0, 1.0)
     q = np.linspace(0.0, 100.0, 12)
     flat, shaped = (relaxation_spectrum(body, material, x) for x in (q, q.reshape(3, 4)))
@@ -189,7 +179,7 @@ def test_wavenumbers_may_have_any_shape() -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(series(), st.lists(st.floats(-6, 6).map(lambda k: 10**k), min_size=1, max_size=5))
-def test_retardation_times_interlace_and_compliances_add_up(material: Prony, relaxed: list[float]) -> None:
+def test_retardation_times_interlace_and_compliances_add_up(material, relaxed):
     taus, position = np.unique(material.branch_times, return_inverse=True)
     moduli, A = np.bincount(position, material.branch_moduli).astype(float), np.array(relaxed)
     compliances, times = retardation_spectrum(moduli, taus, A)

@@ -1,16 +1,12 @@
 """Stacks of layers: stiffness and relaxing modes against the elastic solution in 50 digits, and limits."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import matrix, mp, mpf
-from numpy.typing import NDArray
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
@@ -27,7 +23,7 @@ SPECTRUM = 1e-11
 FREQUENCIES = np.array([0, 1e-4j, 0.1 + 0.03j, 1j, 30j, 1e4 + 1e4j, 1e9])
 
 
-def layer_matrix(x: mpf, nu: mpf) -> matrix:
+def layer_matrix(x, nu):
     """Tractions on (W, U) of the upper and lower face, by their displacements, for q = G = 1."""
     # From the basis psi = exp(-z), exp(z - x): (U, W) = (psi, psi') and (z psi, z psi' - (3 - 4 nu) psi).
     displacement, traction = matrix(4, 4), matrix(4, 4)
@@ -46,7 +42,7 @@ def layer_matrix(x: mpf, nu: mpf) -> matrix:
     return traction * displacement**-1
 
 
-def exact_stiffness(body: LayerStack, q: float, s: complex) -> complex:
+def exact_stiffness(body, q, s):
     """K(q, s) by elimination from the base upwards, in as many digits as leave fifty."""
     depths = [mpf(q) * mpf(layer.thickness) for layer in body.layers if math.isfinite(layer.thickness)]
     thinnest, thickest = min(depths), min(max(depths), mpf(400))
@@ -68,7 +64,7 @@ def exact_stiffness(body: LayerStack, q: float, s: complex) -> complex:
         return complex(mpf(q) * (impedance[0, 0] - impedance[0, 1] * impedance[1, 0] / impedance[1, 1]))
 
 
-def assert_exact(body: LayerStack, q: float) -> None:
+def assert_exact(body, q):
     """Assert the stiffness and that of the spectrum, and that no weight is negative."""
     exact = np.array([exact_stiffness(body, q, s) for s in FREQUENCIES])
     np.testing.assert_allclose(body.stiffness(q, FREQUENCIES), exact, rtol=ROUNDING)
@@ -79,7 +75,7 @@ def assert_exact(body: LayerStack, q: float) -> None:
     np.testing.assert_allclose(found, exact, rtol=SPECTRUM)
 
 
-def powers(low: float, high: float) -> Any:
+def powers(low, high):
     """Numbers spread over decades."""
     return st.floats(low, high).map(lambda exponent: 10.0**exponent)
 
@@ -94,7 +90,7 @@ layers = st.builds(Layer, powers(-6, 6) | powers(-1, 1), poissons, materials)
 
 
 @st.composite
-def stacks(draw: Any) -> LayerStack:
+def stacks(draw):
     """One to six layers on each kind of base."""
     above = draw(st.lists(layers, min_size=1, max_size=6))
     base = draw(st.sampled_from(["rigid", "free", "halfspace"]))
@@ -105,7 +101,7 @@ def stacks(draw: Any) -> LayerStack:
 
 @settings(deadline=None, max_examples=10)
 @given(stacks(), st.just(1.0) | powers(-3, 3))
-def test_stiffness_and_spectrum_are_exact(body: LayerStack, q: float) -> None:
+def test_stiffness_and_spectrum_are_exact(body, q):
     assert_exact(body, q)
 
 
@@ -114,7 +110,7 @@ HARD = Prony(300.0, [(2000.0, 1e-3), (100.0, 1.0), (5.0, 80.0)])
 BASE = Layer(math.inf, 0.3, Prony(20.0, [(7.0, 2.0)]))
 
 
-def test_modes_over_twelve_decades_of_times_keep_all_digits() -> None:
+def test_modes_over_twelve_decades_of_times_keep_all_digits():
     """The bound is ten roundings of 2^-53 for each of the 144 internal variables, and what is negligible."""
     law = Prony(1.0, [(1.0, 10.0**k) for k in range(-9, 3)])
     other = Prony(2.0, [(0.5, 3 * 10.0**k) for k in range(-9, 3)])
@@ -127,7 +123,7 @@ def test_modes_over_twelve_decades_of_times_keep_all_digits() -> None:
 
 @pytest.mark.parametrize("x", [1e-6, 1e-3, 1.0, 30.0, 1e6])
 @pytest.mark.parametrize("bottom", ["rigid", "free", "halfspace"])
-def test_thin_and_thick_layers_keep_their_digits(bottom: str, x: float) -> None:
+def test_thin_and_thick_layers_keep_their_digits(bottom, x):
     """Also a stiff film on a soft one, incompressible ones, and twenty branches."""
     many = Prony(1.0, [(10.0 ** (-k / 10), 10.0 ** (k / 2 - 5)) for k in range(20)])
     above = (Layer(0.5, 0.5, HARD), Layer(1.0, 0.5, many), Layer(2.0, 0.0, SOFT))
@@ -137,7 +133,7 @@ def test_thin_and_thick_layers_keep_their_digits(bottom: str, x: float) -> None:
 Q = np.geomspace(1e-6, 1e6, 25)
 
 
-def assert_same(one: LayerStack, other: LayerStack, within: float = SPECTRUM) -> None:
+def assert_same(one, other, within=SPECTRUM):
     """Assert equal stiffness, and that of the spectra, over twelve decades of q and eight of s."""
     spectra = one.spectrum(Q), other.spectrum(Q)
     for s in (0.0, 1e-4, 1e-2 + 1e-1j, 1.0, 1e3j, 1e8):
@@ -145,7 +141,7 @@ def assert_same(one: LayerStack, other: LayerStack, within: float = SPECTRUM) ->
         np.testing.assert_allclose(spectra[1].stiffness(s), spectra[0].stiffness(s), rtol=within)
 
 
-def test_a_layer_without_thickness_vanishes() -> None:
+def test_a_layer_without_thickness_vanishes():
     above = (Layer(1.0, 0.4, SOFT), Layer(0.3, 0.5, HARD))
     assert_same(
         LayerStack((*above, BASE)),
@@ -155,7 +151,7 @@ def test_a_layer_without_thickness_vanishes() -> None:
 
 @pytest.mark.parametrize("bulk", [0.0, 0.7, math.inf])
 @pytest.mark.parametrize("nu", [0.2, 0.5])
-def test_a_stack_of_one_is_the_layer_of_the_paper(bulk: float, nu: float) -> None:
+def test_a_stack_of_one_is_the_layer_of_the_paper(bulk, nu):
     """The same modes as by the roots of the quadratic equations of one layer."""
     single = ViscoelasticLayer(LayeredHalfspace(0.05, nu, bulk, 0.3), SOFT)
     below = (Layer(math.inf, 0.3, Prony(bulk)),) if 0 < bulk < math.inf else ()
@@ -168,7 +164,7 @@ def test_a_stack_of_one_is_the_layer_of_the_paper(bulk: float, nu: float) -> Non
         np.testing.assert_allclose(found.stiffness(s), known.stiffness(s), rtol=SPECTRUM)
 
 
-def test_mean_stiffness_is_that_of_layers_in_series() -> None:
+def test_mean_stiffness_is_that_of_layers_in_series():
     """1/K(0, s) = sum of d (1 - 2 nu)/(2 (1 - nu) G(s)); an incompressible layer does not yield."""
     body = LayerStack((Layer(0.3, 0.2, SOFT), Layer(0.1, 0.5, HARD), Layer(0.6, 0.45, HARD)), rigid=True)
     spectrum = body.spectrum(np.array([0.0, 1e-9]))
@@ -184,7 +180,7 @@ def test_mean_stiffness_is_that_of_layers_in_series() -> None:
     assert LayerStack((Layer(0.3, 0.5, SOFT),), rigid=True).mean_stiffness == 0
 
 
-def test_internal_variables_give_the_stiffness() -> None:
+def test_internal_variables_give_the_stiffness():
     """K = free G_1 + g.g - g.B (1 + B^T B + s theta)^-1 B^T g at any s, whatever the times of the layers."""
     body = LayerStack((Layer(0.3, 0.2, SOFT), Layer(0.1, 0.5, HARD), BASE))
     q, s, shifts, slower = np.array([0.1, 3.0]), 0.3 + 2j, np.array([0.1, 10.0, 3.0]), []
@@ -204,18 +200,18 @@ def test_internal_variables_give_the_stiffness() -> None:
     ("layers", "rigid"),
     [((), False), ((Layer(0.0, 0.3, SOFT),), True), ((BASE, Layer(1.0, 0.3, SOFT)), False), ((BASE,), True)],
 )
-def test_impossible_stacks_are_refused(layers: tuple[Layer, ...], rigid: bool) -> None:
+def test_impossible_stacks_are_refused(layers, rigid):
     with pytest.raises(ValueError, match="layer"):
         LayerStack(layers, rigid)
 
 
 @pytest.mark.parametrize(("thickness", "poisson"), [(-1.0, 0.3), (math.nan, 0.3), (1.0, 0.6), (1.0, -1.0)])
-def test_impossible_layers_are_refused(thickness: float, poisson: float) -> None:
+def test_impossible_layers_are_refused(thickness, poisson):
     with pytest.raises(ValueError, match="must be"):
         Layer(thickness, poisson, SOFT)
 
 
-def test_steps_with_merged_modes_keep_to_the_bound() -> None:
+def test_steps_with_merged_modes_keep_to_the_bound():
     # Modes that only one wavenumber has are rows of the spectrum too, padded at the other wavenumbers.
     layers = (
         Layer(0.01, 0.5, Elastic(5.0)),
@@ -238,7 +234,7 @@ def test_steps_with_merged_modes_keep_to_the_bound() -> None:
 S = np.concatenate([np.logspace(-8, 8, 65) * factor for factor in (1, 1j, 1 + 0.1j)])
 
 
-def relaxing(weights: Any, times: Any) -> NDArray[Any]:
+def relaxing(weights, times):
     """K(s) - K_0 over S."""
     cycles = np.multiply.outer(S, times)
     return np.asarray((weights * (cycles / (1 + cycles))).sum(axis=-1))
@@ -253,7 +249,7 @@ modes = st.lists(
 
 @settings(deadline=None, max_examples=60)
 @given(modes, st.floats(-10, -1))
-def test_the_bound_holds_in_the_right_half_plane(given: list[tuple[float, float]], exponent: float) -> None:
+def test_the_bound_holds_in_the_right_half_plane(given, exponent):
     """It is reached at s = inf, so that it is not a loose one either."""
     weights, times = np.array(given).T
     bound = 10**exponent
@@ -268,14 +264,14 @@ def test_the_bound_holds_in_the_right_half_plane(given: list[tuple[float, float]
     assert weights.sum() - few.sum() >= 0.99 * reached - rounding
 
 
-def test_modes_of_one_time_are_one() -> None:
+def test_modes_of_one_time_are_one():
     weights, times, reached = merged(np.array([1.0, 2.0, 3.0]), np.array([2.0, 2.0, 2.0]), 1e-12)
     assert weights == pytest.approx([6.0])
     assert times == pytest.approx([2.0])
     assert reached < 1e-14
 
 
-def test_a_stack_reports_the_error_of_its_spectrum() -> None:
+def test_a_stack_reports_the_error_of_its_spectrum():
     """The modes of a body of three layers of five branches, on a rigid base, go from 50 to about 20."""
     law = [(2.0, 10.0**k) for k in range(-2, 3)]
     layers = tuple(Layer(0.05, 0.45, Prony(G, law)) for G in (3.0, 0.5, 10.0))

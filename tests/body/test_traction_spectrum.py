@@ -1,14 +1,10 @@
 """Tractions in all directions: closed forms, the equations of elasticity, the normal response."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import mpmath as mp
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer.body.body import bonded_layer
 from gfmdlayer.body.materials import Prony, Zener
@@ -34,7 +30,7 @@ FREQUENCIES = (0.0, 1e-3, 0.3, 10.0, 1e4)
 
 @pytest.mark.parametrize("q", [0.5, 4.0, 15.0])
 @pytest.mark.parametrize("s", [0.0, 0.7, 1e3])
-def test_shear_across_the_wave_passes_through_two_layers_to_a_rigid_base(q: float, s: float) -> None:
+def test_shear_across_the_wave_passes_through_two_layers_to_a_rigid_base(q, s):
     G, d = zip(*((float(each.material.laplace(s)), each.thickness) for each in LAYERS[:2]), strict=True)
     below, top, t = G[1] * q / math.tanh(q * d[1]), G[0] * q, math.tanh(q * d[0])
     found = LayerStack(LAYERS[:2], rigid=True).traction_spectrum([q]).across.stiffness(s)[0]
@@ -42,7 +38,7 @@ def test_shear_across_the_wave_passes_through_two_layers_to_a_rigid_base(q: floa
 
 
 @pytest.mark.parametrize("stack", STACKS.values(), ids=STACKS)
-def test_without_shear_it_is_the_normal_response(stack: LayerStack) -> None:
+def test_without_shear_it_is_the_normal_response(stack):
     spectrum = stack.traction_spectrum(Q).in_plane
     for s in FREQUENCIES:
         K = spectrum.stiffness(s)
@@ -50,7 +46,7 @@ def test_without_shear_it_is_the_normal_response(stack: LayerStack) -> None:
         np.testing.assert_allclose(normal, stack.stiffness(Q, s), rtol=ROUNDING)
 
 
-def test_a_halfspace_has_the_closed_form() -> None:
+def test_a_halfspace_has_the_closed_form():
     found, (nu, q, s) = STACKS["bare"].traction_spectrum(Q), (0.3, Q, 3.0)
     G = float(BASE.material.laplace(s))
     C = np.array([[2 * (1 - nu), 1 - 2 * nu], [1 - 2 * nu, 2 * (1 - nu)]]) / 2
@@ -59,7 +55,7 @@ def test_a_halfspace_has_the_closed_form() -> None:
     np.testing.assert_allclose(found.across.stiffness(s), G * q, rtol=1e-13)
 
 
-def test_a_layer_like_the_halfspace_below_it_vanishes() -> None:
+def test_a_layer_like_the_halfspace_below_it_vanishes():
     found = LayerStack((Layer(0.07, 0.3, BASE.material), BASE)).traction_spectrum(Q)
     bare = STACKS["bare"].traction_spectrum(Q)
     for s in FREQUENCIES:
@@ -68,7 +64,7 @@ def test_a_layer_like_the_halfspace_below_it_vanishes() -> None:
             np.testing.assert_allclose(one.stiffness(s), expected, rtol=0, atol=ROUNDING * expected.max())
 
 
-def test_a_deep_wave_feels_the_uppermost_layer_alone_and_continuously() -> None:
+def test_a_deep_wave_feels_the_uppermost_layer_alone_and_continuously():
     """The modes are found in another way from q d = 24 on."""
     d = LAYERS[0].thickness
     q = np.array([24 - 1e-9, 24 + 1e-9]) / d
@@ -79,7 +75,7 @@ def test_a_deep_wave_feels_the_uppermost_layer_alone_and_continuously() -> None:
                 np.testing.assert_allclose(K[0], K[1], rtol=1e-9)
 
 
-def test_the_mean_is_sheared_in_series_on_a_rigid_base_and_fixed_elsewhere() -> None:
+def test_the_mean_is_sheared_in_series_on_a_rigid_base_and_fixed_elsewhere():
     """A uniform pressure and a uniform shear do not couple."""
     stack, s = LayerStack((LAYERS[0], LAYERS[1]), rigid=True), 0.7
     found = stack.traction_spectrum([0.0])
@@ -94,10 +90,11 @@ def test_the_mean_is_sheared_in_series_on_a_rigid_base_and_fixed_elsewhere() -> 
         assert not mean.across.stiffness(s).any()
 
 
-def test_modes_are_positive_and_one_for_each_wave_of_any_shape() -> None:
+def test_modes_are_positive_and_one_for_each_wave_of_any_shape():
     q = np.array([[3.0, 60.0], [3.0, 1e3]])
     found = STACKS["halfspace"].traction_spectrum(q)
-    assert found.in_plane.fault() == ""
+    assert np.linalg.eigvalsh(found.in_plane.relaxed).min() > 0
+    assert (found.in_plane.times > 0).all()
     assert (found.across.weights >= 0).all()
     assert found.in_plane.relaxed.shape == (2, 2, 2, 2)
     np.testing.assert_array_equal(found.in_plane.vectors[:, 0, 0], found.in_plane.vectors[:, 1, 0])
@@ -106,17 +103,17 @@ def test_modes_are_positive_and_one_for_each_wave_of_any_shape() -> None:
 
 
 @pytest.mark.parametrize(("base", "thickness"), [(2.0, 0.05), (math.inf, 0.05), (0.0, math.inf)])
-def test_the_layer_of_the_paper_is_a_stack(base: float, thickness: float) -> None:
+def test_the_layer_of_the_paper_is_a_stack(base, thickness):
     body = bonded_layer(thickness, Zener(), poisson=0.4, base=base, base_poisson=0.3)
     K = body.traction_spectrum(Q).in_plane.stiffness(0.5)
     normal = K[:, 0, 0] - K[:, 0, 1] ** 2 / K[:, 1, 1]
     np.testing.assert_allclose(normal, body.stiffness(Q, 0.5), rtol=ROUNDING)
 
 
-def random_stack(random: np.random.Generator) -> LayerStack:
+def random_stack(random):
     """Return one to five layers whose moduli, times and thicknesses differ by orders of magnitude."""
 
-    def layer(thickness: float) -> Layer:
+    def layer(thickness):
         branches = [tuple(10 ** random.uniform(-3, 3, 2)) for _ in range(random.integers(3))]
         poisson = random.choice([0.5, 0.4999, random.uniform(-0.5, 0.5)])
         return Layer(thickness, float(poisson), Prony(10 ** random.uniform(-3, 3), branches))
@@ -126,7 +123,7 @@ def random_stack(random: np.random.Generator) -> LayerStack:
     return LayerStack((*layers, layer(math.inf)) if base == 0 else tuple(layers), rigid=bool(base == 1))
 
 
-def exact(stack: LayerStack, q: float, s: complex) -> NDArray[Any]:
+def exact(stack, q, s):
     """Return K over (W, U) to 60 digits: series of the matrix exponentials of the equations of elasticity."""
     q, layers = mp.mpf(q), list(stack.layers)
     states = mp.matrix([[0, 0], [0, 0], [1, 0], [0, 1]] if stack.rigid else [[1, 0], [0, 1], [0, 0], [0, 0]])
@@ -145,7 +142,7 @@ def exact(stack: LayerStack, q: float, s: complex) -> NDArray[Any]:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_random_stacks_obey_the_equations_of_elasticity(seed: int) -> None:
+def test_random_stacks_obey_the_equations_of_elasticity(seed):
     """Incompressible layers and complex frequencies too, at any ratio of moduli."""
     random = np.random.default_rng(seed)
     stack = random_stack(random)

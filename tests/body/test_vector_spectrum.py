@@ -1,13 +1,9 @@
 """Relaxing modes of several components against the network that they come from."""
 
-from __future__ import annotations
-
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from gfmdlayer import Layer, LayerStack, Prony, Spectrum, Zener
+from gfmdlayer import Layer, LayerStack, Prony, Zener
 from gfmdlayer.body.network import vector_spectrum
 from gfmdlayer.body.relaxation import VectorSpectrum
 
@@ -17,7 +13,7 @@ ROUNDING = 1e-12
 NQ, REDUNDANT, INTERNAL = 4, 3, 6
 
 
-def random_network(components: int, phases: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def random_network(components, phases):
     rng = np.random.default_rng(components)
     force = rng.normal(size=(NQ, REDUNDANT, components))
     if phases:  # a displacement along the wave is i times a real one
@@ -25,13 +21,20 @@ def random_network(components: int, phases: bool) -> tuple[np.ndarray, np.ndarra
     return force, rng.normal(size=(NQ, REDUNDANT, INTERNAL)), 10 ** rng.uniform(-2, 2, INTERNAL)
 
 
+def is_passive(found):
+    """Whether K_0 is Hermitian and not negative, to rounding, and all times are positive."""
+    size = ROUNDING * np.abs(found.relaxed).max()
+    hermitian = np.abs(found.relaxed - np.swapaxes(found.relaxed, -1, -2).conj()).max() <= size
+    return bool(hermitian and np.linalg.eigvalsh(found.relaxed).min() >= -size and (found.times > 0).all())
+
+
 @pytest.mark.parametrize("phases", [False, True])
 @pytest.mark.parametrize("components", [1, 2, 3])
-def test_modes_add_up_to_the_response_of_the_network(components: int, phases: bool) -> None:
+def test_modes_add_up_to_the_response_of_the_network(components, phases):
     g, B, times = random_network(components, phases)
     found = vector_spectrum(g, B, times)
     assert found.vectors.shape == (INTERNAL, NQ, components)
-    assert found.fault() == ""
+    assert is_passive(found)
     adjoint = np.swapaxes(g, 1, 2).conj()
     for s in FREQUENCIES:
         inner = np.eye(INTERNAL) + np.swapaxes(B, 1, 2) @ B + s * np.diag(times)
@@ -41,18 +44,18 @@ def test_modes_add_up_to_the_response_of_the_network(components: int, phases: bo
     np.testing.assert_allclose(found.glassy, adjoint @ g, rtol=0, atol=ROUNDING * scale)
 
 
-def test_one_component_is_the_scalar_spectrum() -> None:
+def test_one_component_is_the_scalar_spectrum():
     stack = LayerStack((Layer(0.1, 0.4, Zener()), Layer(0.2, 0.5, Zener(tau=3.0))), rigid=True)
     scalar = stack.spectrum(np.array([[1.0, 5.0, 20.0]]))
     found = VectorSpectrum.of(scalar)
-    assert found.fault() == ""
+    assert is_passive(found)
     for s in FREQUENCIES:
         np.testing.assert_allclose(found.stiffness(s)[..., 0, 0], scalar.stiffness(s), rtol=ROUNDING)
     s = np.array([[0.1, 1.0, 10.0]])
     np.testing.assert_allclose(found.stiffness(s)[..., 0, 0], scalar.stiffness(s), rtol=ROUNDING)
 
 
-def test_the_normal_response_of_a_stack_is_that_of_its_network() -> None:
+def test_the_normal_response_of_a_stack_is_that_of_its_network():
     base = Layer(np.inf, 0.3, Prony(2.0, [(1.0, 0.2), (3.0, 5.0)]))
     stack, q = LayerStack((Layer(0.1, 0.5, Zener()), base)), np.array([0.5, 3.0, 10.0])
     network = stack.network(q)
@@ -61,12 +64,3 @@ def test_the_normal_response_of_a_stack_is_that_of_its_network() -> None:
         free = network.free * Zener().laplace(s)  # the uppermost layer alone, parallel to the network
         found = modes.stiffness(s)[..., 0, 0] + free
         np.testing.assert_allclose(found, stack.stiffness(q, s), rtol=1e-11)
-
-
-def test_broken_promises_are_found() -> None:
-    found = vector_spectrum(*random_network(2, phases=False))
-    skew = found.relaxed + np.array([[0.0, 1.0], [0.0, 0.0]])
-    assert replace(found, relaxed=skew).fault() == "relaxed: must be Hermitian"
-    assert "negative eigenvalue" in replace(found, relaxed=-found.relaxed).fault()
-    assert replace(found, times=-found.times).fault() == "times: must be > 0"
-    assert VectorSpectrum.of(Spectrum(np.ones(3), np.ones((1, 3)), np.ones((1, 3)))).fault() == ""

@@ -1,7 +1,5 @@
 """Completion on a command line, as a shell does it."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 from pathlib import Path
@@ -13,7 +11,7 @@ from gfmdlayer.cli.completion import SHELLS
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_each_shell_gets_a_script_with_every_verb(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_shell_gets_a_script_with_every_verb(shell, capsys):
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
     for verb in VERBS:
@@ -31,13 +29,7 @@ def test_each_shell_gets_a_script_with_every_verb(shell: str, capsys: pytest.Cap
         (["status", "res"], {"results"}),
     ],
 )
-def test_bash_completes(
-    words: list[str],
-    completed: set[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bash_completes(words, completed, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("figure.yaml").touch()
     Path("results").mkdir()

@@ -1,9 +1,5 @@
 """`gfmdlayer leak`: a table of the flow, a picture, a file of the fields, messages for bad input."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -30,7 +26,7 @@ output: {snapshots: [1.0]}
 
 
 @pytest.fixture(autouse=True, scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def results(tmp_path_factory):
     folder = tmp_path_factory.mktemp("leak")
     for name, text in {"seal": CONFIG, "line": LINE, "without": LINE.replace("[1.0]", "[]")}.items():
         (folder / f"{name}.yaml").write_text(text)
@@ -38,9 +34,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_each_snapshot_has_a_line_and_the_first_case_a_picture(
-    results: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_snapshot_has_a_line_and_the_first_case_a_picture(results, capsys):
     fields = results / "fields.h5"
     seal = ["--viscosity", "1e-3", "--pressure-drop", "1e-4", "--fields", str(fields)]
     assert main(["leak", str(results / "seal"), *seal]) == 0
@@ -59,7 +53,7 @@ def test_each_snapshot_has_a_line_and_the_first_case_a_picture(
         np.testing.assert_allclose(found.leak_rate, found.flow_xx * 1e-4 / 12e-3)
 
 
-def test_a_line_has_a_table_and_no_picture(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_line_has_a_table_and_no_picture(results, capsys):
     assert main(["leak", str(results / "line" / "cases" / "0000.h5"), "--along", "y"]) == 0
     assert "flow_yy" in capsys.readouterr().out
     assert not list(results.glob("line/**/*.png"))
@@ -76,9 +70,7 @@ def test_a_line_has_a_table_and_no_picture(results: Path, capsys: pytest.Capture
         (["nothing"], "no such folder"),
     ],
 )
-def test_input_that_cannot_be_used_is_refused(
-    arguments: list[str], message: str, results: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_input_that_cannot_be_used_is_refused(arguments, message, results, capsys):
     name, *options = arguments
     assert main(["leak", str(results / name), *options]) == 2
     assert message in capsys.readouterr().err

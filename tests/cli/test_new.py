@@ -1,7 +1,5 @@
 """Configurations to start from: they explain every key, load, and run as they are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -14,25 +12,25 @@ from gfmdlayer.execution.workers import assemble
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_the_command_line_offers_all_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_offers_all_of_them(capsys):
     with pytest.raises(SystemExit):
         main(["new", "--help"])
     assert ",".join(TEMPLATES) in "".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("like", TEMPLATES)
-def test_each_runs_as_it_is_written(like: str) -> None:
+def test_each_runs_as_it_is_written(like):
     assert main(["new", "--like", like]) == 0
     with assemble() as pool:
         assert run_sweep(load(f"{like}.yaml"), "out", pool).collected
 
 
 @pytest.mark.parametrize("like", TEMPLATES)
-def test_each_says_of_every_key_what_it_is_in_lines_that_fit(like: str) -> None:
+def test_each_says_of_every_key_what_it_is_in_lines_that_fit(like):
     lines = commented("name", like).splitlines()
     assert max(map(len, lines)) <= 110
     keys = [line for line in lines if line.strip(" #").partition("  ")[0].endswith(":") or ": " in line]
@@ -43,7 +41,7 @@ def test_each_says_of_every_key_what_it_is_in_lines_that_fit(like: str) -> None:
 
 
 @pytest.mark.parametrize("like", TEMPLATES)
-def test_what_is_commented_out_has_no_default(like: str) -> None:
+def test_what_is_commented_out_has_no_default(like):
     """So that the file shows every value of the computation, and no other."""
     Path("case.yaml").write_text(commented("case", like))
     config = load("case.yaml")
@@ -54,12 +52,12 @@ def test_what_is_commented_out_has_no_default(like: str) -> None:
         assert (key in written) == (given is None)
 
 
-def load_text(content: str) -> object:
+def load_text(content):
     Path("again.yaml").write_text(content)
     return load("again.yaml")
 
 
-def test_the_file_names_the_results(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_file_names_the_results(capsys):
     assert main(["new", "first.yaml"]) == 0
     assert load("first.yaml").name == "first"
     assert main(["new", "not a name.yaml"]) == 2
@@ -69,7 +67,7 @@ def test_the_file_names_the_results(capsys: pytest.CaptureFixture[str]) -> None:
     assert not Path("not a name.yaml").exists()
 
 
-def test_nothing_is_overwritten_unless_asked(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_overwritten_unless_asked(capsys):
     Path("mine.yaml").write_text("mine")
     assert main(["new", "mine.yaml"]) == 2
     assert "mine.yaml: exists" in capsys.readouterr().err

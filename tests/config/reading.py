@@ -1,21 +1,17 @@
 """Configurations from text, and the problems of those that are refused."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
-from gfmdlayer.config import Config, ConfigError, load
+from gfmdlayer.config import ConfigError, load
 
 
-def read(folder: Path, content: str, *overrides: str) -> Config:
+def read(folder, content, *overrides):
     path = folder / "case.yaml"
     path.write_text(content, encoding="utf-8")
     return load(path, overrides)
 
 
-def problems(path: Path, content: str | None = None, *overrides: str) -> list[str]:
+def problems(path, content=None, *overrides):
     """Return the problems of a file, or of a text that becomes a file in a folder; without the folder."""
     folder = path.parent if content is None else path
     with pytest.raises(ConfigError) as caught:

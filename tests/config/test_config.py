@@ -1,7 +1,5 @@
 """Configurations that are accepted, and the messages for all others."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -19,7 +17,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 # Rejected configurations: the text after "name: x", then place and key, then further words of the message.
-REJECTED: dict[str, tuple[str, ...]] = {
+REJECTED = {
     "tab behind a colon": ("layer:\n  thickness:\t1", "3:13: not YAML: a tab", "use spaces"),
     "tab": ("grid:\n\tpoints: 8", "3:1: not YAML: a tab", "use spaces"),
     "control character": ("grid: \x01", "2:7: not YAML: the character", "not allowed"),
@@ -46,7 +44,7 @@ for block in Path(__file__).with_name("rejected.txt").read_text("utf-8").split("
         "grid: {geometry: axisymmetric}\npunch: {shape: pyramd, angle: 80}",
     ],
 )
-def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path: Path, content: str) -> None:
+def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path, content):
     (found,) = problems(tmp_path, f"name: x\n{content}\n")
     assert "did you mean" in found
 
@@ -59,9 +57,7 @@ def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path: Path
         ("layer.poisson: {a: [1], b: [2]}", None),
     ],
 )
-def test_a_sweep_is_rejected_with_the_nearest_keys_only(
-    tmp_path: Path, sweep: str, meant: str | None
-) -> None:
+def test_a_sweep_is_rejected_with_the_nearest_keys_only(tmp_path, sweep, meant):
     (found,) = problems(tmp_path, f"name: x\nsweep: {{{sweep}}}\n")
     if meant is None:  # a dotted key is suggested once
         assert found.count("layer.poisson") == 1
@@ -70,7 +66,7 @@ def test_a_sweep_is_rejected_with_the_nearest_keys_only(
         assert len(found) < 250
 
 
-def test_tabs_within_braces_and_texts_are_spaces(tmp_path: Path) -> None:
+def test_tabs_within_braces_and_texts_are_spaces(tmp_path):
     config = read(tmp_path, "name: x\nlayer: {\n\tthickness: 0.5}\n")
     assert config.layer.thickness == 0.5
 
@@ -78,9 +74,7 @@ def test_tabs_within_braces_and_texts_are_spaces(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "begins", "holds"), [(v[0], v[1], v[2:]) for v in REJECTED.values()], ids=REJECTED
 )
-def test_an_error_names_place_key_and_allowed_values(
-    tmp_path: Path, content: str, begins: str, holds: tuple[str, ...]
-) -> None:
+def test_an_error_names_place_key_and_allowed_values(tmp_path, content, begins, holds):
     found = problems(tmp_path, "name: x\n" + content)
     assert len(found) == 1, found
     assert found[0].startswith("case.yaml:")
@@ -93,13 +87,13 @@ def test_an_error_names_place_key_and_allowed_values(
     "name",
     ["3", "a/b", "''", "..", ".hidden", "-x", "null", "[a]", "'a b'", "é", "x" * 129, "true", '"a\\n"'],
 )
-def test_a_name_that_is_no_folder_name_is_rejected(tmp_path: Path, name: str) -> None:
+def test_a_name_that_is_no_folder_name_is_rejected(tmp_path, name):
     (problem,) = problems(tmp_path, f"name: {name}")
     assert problem.startswith("case.yaml:1:7: name: got ")
     assert "letters, digits and . _ -" in problem
 
 
-def test_a_missing_name_is_an_error(tmp_path: Path) -> None:
+def test_a_missing_name_is_an_error(tmp_path):
     (problem,) = problems(tmp_path, "grid: {points: 64}")
     assert problem.startswith("case.yaml:1:1: name: missing; must be text of at most 128 letters")
 
@@ -115,19 +109,19 @@ def test_a_missing_name_is_an_error(tmp_path: Path) -> None:
         (b"[" * 5000, "1:1001: nested too deeply"),
     ],
 )
-def test_a_file_without_a_configuration_is_rejected(tmp_path: Path, content: bytes, message: str) -> None:
+def test_a_file_without_a_configuration_is_rejected(tmp_path, content, message):
     path = tmp_path / "case.yaml"
     path.write_bytes(content)
     (problem,) = problems(path)
     assert problem.startswith(f"case.yaml:{message}")
 
 
-def test_an_unreadable_file_is_rejected(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_rejected(tmp_path):
     assert "cannot be read (No such file or directory)" in problems(tmp_path / "nowhere.yaml")[0]
     assert "cannot be read (Is a directory); must be the name of a YAML file" in problems(tmp_path)[0]
 
 
-def test_all_errors_are_reported_together_in_the_order_of_the_file(tmp_path: Path) -> None:
+def test_all_errors_are_reported_together_in_the_order_of_the_file(tmp_path):
     content = """\
 name: a/b
 layer: {thicknes: 1, material: {G0: 5, Ginf: 2}}
@@ -149,13 +143,13 @@ sweep: {halfspace.poisson: [0.9, 0.5, x], layer.ticknes: [1]}
     ]
 
 
-def test_a_rejected_value_causes_no_further_errors(tmp_path: Path) -> None:
+def test_a_rejected_value_causes_no_further_errors(tmp_path):
     content = "name: x\ntime: {end: ten}\noutput: {snapshots: [9]}"
     (problem,) = problems(tmp_path, content)
     assert problem.startswith("case.yaml:2:13: time.end:")
 
 
-def test_more_than_a_million_cases_are_rejected(tmp_path: Path) -> None:
+def test_more_than_a_million_cases_are_rejected(tmp_path):
     values = [0.1 + i / 1000 for i in range(101)]
     keys = ("layer.thickness", "halfspace.shear_modulus", "time.end")
     content = "name: x\nsweep: {" + ", ".join(f"{key}: {values}" for key in keys) + "}"
@@ -166,7 +160,7 @@ def test_more_than_a_million_cases_are_rejected(tmp_path: Path) -> None:
 # --- valid configurations ---
 
 
-def test_defaults_are_the_papers_values() -> None:
+def test_defaults_are_the_papers_values():
     config = Config(name="paper")
     assert config.grid.points == (2**14,)
     assert config.grid.period == (1.0,)
@@ -190,7 +184,7 @@ def test_defaults_are_the_papers_values() -> None:
     assert config.sweep == {}
 
 
-FIGURES: dict[str, tuple[dict[str, list[float]], float, float]] = {
+FIGURES = {
     "indentation": ({}, 10.0, 1.0),
     "figure2": ({"layer.thickness": [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, math.inf]}, 10.0, 10.0),
     "figure3": ({"halfspace.shear_modulus": [4, 16, 64, 256, math.inf]}, 10.0, 4.0),
@@ -200,7 +194,7 @@ FIGURES: dict[str, tuple[dict[str, list[float]], float, float]] = {
 
 @pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("name", FIGURES)
-def test_shipped_configurations_contain_the_papers_cases(name: str, quick: bool) -> None:
+def test_shipped_configurations_contain_the_papers_cases(name, quick):
     sweep, Ginf, bulk = FIGURES[name]
     config = load(CONFIGS / f"{name}{'-quick' if quick else ''}.yaml")
     expected = Config(name=config.name).with_values({
@@ -213,13 +207,13 @@ def test_shipped_configurations_contain_the_papers_cases(name: str, quick: bool)
     assert config.with_values({}) == expected
 
 
-def test_the_rolling_cylinder_moves_in_each_case() -> None:
+def test_the_rolling_cylinder_moves_in_each_case():
     cases = load(CONFIGS / "cylinder-rolling.yaml")
     assert min(cases.sweep["trajectory.velocity"]) > 0
     assert cases.time.steady is not None
 
 
-def test_a_punch_at_rest_has_no_velocity_in_its_digest() -> None:
+def test_a_punch_at_rest_has_no_velocity_in_its_digest():
     config = Config(name="x")
     assert "velocity" not in config.dump()
     assert digest(config.with_values({"trajectory.velocity": 0.0})) != digest(config)
@@ -233,7 +227,7 @@ def test_a_punch_at_rest_has_no_velocity_in_its_digest() -> None:
         ("0 1\n1 0\n", r"v\.txt: ends at rest; .* remove time\.steady"),
     ],
 )
-def test_an_unusable_table_of_velocities_is_rejected(tmp_path: Path, rows: str, message: str) -> None:
+def test_an_unusable_table_of_velocities_is_rejected(tmp_path, rows, message):
     (tmp_path / "v.txt").write_text(rows)
     (tmp_path / "case.yaml").write_text(
         "name: x\ntrajectory: {velocity_file: v.txt}\ntime: {steady: 1.0e-3}", encoding="utf-8"
@@ -245,20 +239,18 @@ def test_an_unusable_table_of_velocities_is_rejected(tmp_path: Path, rows: str, 
 @pytest.mark.parametrize(
     ("period", "found"), [("", (1.0, 1.0)), (", period: 2", (2.0, 2.0)), (", period: [2, 1]", (2.0, 1.0))]
 )
-def test_two_directions_share_one_period_or_have_two(tmp_path: Path, period: str, found: object) -> None:
+def test_two_directions_share_one_period_or_have_two(tmp_path, period, found):
     assert read(tmp_path, f"name: x\ngrid: {{points: [64, 32]{period}}}").grid.period == found
 
 
-def test_yaml_is_read_as_version_1_2(tmp_path: Path) -> None:
+def test_yaml_is_read_as_version_1_2(tmp_path):
     content = "name: 2024-01-02\nlayer: {thickness: 1e-3}\nhalfspace: {shear_modulus: 1_0}"
     config = read(tmp_path, content)
     assert config.name == "2024-01-02"
     assert config.layer.thickness == 1e-3
 
 
-def test_files_are_relative_to_the_configurations_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_are_relative_to_the_configurations_folder(tmp_path, monkeypatch):
     folder = tmp_path / "in"
     folder.mkdir()
     (folder / "heights.txt").write_text("0 0\n")
@@ -268,7 +260,7 @@ def test_files_are_relative_to_the_configurations_folder(
     assert (punch.shape, punch.file) == ("profile", folder / "heights.txt")
 
 
-def test_a_sweep_is_valid_when_its_cases_are(tmp_path: Path) -> None:
+def test_a_sweep_is_valid_when_its_cases_are(tmp_path):
     # None of these is possible with the configuration's own value of the other keys.
     swept = "{trajectory.load: [0.1, 0.2], layer.material.G0: [15, 20], layer.material.Ginf: [30, 40]}"
     config = read(tmp_path, f"name: x\ntrajectory: {{control: load}}\nsweep: {swept}\n")
@@ -280,7 +272,7 @@ def test_a_sweep_is_valid_when_its_cases_are(tmp_path: Path) -> None:
 # --- overrides ---
 
 
-def test_overrides_replace_and_add(tmp_path: Path) -> None:
+def test_overrides_replace_and_add(tmp_path):
     content = "name: x\ngrid: {points: 64}\nsweep: {layer.thickness: [1, 2]}"
     given = "grid.points=[32, 16]", "layer.material.tau=2", "sweep.layer.thickness=[0, .inf]"
     config = read(tmp_path, content, *given, "punch={radius: 3}")
@@ -311,7 +303,7 @@ def test_overrides_replace_and_add(tmp_path: Path) -> None:
         ("name=a/b", "--set: name: got the text 'a/b'"),
     ],
 )  # fmt: skip
-def test_errors_of_overrides_name_the_option(tmp_path: Path, override: str, begins: str) -> None:
+def test_errors_of_overrides_name_the_option(tmp_path, override, begins):
     (problem,) = problems(tmp_path, "name: x\ngrid: {points: 64}\noutput: {snapshots: [2]}", override)
     assert problem.startswith(begins)
 
@@ -320,12 +312,12 @@ def test_errors_of_overrides_name_the_option(tmp_path: Path, override: str, begi
 
 
 @given(number=st.floats(1e-30, 1e30))
-def test_numbers_are_dumped_to_the_last_digit(number: float) -> None:
+def test_numbers_are_dumped_to_the_last_digit(number):
     config = Config(name="x").with_values({"layer.thickness": number})
     assert load("", content=config.dump()).layer.thickness == number
 
 
-def test_dump_writes_out_every_default_readably() -> None:
+def test_dump_writes_out_every_default_readably():
     text = Config(name="x", sweep={"layer.thickness": [0, math.inf]}).dump()
     assert "material:\n    model: zener\n    G0: 1.0\n" in text
     assert "  points: 16384\n" in text
@@ -333,7 +325,7 @@ def test_dump_writes_out_every_default_readably() -> None:
     assert "method: auto\n" in text
 
 
-def test_a_case_has_its_values_and_no_sweep() -> None:
+def test_a_case_has_its_values_and_no_sweep():
     config = Config(name="x", sweep={"solver.method": ["fire", "active_set"]})
     law = {"model": "prony", "branches": [{"G": 1, "tau": 2}]}
     case = config.with_values({"solver.method": "active_set", "layer.material": law})
@@ -363,18 +355,18 @@ def test_a_case_has_its_values_and_no_sweep() -> None:
         ("output.histograms.gap.max", 0.1),
     ],
 )
-def test_the_digest_changes_with_every_input_of_the_results(key: str, value: object) -> None:
+def test_the_digest_changes_with_every_input_of_the_results(key, value):
     config = Config(name="x")
     assert digest(config.with_values({key: value})) != digest(config)
 
 
-def test_digest_does_not_depend_on_name_sweep_or_how_values_are_written() -> None:
+def test_digest_does_not_depend_on_name_sweep_or_how_values_are_written():
     config = Config(name="x")
     assert digest(Config(name="y", sweep={"layer.thickness": [1]})) == digest(config)
     assert digest(config.with_values({"grid.period": [1], "layer.thickness": 0.05})) == digest(config)
 
 
-def test_the_digest_depends_on_the_contents_of_files_not_on_their_paths(tmp_path: Path) -> None:
+def test_the_digest_depends_on_the_contents_of_files_not_on_their_paths(tmp_path):
     files = [tmp_path / "a.txt", tmp_path / "b.txt"]
     for file in files:
         file.write_text("0 1\n")
@@ -384,7 +376,7 @@ def test_the_digest_depends_on_the_contents_of_files_not_on_their_paths(tmp_path
     assert digest(configs[0]) != digest(configs[1])
 
 
-def test_a_configuration_cannot_be_changed() -> None:
+def test_a_configuration_cannot_be_changed():
     with pytest.raises(ValueError, match="frozen"):
         Config(name="x").layer.thickness = 1.0
 
@@ -402,7 +394,7 @@ ROUGH = {"shape": "self_affine", "hurst": 0.8, "short_cutoff": 0.1, "rms_slope":
         ({"interface": {"law": "exponential", "work": 1e-3, "range": 1e-2}}, "newton"),
     ],
 )
-def test_the_digest_contains_the_solver_that_auto_chooses(values: dict[str, object], method: str) -> None:
+def test_the_digest_contains_the_solver_that_auto_chooses(values, method):
     """Results of the active set, the former default, keep their digest."""
     config = Config(name="x").with_values(values)
     assert config.contact_solver.method == method
@@ -433,9 +425,7 @@ LONG = ", ".join(f"{1 + 0.01 * i:.6g}" for i in range(600))  # more than are lef
         f"a: [{LONG}]\na: [{LONG}]\nb: \ue000\n",
     ],
 )
-def test_long_lists_of_numbers_are_read_like_short_ones(
-    content: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_lists_of_numbers_are_read_like_short_ones(content, monkeypatch):
     found = text.read(content, "x.yaml")
     monkeypatch.setattr(text, "shortened", lambda content: (content, {}))
     whole = text.read(content, "x.yaml")
@@ -445,7 +435,7 @@ def test_long_lists_of_numbers_are_read_like_short_ones(
     assert {at: found.place(at) for at in whole.values} == whole.values
 
 
-def test_a_wrong_number_in_a_long_list_is_reported_at_its_place(tmp_path: Path) -> None:
+def test_a_wrong_number_in_a_long_list_is_reported_at_its_place(tmp_path):
     assert problems(tmp_path, f"name: long\nsweep:\n  punch.radius: [{LONG},\n    -2, 0.5]\n") == [
         "case.yaml:4:5: sweep.punch.radius[600]: got -2; must be a number > 0, or two of them, "
         "one for each direction"
@@ -467,15 +457,13 @@ def test_a_wrong_number_in_a_long_list_is_reported_at_its_place(tmp_path: Path) 
         ("in", "psi", "psi in^2", "psi in"),
     ],
 )
-def test_a_force_is_in_newtons_where_a_prefix_is_its_size(
-    length: str, stress: str, force: str, per_length: str
-) -> None:
+def test_a_force_is_in_newtons_where_a_prefix_is_its_size(length, stress, force, per_length):
     units = Units(length=length, stress=stress, time="s")
     assert units.label("force") == force
     assert units.label("force / length") == units.label("pressure length") == per_length
 
 
-def test_words_become_labels_and_stay_without_units() -> None:
+def test_words_become_labels_and_stay_without_units():
     line = Config(name="line")
     surface = line.with_values(
         {"grid.points": [16, 16], "units": {"length": "mm", "stress": "MPa", "time": "h"}}
@@ -501,10 +489,10 @@ def test_words_become_labels_and_stay_without_units() -> None:
         ("{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}", "units.length: cannot be swept"),
     ],
 )
-def test_other_names_and_sweeps_of_labels_are_refused(tmp_path: Path, units: str, message: str) -> None:
+def test_other_names_and_sweeps_of_labels_are_refused(tmp_path, units, message):
     assert message in "\n".join(problems(tmp_path, f"name: a\nunits: {units}\n"))
 
 
-def test_configurations_without_units_keep_their_digest() -> None:
+def test_configurations_without_units_keep_their_digest():
     # Of version 0.1: results of it stay valid.
     assert digest(Config(name="x")) == "655824c9d0e292b21e7f13cad05f9044d3211883f6365e0bfbbb1fd7a51c1af1"

@@ -5,12 +5,9 @@ Damaged configurations are trials of `scripts/soak.py` (`tests/scripts/test_soak
 With --hypothesis-profile=long (see `conftest`) these take ten thousand examples, runs a third of them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,14 +25,14 @@ anything = settings(
 
 
 @pytest.fixture
-def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path_factory, monkeypatch):
     """A folder from which the command line is used; results go there."""
     path = tmp_path_factory.mktemp("fuzz")
     monkeypatch.chdir(path)
     return path
 
 
-def gfmdlayer(*arguments: str) -> tuple[int, str]:
+def gfmdlayer(*arguments):
     """Exit status and error output of the command line; whatever it raises goes through."""
     # The streams encode as a terminal's do.
     out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
@@ -43,10 +40,10 @@ def gfmdlayer(*arguments: str) -> tuple[int, str]:
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         status = cli.main(arguments)
     err.flush()
-    return status, err.buffer.getvalue().decode()  # type: ignore[attr-defined]
+    return status, err.buffer.getvalue().decode()
 
 
-def accepted_or_refused(path: Path, content: str | bytes) -> bool:
+def accepted_or_refused(path, content):
     """Check what the command line makes of a file; return whether it takes it."""
     path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "surrogatepass"))
     status, errors = gfmdlayer("check", path.name)
@@ -87,7 +84,7 @@ KEYS = sorted(
 DOTTED = leaves(Config(name="all"))
 
 
-def misspelt(key: str) -> st.SearchStrategy[str]:
+def misspelt(key):
     places = st.integers(0, len(key) - 1)
     return st.one_of(
         places.map(lambda i: key[:i] + key[i + 1 :]),
@@ -97,7 +94,7 @@ def misspelt(key: str) -> st.SearchStrategy[str]:
     )
 
 
-def flow(values: st.SearchStrategy[str], keys: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+def flow(values, keys):
     lists = st.lists(values, max_size=4).map(lambda items: f"[{', '.join(items)}]")
     pairs = st.lists(st.tuples(keys, values), max_size=5)
     return st.one_of(lists, pairs.map(lambda items: "{" + ", ".join(f"{k}: {v}" for k, v in items) + "}"))
@@ -108,10 +105,10 @@ trees = st.recursive(SCALARS, lambda values: flow(values, names), max_leaves=12)
 
 
 @st.composite
-def structures(draw: st.DrawFn) -> str:
+def structures(draw):
     """Draw known sections with known or misspelt keys, and values of any kind."""
     lines = [draw(st.sampled_from(["name: x", "name: x", "name: ../x", "nmae: x", "name: [x]"]))]
-    sections: dict[str, list[str]] = {}
+    sections = {}
     for dotted in draw(st.lists(st.sampled_from(DOTTED), max_size=6)):
         section, _, key = dotted.partition(".")
         sections.setdefault(section, []).append(f"{key.rpartition('.')[2]}: {draw(trees)}")
@@ -135,7 +132,7 @@ def structures(draw: st.DrawFn) -> str:
 
 @anything
 @given(content=st.one_of(st.binary(max_size=200), st.text(), trees))
-def test_any_bytes_are_accepted_or_refused(folder: Path, content: str | bytes) -> None:
+def test_any_bytes_are_accepted_or_refused(folder, content):
     accepted_or_refused(folder / "case.yaml", content)
 
 
@@ -152,7 +149,7 @@ def test_any_bytes_are_accepted_or_refused(folder: Path, content: str | bytes) -
 @example('name: x\npunch: {shape: profile, file: "a\\0b"}\n')
 @example("name: x\npunch: {shape: profile, file: " + "a" * 5000 + "}\n")
 @example("{{a}}: 1")
-def test_what_looks_like_a_configuration_is_accepted_or_refused(folder: Path, content: str) -> None:
+def test_what_looks_like_a_configuration_is_accepted_or_refused(folder, content):
     accepted_or_refused(folder / "case.yaml", content)
 
 
@@ -160,7 +157,7 @@ def test_what_looks_like_a_configuration_is_accepted_or_refused(folder: Path, co
 @given(
     override=st.one_of(st.text(), trees.map("sweep.layer.thickness={}".format), trees.map("punch={}".format))
 )
-def test_any_override_is_taken_or_refused(folder: Path, override: str) -> None:
+def test_any_override_is_taken_or_refused(folder, override):
     (folder / "case.yaml").write_text("name: x\n")
     status, errors = gfmdlayer("check", "case.yaml", f"--set={override}")
     assert status in (0, 2)
@@ -188,7 +185,7 @@ def test_any_override_is_taken_or_refused(folder: Path, override: str) -> None:
     ],
     ids=lambda text: text[:12],
 )
-def test_texts_that_are_hard_to_read_are_refused_or_taken(folder: Path, content: str) -> None:
+def test_texts_that_are_hard_to_read_are_refused_or_taken(folder, content):
     accepted_or_refused(folder / "case.yaml", content)
 
 
@@ -202,7 +199,7 @@ FILES = st.one_of(
 )
 
 
-def npy(value: object) -> bytes:
+def npy(value):
     stream = io.BytesIO()
     np.save(stream, np.asarray(value))
     return stream.getvalue()
@@ -231,9 +228,7 @@ def npy(value: object) -> bytes:
 @example(npy([np.nan] * 8), "punch: {shape: topography, file: FILE, fill: membrane}", ".npy")
 @example(npy(1.0), "punch: {shape: topography, file: FILE}", ".npy")
 @example(npy(np.zeros((0, 3))), "punch: {shape: topography, file: FILE}", ".npy")
-def test_files_of_any_content_are_accepted_or_refused(
-    folder: Path, content: bytes, use: str, suffix: str
-) -> None:
+def test_files_of_any_content_are_accepted_or_refused(folder, content, use, suffix):
     (folder / f"data{suffix}").write_bytes(content)
     config = f"name: x\ngrid: {{points: 8}}\n{use.replace('FILE', f'data{suffix}')}\n"
     accepted_or_refused(folder / "case.yaml", config)
@@ -245,7 +240,7 @@ SMALL = "name: x\ngrid: {points: 16}\ntime: {end: 0.2, step: 0.1}\n"
 
 
 @st.composite
-def small(draw: st.DrawFn) -> str:
+def small(draw):
     """Draw a configuration that is mostly sound, and quickly run where it is."""
     section, *keys = draw(
         st.sampled_from([key.split(".") for key in DOTTED if key.partition(".")[0] not in ("grid", "time")])
@@ -258,7 +253,7 @@ def small(draw: st.DrawFn) -> str:
 
 @settings(anything, max_examples=settings.default.max_examples // 3)  # each is a run
 @given(content=small())
-def test_what_check_takes_is_run(folder: Path, content: str) -> None:
+def test_what_check_takes_is_run(folder, content):
     if not accepted_or_refused(folder / "case.yaml", content):
         return
     shutil.rmtree(folder / "results", ignore_errors=True)

@@ -1,10 +1,6 @@
 """The key `interface`: what it takes and refuses, its digest, and the solver that goes with it."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -12,18 +8,17 @@ from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.model import stem
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.execution.sweep import cases, input_errors
-from gfmdlayer.interface.adhesion import Exponential
-from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.adhesion import Electrostatic, Exponential
 from gfmdlayer.validation.units import Units
 
-LAW: dict[str, Any] = {"law": "exponential", "work": 1e-3, "range": 4e-3}
-VOLTAGE: dict[str, Any] = {"law": "electrostatic", "voltage": 100.0, "insulation": 1e-6}
+LAW = {"law": "exponential", "work": 1e-3, "range": 4e-3}
+VOLTAGE = {"law": "electrostatic", "voltage": 100.0, "insulation": 1e-6}
 VACUUM = {"permittivity": 1.0}
 HARD = {"law": "hard_wall", "hardness": 0.5}
 AXISYMMETRIC = {"grid": {"geometry": "axisymmetric"}}
 
 
-def test_the_hard_wall_is_the_default_and_has_its_digest() -> None:
+def test_the_hard_wall_is_the_default_and_has_its_digest():
     plain, named = Config(name="a"), Config(name="a", interface={"law": "hard_wall"})
     assert digest(plain) == digest(named)
     assert stem(plain) == stem(named)
@@ -34,10 +29,10 @@ def test_the_hard_wall_is_the_default_and_has_its_digest() -> None:
     assert stem(adhesive) != stem(plain)
 
 
-def test_a_law_is_a_section_and_a_python_object() -> None:
+def test_a_law_is_a_section_and_a_python_object():
     assert Config(name="a", interface=Exponential(work=1e-3, range=4e-3)).interfaces == (Exponential(**LAW),)
     both = Config(name="a", interface=[Exponential(work=1, range=1), LAW, {"law": "hard_wall"}])
-    assert [law.work for law in both.interfaces] == [1, 1e-3]  # type: ignore[attr-defined]
+    assert [law.work for law in both.interfaces] == [1, 1e-3]
 
 
 @pytest.mark.parametrize(
@@ -59,7 +54,7 @@ def test_a_law_is_a_section_and_a_python_object() -> None:
         (VOLTAGE | VACUUM | {"voltage": "none.txt"}, "none.txt does not exist"),
     ],
 )  # fmt: skip
-def test_impossible_laws_are_refused(interface: Any, message: str) -> None:
+def test_impossible_laws_are_refused(interface, message):
     with pytest.raises(ConfigError) as caught:
         Config(name="a", interface=interface)
     (found,) = caught.value.problems  # a key of another law is not taken for one of another section
@@ -70,7 +65,7 @@ def test_impossible_laws_are_refused(interface: Any, message: str) -> None:
     ("units", "permittivity"),
     [(("m", "Pa"), 8.8541878128e-12), (("mm", "MPa"), 8.8541878128e-12), (("um", "kPa"), 8.8541878128e-3)],
 )
-def test_the_permittivity_of_vacuum_follows_from_units(units: tuple[str, str], permittivity: float) -> None:
+def test_the_permittivity_of_vacuum_follows_from_units(units, permittivity):
     # eps0 V^2/d^2 is a stress: 1 Pa m^2 = 1e12 Pa um^2 = 1e9 kPa um^2.
     given = {"length": units[0], "stress": units[1], "time": "s"}
     law = Config(name="a", units=given, interface=VOLTAGE).interfaces[0]
@@ -81,7 +76,7 @@ def test_the_permittivity_of_vacuum_follows_from_units(units: tuple[str, str], p
         Config(name="a", units=inches, interface=VOLTAGE)
 
 
-def test_the_solver_is_one_for_attraction_unless_another_is_named() -> None:
+def test_the_solver_is_one_for_attraction_unless_another_is_named():
     chosen = Config(name="a", interface=LAW)
     assert SOLVERS[chosen.contact_solver.method].adhesive
     assert not SOLVERS[Config(name="a").contact_solver.method].adhesive
@@ -123,14 +118,14 @@ def test_the_solver_is_one_for_attraction_unless_another_is_named() -> None:
          "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient"),
     ],
 )  # fmt: skip
-def test_a_law_or_hardness_that_cannot_be_is_refused(sections: dict[str, Any], said: str) -> None:
+def test_a_law_or_hardness_that_cannot_be_is_refused(sections, said):
     with pytest.raises(ConfigError) as refused:
         Config(name="a", **({"interface": HARD} | sections))
     (line,) = refused.value.problems
     assert line.startswith(said)
 
 
-def test_a_hardness_has_a_digest_and_the_solver_that_can() -> None:
+def test_a_hardness_has_a_digest_and_the_solver_that_can():
     soft, plain = Config(name="a", interface=HARD), Config(name="a")
     assert len({digest(plain), digest(soft), digest(soft.with_values({"interface.hardness": 0.4}))}) == 3
     assert soft.contact_solver.method == "nested_gradient"
@@ -153,9 +148,7 @@ EXPONENTIAL = "{law: exponential, work: 0.02, range: 0.01}, "  # its traction in
         (EXPONENTIAL, 3.0, "load: 0.9", ""),
     ],
 )  # fmt: skip
-def test_a_hardness_has_to_bear_the_attraction_and_the_load(
-    tmp_path: Path, law: str, hardness: float, loads: str, said: str
-) -> None:
+def test_a_hardness_has_to_bear_the_attraction_and_the_load(tmp_path, law, hardness, loads, said):
     (tmp_path / "load.txt").write_text("0 0\n1 0.6\n")
     given = tmp_path / "case.yaml"
     given.write_text(
@@ -171,7 +164,7 @@ def test_a_hardness_has_to_bear_the_attraction_and_the_load(
     assert re.search(said, line)
 
 
-def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None:
+def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path):
     (tmp_path / "volts.txt").write_text("0 0\n1 10\n")
     (tmp_path / "case.yaml").write_text(
         "name: a\ngrid: {points: 64}\ninterface:\n"
@@ -180,14 +173,14 @@ def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None
         "sweep: {interface.1.voltage: [5, volts.txt]}\n"
     )
     config = load(tmp_path / "case.yaml")
-    named = [case.config.interfaces[1].voltage for case in cases(config)]  # type: ignore[attr-defined]
+    named = [case.config.interfaces[1].voltage for case in cases(config)]
     assert named == [5.0, tmp_path / "volts.txt"]
     before = digest(cases(config)[1].config)
     (tmp_path / "volts.txt").write_text("0 0\n1 11\n")
     assert digest(cases(config)[1].config) != before
 
 
-def test_of_several_files_the_one_that_cannot_be_used_is_named_where_it_is_given(tmp_path: Path) -> None:
+def test_of_several_files_the_one_that_cannot_be_used_is_named_where_it_is_given(tmp_path):
     (tmp_path / "good.txt").write_text("0 1\n1 2\n")
     (tmp_path / "bad.txt").write_text("0 1\n2 3\n1 4\n")
     law = "  - {{law: electrostatic, voltage: {}.txt, insulation: 0.1, permittivity: 1.0}}\n"

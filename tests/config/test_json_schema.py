@@ -1,15 +1,11 @@
 """The schema for editors against the loader: what one takes and refuses, the other does too."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math
 import pickle
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,11 +18,8 @@ from gfmdlayer.config import digest, load, text
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.config.model import problems
 from gfmdlayer.config.sweeps import unswept
-from gfmdlayer.validation.problems import Problem
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = json_schema()
-VALIDATOR = Draft202012Validator(SCHEMA)
 LINE = "name: line\ngrid: {points: 64, period: 2.0}\n"
 AXISYMMETRIC = "name: tip\ngrid:\n  geometry: axisymmetric\n  points: 64\n"
 SURFACE = "name: surface\ngrid: {points: [64, 32], period: [2.0, 1.0]}\n"
@@ -217,12 +210,24 @@ punch:
 ODD = (None, True, "adaptif", {}, [[]], -1, math.inf)
 
 
-def plain(content: str) -> Any:
+@cache
+def schema():
+    return json_schema()
+
+
+@cache
+def validator():
+    return Draft202012Validator(schema())
+
+
+@cache
+def plain(content):
+    """Return the data of a text, which no test changes."""
     return text.read(content, "").data
 
 
 @pytest.fixture(autouse=True)
-def in_a_folder_with_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def in_a_folder_with_a_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("heights.txt").write_text("0 0\n1 1\n")
     Path("degrees.txt").write_text("0 20\n8 30\n")
@@ -231,12 +236,12 @@ def in_a_folder_with_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     Path("fitted.yaml").write_text("layer: {material: {model: prony, branches: [{G: 1.0, tau: 2.0}]}}\n")
 
 
-def is_refused(data: Any) -> bool:
+def is_refused(data):
     """Whether the loader refuses data, asked without the detour over a file."""
     return data.get("sweep") == {} or bool(problems(data))
 
 
-def is_of_one_value(problem: Problem) -> bool:
+def is_of_one_value(problem):
     """Whether no other value, key or file has a part in a problem."""
     own = unswept(problem.key)
     related = ("does not exist", "> from", "log with from", "lists of the same length", "row by row")
@@ -248,7 +253,7 @@ def is_of_one_value(problem: Problem) -> bool:
     )
 
 
-def places(data: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def places(data, at=()):
     """Yield the way to each value."""
     inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in inner:
@@ -257,7 +262,7 @@ def places(data: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 @cache
-def sections() -> dict[str, set[str]]:
+def sections():
     """Return the sections of each sound configuration that none before it has."""
     found, seen = {}, set()
     for content in SOUND:
@@ -267,7 +272,7 @@ def sections() -> dict[str, set[str]]:
     return found
 
 
-def changed(data: Any, at: tuple[Any, ...], value: Any) -> Any:
+def changed(data, at, value):
     result = copy.deepcopy(data)
     inner = result
     for key in at[:-1]:
@@ -276,39 +281,39 @@ def changed(data: Any, at: tuple[Any, ...], value: Any) -> Any:
     return result
 
 
-def test_it_is_a_schema_of_the_latest_draft() -> None:
-    assert SCHEMA["$schema"] == "https://json-schema.org/draft/2020-12/schema"
-    Draft202012Validator.check_schema(SCHEMA)
+def test_it_is_a_schema_of_the_latest_draft():
+    assert schema()["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    Draft202012Validator.check_schema(schema())
 
 
-def test_the_command_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_it(capsys):
     assert main(["schema"]) == 0
-    assert json.loads(capsys.readouterr().out) == SCHEMA
+    assert json.loads(capsys.readouterr().out) == schema()
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
-def test_the_configurations_that_come_along_are_valid_and_have_a_quick_version(path: Path) -> None:
-    assert not list(VALIDATOR.iter_errors(plain(path.read_text())))
+def test_the_configurations_that_come_along_are_valid_and_have_a_quick_version(path):
+    assert not list(validator().iter_errors(plain(path.read_text())))
     assert load(path).name == path.stem
     assert path.with_stem(path.stem.removesuffix("-quick") + "-quick").exists()
 
 
 @pytest.mark.parametrize("content", SOUND)
-def test_both_take_what_is_sound_and_what_is_dumped_is_the_same(content: str) -> None:
+def test_both_take_what_is_sound_and_what_is_dumped_is_the_same(content):
     Path("case.yaml").write_text(content)
     config = load("case.yaml")
-    assert not list(VALIDATOR.iter_errors(plain(content)))
+    assert not list(validator().iter_errors(plain(content)))
     again = load("again.yaml", content=config.dump()), pickle.loads(pickle.dumps(config))
     assert {each.dump() for each in again} == {config.dump()}
     assert {digest(each) for each in again} == {digest(config)}
 
 
-def test_keys_of_a_body_of_ones_own_may_have_any_name_and_be_swept() -> None:
+def test_keys_of_a_body_of_ones_own_may_have_any_name_and_be_swept():
     content = LINE + "body: {file: bed.py, k: 2.0}\nsweep: {body.k: [1, 2.5]}\n"
     test_both_take_what_is_sound_and_what_is_dumped_is_the_same(content)
 
 
-def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
+def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is():
     used = {
         ".".join(key for key in place if isinstance(key, str))
         for content in SOUND
@@ -320,27 +325,27 @@ def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
     }
     used |= {key.replace("layer.", "body.", 1) for key in used if key.startswith("layer.material.")}
     used |= {f"counterbody.{key}" for key in used if key.startswith("body.")}
-    swept = {key for key in SCHEMA["$defs"]["Sweep"]["properties"] if "." in key}
-    known = SCHEMA["properties"].keys() | swept
+    swept = {key for key in schema()["$defs"]["Sweep"]["properties"] if "." in key}
+    known = schema()["properties"].keys() | swept
     assert known <= used
-    for section in (SCHEMA, *SCHEMA["$defs"].values()):
+    for section in (schema(), *schema()["$defs"].values()):
         for key, value in section["properties"].items():
             assert "." in key or key in {"body", "punch", "interface"} or value.get("description"), key
 
 
 @pytest.mark.parametrize("content", SOUND)
-def test_both_refuse_the_same_types_and_ranges(content: str) -> None:
+def test_both_refuse_the_same_types_and_ranges(content):
     data = plain(content)
     for place in (each for each in places(data) if each[0] in sections()[content]):
         for value in ODD:
             mutated = changed(data, place, value)
             found = problems(mutated)
             refused = any(map(is_of_one_value, found)) or mutated.get("sweep") == {}
-            assert VALIDATOR.is_valid(mutated) == (not refused), (place, value, found)
+            assert validator().is_valid(mutated) == (not refused), (place, value, found)
 
 
 @pytest.mark.parametrize("content", SOUND)
-def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(content: str) -> None:
+def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(content):
     data = plain(content)
     sections = {place[:-1] for place in places(data) if isinstance(place[-1], str)}
     for section in sections:
@@ -348,8 +353,8 @@ def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(con
         assert is_refused(mutated)
         # The keys of a body in a file are known to the loader only.
         of_a_file = section[-1:] == ("body",) and (*section, "file") in {*places(data)}
-        assert VALIDATOR.is_valid(mutated) == of_a_file
-    assert not VALIDATOR.is_valid({key: value for key, value in data.items() if key != "name"})
+        assert validator().is_valid(mutated) == of_a_file
+    assert not validator().is_valid({key: value for key, value in data.items() if key != "name"})
 
 
 @pytest.mark.parametrize(
@@ -374,10 +379,10 @@ def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(con
         "{latin_hypercube: {samples: 4, grid.points: {from: 16, to: 64}}}",
     ],
 )
-def test_both_refuse_sweeps_of_no_known_form(sweep: str) -> None:
+def test_both_refuse_sweeps_of_no_known_form(sweep):
     data = plain(f"{LINE}sweep: {sweep}\n")
     assert is_refused(data)
-    assert not VALIDATOR.is_valid(data)
+    assert not validator().is_valid(data)
 
 
 _values = st.recursive(
@@ -393,16 +398,16 @@ _values = st.recursive(
 
 @settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(draws=st.data())
-def test_what_the_schema_refuses_the_loader_refuses(draws: st.DataObject) -> None:
+def test_what_the_schema_refuses_the_loader_refuses(draws):
     data = plain(draws.draw(st.sampled_from(SOUND)))
     for _ in range(draws.draw(st.integers(1, 3))):
         place = draws.draw(st.sampled_from(list(places(data))))
         data = changed(data, place, draws.draw(_values))
-    if not VALIDATOR.is_valid(data):
+    if not validator().is_valid(data):
         assert is_refused(data)
 
 
-def test_the_ends_of_a_formula_obey_the_bounds_of_their_key() -> None:
+def test_the_ends_of_a_formula_obey_the_bounds_of_their_key():
     swept = "name: x\nsweep: {layer.poisson: {from: 0, to: %s, points: 3}}\n"
-    assert VALIDATOR.is_valid(plain(swept % "0.5"))
-    assert not VALIDATOR.is_valid(plain(swept % "0.9"))
+    assert validator().is_valid(plain(swept % "0.5"))
+    assert not validator().is_valid(plain(swept % "0.9"))

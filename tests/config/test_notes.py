@@ -1,9 +1,6 @@
 """Notes on configurations that are possible and perhaps not meant."""
 
-from __future__ import annotations
-
 import warnings
-from pathlib import Path
 
 import pytest
 
@@ -22,11 +19,11 @@ SI = {
 UNITS = {"length": "m", "stress": "Pa", "time": "s"}
 
 
-def of(values: dict[str, object]) -> list[str]:
+def of(values):
     return notes([Config(name="x").with_values(values)])
 
 
-def test_a_forgotten_base_is_noted_with_and_without_units() -> None:
+def test_a_forgotten_base_is_noted_with_and_without_units():
     stiff = {"halfspace.shear_modulus": 8e10}
     beside = "left at defaults beside layer.material.G0: halfspace.shear_modulus = 1; give all moduli"
     assert [note[: len(beside)] for note in of(SI)] == [beside]
@@ -49,18 +46,18 @@ def test_a_forgotten_base_is_noted_with_and_without_units() -> None:
     ],
     ids=["defaults", "dimensionless", "layer alone", "halfspace alone", "long times"],
 )
-def test_nothing_is_noted_on_cases_in_one_unit(values: dict[str, object]) -> None:
+def test_nothing_is_noted_on_cases_in_one_unit(values):
     assert of(values) == []
 
 
-def test_lengths_in_another_unit_are_noted() -> None:
+def test_lengths_in_another_unit_are_noted():
     (note,) = of({"grid.period": 1e4, "trajectory.depth": 30.0})
     assert note.startswith(
         "left at defaults beside grid.period: layer.thickness = 0.05, punch.radius = 0.25;"
     )
 
 
-def test_a_ramp_or_a_table_that_does_not_fill_the_run_is_noted(tmp_path: Path) -> None:
+def test_a_ramp_or_a_table_that_does_not_fill_the_run_is_noted(tmp_path):
     assert of({"trajectory.ramp_time": 10.0}) == [
         "trajectory.ramp_time = 10 is beyond time.end = 8: the ramp is not completed"
     ]
@@ -80,7 +77,7 @@ def test_a_ramp_or_a_table_that_does_not_fill_the_run_is_noted(tmp_path: Path) -
     ]
 
 
-def test_an_interface_that_the_grid_does_not_resolve_is_noted_with_points_that_would_do() -> None:
+def test_an_interface_that_the_grid_does_not_resolve_is_noted_with_points_that_would_do():
     # l = (pi/4) E* range^2/work with E* = 4: 3.14e-4, so 3 points need a spacing of 1.05e-4, 9549 points.
     law = {"law": "exponential", "work": 1e-2, "range": 1e-3}
     (note,) = of({"interface": law, "grid.points": 1024})
@@ -96,7 +93,7 @@ def test_an_interface_that_the_grid_does_not_resolve_is_noted_with_points_that_w
     assert note.endswith("is 3.2 points wide; at least 8 are needed: use grid.points: [4096, 4096]")
 
 
-def test_an_indentation_in_a_single_step_of_first_order_is_noted() -> None:
+def test_an_indentation_in_a_single_step_of_first_order_is_noted():
     coarse = {"time": {"end": 8.0, "step": 2.0, "integrator": "backward_euler"}}
     assert of(coarse | {"trajectory.ramp_time": 4.0}) == []
     assert not any("backward Euler" in note for note in of({"time": {"end": 8.0, "step": 2.0}}))
@@ -104,7 +101,7 @@ def test_an_indentation_in_a_single_step_of_first_order_is_noted() -> None:
     assert note.startswith("time.step = 2: the indentation, up to trajectory.ramp_time = 1, is one step")
 
 
-def test_an_indentation_that_equal_steps_pass_over_is_noted(tmp_path: Path) -> None:
+def test_an_indentation_that_equal_steps_pass_over_is_noted(tmp_path):
     """Backward Euler sees the depth at whole steps alone; the other integrator lands on each row."""
     path = tmp_path / "depth.txt"
     path.write_text("0 0\n0.05 0\n0.1 0.01\n0.15 0\n1 0\n")
@@ -120,7 +117,7 @@ def test_an_indentation_that_equal_steps_pass_over_is_noted(tmp_path: Path) -> N
     assert of(cycle | {"time": {"step": 0.5, "integrator": "backward_euler"}}) == []
 
 
-def test_a_solver_too_coarse_for_adaptive_steps_is_noted() -> None:
+def test_a_solver_too_coarse_for_adaptive_steps_is_noted():
     """Its errors in the displacement, pressed on by the glassy modulus, decide the steps."""
     material = {"model": "zener", "G0": 1.0, "Ginf": 2000.0, "tau": 1.0}
     case = {"layer.material": material, "time": {"end": 1.0, "step": "adaptive", "tolerance": 0.01}}
@@ -133,7 +130,7 @@ def test_a_solver_too_coarse_for_adaptive_steps_is_noted() -> None:
     assert notes[-1].endswith(": the solver uses 1e-10")
 
 
-def test_times_in_another_unit_are_noted() -> None:
+def test_times_in_another_unit_are_noted():
     """All given times are below a hundredth of the paper's; long relaxation times are common."""
     fast = {"layer.material.tau": 1e-4, "trajectory.ramp_time": 2e-3}
     assert of(fast | {"time.step": 1e-5}) == [
@@ -146,7 +143,7 @@ def test_times_in_another_unit_are_noted() -> None:
     assert of(fast | {"time": {"end": 0.1, "step": 1e-5}}) == []
 
 
-def test_each_default_with_a_dimension_is_named_beside_units() -> None:
+def test_each_default_with_a_dimension_is_named_beside_units():
     """All keys of all sections whose default is a number with a dimension; angles are in degrees."""
     dimensional = {
         (name, key)
@@ -162,7 +159,7 @@ def test_each_default_with_a_dimension_is_named_beside_units() -> None:
 
 
 @pytest.mark.parametrize(("ramp", "step"), [(1e-3, 5e-3), (1e-3, 5e-4), (1e-2, 5e-3)])
-def test_a_step_that_is_too_long_for_the_relaxation_is_noted_with_its_error(ramp: float, step: float) -> None:
+def test_a_step_that_is_too_long_for_the_relaxation_is_noted_with_its_error(ramp, step):
     """Against the advised step, whose error is 0.002; one digit of an estimate that is within a third."""
     case = {
         "layer": {"material": {"G0": 1.0, "Ginf": 10.0, "tau": 1e-3}},
@@ -174,7 +171,7 @@ def test_a_step_that_is_too_long_for_the_relaxation_is_noted_with_its_error(ramp
     error = float(note.partition("may be ")[2].partition(" ")[0])
     enough = float(note.partition("use time.step: ")[2].partition(",")[0])
 
-    def force(step: float) -> float:
+    def force(step):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return float(gfmdlayer.run(case | {"time": {"end": ramp, "step": min(step, ramp)}}).force[-1])
@@ -183,14 +180,14 @@ def test_a_step_that_is_too_long_for_the_relaxation_is_noted_with_its_error(ramp
     assert not [note for note in of(case | {"time": {"end": 0.02, "step": enough}}) if "long beside" in note]
 
 
-def test_steps_that_follow_the_relaxation_or_a_slow_ramp_are_not_noted() -> None:
+def test_steps_that_follow_the_relaxation_or_a_slow_ramp_are_not_noted():
     """On a ramp of 100 tau the viscous part of the force is a tenth, whatever the step is within it."""
     fast = {"layer.material.tau": 1e-3, "time": {"end": 1.0, "step": 5e-3}}
     assert of(fast | {"trajectory.ramp_time": 0.1}) == []
     assert of(fast | {"trajectory.ramp_time": 1e-3, "time.step": "adaptive"}) == []
 
 
-def test_what_friction_does_not_hold_or_resolve_is_noted() -> None:
+def test_what_friction_does_not_hold_or_resolve_is_noted():
     law = {"interface": {"law": "coulomb", "coefficient": 0.4}, "grid.period": 2.0, "time.step": 0.01}
     load = {"control": "load", "load": 0.1}
     pull, less = (
@@ -210,7 +207,7 @@ def test_what_friction_does_not_hold_or_resolve_is_noted() -> None:
     ]
 
 
-def test_the_period_of_an_oscillation_is_a_time() -> None:
+def test_the_period_of_an_oscillation_is_a_time():
     drive = {"kind": "oscillation", "displacement": 1e-5}
     law = {
         "interface": {"law": "coulomb", "coefficient": 0.4},

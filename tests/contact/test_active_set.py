@@ -4,17 +4,12 @@ What holds for the active set holds for constrained conjugate gradients, so most
 FIRE with either inertia.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from math import inf
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer import Exponential
 from gfmdlayer.body.layer import LayeredHalfspace
@@ -26,13 +21,10 @@ from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.prediction import PressurePrediction
 from gfmdlayer.contact.pressure_form import in_pressures, satisfies_kkt
-from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-
-Floats = NDArray[np.float64]
-Method = Callable[[Transforms], Any]
 
 TOLERANCE = 1e-11
 CONDITIONS = ["fixed mean", "free mean", "load"]
@@ -50,7 +42,7 @@ THIN = LayeredHalfspace(thickness=0.001, poisson=0.5, bulk_modulus=inf)
 YIELDING = LayeredHalfspace(thickness=0.05, poisson=0.4, bulk_modulus=inf)
 
 
-def elastic(layer: LayeredHalfspace, h: Floats, modulus: float = 1.0, load: float | None = None) -> Problem:
+def elastic(layer, h, modulus=1.0, load=None):
     """Return the contact problem of a layer without a history, on a line of period 1."""
     q = Grid((h.size,), (1.0,)).wavenumbers
     kappa = layer.stiffness(q, modulus)
@@ -59,24 +51,17 @@ def elastic(layer: LayeredHalfspace, h: Floats, modulus: float = 1.0, load: floa
     return Problem(kappa, np.zeros(q.size, complex), h, load)
 
 
-def parabola(n: int, depth: float) -> Floats:
+def parabola(n, depth):
     return np.asarray(2 * Grid((n,), (1.0,)).coordinates[0] ** 2 - depth)
 
 
-def solve(
-    method: Method,
-    problem: Problem,
-    shape: tuple[int, ...] | None = None,
-    tolerance: float = 1e-6,
-    limit: int = 20_000,
-    start: Floats | None = None,
-) -> Solution:
+def solve(method, problem, shape=None, tolerance=1e-6, limit=20_000, start=None):
     size = problem.obstacle.size
     solver = method(Transforms(shape or (size,)))
     return solver.solve(problem, np.zeros(size) if start is None else start, tolerance, limit)
 
 
-def assert_consistent(found: Solution, problem: Problem, shape: tuple[int, ...] | None = None) -> None:
+def assert_consistent(found, problem, shape=None):
     """Everything in a solution, converged or not, follows from its displacement."""
     u, h, size = found.displacement, problem.obstacle, problem.obstacle.size
     gap, shape, kappa, largest = h - u, shape or (size,), problem.stiffness, np.abs(found.pressure).max()
@@ -105,7 +90,7 @@ def assert_consistent(found: Solution, problem: Problem, shape: tuple[int, ...] 
     np.testing.assert_allclose(found.residual, worst, rtol=1e-6, atol=1e-15)
 
 
-def assert_solved(dense: Any, method: Method, condition: str, seed: int) -> None:
+def assert_solved(dense, method, condition, seed):
     """From a random start, to the dense solution."""
     # Stray gaps of TOLERANCE in the contact, times at most sqrt(n) for their sum and 64 x 1.6 for the
     # stiffest mode: under 1e3 TOLERANCE = 1e-8 for the worst, and 1e-9 for any that do not conspire.
@@ -125,7 +110,7 @@ def assert_solved(dense: Any, method: Method, condition: str, seed: int) -> None
 @each_method
 @each_condition
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_rough_contact_of_a_body_with_a_history(dense_contact, shape, condition, method) -> None:  # type: ignore[no-untyped-def]
+def test_rough_contact_of_a_body_with_a_history(dense_contact, shape, condition, method):
     dense = dense_contact(shape)
     for seed in range(8):
         assert_solved(dense, method, condition, seed)
@@ -134,14 +119,14 @@ def test_rough_contact_of_a_body_with_a_history(dense_contact, shape, condition,
 @each_condition
 @pytest.mark.parametrize("size", [16, 17, 20, 27, 32, 33, 48, 50, 63, 64])
 @pytest.mark.parametrize("number", [34, pytest.param(334, marks=pytest.mark.slow)])
-def test_small_problems_need_no_safeguard(dense_contact, number, size, condition, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_small_problems_need_no_safeguard(dense_contact, number, size, condition, monkeypatch):
     monkeypatch.setattr(ActiveSet, "_save", None)
     dense = dense_contact((size,))
     for seed in range(1000, 1000 + number):
         assert_solved(dense, ActiveSet, condition, seed)
 
 
-def assert_to_rounding(found: Solution, problem: Problem, dense: Any) -> None:
+def assert_to_rounding(found, problem, dense):
     """FIRE divides by no stiffness: stress, mean and residual follow from the displacement to rounding."""
     u, gap = found.displacement, problem.obstacle - found.displacement
     rounding = 1e-14 * np.abs(problem.stiffness * dense.transform(u)).max()
@@ -161,8 +146,8 @@ def assert_to_rounding(found: Solution, problem: Problem, dense: Any) -> None:
 @each_condition
 @pytest.mark.parametrize("shape", [(64,), (45,), (6, 7)], ids=str)
 def test_what_is_returned_belongs_together_and_admits_too_few_iterations(
-    dense_contact: Any, shape: tuple[int, ...], condition: str, method: Method
-) -> None:
+    dense_contact, shape, condition, method
+):
     dense = dense_contact(shape)
     problem = dense.problem(1, condition)
     for limit in (1, 2, 7, 40, 20_000):
@@ -180,7 +165,7 @@ def test_what_is_returned_belongs_together_and_admits_too_few_iterations(
 @each_condition
 @pytest.mark.parametrize("shape", [(16,), (33,), (64,), (6, 8)], ids=str)
 @pytest.mark.parametrize("seed", range(6))
-def test_fire_on_rough_contact(dense_contact, seed, shape, condition, mass_weighted) -> None:  # type: ignore[no-untyped-def]
+def test_fire_on_rough_contact(dense_contact, seed, shape, condition, mass_weighted):
     problem = dense_contact(shape).problem(seed, condition)
     u, pressure = dense_contact(shape).solution(problem)
     # Strict complementarity: the reference is far from another contact set.
@@ -201,7 +186,7 @@ def test_fire_on_rough_contact(dense_contact, seed, shape, condition, mass_weigh
 
 
 @pytest.mark.parametrize("mass_weighted", [True, False])
-def test_fire_leaves_the_surface_flat_under_a_punch_out_of_reach(mass_weighted: bool) -> None:
+def test_fire_leaves_the_surface_flat_under_a_punch_out_of_reach(mass_weighted):
     grid = Grid((128,), (1.0,))
     problem = Problem(2 * grid.wavenumbers, np.zeros(65, complex), 0.1 + grid.coordinates[0] ** 2)
     found = solve(partial(Fire, mass_weighted=mass_weighted), problem)
@@ -212,7 +197,7 @@ def test_fire_leaves_the_surface_flat_under_a_punch_out_of_reach(mass_weighted: 
 
 
 @each_condition
-def test_the_safeguard_alone_ends_at_the_solution(dense_contact, condition) -> None:  # type: ignore[no-untyped-def]
+def test_the_safeguard_alone_ends_at_the_solution(dense_contact, condition):
     dense = dense_contact((24,))
     for seed in range(5):
         problem = dense.problem(seed, condition)
@@ -228,9 +213,7 @@ def test_the_safeguard_alone_ends_at_the_solution(dense_contact, condition) -> N
 @pytest.mark.parametrize("method", [*each_solver.args[1], NestedGradient, Newton, "Newton, attracted"])
 @pytest.mark.parametrize("load", [None, 1.0])
 @pytest.mark.parametrize("where", ["stiffness", "intercept", "obstacle", "start"])
-def test_what_is_not_a_number_is_never_an_answer(
-    where: str, load: float | None, method: Method | str
-) -> None:
+def test_what_is_not_a_number_is_never_an_answer(where, load, method):
     problem, start = elastic(PAPER, parabola(32, 0.01), load=load), np.ones(32)
     if isinstance(method, str):
         method, law = Newton, Exponential(work=1e-4, range=0.01)
@@ -256,9 +239,7 @@ def test_what_is_not_a_number_is_never_an_answer(
 @each_solver
 @pytest.mark.parametrize("depth", [0.0, -0.1])
 @pytest.mark.parametrize("layer", [PAPER, YIELDING])
-def test_a_punch_at_depth_zero_or_above_presses_on_nothing(
-    layer: LayeredHalfspace, depth: float, method: Method
-) -> None:
+def test_a_punch_at_depth_zero_or_above_presses_on_nothing(layer, depth, method):
     problem = elastic(layer, parabola(128, depth))
     starts = (np.zeros(128), np.ones(128))
     for start in starts[:1] if isinstance(method, partial) else starts:  # FIRE's is a displacement
@@ -270,7 +251,7 @@ def test_a_punch_at_depth_zero_or_above_presses_on_nothing(
 
 
 @each_method
-def test_no_load_makes_no_contact(method: Method) -> None:
+def test_no_load_makes_no_contact(method):
     found = solve(method, elastic(PAPER, parabola(128, 0.0), load=0.0))
     assert found.converged
     assert found.mean_pressure == 0.0
@@ -279,7 +260,7 @@ def test_no_load_makes_no_contact(method: Method) -> None:
 
 @each_method
 @pytest.mark.parametrize("load", [None, 1e-9])
-def test_the_first_touch_is_one_point(load: float | None, method: Method) -> None:
+def test_the_first_touch_is_one_point(load, method):
     # The neighbours are 2/n^2 = 1.2e-4 higher, a hundred times what is asked for.
     problem = elastic(PAPER, parabola(128, 1e-6), load=load)
     found = solve(method, problem)
@@ -289,7 +270,7 @@ def test_the_first_touch_is_one_point(load: float | None, method: Method) -> Non
 
 
 @each_solver
-def test_a_large_load_makes_contact_full(method: Method) -> None:
+def test_a_large_load_makes_contact_full(method):
     x = Grid((64,), (1.0,)).coordinates[0]
     problem = elastic(PAPER, 0.01 * (1 - np.cos(2 * np.pi * x)))
     stress = float(problem.stiffness[1]) * 0.01
@@ -304,7 +285,7 @@ def test_a_large_load_makes_contact_full(method: Method) -> None:
 
 
 @pytest.mark.parametrize("load", [None, 1e-3])
-def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeypatch):
     """Where a solve is cut into portions of few iterations it takes more of them, and ends where it would."""
     n = 1 << 12
     waves = 2e-4 * np.cos(80 * np.pi * Grid((n,), (1.0,)).coordinates[0])
@@ -328,7 +309,7 @@ def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeyp
 
 
 @each_solver
-def test_a_cell_that_the_punch_fills_is_in_full_contact(method: Method) -> None:
+def test_a_cell_that_the_punch_fills_is_in_full_contact(method):
     h = -0.01 * np.cos(2 * np.pi * Grid((64,), (1.0,)).coordinates[0])
     h += abs(h.mean())
     problem = elastic(PAPER, h)
@@ -340,7 +321,7 @@ def test_a_cell_that_the_punch_fills_is_in_full_contact(method: Method) -> None:
 
 
 @each_method
-def test_a_punch_below_the_mean_height_of_a_body_of_fixed_mean_is_refused(method: Method) -> None:
+def test_a_punch_below_the_mean_height_of_a_body_of_fixed_mean_is_refused(method):
     with pytest.raises(ValueError, match="the punch is too deep"):
         solve(method, elastic(PAPER, parabola(64, 1.0)))
 
@@ -351,9 +332,7 @@ def test_a_punch_below_the_mean_height_of_a_body_of_fixed_mean_is_refused(method
     [(THIN, 1.0, 1e-3), (PAPER, 1e5, 0.01), (PAPER, 1e-5, 0.01), (YIELDING, 1.0, 0.01)],
 )
 @pytest.mark.parametrize("n", [1000, 1024, 777])
-def test_layers_of_extreme_stiffness(
-    n: int, layer: LayeredHalfspace, modulus: float, depth: float, method: Method
-) -> None:
+def test_layers_of_extreme_stiffness(n, layer, modulus, depth, method):
     problem = elastic(layer, parabola(n, depth), modulus)
     found = solve(method, problem)
     assert found.converged
@@ -374,7 +353,7 @@ SOFT = [  # thickness, shear modulus of the base, load or depth, points, end
 
 
 @pytest.mark.parametrize(("thickness", "base", "trajectory", "n", "end"), SOFT)
-def test_a_film_on_a_soft_base_is_solved_at_every_step(run, thickness, base, trajectory, n, end) -> None:  # type: ignore[no-untyped-def]
+def test_a_film_on_a_soft_base_is_solved_at_every_step(run, thickness, base, trajectory, n, end):
     body = {"layer.thickness": thickness, "halfspace.shear_modulus": base, "trajectory": trajectory}
     found = run({"grid.points": n, "time.step": 0.1, "time.end": end, **body})
     assert (found["residual"] <= 1e-6).all()
@@ -382,7 +361,7 @@ def test_a_film_on_a_soft_base_is_solved_at_every_step(run, thickness, base, tra
 
 
 @pytest.mark.parametrize("n", [81, 128, 256])
-def test_a_hard_film_on_a_soft_base_is_solved(n: int) -> None:
+def test_a_hard_film_on_a_soft_base_is_solved(n):
     # It bends, so that contact points far apart push each other out; descent would take 1e5 iterations, which
     # is the range of the stiffness.
     film = LayeredHalfspace(thickness=0.01, poisson=0.5, bulk_modulus=1.0)
@@ -397,7 +376,7 @@ def test_a_hard_film_on_a_soft_base_is_solved(n: int) -> None:
     np.testing.assert_allclose(found.displacement, other.displacement, atol=1e-4 * -other.displacement.min())
 
 
-def test_a_film_that_bends_back_is_solved_by_any_solver(run, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_film_that_bends_back_is_solved_by_any_solver(run, tmp_path):
     (tmp_path / "back.txt").write_text("time depth\n0 0.0297\n1 0.0099\n")
     branch = {"model": "prony", "G0": 1.0, "branches": [{"G": 1e4, "tau": 1.0}]}
     values = {"grid.points": 76, "layer": {"thickness": 0.01, "poisson": 0.5}, "layer.material": branch}
@@ -412,7 +391,7 @@ def test_a_film_that_bends_back_is_solved_by_any_solver(run, tmp_path) -> None: 
 
 @each_method
 @pytest.mark.parametrize("load", [None, 0.5])
-def test_a_flat_punch_touches_with_all_of_its_face(load: float | None, method: Method) -> None:
+def test_a_flat_punch_touches_with_all_of_its_face(load, method):
     x = Grid((256,), (1.0,)).coordinates[0]
     face = np.abs(x) <= 0.1
     problem = elastic(PAPER, np.where(face, 0.0, 1.0) - 0.01, load=load)
@@ -425,9 +404,7 @@ def test_a_flat_punch_touches_with_all_of_its_face(load: float | None, method: M
 @pytest.mark.parametrize("method", [ActiveSet, ConjugateGradient, Fire])
 @pytest.mark.parametrize("shape", [(8, 8), (256,)])
 @pytest.mark.parametrize("size", 10.0 ** -np.arange(3, 25, 3))
-def test_what_rounding_leaves_under_a_flat_punch_is_rest(
-    size: float, shape: tuple[int, ...], method: Method | type[Fire]
-) -> None:
+def test_what_rounding_leaves_under_a_flat_punch_is_rest(size, shape, method):
     # A dent that heals under a punch at depth zero becomes smaller than what heights can tell.
     grid = Grid(shape, (1.0,) * len(shape))
     radius = np.sqrt(sum(x**2 for x in np.meshgrid(*grid.coordinates, indexing="ij"))).ravel()
@@ -446,7 +423,7 @@ def test_what_rounding_leaves_under_a_flat_punch_is_rest(
 
 
 @pytest.mark.parametrize("method", ["active_set", "conjugate_gradient"])
-def test_a_dent_heals_to_nothing_under_a_flat_punch(method: str, run, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_dent_heals_to_nothing_under_a_flat_punch(method, run, tmp_path):
     # By t = 400 what is left of it is 1e-20 of the heights.
     (tmp_path / "back.txt").write_text("time depth\n0 0\n1 0.01\n2 0\n")
     values = {"trajectory": {"kind": "table", "file": str(tmp_path / "back.txt")}, "grid.points": 128}
@@ -456,7 +433,7 @@ def test_a_dent_heals_to_nothing_under_a_flat_punch(method: str, run, tmp_path) 
 
 
 @each_method
-def test_a_solver_counts_depths_by_the_punch_that_it_is_given(method: Method) -> None:
+def test_a_solver_counts_depths_by_the_punch_that_it_is_given(method):
     # Beside a high punch this depth is nothing, and what was found there is no solution under the other.
     problem = elastic(PAPER, 1e-20 * parabola(64, 0.01))
     solver, start = method(Transforms((64,))), np.zeros(64)
@@ -468,7 +445,7 @@ def test_a_solver_counts_depths_by_the_punch_that_it_is_given(method: Method) ->
         start = 1.1 * found.pressure
 
 
-def test_a_pressure_that_is_not_a_number_is_no_solution() -> None:
+def test_a_pressure_that_is_not_a_number_is_no_solution():
     problem = elastic(PAPER, parabola(64, 0.01))
     system, _ = in_pressures(problem, Transforms((64,)))
     gap, p = np.ones(64), np.zeros(64)
@@ -481,7 +458,7 @@ def test_a_pressure_that_is_not_a_number_is_no_solution() -> None:
 
 @each_method
 @pytest.mark.parametrize("load", [None, 0.2])
-def test_hundreds_of_asperities(load: float | None, method: Method) -> None:
+def test_hundreds_of_asperities(load, method):
     n = 4096
     rng = np.random.default_rng(5)
     q = np.arange(n // 2 + 1)
@@ -497,12 +474,12 @@ def test_hundreds_of_asperities(load: float | None, method: Method) -> None:
 
 @each_method
 @pytest.mark.parametrize("loads", [False, True])
-def test_an_elastic_contact_shrinks_as_it_grew(loads: bool, method: Method) -> None:
+def test_an_elastic_contact_shrinks_as_it_grew(loads, method):
     n, steps = 512, 12
     solver, prediction = method(Transforms((n,))), PressurePrediction(n)
     course = np.concatenate([np.arange(1, steps + 1), np.arange(steps - 1, 0, -1)])
-    areas: dict[int, float] = {}
-    means: dict[int, float] = {}
+    areas = {}
+    means = {}
     for time, step in enumerate(course):
         depth = 0.0 if loads else 0.01 * step / steps
         load = 0.1 * step / steps if loads else None
@@ -520,7 +497,7 @@ def test_an_elastic_contact_shrinks_as_it_grew(loads: bool, method: Method) -> N
 
 
 @pytest.mark.parametrize(("method", "most"), [(ActiveSet, 10), (ConjugateGradient, 40)])
-def test_a_step_of_a_ramp_takes_few_transforms(method: Method, most: int) -> None:
+def test_a_step_of_a_ramp_takes_few_transforms(method, most):
     n, steps = 4096, 100
     solver, prediction = method(Transforms((n,))), PressurePrediction(n)
     taken = []
@@ -534,7 +511,7 @@ def test_a_step_of_a_ramp_takes_few_transforms(method: Method, most: int) -> Non
 
 
 @each_solver
-def test_one_solver_serves_step_after_step(dense_contact, method) -> None:  # type: ignore[no-untyped-def]
+def test_one_solver_serves_step_after_step(dense_contact, method):
     dense = dense_contact((64,))
     first, second = (dense.problem(seed, "fixed mean") for seed in (4, 5))
     solver = method(Transforms((64,)))
@@ -550,7 +527,7 @@ def test_one_solver_serves_step_after_step(dense_contact, method) -> None:  # ty
 
 @each_method
 @pytest.mark.parametrize("start", [np.inf, -np.inf, np.nan, 1e-320, 1e300, -1.0], ids=str)
-def test_a_guess_of_any_size_carries_the_load(start: float, method: Method) -> None:
+def test_a_guess_of_any_size_carries_the_load(start, method):
     problem = elastic(PAPER, parabola(64, 0.0), load=0.1)
     guess = np.zeros(64)
     guess[[0, 9]] = start, 1e-3 * start
@@ -561,7 +538,7 @@ def test_a_guess_of_any_size_carries_the_load(start: float, method: Method) -> N
 
 
 @pytest.mark.parametrize("load", [None, 1e-3])
-def test_a_known_start_is_judged_by_the_depth_of_the_surface_as_it_is_now(load: float | None) -> None:
+def test_a_known_start_is_judged_by_the_depth_of_the_surface_as_it_is_now(load):
     # A flat face under a history that changes a little: the contact stays and the solve goes on from the last
     # pressure. Under a load the punch lies high above the surface; else the history lets the body sink.
     x = Grid((64,), (1.0,)).coordinates[0]
@@ -578,7 +555,7 @@ def test_a_known_start_is_judged_by_the_depth_of_the_surface_as_it_is_now(load: 
         start = found.pressure
 
 
-def test_load_and_depth_may_take_turns() -> None:
+def test_load_and_depth_may_take_turns():
     deep = elastic(PAPER, parabola(64, 0.01), load=None)
     solver, start = ActiveSet(Transforms((64,))), np.zeros(64)
     for load in (None, 0.05, None, None, 0.05, 0.05, None):
@@ -591,7 +568,7 @@ def test_load_and_depth_may_take_turns() -> None:
 
 
 @each_method
-def test_a_load_is_carried_to_rounding_however_fast_it_falls(method: Method) -> None:
+def test_a_load_is_carried_to_rounding_however_fast_it_falls(method):
     problem = elastic(PAPER, np.abs(parabola(64, 0.0)) ** 0.5, load=1.0)
     solver, start = method(Transforms((64,))), np.zeros(64)
     for load in (1.0, 0.9, 0.8, 1e-6, 1.0, 1e-9):
@@ -602,7 +579,7 @@ def test_a_load_is_carried_to_rounding_however_fast_it_falls(method: Method) -> 
 
 
 @each_method
-def test_a_punch_that_is_lifted_off_leaves_nothing_behind(method: Method) -> None:
+def test_a_punch_that_is_lifted_off_leaves_nothing_behind(method):
     solver, start = method(Transforms((64,))), np.zeros(64)
     for depth in (0.01, 0.005, 0.0, -0.01):
         found = solver.solve(elastic(PAPER, parabola(64, depth)), start, 1e-9)
@@ -611,10 +588,10 @@ def test_a_punch_that_is_lifted_off_leaves_nothing_behind(method: Method) -> Non
         assert start.any() == (depth > 0)
 
 
-def test_small_steps_at_a_tight_tolerance_need_no_safeguard(run, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_small_steps_at_a_tight_tolerance_need_no_safeguard(run, monkeypatch):
     """Directions of many small steps are nearly dependent; their rounding must not stop the solve."""
 
-    def give_up(*_: object) -> None:
+    def give_up(*_):
         raise AssertionError("the safeguard was called")
 
     monkeypatch.setattr(active_set, "safeguard", give_up)
@@ -623,7 +600,7 @@ def test_small_steps_at_a_tight_tolerance_need_no_safeguard(run, monkeypatch) ->
     assert found["residual"].max() <= 1e-9
 
 
-def test_cut_off_asperities_take_few_iterations() -> None:
+def test_cut_off_asperities_take_few_iterations():
     # Up to four asperities, cut off by a plateau, from any start.
     transforms = {n: Transforms((n,)) for n in (64, 128, 256, 512)}
     for seed in range(400):

@@ -1,7 +1,5 @@
 """What is particular to the method of Polonsky and Keer; its answers are tested with the active set's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
 
-def hertz(n: int, *, load: float | None = None, mean_stiffness: float = 0.0) -> Problem:
+def hertz(n, *, load=None, mean_stiffness=0.0):
     """Return a parabola on a halfspace."""
     grid = Grid((n,), (1.0,))
     kappa = 2 * grid.wavenumbers
@@ -20,7 +18,7 @@ def hertz(n: int, *, load: float | None = None, mean_stiffness: float = 0.0) -> 
     return Problem(kappa, np.zeros(kappa.size, complex), 2 * grid.coordinates[0] ** 2 - 0.01, load)
 
 
-def energy(problem: Problem, pressure: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+def energy(problem, pressure):
     """p.A p/2 + h.p a point."""
     compliance = np.divide(
         1, problem.stiffness, out=np.zeros_like(problem.stiffness), where=problem.stiffness > 0
@@ -34,7 +32,7 @@ CASES = [{}, {"load": 0.05}, {"mean_stiffness": 3.0}]
 
 @pytest.mark.parametrize("case", CASES, ids=["depth", "load", "free mean"])
 @pytest.mark.parametrize("n", [500, 1024, 4096])
-def test_an_iteration_takes_one_pair_of_transforms(n: int, case: dict[str, float]) -> None:
+def test_an_iteration_takes_one_pair_of_transforms(n, case):
     problem = hertz(n, **case)
     found = ConjugateGradient(Transforms((n,))).solve(problem, np.zeros(n))
     assert found.converged
@@ -42,7 +40,7 @@ def test_an_iteration_takes_one_pair_of_transforms(n: int, case: dict[str, float
     assert found.iterations < found.transforms <= found.iterations + 5
 
 
-def test_the_energy_never_rises() -> None:
+def test_the_energy_never_rises():
     # Under a given load what is returned after too few iterations is the pressure itself.
     n = 200
     problem = hertz(n, load=0.05)
@@ -56,7 +54,7 @@ def test_the_energy_never_rises() -> None:
     assert energies[-1] < energies[0]
 
 
-def test_the_number_of_iterations_grows_less_than_the_grid() -> None:
+def test_the_number_of_iterations_grows_less_than_the_grid():
     # A_CC has eigenvalues from 1/kappa_1 down to 1/kappa_(n/2): conjugate gradients need the square root of
     # their ratio in the worst case, a factor of 4 here, on a contact set that is known; finding it from
     # nothing is given a factor of 1.5.
@@ -64,14 +62,14 @@ def test_the_number_of_iterations_grows_less_than_the_grid() -> None:
     assert taken[1] <= 1.5 * 4 * taken[0]
 
 
-def test_it_stops_where_only_rounding_is_left() -> None:
+def test_it_stops_where_only_rounding_is_left():
     found = ConjugateGradient(Transforms((128,))).solve(hertz(128), np.zeros(128), 1e-18)
     assert found.residual < 1e-12
     assert (found.displacement <= hertz(128).obstacle).all()
 
 
 @pytest.mark.parametrize("modulus", [1e3, 1e4])
-def test_steps_carry_the_load_of_the_last_one_however_long_they_become(modulus: float) -> None:
+def test_steps_carry_the_load_of_the_last_one_however_long_they_become(modulus):
     # A stiff film on a soft base in full contact: some steps are a hundred times as long as tried, which made
     # of rounding in the load a hundredth of it, and 6 of these 200 solves ended short of the tolerance.
     grid = Grid((128,), (1.0,))

@@ -1,17 +1,13 @@
 """The V-cycle of adhesive steps: close to the inverse on any grid, and the solution does not know of it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import scipy.linalg
-from numpy.typing import NDArray
 
 from gfmdlayer.contact.newton import cycle, solver
 from gfmdlayer.contact.newton.cycle import cycle_of
@@ -22,11 +18,9 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential, LennardJones
 from gfmdlayer.kernels import kernel
 
-Floats = NDArray[np.float64]
-
 
 @kernel
-def _answers(given: Any, free: Any, stiffness: Any, forces: Any) -> Any:
+def _answers(given, free, stiffness, forces):
     """Compile into one what the loop of the solver calls."""
     D = given.D[: free.size]
     for i in range(free.size):
@@ -38,14 +32,14 @@ def _answers(given: Any, free: Any, stiffness: Any, forces: Any) -> Any:
     return found
 
 
-def dense(kappa: Floats, shape: tuple[int, int]) -> Floats:
+def dense(kappa, shape):
     """K as a matrix over the points."""
     row, n = np.fft.irfft2(kappa.reshape(shape[0], -1), shape), shape[0] * shape[1]
     i, j = np.divmod(np.arange(n), shape[1])
     return np.asarray(row[(i[:, None] - i) % shape[0], (j[:, None] - j) % shape[1]])
 
 
-def rough(shape: tuple[int, int], seed: int) -> Floats:
+def rough(shape, seed):
     """Heights with random phases, spectrum q^-4, and the lowest point at zero."""
     q = np.maximum(Grid(shape, (1.0, 1.0)).wavenumbers, 2 * np.pi)
     noise = np.fft.rfft2(np.random.default_rng(seed).normal(size=shape))
@@ -54,7 +48,7 @@ def rough(shape: tuple[int, int], seed: int) -> Floats:
 
 
 @pytest.mark.parametrize("shape", [(32, 32), (40, 24), (33, 27)])
-def test_a_cycle_is_close_to_the_inverse_on_the_free_points(shape: tuple[int, int]) -> None:
+def test_a_cycle_is_close_to_the_inverse_on_the_free_points(shape):
     """The eigenvalues of M (K + D) are within 1/2 and 2: a CG iteration leaves at most a third of the error.
 
     sqrt(c - 1)/(sqrt(c) + 1) with the condition c = 4. By K alone, without the coarser grids, c grows with n,
@@ -77,7 +71,7 @@ def test_a_cycle_is_close_to_the_inverse_on_the_free_points(shape: tuple[int, in
         assert found.max() < 2.0
 
 
-def test_lines_and_stiffnesses_that_no_stencil_describes_have_no_cycle() -> None:
+def test_lines_and_stiffnesses_that_no_stencil_describes_have_no_cycle():
     """A line; a thin incompressible layer, stiffest where waves are long, K ~ 1 + 1/q^2 to 1 + 1e4/q^2."""
     grid = Grid((64, 64), (1.0, 1.0))
     q = np.ravel(grid.wavenumbers) / (2 * np.pi)
@@ -88,14 +82,14 @@ def test_lines_and_stiffnesses_that_no_stencil_describes_have_no_cycle() -> None
     assert cycle_of(line, np.ravel(line.wavenumbers), 1.0).grids.size == 0
 
 
-def followed(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch, *, cycles: bool) -> list[Any]:
+def followed(shape, monkeypatch, *, cycles):
     """Approach and retreat, with another stiffness in each step, then a given load."""
     monkeypatch.setattr(solver, "_WORTH_CYCLE", 0 if cycles else 1 << 30)
     newton, height = Newton(Transforms(shape)), rough(shape, 3)
     law = Exponential(work=1e-3, range=1e-2).interaction()
     waves = np.ravel(Grid(shape, (1.0, 1.0)).wavenumbers)
     found, start = [], np.full(height.size, np.inf)
-    drives: list[tuple[float, float | None]] = [(0.004, None), (0.006, None), (0.004, None), (0.0, 0.01)]
+    drives = [(0.004, None), (0.006, None), (0.004, None), (0.0, 0.01)]
     for k, (depth, load) in enumerate(drives):
         kappa = (2.0 + 0.3 * k) * waves
         problem = Problem(kappa, np.zeros(kappa.size, complex), height - depth, load, interface=law)
@@ -105,9 +99,7 @@ def followed(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch, *, cycles:
 
 
 @pytest.mark.parametrize("shape", [(48, 48), (45, 32)])
-def test_the_cycle_changes_pairs_and_no_solution(
-    shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_cycle_changes_pairs_and_no_solution(shape, monkeypatch):
     """A law so weak that there is one minimum, w'' < kappa_1: both find it."""
     # The residual 1e-6 is a traction over the strength. It is an error of the displacement of at most 1e-6
     # strength/(margin kappa_1/2), here 1e-6 of the range over the margin; either may have it.
@@ -120,7 +112,7 @@ def test_the_cycle_changes_pairs_and_no_solution(
     assert sum(each.transforms for each in by_cycle) < sum(each.transforms for each in by_transform)
 
 
-def test_the_margin_is_the_least_curvature_of_a_stiff_law(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_margin_is_the_least_curvature_of_a_stiff_law(monkeypatch):
     """Lennard-Jones: that of a dense eigenvalue problem on the free points with a fixed mean."""
     # The search ends where a turn lowers the margin by less than 2 % and .003; as the error falls by a factor
     # of 2 a turn and more, what is left is less than twice that. By transforms it ended at .86 to .91.
@@ -172,7 +164,7 @@ if ranks.first:
 
 
 @pytest.mark.slow
-def test_a_cycle_over_ranks_is_that_of_one_process() -> None:
+def test_a_cycle_over_ranks_is_that_of_one_process():
     """Sums of 13 terms and over the grids in single precision: some 1e-6 of the largest answer."""
     command = [str(Path(sys.executable).parent / "mpirun"), "-n", "3", sys.executable, "-c", OVER_RANKS]
     given = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}

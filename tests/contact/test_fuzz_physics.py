@@ -3,11 +3,7 @@
 With --hypothesis-profile=long (see `conftest`) ten thousand cases are drawn.
 """
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from hypothesis import HealthCheck, given, settings
@@ -24,7 +20,7 @@ anything = settings(
 )
 
 
-def decades(lowest: float, highest: float) -> st.SearchStrategy[float]:
+def decades(lowest, highest):
     """Numbers whose logarithms fill a range."""
     return st.floats(math.log10(lowest), math.log10(highest)).map(lambda power: float(f"{10**power:.4g}"))
 
@@ -33,11 +29,11 @@ poisson = st.one_of(st.just(0.5), st.sampled_from([0.4999999, 0.49, 0.0, -0.9]),
 
 
 @st.composite
-def bodies(draw: st.DrawFn, length: float) -> dict[str, Any]:
+def bodies(draw, length):
     """Draw a layer on its halfspace, from hard to soft and from a film to a solid."""
     G0 = draw(st.one_of(st.just(1.0), decades(1e-9, 1e9)))
     tau = draw(st.one_of(st.just(1.0), decades(1e-6, 1e6)))
-    material: dict[str, Any] = {"model": "zener", "G0": G0, "Ginf": G0, "tau": tau}
+    material = {"model": "zener", "G0": G0, "Ginf": G0, "tau": tau}
     match draw(st.sampled_from(["elastic", "zener", "zener", "prony"])):
         case "zener":
             material["Ginf"] = G0 * draw(decades(1.001, 1e5))
@@ -64,7 +60,7 @@ def bodies(draw: st.DrawFn, length: float) -> dict[str, Any]:
 
 
 @st.composite
-def punches(draw: st.DrawFn, length: float, spacing: float) -> dict[str, Any]:
+def punches(draw, length, spacing):
     """Draw a punch in a cell of this length."""
     slope = draw(decades(1e-4, 10))
     return draw(
@@ -89,7 +85,7 @@ def punches(draw: st.DrawFn, length: float, spacing: float) -> dict[str, Any]:
 
 
 @st.composite
-def histories(draw: st.DrawFn, most: float, least: float, tau: float) -> tuple[dict[str, Any], str | None]:
+def histories(draw, most, least, tau):
     """Draw what is prescribed up to ``most``, and the time axis: sections, and a table if there is one."""
     end = tau * draw(decades(1e-3, 1e3))
     count = draw(st.integers(1, 8))
@@ -109,18 +105,12 @@ def histories(draw: st.DrawFn, most: float, least: float, tau: float) -> tuple[d
 
 
 @st.composite
-def cases(draw: st.DrawFn) -> tuple[dict[str, Any], str | None]:
+def cases(draw):
     """Draw a configuration as plain data, and the table of its trajectory."""
     length = draw(st.one_of(st.just(1.0), decades(1e-6, 1e6)))
-    points: Any = draw(
-        st.one_of(st.integers(8, 128), st.tuples(st.integers(8, 14), st.integers(8, 14)).map(list))
-    )
+    points = draw(st.one_of(st.integers(8, 128), st.tuples(st.integers(8, 14), st.integers(8, 14)).map(list)))
     coarsest = length / (min(points) if isinstance(points, list) else points)
-    data: dict[str, Any] = {
-        "name": "drawn",
-        "grid": {"points": points, "period": length},
-        **draw(bodies(length)),
-    }
+    data = {"name": "drawn", "grid": {"points": points, "period": length}, **draw(bodies(length))}
     data["punch"] = draw(punches(length, coarsest))
     bare = Config.model_validate({**data, "trajectory": {"depth": 0.0}})
     height = float(Case(bare).punch.mean())
@@ -155,7 +145,7 @@ def cases(draw: st.DrawFn) -> tuple[dict[str, Any], str | None]:
     return data, rows
 
 
-def simulated(folder: Path, recording: Any, data: dict[str, Any], rows: str | None) -> Config:
+def simulated(folder, recording, data, rows):
     """Run a case into a recording."""
     if rows is not None:
         (folder / "trajectory.txt").write_text(rows + "\n")
@@ -167,7 +157,7 @@ def simulated(folder: Path, recording: Any, data: dict[str, Any], rows: str | No
 
 @anything
 @given(case=cases())
-def test_the_mechanics_of_any_case(tmp_path: Path, recorder: Any, case: Any) -> None:
+def test_the_mechanics_of_any_case(tmp_path, recorder, case):
     found = recorder()
     config = simulated(tmp_path, found, *case)
     grid, tolerance = Case(config).grid, config.solver.tolerance
@@ -193,7 +183,7 @@ def test_the_mechanics_of_any_case(tmp_path: Path, recorder: Any, case: Any) -> 
         assert_balanced(config, found)
 
 
-def assert_balanced(config: Config, found: Any) -> None:
+def assert_balanced(config, found):
     """Compare the energies, which come from the modes, with the work of the pressure on the surface."""
     # Over a step of an elastic body what is stored is work of the mean of both pressures, exactly. With
     # backward Euler what is stored and lost is the work of the last pressure less, for each mode, K |du|^2/2

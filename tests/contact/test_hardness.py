@@ -1,9 +1,6 @@
 """Contact pressures that end at a hardness, and the imprint that they leave."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -33,10 +30,10 @@ SPHERE = {"shape": "parabola", "radius": 1.0}
 TOLERANCE = 1e-9
 
 
-def config(hardness: float | None, **sections: Any) -> Config:
+def config(hardness, **sections):
     """The rough halfspace on 64 x 64 points, under a load of 0.004 in 1, unless said otherwise."""
     wall = {"law": "hard_wall"} if hardness is None else {"law": "hard_wall", "hardness": hardness}
-    given: dict[str, Any] = {
+    given = {
         "grid": {"points": [64, 64]}, **HALFSPACE, "punch": ROUGH, "interface": wall,
         "trajectory": {"control": "load", "load": 0.004}, "time": {"step": 0.25, "end": 1.0},
         "solver": {"tolerance": TOLERANCE, "method": "nested_gradient"},
@@ -44,7 +41,7 @@ def config(hardness: float | None, **sections: Any) -> Config:
     return Config(name="hardness", **(given | sections))
 
 
-def run(given: Config, **parts: Any) -> Recording:
+def run(given, **parts):
     recording = Recording()
     Case(given, **parts).run(recording)
     return recording
@@ -53,7 +50,7 @@ def run(given: Config, **parts: Any) -> Recording:
 CYCLES = {"control": "load", "kind": "approach_retract", "load": 0.004, "approach_speed": 0.004, "cycles": 2}
 
 
-def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity() -> None:
+def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity():
     """Residuals by their definition: over tolerance times the largest pressure, or times the depth."""
     case = Case(config(0.02))
     (kappa, b), hardness = case.history.terms(0.25), 0.02
@@ -83,7 +80,7 @@ def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity() -> None
     assert again.flow.max() <= TOLERANCE * depth
 
 
-def test_pressures_below_the_hardness_are_elastic() -> None:
+def test_pressures_below_the_hardness_are_elastic():
     """The same solution within the tolerance of either, whose effect on the area is a point or two."""
     elastic, yielding = run(config(None)), run(config(10.0))
     assert (yielding["plastic_work"] == 0).all()
@@ -92,7 +89,7 @@ def test_pressures_below_the_hardness_are_elastic() -> None:
     np.testing.assert_allclose(yielding["contact_area"], elastic["contact_area"], atol=2 / 64**2)
 
 
-def test_a_dense_bounded_problem_has_the_same_pressures() -> None:
+def test_a_dense_bounded_problem_has_the_same_pressures():
     """On a line with springs: min |B p - d|^2/2 over 0 <= p <= H with A = B'B, by SciPy's active sets."""
     # No value of A is below 1/max(kappa), so that pressures differ by max(kappa) D tolerance a point at most,
     # times the square root of the points that press (test_nested_gradient derives it).
@@ -112,7 +109,7 @@ def test_a_dense_bounded_problem_has_the_same_pressures() -> None:
     np.testing.assert_allclose(found.pressure, dense.x, atol=kappa.max() * depth * TOLERANCE * n**0.5)
 
 
-def test_a_sphere_yields_at_the_load_of_hertz() -> None:
+def test_a_sphere_yields_at_the_load_of_hertz():
     """F = pi^3 R^2 H^3/(6 E*^2); images of a contact of 1/16 of the cell change it by less than a tenth."""
     first = math.pi**3 * 0.04**3 / 6
     for load, yields in ((0.9, False), (1.1, True)):
@@ -121,7 +118,7 @@ def test_a_sphere_yields_at_the_load_of_hertz() -> None:
         assert (found["yielded_area"][-1] > 0) == yields
 
 
-def test_soft_asperities_carry_the_hardness_over_their_area() -> None:
+def test_soft_asperities_carry_the_hardness_over_their_area():
     """F = H A but for the elastic rim, whose part falls with H/E*: 0.6 of H/(slope E*) here, 1/20."""
     for hardness, elastic in ((0.005, 0.03), (5e-4, 0.003)):
         load = {"control": "load", "load": 0.5 * hardness}
@@ -130,7 +127,7 @@ def test_soft_asperities_carry_the_hardness_over_their_area() -> None:
         assert 1 - elastic <= ratio <= 1
 
 
-def test_the_imprint_does_not_depend_on_the_steps_and_cycles_close_after_the_first() -> None:
+def test_the_imprint_does_not_depend_on_the_steps_and_cycles_close_after_the_first():
     """While no point leaves the hardness; by the tolerance, times its effect on the depth of some ten."""
     flows = []
     for steps in (2, 8):
@@ -155,9 +152,7 @@ def test_the_imprint_does_not_depend_on_the_steps_and_cycles_close_after_the_fir
     ],
     ids=["in and out", "moving"],
 )
-def test_the_balance_of_energy_closes_with_the_steps(
-    hardness: float, path: dict[str, Any], steps: tuple[float, float], most: float
-) -> None:
+def test_the_balance_of_energy_closes_with_the_steps(hardness, path, steps, most):
     """Of a viscoelastic body whose asperities yield: at least of first order, a fourth for a quarter."""
     residuals, moves = [], "velocity" in path
     for step in steps:
@@ -172,7 +167,7 @@ def test_the_balance_of_energy_closes_with_the_steps(
 
 
 @pytest.mark.parametrize("step", [0.25, "adaptive"])
-def test_the_plastic_work_is_the_hardness_times_the_imprint(step: Any) -> None:
+def test_the_plastic_work_is_the_hardness_times_the_imprint(step):
     """To rounding, also where adaptive steps are rejected: their flow is not kept."""
     time = {"step": step, "end": 2.0} | ({"tolerance": 1e-3} if step == "adaptive" else {})
     found = run(config(0.05, layer=RUBBER, time=time, output={"snapshots": [1.0, 2.0]}))
@@ -185,7 +180,7 @@ def test_the_plastic_work_is_the_hardness_times_the_imprint(step: Any) -> None:
     assert (np.diff(found["plastic_work"]) >= 0).all()
 
 
-def test_the_balance_of_energy_holds_over_jumps_of_a_depth() -> None:
+def test_the_balance_of_energy_holds_over_jumps_of_a_depth():
     """Where all points in contact yield, the depth jumps until the next ones touch."""
     # Over a jump the work is known to half the step of the load times the jump. The jumps add up to the depth
     # at most, and the work is half the load times the depth: a part `step` of it for a ramp of duration 1.
@@ -197,7 +192,7 @@ def test_the_balance_of_energy_holds_over_jumps_of_a_depth() -> None:
     assert abs(found["energy_residual"][-1]) <= step * found["work"][-1]
 
 
-def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint() -> None:
+def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint():
     """The depth counts from the new punch: it touches where heights and imprint are least together."""
     given = config(0.02, trajectory=CYCLES | {"cycles": 1}, time={"step": 0.25})
     case, found = Case(given), Recording()
@@ -207,7 +202,7 @@ def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint() -> None:
     assert found["depth"][-1] == pytest.approx(touch, rel=1e-6)
 
 
-def test_a_stiff_film_on_a_soft_base_yields() -> None:
+def test_a_stiff_film_on_a_soft_base_yields():
     """Where projected gradients make no progress, the set of the points at the hardness is corrected."""
     film = {"thickness": 0.02, "material": {"model": "zener", "G0": 0.25, "Ginf": 250.0}}
     path = {"control": "load", "kind": "approach_retract", "load": 0.05}
@@ -221,7 +216,7 @@ def test_a_stiff_film_on_a_soft_base_yields() -> None:
         assert found["plastic_work"][-1] > 0
 
 
-def test_a_sphere_without_images_yields_at_the_load_of_hertz() -> None:
+def test_a_sphere_without_images_yields_at_the_load_of_hertz():
     """Within 3 %: the largest pressure goes with F^(1/3), and the fit of the body is within 1e-3."""
     hardness, body, punch = 0.08, gfmdlayer.halfspace(0.25), gfmdlayer.Parabola(radius=1.0)
     first, period = math.pi**3 * hardness**3 / 6, 3 * math.pi * hardness
@@ -231,7 +226,7 @@ def test_a_sphere_without_images_yields_at_the_load_of_hertz() -> None:
         assert (float(found.imprint.max()) > 0) == yields
 
 
-def test_columns_of_a_contact_without_images_are_totals() -> None:
+def test_columns_of_a_contact_without_images_are_totals():
     alone = {"points": [32, 32], "period": 1.4, "boundary": "isolated"}
     path = {"control": "force", "force": 0.01}
     given = config(0.08, grid=alone, punch=SPHERE, trajectory=path, output={"snapshots": [1.0]})
@@ -244,7 +239,7 @@ def test_columns_of_a_contact_without_images_are_totals() -> None:
 
 
 @pytest.mark.parametrize("attracts", [False, True])
-def test_a_moving_punch_satisfies_the_conditions_of_plasticity(attracts: bool) -> None:
+def test_a_moving_punch_satisfies_the_conditions_of_plasticity(attracts):
     """The pressure is that of the displacement, by the stiffness with its loss, within the tolerance."""
     n, load, hardness, tolerance = 128, 0.2, 0.5, 1e-8
     grid, transforms = Grid((n,), (1.0,)), Transforms((n,))
@@ -253,7 +248,7 @@ def test_a_moving_punch_satisfies_the_conditions_of_plasticity(attracts: bool) -
     loss[-1] = 0.0  # the shortest wave is its own opposite
     law = gfmdlayer.Exponential(work=2e-4, range=0.004).interaction() if attracts else HARD_WALL
     problem = Problem(q.copy(), 0j * q, h, load, loss, float(np.ptp(h)), law, hardness=hardness)
-    inner: Any = Newton(transforms) if attracts else NestedGradient(transforms)
+    inner = Newton(transforms) if attracts else NestedGradient(transforms)
     start = np.full(n, np.inf) if attracts else np.zeros(n)
     found = LossStiffnessSolver(inner, transforms, grid.parseval_weights).solve(problem, start, tolerance)
     assert found.converged
@@ -276,7 +271,7 @@ def test_a_moving_punch_satisfies_the_conditions_of_plasticity(attracts: bool) -
     [gfmdlayer.Exponential(work=0.002, range=0.03), gfmdlayer.LennardJones(work=0.002, separation=0.05)],
     ids=["exponential", "lennard_jones"],
 )
-def test_with_attraction_it_is_the_minimum_over_gaps_and_flows(law: Any) -> None:
+def test_with_attraction_it_is_the_minimum_over_gaps_and_flows(law):
     """Of elastic energy, interface and flow stress times flow: no lower one, by another method."""
     # The energy is convex, as no curvature of the law exceeds kappa, 5 at least. Rounding of the energies, of
     # 1e-15, and SciPy's tolerance of them leave 1e-13; their root is the error of a displacement.
@@ -291,7 +286,7 @@ def test_with_attraction_it_is_the_minimum_over_gaps_and_flows(law: Any) -> None
     assert found.flow is not None
     stiffness = circulant(np.fft.irfft(kappa, n))
 
-    def energy(of: Any) -> tuple[float, Any]:
+    def energy(of):
         gap, flow = of[:n], of[n:]
         u = h + flow - gap
         stress = stiffness @ u
@@ -310,12 +305,12 @@ def test_with_attraction_it_is_the_minimum_over_gaps_and_flows(law: Any) -> None
     assert wall[found.gap > 0] == pytest.approx(0.0, abs=1e-10 * hardness)
 
 
-def test_flat_summits_stick_better_and_the_balance_of_energy_closes() -> None:
+def test_flat_summits_stick_better_and_the_balance_of_energy_closes():
     """The wall carries the hardness, the flow stress works on the imprint, and the pull-off grows."""
     # The balance closes at least in proportion to the steps.
     law, speed = {"law": "exponential", "work": 0.02, "range": 0.01}, 0.05
     path = {"kind": "approach_retract", "start": -0.05, "depth": 0.03, "final": -0.1}
-    keys: dict[str, Any] = {
+    keys = {
         "grid": {"points": 256},
         "layer": RUBBER | {"material": {"model": "zener", "G0": 1.0, "Ginf": 10.0}},
         "punch": {"shape": "parabola", "radius": 0.25},
@@ -341,7 +336,7 @@ def test_flat_summits_stick_better_and_the_balance_of_energy_closes() -> None:
     assert residuals[1] < 0.02
 
 
-def test_solve_gives_the_imprint_and_refuses_a_load_beyond_the_hardness() -> None:
+def test_solve_gives_the_imprint_and_refuses_a_load_beyond_the_hardness():
     contact, wall = (
         (gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=1.0)),
         {"law": "hard_wall", "hardness": 0.1},

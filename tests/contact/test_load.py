@@ -1,11 +1,6 @@
 """Prescribed load: depth and contact against closed forms and against prescribed depth."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,33 +8,31 @@ from scipy.special import spence
 
 import gfmdlayer
 
-Run = Callable[[dict[str, object]], Any]
-
 LOAD, R = 0.05, 0.25
-ALONE: dict[str, object] = {
+ALONE = {
     "layer.thickness": math.inf, "trajectory": {"control": "load", "load": LOAD}, "time.end": 3.0,
     "grid.points": 1024, "solver.tolerance": 1e-9,
 }  # fmt: skip
 
 
-def creep(elapsed: float) -> float:
+def creep(elapsed):
     """Integral from 0 of the default material's J = 1/G0 - (1/G0 - 1/Ginf) exp(-t G0/(Ginf tau))."""
     return elapsed - 0.9 * 10 * -math.expm1(-elapsed / 10)
 
 
-def equivalent_load(time: float) -> float:
+def equivalent_load(time):
     """Integral of J(t - s) dpbar: the load on the relaxed body that does what the ramp has done by then."""
     return LOAD * (creep(time) - creep(max(time - 1, 0)))
 
 
-def closed_form(load: float) -> tuple[float, float]:
+def closed_form(load):
     """Depth and contact fraction of an incompressible elastic halfspace of unit modulus, L = 1."""
     cosine = math.exp(-math.pi * R / 2 * load)
     depth = (math.pi**2 / 6 - float(spence(1 - cosine**2))) / (4 * math.pi**2 * R)
     return depth, 2 / math.pi * math.acos(cosine)
 
 
-def test_load_control_is_of_second_order(run: Run) -> None:
+def test_load_control_is_of_second_order(run):
     # On the same grid, so that time alone makes a difference.
     load = {"control": "load", "load": equivalent_load(3.0)}
     elastic = run(ALONE | {"layer.material.Ginf": 1.0, "trajectory": load, "time.step": 1.0})
@@ -60,7 +53,7 @@ ELASTIC = {"model": "zener", "G0": 1.0, "Ginf": 1.0}
     ],
     ids=["no layer", "all alike", "layer alone"],
 )
-def test_an_elastic_body_forgets(body: dict[str, object], run: Run) -> None:
+def test_an_elastic_body_forgets(body, run):
     found = run(body | {"time.end": 2.0, "time.step": 0.25, "grid.points": 512, "solver.tolerance": 1e-9})
     # The hold: what the ramp reached, to the solver's tolerance times p_max/pbar = 14.
     np.testing.assert_allclose(found["mean_pressure"][4:], found["mean_pressure"][4], rtol=1e-7)
@@ -68,7 +61,7 @@ def test_an_elastic_body_forgets(body: dict[str, object], run: Run) -> None:
 
 
 @pytest.mark.parametrize(("tolerance", "steps"), [(1e-3, 70), (1e-4, 150)])
-def test_adaptive_steps_keep_the_depth_within_the_tolerance(run: Run, tolerance: float, steps: int) -> None:
+def test_adaptive_steps_keep_the_depth_within_the_tolerance(run, tolerance, steps):
     recording = run(ALONE | {"time.step": "adaptive", "time.tolerance": tolerance, "time.end": 100.0})
     exact = [closed_form(equivalent_load(time))[0] for time in recording["time"]]
     # 4e-5 is the grid's.
@@ -77,8 +70,8 @@ def test_adaptive_steps_keep_the_depth_within_the_tolerance(run: Run, tolerance:
 
 
 @pytest.mark.parametrize("base", [1.0, math.inf], ids=["halfspace", "rigid base"])
-def test_the_load_that_a_depth_needs_gives_that_depth(run: Run, tmp_path: Path, base: float) -> None:
-    body: dict[str, object] = {
+def test_the_load_that_a_depth_needs_gives_that_depth(run, tmp_path, base):
+    body = {
         "layer.poisson": 0.3, "halfspace.shear_modulus": base, "grid.points": 512, "solver.tolerance": 1e-9,
         "time.end": 2.0, "output.snapshots": [2.0],
     }  # fmt: skip
@@ -97,9 +90,7 @@ def test_the_load_that_a_depth_needs_gives_that_depth(run: Run, tmp_path: Path, 
 
 @pytest.mark.parametrize("method", ["fire", "active_set", "conjugate_gradient"])
 @pytest.mark.parametrize("thickness", [0.05, math.inf])
-def test_every_solver_carries_a_load_that_comes_and_goes(
-    run: Run, tmp_path: Path, method: str, thickness: float
-) -> None:
+def test_every_solver_carries_a_load_that_comes_and_goes(run, tmp_path, method, thickness):
     (tmp_path / "load.txt").write_text("0 0\n1 0.1\n2 0\n3 0.1\n")
     trajectory = {"control": "load", "kind": "table", "file": str(tmp_path / "load.txt")}
     values = {"layer.thickness": thickness, "grid.points": 256, "trajectory": trajectory}
@@ -112,7 +103,7 @@ def test_every_solver_carries_a_load_that_comes_and_goes(
     assert found["depth"][-1] > found["depth"][np.argmin(abs(found["time"] - 1))]  # the body has crept
 
 
-def test_a_first_touch_between_the_points_of_the_grid_is_not_lost_to_rounding(run: Run) -> None:
+def test_a_first_touch_between_the_points_of_the_grid_is_not_lost_to_rounding(run):
     """No point is at the tip: of the depth, all but 1e-13 is the way to the next one."""
     tiny = {"grid.points": 31, "trajectory": {"control": "load", "load": 1e-14}, "time.step": 0.5}
     recording = run(tiny | {"time.end": 1.0, "punch": {"shape": "wedge", "slope": 1.0}})
@@ -122,7 +113,7 @@ def test_a_first_touch_between_the_points_of_the_grid_is_not_lost_to_rounding(ru
 
 @pytest.mark.parametrize("method", ["active_set", "nested_gradient", "conjugate_gradient", "fire"])
 @pytest.mark.parametrize("height", [0.0, 1e-17])
-def test_a_load_on_a_flat_punch_is_carried_by_all_points_alike(method: str, height: float) -> None:
+def test_a_load_on_a_flat_punch_is_carried_by_all_points_alike(method, height):
     # Gaps of this height are less than the rounding of the displacements that the load makes.
     heights = height * np.random.default_rng(1).random((33, 17))
     found = gfmdlayer.run(

@@ -1,12 +1,9 @@
 """Projected conjugate gradients with nested grids, on random rough problems and beside the active set."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +12,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.solver import NestedGradient
-from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess, residual_scales
 from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
@@ -27,7 +24,7 @@ MPIRUN = Path(sys.executable).parent / "mpirun"
 SIZES = (64, 65, 67, 81, 90, 96, 97, 100, 101, 127, 128, 131, 144, 150, 180, 191, 192, 200, 243, 251, 256)
 
 
-def problem_of(seed: int, sizes: tuple[int, ...] = SIZES) -> tuple[Case, Problem]:
+def problem_of(seed, sizes=SIZES):
     """A rough surface on a layer on a base up to a thousand times softer or stiffer, or on a halfspace."""
     # Loads go from one point in contact to full contact, or to the depths that these give.
     draw = np.random.default_rng(seed)
@@ -75,12 +72,12 @@ def problem_of(seed: int, sizes: tuple[int, ...] = SIZES) -> tuple[Case, Problem
     return case, Problem(stiffness, nothing, obstacle)
 
 
-def solved(case: Case, problem: Problem, start: Any = None) -> Solution:
+def solved(case, problem, start=None):
     solver = NestedGradient(case.transforms, case.grid)
     return solver.solve(problem, np.zeros(case.punch.size) if start is None else start, TOLERANCE)
 
 
-def check(case: Case, problem: Problem) -> int:
+def check(case, problem):
     """Check the solution by its own pressure alone, in double precision; return its iterations."""
     found = solved(case, problem)
     assert found.converged
@@ -102,20 +99,20 @@ def check(case: Case, problem: Problem) -> int:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_random_rough_problems_are_solved(seed: int) -> None:
+def test_random_rough_problems_are_solved(seed):
     check(*problem_of(seed, sizes=(64, 65, 67, 90, 128, 131)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 200, 50))
-def test_two_hundred_random_rough_problems_are_solved(first: int) -> None:
+def test_two_hundred_random_rough_problems_are_solved(first):
     """`scripts/soak.py` makes more."""
     for seed in range(first, first + 50):
         check(*problem_of(seed))
 
 
 @pytest.mark.parametrize("first", range(0, 60, 20))
-def test_it_agrees_with_the_active_set(first: int) -> None:
+def test_it_agrees_with_the_active_set(first):
     """The difference of two pressures is bounded by the tolerance."""
     # With the gap = gap0 + A p, p and gap >= 0, and gap <= tolerance D wherever p > 0, the differences dp and
     # dg = A dp of two solutions obey dp.A dp = dp.dg <= tolerance D sum |dp|: where both press, both gaps are
@@ -136,7 +133,7 @@ def test_it_agrees_with_the_active_set(first: int) -> None:
 
 
 @pytest.mark.parametrize("place", [0, 100, 255, 300, 520])
-def test_a_residual_counts_wherever_it_is(place: int) -> None:
+def test_a_residual_counts_wherever_it_is(place):
     """Also beside a last block of points that is a short one."""
     p, gap, h = np.zeros(530), np.ones(530), np.ones(530)
     p[place], gap[place] = 2.0, 0.5
@@ -144,7 +141,7 @@ def test_a_residual_counts_wherever_it_is(place: int) -> None:
     assert passes.settle(0, 530, 1.0, 1.0, 0.0, None, h, p, gap, h.copy(), None)[1][0] == 0.5
 
 
-def film() -> tuple[Case, Problem]:
+def film():
     """A film on a base five hundred times softer: stiffness over wavenumber varies by 430."""
     config = Config(name="film").with_values(
         {
@@ -163,7 +160,7 @@ def film() -> tuple[Case, Problem]:
     return case, Problem(stiffness, np.zeros(stiffness.size, complex), case.punch, -0.3 * full.min())
 
 
-def test_a_stiff_film_on_a_soft_base_is_handed_over_to_the_active_set() -> None:
+def test_a_stiff_film_on_a_soft_base_is_handed_over_to_the_active_set():
     case, problem = film()
     check(case, problem)
     solver = NestedGradient(case.transforms, case.grid)
@@ -178,7 +175,7 @@ def test_a_stiff_film_on_a_soft_base_is_handed_over_to_the_active_set() -> None:
     assert again.spent[1] == 0
 
 
-def test_a_step_that_fails_leaves_the_state_as_it_was() -> None:
+def test_a_step_that_fails_leaves_the_state_as_it_was():
     case, problem = film()
     solver = NestedGradient(case.transforms, case.grid)
     before = solver.state()
@@ -186,7 +183,7 @@ def test_a_step_that_fails_leaves_the_state_as_it_was() -> None:
     assert solver.state() == before
 
 
-def test_the_given_pressure_of_a_solution_is_a_good_guess() -> None:
+def test_the_given_pressure_of_a_solution_is_a_good_guess():
     case, problem = problem_of(1, sizes=(128,))
     first = solved(case, problem)
     again = solved(case, problem, first.pressure)
@@ -194,7 +191,7 @@ def test_the_given_pressure_of_a_solution_is_a_good_guess() -> None:
     assert again.transforms <= 4
 
 
-def test_without_contact_there_is_no_pressure() -> None:
+def test_without_contact_there_is_no_pressure():
     case, problem = problem_of(1, sizes=(64,))
     above = Problem(problem.stiffness, problem.intercept, case.punch + 1e-3)
     found = solved(case, above, np.ones(case.punch.size))
@@ -203,7 +200,7 @@ def test_without_contact_there_is_no_pressure() -> None:
     assert found.contact_area == 0.0
 
 
-def test_a_depth_may_follow_a_load() -> None:
+def test_a_depth_may_follow_a_load():
     case, problem = problem_of(1, sizes=(64,))
     start = np.zeros(case.punch.size)
     pressed = Problem(problem.stiffness, problem.intercept, case.punch - 0.3 * case.punch.mean())
@@ -235,13 +232,13 @@ for stiffness in (q, np.where(q < 50, 1.5 * q, q)):
 """
 
 
-def test_the_stiffness_may_change_on_one_rank_alone() -> None:
+def test_the_stiffness_may_change_on_one_rank_alone():
     command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "mpi4py", "-c", CHANGED]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
 
 
-def test_more_threads_give_the_same_solution(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_threads_give_the_same_solution(monkeypatch):
     monkeypatch.setattr("gfmdlayer.contact.nested.passes.WORTH_THREADS", 1)
     case, problem = problem_of(1, sizes=(90,))
     one = solved(case, problem)
@@ -251,7 +248,7 @@ def test_more_threads_give_the_same_solution(monkeypatch: pytest.MonkeyPatch) ->
     np.testing.assert_allclose(two.pressure, one.pressure, atol=100 * TOLERANCE * one.pressure.max())
 
 
-def test_the_preconditioner_depends_on_the_spacing_alone() -> None:
+def test_the_preconditioner_depends_on_the_spacing_alone():
     """The stencil of a halfspace, scaled by the spacing, is the same on a long cell and on a square."""
     # Both are fitted to samples of 64 waves along an axis, whose errors are of the order of 1/64^2.
     found = []

@@ -1,50 +1,36 @@
 """Interfaces that attract: the solvers find a minimum, and the one to which the state before leads."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.newton.solver import Newton
-from gfmdlayer.contact.problem import Problem, Solution, Solver, project
+from gfmdlayer.contact.problem import Problem, project
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
-from gfmdlayer.interface.electrostatic import Electrostatic
-from gfmdlayer.interface.law import HARD_WALL, Interaction, total
+from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
+from gfmdlayer.interface.law import HARD_WALL, total
 from gfmdlayer.punch.self_affine import SelfAffine
 
-Floats = NDArray[np.float64]
-
-LINE: tuple[int, ...] = (32,)
-SURFACE: tuple[int, ...] = (6, 6)
+LINE = (32,)
+SURFACE = (6, 6)
 TRANSFORMS = {shape: Transforms(shape) for shape in (LINE, SURFACE)}
 
 
-def problem(
-    kappa: Floats,
-    h: Floats,
-    law: Interaction,
-    load: float | None = None,
-    b: NDArray[np.complex128] | None = None,
-) -> Problem:
+def problem(kappa, h, law, load=None, b=None):
     """Contact problem on a line, or with the transform of an intercept."""
     intercept = np.zeros(kappa.size, complex) if b is None else b
     return Problem(kappa, intercept.astype(complex), h, load, interface=law)
 
 
-def at_rest(size: int) -> Floats:
+def at_rest(size):
     """Gap before the first step."""
     return np.full(size, np.inf)
 
 
-def dense(kappa: Floats, shape: tuple[int, ...]) -> Floats:
+def dense(kappa, shape):
     """K as a matrix over the points."""
     spectral = (*shape[:-1], shape[-1] // 2 + 1)
     unit = np.eye(int(np.prod(shape))).reshape(-1, *shape)
@@ -53,13 +39,13 @@ def dense(kappa: Floats, shape: tuple[int, ...]) -> Floats:
     return rows.reshape(len(unit), -1)
 
 
-def history(of: Problem, shape: tuple[int, ...]) -> Floats:
+def history(of, shape):
     """Intercept at the points."""
     spectrum = of.intercept.reshape(TRANSFORMS[shape].spectral_shape)
     return np.fft.irfftn(spectrum, s=shape, axes=tuple(range(len(shape)))).ravel()
 
 
-def random_law(rng: np.random.Generator) -> Interaction:
+def random_law(rng):
     """Any law, from much stronger than the body to much weaker."""
     stress, length = 10 ** rng.uniform(-3, 1), 10 ** rng.uniform(-3, -0.5)
     work = stress * length
@@ -76,7 +62,7 @@ def random_law(rng: np.random.Generator) -> Interaction:
     return total([part.interaction() for part in parts])
 
 
-def random_problems(seed: int) -> Iterator[tuple[Problem, tuple[int, ...]]]:
+def random_problems(seed):
     """Three steps of one body and one punch, under depths or loads that differ by any amount."""
     rng = np.random.default_rng(seed)
     shape = SURFACE if rng.random() < 0.3 else LINE
@@ -109,7 +95,7 @@ def random_problems(seed: int) -> Iterator[tuple[Problem, tuple[int, ...]]]:
             yield problem(kappa, h - rng.uniform(-1, 0.9) * h.mean(), law, None, b), shape
 
 
-def least_eigenvalue(K: Floats, of: Problem, found: Solution) -> float:
+def least_eigenvalue(K, of, found):
     """Least curvature of the energy along the free points, over the largest of the interface."""
     curvature = of.interface.curvature(found.gap)
     pressed = (found.gap <= 0) & (of.wall_pressure(found.pressure, found.gap) > 0)
@@ -122,7 +108,7 @@ def least_eigenvalue(K: Floats, of: Problem, found: Solution) -> float:
     return float(np.linalg.eigvalsh(hessian)[0] / scale) if len(hessian) else 0.0
 
 
-def test_a_minimum_is_found_in_each_of_a_thousand_random_problems() -> None:
+def test_a_minimum_is_found_in_each_of_a_thousand_random_problems():
     tolerance, count = 1e-6, 0
     for seed in range(334):
         start, K = None, None
@@ -145,12 +131,12 @@ def test_a_minimum_is_found_in_each_of_a_thousand_random_problems() -> None:
     assert count > 1000
 
 
-def energy(of: Problem, K: Floats, b: Floats, u: Floats) -> float:
+def energy(of, K, b, u):
     """Energy, sum over the points, at a given depth."""
     return float(0.5 * u @ K @ u - b @ u + of.interface.energy(of.obstacle - u).sum())
 
 
-def test_the_energy_never_rises_along_a_relaxation_at_a_fixed_punch() -> None:
+def test_the_energy_never_rises_along_a_relaxation_at_a_fixed_punch():
     for seed in range(60):
         each, shape = next(random_problems(seed))
         if each.mean_pressure is not None:
@@ -170,16 +156,7 @@ HALFSPACE = 2.0 * Grid((N,), (1.0,)).wavenumbers  # E* = 4
 ADHESIVE = Exponential(work=1e-3, range=4e-3).interaction()
 
 
-def follow(
-    solver: Solver,
-    h: Floats,
-    law: Interaction,
-    values: Sequence[float],
-    *,
-    loaded: bool = False,
-    noise: float = 0.0,
-    tolerance: float = 1e-6,
-) -> list[Solution]:
+def follow(solver, h, law, values, *, loaded=False, noise=0.0, tolerance=1e-6):
     """Follow a line contact on a halfspace over given depths or loads; shake each start by some noise."""
     rng, start, found = np.random.default_rng(0), at_rest(N), []
     for value in values:
@@ -191,13 +168,13 @@ def follow(
     return found
 
 
-def legs(count: int, *turns: float) -> list[float]:
+def legs(count, *turns):
     """Depths on the way from each turn to the next, in so many steps."""
     ways = (np.linspace(a, b, count + 1)[1:] for a, b in pairwise(turns))
     return [turns[0], *np.concatenate(list(ways))]
 
 
-def rough(seed: int) -> Floats:
+def rough(seed):
     """A rough line, zero at its lowest point."""
     rng = np.random.default_rng(seed)
     waves = (0.01 * k**-1.2 * np.cos(2 * np.pi * (k * X + rng.random())) for k in range(1, 20))
@@ -220,11 +197,9 @@ TWO_BUMPS = np.minimum(3 * (X - 0.25) ** 2, 3 * (X + 0.25) ** 2 + 5e-4)
     ],
     ids=["snapped in", "pulled off", "two bumps", "rough", "rough under load", "rough, Lennard-Jones"],
 )
-def test_landings_depend_neither_on_the_time_step_nor_on_the_start(
-    h: Floats, law: Interaction, turns: Sequence[float], loaded: bool
-) -> None:
+def test_landings_depend_neither_on_the_time_step_nor_on_the_start(h, law, turns, loaded):
     tolerance, solver = 1e-7, Newton(Transforms((N,)))
-    given: dict[str, Any] = {"loaded": loaded, "tolerance": tolerance}
+    given = {"loaded": loaded, "tolerance": tolerance}
     reference = follow(solver, h, law, legs(40, *turns), **given)
     assert sum(found.released_energy > 0 for found in reference[1:]) > 0 or loaded
     others = [follow(solver, h, law, legs(count, *turns), **given)[-1] for count in (4, 10, 20)]
@@ -235,7 +210,7 @@ def test_landings_depend_neither_on_the_time_step_nor_on_the_start(
         np.testing.assert_allclose(other.gap, reference[-1].gap, rtol=0, atol=100 * tolerance * law.range)
 
 
-def test_jumps_of_a_rough_surface_and_their_energies_are_those_of_ten_substeps() -> None:
+def test_jumps_of_a_rough_surface_and_their_energies_are_those_of_ten_substeps():
     # Of a retraction in eight steps. Until the deviation from the tangent was looked at, Newton's steps ran
     # past a jump that releases 5.8 works of adhesion of a point. The trapezoidal rule for the work misplaces
     # a jump by half a step at most; changes of the force without a jump are less than that here.
@@ -265,7 +240,7 @@ def test_jumps_of_a_rough_surface_and_their_energies_are_those_of_ten_substeps()
     assert sum(reported) == pytest.approx(sum(true), rel=0.2)
 
 
-def explicit_descent(of: Problem, K: Floats) -> Floats:
+def explicit_descent(of, K):
     """Gap at the end of eta du/dt = p_c with u <= h and mean(u) = 0, from rest, by short explicit steps."""
     h, law = of.obstacle, of.interface
     dt = 0.2 / (np.linalg.norm(K, 2) + np.abs(law.curvature(np.zeros(1)))[0])
@@ -284,7 +259,7 @@ def explicit_descent(of: Problem, K: Floats) -> Floats:
     return np.asarray(h - u)
 
 
-def test_an_instability_ends_where_the_overdamped_descent_of_the_energy_does() -> None:
+def test_an_instability_ends_where_the_overdamped_descent_of_the_energy_does():
     n, several = 32, 0
     grid, transforms = Grid((n,), (1.0,)), Transforms((n,))
     kappa, x = 2 * grid.wavenumbers, grid.coordinates[0]
@@ -305,7 +280,7 @@ def test_an_instability_ends_where_the_overdamped_descent_of_the_energy_does() -
     assert several > 2  # the descent had a choice
 
 
-def test_newton_and_fire_agree_where_the_minimum_is_unique() -> None:
+def test_newton_and_fire_agree_where_the_minimum_is_unique():
     # |w''| is less than kappa_1 everywhere: the energy is convex, also at a step of a relaxing body.
     law = Exponential(work=2e-4, range=5e-3).interaction()
     assert np.abs(law.curvature(np.zeros(1)))[0] < HALFSPACE[1]
@@ -332,7 +307,7 @@ def test_newton_and_fire_agree_where_the_minimum_is_unique() -> None:
         assert newton.mean_pressure == pytest.approx(fire.mean_pressure, abs=1e-8 * law.strength)
 
 
-def film() -> tuple[Floats, Interaction, float]:
+def film():
     """Stiffness of a film, a law, and the gap at which -w'' is the stiffness of its lowest mode."""
     q = Grid((N,), (1.0,)).wavenumbers
     kappa = 4.0 * np.where(q > 0, q * (0.2 + (10 / np.maximum(q, 1)) ** 2), 0)
@@ -341,7 +316,7 @@ def film() -> tuple[Floats, Interaction, float]:
 
 
 @pytest.mark.parametrize("after_full_contact", [False, True])
-def test_an_even_film_becomes_uneven_though_its_balance_stays(after_full_contact: bool) -> None:
+def test_an_even_film_becomes_uneven_though_its_balance_stays(after_full_contact):
     """An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum."""
     (kappa, law, gap), newton = film(), Newton(Transforms((N,)))
     if after_full_contact:  # in which there is no deformation to follow
@@ -360,9 +335,7 @@ def test_an_even_film_becomes_uneven_though_its_balance_stays(after_full_contact
 
 @pytest.mark.parametrize("uneven", [0.0, 1e-10, 1e-8, 1e-6])
 @pytest.mark.parametrize("past", [1e-4, 1e-3, 1e-2])
-def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_moves(
-    uneven: float, past: float
-) -> None:
+def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_moves(uneven, past):
     # Even gaps are in balance at any mean, so that balance does not tell whether the surface has moved.
     kappa, law, gap = film()
     lowest = np.cos(2 * np.pi * int(np.argmin(kappa[1:]) + 1) * np.arange(N) / N)
@@ -374,7 +347,7 @@ def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_mo
 
 
 @pytest.mark.parametrize(("G", "L"), [(1e11, 1e-9), (1e12, 1e-10), (1e-12, 1e9)])
-def test_units_do_not_count(G: float, L: float) -> None:
+def test_units_do_not_count(G, L):
     law = Exponential(work=1e-3 * G * L, range=4e-3 * L).interaction()
     solvers, starts = (Newton(Transforms((N,))), Newton(Transforms((N,)))), [at_rest(N), at_rest(N)]
     for depth in legs(8, -0.015, 0.004, -0.009):
@@ -385,7 +358,7 @@ def test_units_do_not_count(G: float, L: float) -> None:
         np.testing.assert_allclose(other.gap / L, plain.gap, rtol=0, atol=100 * 1e-6 * ADHESIVE.range)
 
 
-def test_no_solution_is_claimed_where_nothing_holds_the_load() -> None:
+def test_no_solution_is_claimed_where_nothing_holds_the_load():
     solver = Newton(Transforms((N,)))
     held = follow(solver, 2 * X**2, ADHESIVE, [0.0, -0.01], loaded=True)[-1]
     lost = solver.solve(problem(HALFSPACE, 2 * X**2, ADHESIVE, -0.02), held.gap)
@@ -397,7 +370,7 @@ def test_no_solution_is_claimed_where_nothing_holds_the_load() -> None:
     assert short.residual > 1e-6
 
 
-def test_a_hard_wall_is_a_law_like_others() -> None:
+def test_a_hard_wall_is_a_law_like_others():
     each = problem(HALFSPACE, 2 * X**2 - 0.01, HARD_WALL)
     found = Newton(Transforms((N,))).solve(each, at_rest(N), 1e-9)
     exact = Fire(Transforms((N,))).solve(each, np.zeros(N), 1e-9)
@@ -411,7 +384,7 @@ def test_a_hard_wall_is_a_law_like_others() -> None:
 @pytest.mark.parametrize(
     "law", [ADHESIVE, Dugdale(work=1e-3, stress=0.3).interaction()], ids=["exponential", "dugdale"]
 )
-def test_the_same_punch_lands_alike_on_a_line_and_on_a_surface(law: Interaction) -> None:
+def test_the_same_punch_lands_alike_on_a_line_and_on_a_surface(law):
     n, grid = 64, Grid((64, 8), (1.0, 1.0))
     line, surface = Newton(Transforms((n,))), Newton(Transforms((n, 8)))
     h = 2 * grid.coordinates[0] ** 2

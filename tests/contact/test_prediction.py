@@ -1,28 +1,23 @@
 """The first guess of the pressure: exact wherever the law that it extrapolates by is what happens."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer.contact.prediction import PressurePrediction
-
-Floats = NDArray[np.float64]
 
 X = np.linspace(-1, 1, 400, endpoint=False) + 1 / 811  # no two points as far from the centre
 SLOPE = 3.0  # c in p^2 = c (a^2 - x^2)
 OPENING = 0.7  # of gap = OPENING (x^2 - a^2)^(3/2)
 
 
-def edge_law(squared_width: float) -> tuple[Floats, Floats]:
+def edge_law(squared_width):
     """Pressure and gap whose edge is at x^2 = a^2."""
     inside = squared_width - X**2
     return np.sqrt(SLOPE * np.maximum(inside, 0)), OPENING * np.maximum(-inside, 0) ** 1.5
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2])
-def test_pressures_of_a_fixed_contact_are_extrapolated_exactly(degree: int) -> None:
+def test_pressures_of_a_fixed_contact_are_extrapolated_exactly(degree):
     # As many steps as a polynomial of the degree needs, at uneven times.
     rng = np.random.default_rng(degree)
     coefficients = rng.uniform(0.1, 1, (degree + 1, 50))
@@ -37,7 +32,7 @@ def test_pressures_of_a_fixed_contact_are_extrapolated_exactly(degree: int) -> N
     np.testing.assert_allclose(prediction.at(0.9), expected, rtol=30 * 2.3e-16 * 4)
 
 
-def test_only_the_last_three_steps_count() -> None:
+def test_only_the_last_three_steps_count():
     gap, prediction = np.zeros(4), PressurePrediction(4)
     prediction.remember(-7.0, np.full(4, 1e6), gap)
     for time in (0.0, 1.0, 2.0):
@@ -46,10 +41,10 @@ def test_only_the_last_three_steps_count() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.05, -0.05])
-def test_the_contact_is_right_to_the_point_where_its_edge_obeys_the_square_root(rate: float) -> None:
+def test_the_contact_is_right_to_the_point_where_its_edge_obeys_the_square_root(rate):
     prediction = PressurePrediction(X.size)
 
-    def squared_width(time: float) -> float:
+    def squared_width(time):
         return 0.3 + rate * time
 
     # The contact has to grow for mu to be learned, before it may shrink.
@@ -68,7 +63,7 @@ def test_the_contact_is_right_to_the_point_where_its_edge_obeys_the_square_root(
     assert ((last > 0) != (expected > 0)).any()
 
 
-def test_a_contact_that_has_not_moved_yet_is_kept() -> None:
+def test_a_contact_that_has_not_moved_yet_is_kept():
     # Without mu, unknown until the edge has passed a point, nothing may join.
     prediction = PressurePrediction(X.size)
     for step, width in enumerate((0.3, 0.3, 0.3)):
@@ -76,7 +71,7 @@ def test_a_contact_that_has_not_moved_yet_is_kept() -> None:
     np.testing.assert_array_equal(prediction.at(3) > 0, edge_law(0.3)[0] > 0)
 
 
-def test_steps_before_a_breakpoint_do_not_count() -> None:
+def test_steps_before_a_breakpoint_do_not_count():
     prediction = PressurePrediction(X.size)
     for step in range(6):
         prediction.remember(step, *edge_law(0.3 + 0.01 * step), at_breakpoint=step == 5)
@@ -87,7 +82,7 @@ def test_steps_before_a_breakpoint_do_not_count() -> None:
     np.testing.assert_allclose(prediction.at(7) ** 2, expected**2, atol=1e-14 * SLOPE)
 
 
-def test_nothing_is_guessed_from_nothing_and_a_guess_belongs_to_whoever_asked_for_it() -> None:
+def test_nothing_is_guessed_from_nothing_and_a_guess_belongs_to_whoever_asked_for_it():
     prediction = PressurePrediction(3)
     for expected in (np.zeros(3), np.ones(3)):
         np.testing.assert_array_equal(prediction.at(1.0), expected)
@@ -96,7 +91,7 @@ def test_nothing_is_guessed_from_nothing_and_a_guess_belongs_to_whoever_asked_fo
         prediction.remember(0.0, np.ones(3), np.zeros(3))
 
 
-def test_a_contact_that_vanishes_far_from_one_that_stays_is_seen() -> None:
+def test_a_contact_that_vanishes_far_from_one_that_stays_is_seen():
     # Where there is no contact now nor was any before, nothing is looked at.
     prediction = PressurePrediction(4096)
     stays, vanishes = np.zeros(4096), np.zeros(4096)

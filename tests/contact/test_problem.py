@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import (
@@ -26,14 +25,13 @@ from gfmdlayer.resumable import Stateless
 from gfmdlayer.simulation import Case
 
 EPS = np.finfo(float).eps
-Floats = NDArray[np.float64]
 
 compiles = settings(deadline=None)  # the first call compiles
 values = st.floats(-1, 1, allow_subnormal=False)
 
 
 @st.composite
-def surfaces(draw: st.DrawFn) -> tuple[Floats, Floats]:
+def surfaces(draw):
     """A displacement and an obstacle with some room below it, of any scale."""
     n = draw(st.integers(1, 60))
     scale = 10.0 ** draw(st.integers(-6, 6))
@@ -43,13 +41,13 @@ def surfaces(draw: st.DrawFn) -> tuple[Floats, Floats]:
     return scale * np.where(touching, h, u), scale * h
 
 
-def mean_of(u: Floats) -> float:
+def mean_of(u):
     return math.fsum(u) / u.size
 
 
 @given(surfaces())
 @compiles
-def test_the_projection_keeps_to_the_punch_the_mean_and_one_shift(surface: tuple[Floats, Floats]) -> None:
+def test_the_projection_keeps_to_the_punch_the_mean_and_one_shift(surface):
     start, h = surface
     u = start.copy()
     project(u, h, mean_is_fixed=True)
@@ -76,14 +74,14 @@ def test_the_projection_keeps_to_the_punch_the_mean_and_one_shift(surface: tuple
         project(u, h - 2 * np.abs(h).max(), mean_is_fixed=True)
 
 
-def test_a_punch_that_fills_the_cell_exactly_is_followed() -> None:
+def test_a_punch_that_fills_the_cell_exactly_is_followed():
     h = np.array([0.5, -0.25, 0.25, -0.5])
     u = np.zeros(4)
     project(u, h, mean_is_fixed=True)
     np.testing.assert_array_equal(u, h)
 
 
-def test_the_mean_stays_at_rounding_with_many_points_of_very_different_height() -> None:
+def test_the_mean_stays_at_rounding_with_many_points_of_very_different_height():
     rng = np.random.default_rng(1)
     h = np.exp(rng.uniform(-12, 0, 2**18))
     u = rng.standard_normal(h.size)
@@ -104,14 +102,14 @@ class Reaching(Stateless):
     calls: list[tuple[float, int, float]] = field(default_factory=list)
     starts_from = "displacement"
 
-    def solve(self, _: Problem, start: Floats, tolerance: float, limit: int) -> Solution:
+    def solve(self, _, start, tolerance, limit):
         self.calls.append((tolerance, limit, float(start[0])))
         start += 1.0  # as solvers may
         u, none = np.full(4, tolerance), np.zeros(4)
         state = Solution(u, none, none, none + 0j, 0.0, 0.0, 0.5, self.reached, 3, 2, converged=True)
         return replace(state, converged=self.reached <= tolerance)
 
-    def compile(self) -> None: ...
+    def compile(self): ...
 
 
 @pytest.mark.parametrize(
@@ -124,15 +122,15 @@ class Reaching(Stateless):
     ids=["finer", "given", "neither"],
 )
 def test_a_solve_that_misses_the_finer_tolerance_is_repeated_to_the_given_one(
-    reached: float, again: list[tuple[float, int, float]], converges: bool, pairs: int
-) -> None:
+    reached, again, converges, pairs
+):
     solver = Reaching(reached)
     found = solve_finer(solver, PROBLEM, START.copy(), 1e-10, 1e-6, 5000)
     assert (found.converged, found.residual, found.transforms) == (converges, reached, pairs)
     assert solver.calls == [(1e-10, 1000, 0.0), *again]
 
 
-def test_one_solve_suffices_where_no_finer_tolerance_is_needed() -> None:
+def test_one_solve_suffices_where_no_finer_tolerance_is_needed():
     solver = Reaching(1e-5)
     assert not solve_finer(solver, PROBLEM, START.copy(), 1e-6, 1e-6, 5000).converged
     assert solver.calls == [(1e-6, 5000, 0.0)]
@@ -141,13 +139,13 @@ def test_one_solve_suffices_where_no_finer_tolerance_is_needed() -> None:
 # --- failures ---
 
 
-def test_a_failed_step_names_its_reason() -> None:
+def test_a_failed_step_names_its_reason():
     case = Case(Config(name="x", grid={"points": 64}, trajectory={"depth": 0.01}))
     flat = np.zeros(case.grid.wavenumbers.shape)
     problem = case.loading.problem(flat + 1.0, flat + 0j, 1.0)
     u = problem.obstacle.copy()
 
-    def reason(u: Floats, within: float) -> str:
+    def reason(u, within):
         none = np.zeros(u.size)
         state = make_solution(problem, u, none, flat + 0j, spent=(3, 2), within=within)
         assert not state.converged

@@ -1,13 +1,11 @@
 """Steps under a moving punch that need more than the iteration over problems without loss."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
-from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
@@ -16,7 +14,7 @@ GRID = Grid((N,), (1.0,))
 LOSS = 5.0  # over the stiffness: sin delta is 0.98
 
 
-def solve(stiffness: np.ndarray, load: float) -> tuple[Problem, Solution]:
+def solve(stiffness, load):
     """Solve under a parabola on a rippled surface, whose waves have all a large loss."""
     x, q = GRID.coordinates[0], GRID.wavenumbers
     ripples = np.fft.rfft(0.01 * np.sin(6 * np.pi * x) + 0.003 * np.cos(22 * np.pi * x))
@@ -28,7 +26,7 @@ def solve(stiffness: np.ndarray, load: float) -> tuple[Problem, Solution]:
     return problem, solver.solve(problem, np.zeros(N), TOLERANCE)
 
 
-def test_without_load_the_surface_is_the_free_one() -> None:
+def test_without_load_the_surface_is_the_free_one():
     q = GRID.wavenumbers
     problem, found = solve(q.copy(), 0.0)
     assert found.converged
@@ -41,7 +39,7 @@ def test_without_load_the_surface_is_the_free_one() -> None:
 
 
 @pytest.mark.parametrize("base", [1e-2, 1e-5, 1e-8])
-def test_a_stiff_film_on_a_soft_base(base: float) -> None:
+def test_a_stiff_film_on_a_soft_base(base):
     q = GRID.wavenumbers
     stiffness = base * q + (0.01 * q) ** 3 / (1 + (0.01 * q) ** 2)
     load = 0.05 * float(stiffness[1])

@@ -1,7 +1,5 @@
 """Windows around the contact: their operator against the whole surface's, and solves with and without."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,18 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.contact.active_set import windows
-from gfmdlayer.contact.active_set.loop import evaluate
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.active_set.windows import Windows
-from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import NOWHERE, Grid, parts, periodic_extent
 from gfmdlayer.grid.transforms import Transforms
-
-Floats = NDArray[np.float64]
 
 TOLERANCE = 1e-10
 SHAPES = [(1024,), (1000,), (243 * 4,), (512, 256), (390, 780)]
@@ -30,7 +24,7 @@ each_shape = pytest.mark.parametrize("shape", SHAPES)
 each_condition = pytest.mark.parametrize("condition", CONDITIONS)
 
 
-def problem_of(shape: tuple[int, ...], condition: str, centre: float = 0.0, seed: int = 0) -> Problem:
+def problem_of(shape, condition, centre=0.0, seed=0):
     """A parabola pressed at some centre, in parts of the period, into a layer with a history."""
     grid = Grid(shape, (1.0,) * len(shape))
     yields = condition == "free mean"
@@ -54,24 +48,24 @@ def problem_of(shape: tuple[int, ...], condition: str, centre: float = 0.0, seed
 
 
 @pytest.fixture
-def attempts(monkeypatch: pytest.MonkeyPatch) -> list[windows.WindowResult]:
+def attempts(monkeypatch):
     """What windows give."""
-    given: list[windows.WindowResult] = []
+    given = []
     solve = Windows.solve
 
-    def recorded(self: Windows, *arguments: object) -> windows.WindowResult:
-        given.append(solve(self, *arguments))  # type: ignore[arg-type]
+    def recorded(self, *arguments):
+        given.append(solve(self, *arguments))
         return given[-1]
 
     monkeypatch.setattr(Windows, "solve", recorded)
     return given
 
 
-def without_windows(problem: Problem, shape: tuple[int, ...], tolerance: float = TOLERANCE) -> Solution:
+def without_windows(problem, shape, tolerance=TOLERANCE):
     return ActiveSet(Transforms(shape), windows=False).solve(problem, np.zeros(prod(shape)), tolerance)
 
 
-def assert_same(found: Solution, expected: Solution, problem: Problem, tolerance: float = TOLERANCE) -> None:
+def assert_same(found, expected, problem, tolerance=TOLERANCE):
     """Both have gaps in the contact within the tolerance: pressures differ by what such gaps are worth."""
     depth = (problem.obstacle - problem.obstacle.min() - found.gap).max()
     bound = 2 * tolerance * depth * np.abs(problem.stiffness).max()
@@ -83,28 +77,9 @@ def assert_same(found: Solution, expected: Solution, problem: Problem, tolerance
 
 
 @each_shape
-def test_the_response_to_pressure_in_a_window_is_that_on_the_surface(shape: tuple[int, ...]) -> None:
-    problem, random = problem_of(shape, "free mean"), np.random.default_rng(1)
-    transforms, part = Transforms(shape), parts(shape)[0]
-    solver = ActiveSet(transforms)
-    solver._set_stiffness(problem.stiffness, problem.residual_floor, load_given=False)
-    _, window = solver._windows._window(part)
-    pressed = (*((slice(0, window.width[0]),) if len(shape) > 1 else ()), slice(0, window.width[1]))
-    p = np.zeros(shape)
-    p[pressed] = random.random(p[pressed].shape)
-    compliance = (1 / problem.stiffness).reshape(transforms.spectral_shape)
-    surface = np.fft.irfftn(np.fft.rfftn(p) * compliance, s=shape, axes=range(len(shape)))
-    window.system.gap0[:] = 0.0
-    window.at.p[:] = np.ravel(p[tuple(slice(0, n // part) for n in shape)])
-    evaluate(window.plans, window.system, window.at, window.work)
-    gap = window.at.gap.reshape(tuple(n // part for n in shape))[pressed]
-    np.testing.assert_allclose(gap, surface[pressed], atol=1e-13 * np.abs(surface).max())
-
-
-@each_shape
 @each_condition
 @pytest.mark.parametrize("centre", [0.0, 0.31, -0.5, 0.4999])
-def test_a_contact_anywhere_is_that_of_a_solve_without(shape, condition, centre, attempts) -> None:  # type: ignore[no-untyped-def]
+def test_a_contact_anywhere_is_that_of_a_solve_without(shape, condition, centre, attempts):
     problem = problem_of(shape, condition, centre)
     expected = without_windows(problem, shape)
     attempts.clear()
@@ -117,7 +92,7 @@ def test_a_contact_anywhere_is_that_of_a_solve_without(shape, condition, centre,
 
 
 @each_shape
-def test_without_a_guess_the_overlap_shows_where_the_window_belongs(shape, attempts) -> None:  # type: ignore[no-untyped-def]
+def test_without_a_guess_the_overlap_shows_where_the_window_belongs(shape, attempts):
     problem = problem_of(shape, "fixed mean", 0.25)
     found = ActiveSet(Transforms(shape)).solve(problem, np.zeros(prod(shape)), TOLERANCE)
     assert [attempt.within for attempt in attempts] == [True]
@@ -125,7 +100,7 @@ def test_without_a_guess_the_overlap_shows_where_the_window_belongs(shape, attem
 
 
 @each_condition
-def test_a_contact_that_outgrows_its_window_gets_a_larger_one(condition: str, attempts) -> None:  # type: ignore[no-untyped-def]
+def test_a_contact_that_outgrows_its_window_gets_a_larger_one(condition, attempts):
     shape, start = (4096,), np.zeros(4096)
     problem = problem_of(shape, condition)
     start[2048] = 1.0
@@ -137,7 +112,7 @@ def test_a_contact_that_outgrows_its_window_gets_a_larger_one(condition: str, at
 
 
 @each_condition
-def test_a_contact_beyond_the_window_is_found(condition: str) -> None:
+def test_a_contact_beyond_the_window_is_found(condition):
     """Of two bumps the guess knows one; the other is as large, or a single point."""
     shape = (2048,)
     for other in (-0.2, -0.195):
@@ -152,7 +127,7 @@ def test_a_contact_beyond_the_window_is_found(condition: str) -> None:
         assert_same(found, expected, both)
 
 
-def test_a_contact_as_wide_as_the_surface_has_no_window(attempts) -> None:  # type: ignore[no-untyped-def]
+def test_a_contact_as_wide_as_the_surface_has_no_window(attempts):
     shape = (1024,)
     problem = problem_of(shape, "load")
     found = ActiveSet(Transforms(shape)).solve(problem, np.ones(1024), TOLERANCE)
@@ -161,7 +136,7 @@ def test_a_contact_as_wide_as_the_surface_has_no_window(attempts) -> None:  # ty
 
 
 @pytest.mark.parametrize(("kept", "lost"), [(1, 0), (0, 1)])
-def test_what_a_solver_remembers_has_no_part_in_a_window(kept: int, lost: int) -> None:
+def test_what_a_solver_remembers_has_no_part_in_a_window(kept, lost):
     """A window's solve depends on the problem and the guess alone, to the last bit."""
     shape = (1024,)
     transforms = Transforms(shape)
@@ -175,7 +150,7 @@ def test_what_a_solver_remembers_has_no_part_in_a_window(kept: int, lost: int) -
     np.testing.assert_array_equal(again.spectrum, first.spectrum)
 
 
-def test_a_window_costs_a_part_of_the_surface(attempts) -> None:  # type: ignore[no-untyped-def]
+def test_a_window_costs_a_part_of_the_surface(attempts):
     """Three transforms of the whole surface and one for the kernel; the others count by their points."""
     shape = (1 << 14,)
     problem = problem_of(shape, "fixed mean")
@@ -202,11 +177,11 @@ def test_a_window_costs_a_part_of_the_surface(attempts) -> None:  # type: ignore
         ((195, 390), (3,)),
     ],
 )
-def test_windows_divide_all_axes(shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
+def test_windows_divide_all_axes(shape, expected):
     assert parts(shape) == expected
 
 
-def test_one_contact_is_not_evaluated_in_the_window_at_the_end(attempts) -> None:  # type: ignore[no-untyped-def]
+def test_one_contact_is_not_evaluated_in_the_window_at_the_end(attempts):
     """A multiple of the solution is scaled without a transform; what is found is checked on the surface."""
     shape = (1 << 14,)
     one = problem_of(shape, "fixed mean")
@@ -233,14 +208,14 @@ def test_one_contact_is_not_evaluated_in_the_window_at_the_end(attempts) -> None
         ([1, 6], [14, 2], ((6, 4), (14, 5))),
     ],
 )
-def test_spans_go_on_at_the_beginning(rows, points, expected) -> None:  # type: ignore[no-untyped-def]
+def test_spans_go_on_at_the_beginning(rows, points, expected):
     pressure = np.full((8, 16), -1.0)
     pressure[rows, points] = 1.0
     assert periodic_extent(pressure.ravel(), (8, 16)) == expected
 
 
 @pytest.mark.parametrize("control", ["depth", "load"])
-def test_warming_up_comes_to_a_window(control: str) -> None:
+def test_warming_up_comes_to_a_window(control):
     """What it leaves is compiled by all ranks at once."""
     program = f"""
 from pathlib import Path
@@ -257,7 +232,7 @@ assert windows.solve.overloads
 
 
 @each_condition
-def test_bits_do_not_depend_on_where_arrays_lie(condition: str) -> None:
+def test_bits_do_not_depend_on_where_arrays_lie(condition):
     problem = problem_of((4096,), condition)
     transforms = Transforms((4096,))
     start = np.maximum(problem.obstacle.min() + 0.005 - problem.obstacle, 0.0)

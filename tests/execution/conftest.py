@@ -1,34 +1,30 @@
 """Runs in the tests' own process, which spare the start of another one."""
 
-from __future__ import annotations
-
 import sys
-from collections.abc import Callable, Iterator
 from contextlib import chdir
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
-from gfmdlayer.config import Config, load
+from gfmdlayer.config import load
 from gfmdlayer.execution.progress import Log
-from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
+from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.workers import assemble
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path) -> Iterator[None]:
+def in_an_empty_folder(tmp_path):
     with chdir(tmp_path):
         yield
 
 
 @pytest.fixture
-def run_here(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[Summary, str]]:
+def run_here(capsys):
     """Run a configuration, or the file of one; return the summary and the log."""
 
-    def run(config: Config | str, out: str | Path = "out", **options: Any) -> tuple[Summary, str]:
+    def run(config, out="out", **options):
         config = load(Path(config)) if isinstance(config, str) else config
         with assemble() as pool:
             assert pool is not None
@@ -39,10 +35,10 @@ def run_here(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[Summary,
 
 
 @pytest.fixture(scope="session")
-def bits() -> Callable[[str | Path], dict[str, bytes]]:
+def bits():
     """Return the bits of every variable of an HDF5 file, or of every such file in a results folder."""
 
-    def bits(place: str | Path) -> dict[str, bytes]:
+    def bits(place):
         place, found = Path(place), {}
         for path in sorted(place.rglob("*.h5")) if place.is_dir() else [place]:
             prefix = f"{path.relative_to(place)}:" if place.is_dir() else ""

@@ -1,13 +1,8 @@
 """Checkpoints and journals: resumed from where that gives the same bits, refused with a reason elsewhere."""
 
-from __future__ import annotations
-
 import json
 import re
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -44,25 +39,25 @@ CONFIG = Config(name="tiny").with_values(
 CASE = SweepCase(7, CONFIG, {})
 
 
-def record(into: Any, steps: range) -> None:
+def record(into, steps):
     for step in steps:
         into.row(time=step / 3, transforms=step, gap_histogram=np.array([step, 1 / 3]))
         if step % 3 == 0:
             into.snapshot(step / 3, *(np.full((4, 2), step / part) for part in (7, 9, 11)))
 
 
-def content(found: Recording) -> tuple[Any, Any]:
+def content(found):
     rows = [{name: np.asarray(value).tolist() for name, value in row.items()} for row in found.rows]
     return rows, [(time, *(field.tobytes() for field in fields)) for time, *fields in found.fields]
 
 
-def heard(journal: Journal) -> tuple[Any, Any]:
+def heard(journal):
     found = Recording()
     journal.replay(found)
     return content(found)
 
 
-def expected(*parts: range) -> tuple[Any, Any]:
+def expected(*parts):
     found = Recording()
     for part in parts:
         record(found, part)
@@ -70,14 +65,14 @@ def expected(*parts: range) -> tuple[Any, Any]:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Folder:
+def folder(tmp_path):
     found = Folder(tmp_path)
     found.cases.mkdir()
     return found
 
 
 @pytest.mark.parametrize("held", [0, 1000, HELD])
-def test_a_journal_repeats_its_records_up_to_a_position(tmp_path: Path, held: int) -> None:
+def test_a_journal_repeats_its_records_up_to_a_position(tmp_path, held):
     one = Journal(tmp_path / "0", held=held)
     record(one, range(20))
     position = one.kept()
@@ -94,14 +89,14 @@ def test_a_journal_repeats_its_records_up_to_a_position(tmp_path: Path, held: in
     assert heard(third) == heard(again) == expected(range(20), range(50, 60))
 
 
-def test_a_journal_brings_to_the_disk_what_memory_may_not_hold(tmp_path: Path) -> None:
+def test_a_journal_brings_to_the_disk_what_memory_may_not_hold(tmp_path):
     one = Journal(tmp_path / "0", held=500)
     record(one, range(200))
     recorded = 200 * 4 * 8 + 67 * 3 * 64
     assert recorded - 500 <= (tmp_path / "0").stat().st_size
 
 
-def test_an_empty_journal_has_no_file(tmp_path: Path) -> None:
+def test_an_empty_journal_has_no_file(tmp_path):
     one = Journal(tmp_path / "0")
     again = Journal(tmp_path / "0")
     again.go_on(one.kept())
@@ -110,7 +105,7 @@ def test_an_empty_journal_has_no_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("harm", ["gone", "truncated", "changed"])
-def test_a_damaged_journal_is_refused_before_anything_is_repeated(tmp_path: Path, harm: str) -> None:
+def test_a_damaged_journal_is_refused_before_anything_is_repeated(tmp_path, harm):
     one = Journal(tmp_path / "0")
     record(one, range(20))
     position = one.kept()
@@ -127,7 +122,7 @@ def test_a_damaged_journal_is_refused_before_anything_is_repeated(tmp_path: Path
             heard(one)
 
 
-def test_a_journal_that_cannot_be_written_keeps_its_records(tmp_path: Path) -> None:
+def test_a_journal_that_cannot_be_written_keeps_its_records(tmp_path):
     one = Journal(tmp_path / "missing" / "0", held=1500)
     record(one, range(9))
     with pytest.raises(OSError, match="No such file"):
@@ -137,7 +132,7 @@ def test_a_journal_that_cannot_be_written_keeps_its_records(tmp_path: Path) -> N
         record(one, range(9, 30))
 
 
-def test_a_checkpoint_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_a_checkpoint_is_read_as_it_was_written(tmp_path):
     write_checkpoint(tmp_path / "c", MADE_BY, {"time": 0.25}, STATE)
     read = read_checkpoint(tmp_path / "c", MADE_BY)
     assert read.about == {"time": 0.25}
@@ -147,7 +142,7 @@ def test_a_checkpoint_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "c"]
 
 
-def test_a_checkpoint_of_other_origin_is_refused(tmp_path: Path) -> None:
+def test_a_checkpoint_of_other_origin_is_refused(tmp_path):
     write_checkpoint(tmp_path / "c", MADE_BY, {}, STATE)
     changed = {"format": "2", "digest": "abd", "numpy_version": "2.5", "processor": "other", "ranks": "2"}
     reasons = (
@@ -158,7 +153,7 @@ def test_a_checkpoint_of_other_origin_is_refused(tmp_path: Path) -> None:
         read_checkpoint(tmp_path / "c", MADE_BY | changed)
 
 
-def test_a_checkpoint_that_is_cut_off_or_changed_anywhere_is_refused(tmp_path: Path) -> None:
+def test_a_checkpoint_that_is_cut_off_or_changed_anywhere_is_refused(tmp_path):
     write_checkpoint(tmp_path / "c", MADE_BY, {}, STATE)
     content = (tmp_path / "c").read_bytes()
     for place in range(len(content)):
@@ -170,32 +165,32 @@ def test_a_checkpoint_that_is_cut_off_or_changed_anywhere_is_refused(tmp_path: P
 
 
 @pytest.mark.parametrize("about", ["[]", "{}", '{"made_by": null}', '{"made_by": {}}', "no JSON"])
-def test_a_sealed_file_that_no_run_wrote_is_no_checkpoint(tmp_path: Path, about: str) -> None:
+def test_a_sealed_file_that_no_run_wrote_is_no_checkpoint(tmp_path, about):
     write_sealed(tmp_path / "c", about.encode() + b"\n")
     assert read_about(tmp_path / "c") in (None, {"made_by": {}})
     with pytest.raises(CheckpointError):
         read_checkpoint(tmp_path / "c", MADE_BY)
 
 
-def test_a_checkpoint_of_version_0_2_is_named_as_one(tmp_path: Path) -> None:
+def test_a_checkpoint_of_version_0_2_is_named_as_one(tmp_path):
     np.savez((tmp_path / "c").open("wb"), about=np.array("{}"))
     with pytest.raises(CheckpointError, match="an earlier version of gfmdlayer wrote it"):
         read_checkpoint(tmp_path / "c", MADE_BY)
 
 
-def run(folder: Folder, every: float = 0.0) -> str:
+def run(folder, every=0.0):
     return case_run.run_case(CASE, folder, checkpoint_every=every).state
 
 
 @pytest.fixture
-def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+def stop_after(monkeypatch):
     """Have the next run stop after so many steps, as a signal does; never, for 0."""
     advance = status.StatusFile.advance
 
-    def stop_after(steps: int) -> None:
+    def stop_after(steps):
         calls = iter(range(steps + 1))  # the first call comes before the first step
 
-        def told(self: status.StatusFile, time: float) -> None:
+        def told(self, time):
             advance(self, time)
             if next(calls, None) == steps and steps:
                 raise Stopped
@@ -205,13 +200,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     return stop_after
 
 
-def test_a_case_stopped_twice_has_the_bits_of_one_that_was_not(
-    folder: Folder,
-    tmp_path: Path,
-    stop_after: Callable[[int], None],
-    capsys: pytest.CaptureFixture[str],
-    bits: Callable[[Path], dict[str, bytes]],
-) -> None:
+def test_a_case_stopped_twice_has_the_bits_of_one_that_was_not(folder, tmp_path, stop_after, capsys, bits):
     whole = Folder(tmp_path / "whole")
     whole.cases.mkdir(parents=True)
     assert run(whole) == "complete"
@@ -228,9 +217,7 @@ def test_a_case_stopped_twice_has_the_bits_of_one_that_was_not(
     assert sorted(path.name for path in folder.cases.iterdir()) == ["0007.h5"]
 
 
-def test_time_and_start_of_all_parts_are_in_the_file(
-    folder: Folder, stop_after: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_time_and_start_of_all_parts_are_in_the_file(folder, stop_after, monkeypatch):
     from gfmdlayer.results import provenance
 
     monkeypatch.setattr(provenance, "now", lambda: "2026-01-01T00:00:00+00:00")
@@ -249,12 +236,7 @@ def test_time_and_start_of_all_parts_are_in_the_file(
     assert 0 < float(str(known["wall_seconds"])) <= first + second
 
 
-def test_another_version_is_told_and_the_case_begins_anew(
-    folder: Folder,
-    stop_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_another_version_is_told_and_the_case_begins_anew(folder, stop_after, monkeypatch, capsys):
     stop_after(4)
     run(folder)
     stop_after(0)
@@ -270,12 +252,8 @@ def test_another_version_is_told_and_the_case_begins_anew(
 
 @pytest.mark.parametrize("change", ["fewer", "more"])
 def test_a_checkpoint_with_other_columns_is_told_and_the_case_begins_anew(
-    folder: Folder,
-    stop_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    change: str,
-) -> None:
+    folder, stop_after, monkeypatch, capsys, change
+):
     # Not an entry taken away: put back, it would stand last, behind those that read its columns.
     fewer = {name: each for name, each in OBSERVABLES.items() if name != "energy"}
     if change == "fewer":
@@ -293,9 +271,7 @@ def test_a_checkpoint_with_other_columns_is_told_and_the_case_begins_anew(
     assert "its rows have other columns, see dissipated, energy_residual, stored, work" in told
 
 
-def test_plans_that_cannot_be_had_again_are_told_and_the_case_begins_anew(
-    folder: Folder, stop_after: Callable[[int], None], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_plans_that_cannot_be_had_again_are_told_and_the_case_begins_anew(folder, stop_after, capsys):
     stop_after(4)
     run(folder)
     stop_after(0)
@@ -309,13 +285,11 @@ def test_plans_that_cannot_be_had_again_are_told_and_the_case_begins_anew(
     assert "same bits: FFTW plans the transforms in another way here" in capsys.readouterr().err
 
 
-def test_checkpoints_come_at_the_interval_and_cost_little(
-    folder: Folder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    written: list[float] = []
+def test_checkpoints_come_at_the_interval_and_cost_little(folder, monkeypatch):
+    written = []
     clock = iter(i / 8 for i in range(10**6))
 
-    def write(*_: object) -> None:
+    def write(*_):
         written.append(next(clock))
 
     monkeypatch.setattr(checkpoint, "write_checkpoint", write)
@@ -330,9 +304,7 @@ def test_checkpoints_come_at_the_interval_and_cost_little(
     assert np.diff(written).min() >= 0.25 / 0.02
 
 
-def test_restart_and_completion_leave_no_checkpoint(
-    folder: Folder, stop_after: Callable[[int], None]
-) -> None:
+def test_restart_and_completion_leave_no_checkpoint(folder, stop_after):
     stop_after(4)
     run(folder)
     folder.set_aside(folder.case(7, "checkpoint"))
@@ -342,9 +314,7 @@ def test_restart_and_completion_leave_no_checkpoint(
         assert sorted(path.name for path in folder.cases.iterdir()) == [".lock"]
 
 
-def test_a_checkpoint_that_outlived_its_case_is_removed(
-    folder: Folder, stop_after: Callable[[int], None]
-) -> None:
+def test_a_checkpoint_that_outlived_its_case_is_removed(folder, stop_after):
     with claimed(folder, CONFIG):
         stop_after(4)
         run(folder)

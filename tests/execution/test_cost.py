@@ -1,14 +1,9 @@
 """Estimated cost of a case against the measured one, and seconds learnt from finished cases."""
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,37 +16,37 @@ from gfmdlayer.footprint import pair_seconds
 from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.results.writer import CaseWriter
 
-SWEEP: dict[str, list[Any]] = {
+SWEEP = {
     "solver.method": ["fire", "conjugate_gradient", "active_set"],
     "layer.thickness": [0.02, 0.1, 0.3, math.inf],
 }
 
 
-def case_with(values: dict[str, object]) -> Config:
+def case_with(values):
     return Config(name="x").with_values(values)
 
 
-def sweep() -> list[Config]:
+def sweep():
     return [case.config for case in cases(Config(name="x", sweep=SWEEP))]
 
 
-def work(config: Config) -> float:
+def work(config):
     return estimate(config).work
 
 
-def seconds(config: Config) -> float:
+def seconds(config):
     """Seconds that differ from the estimated work by a factor of the solver."""
     return estimate(config).work * {"fire": 3e-8, "conjugate_gradient": 1e-8}.get(config.solver.method, 2e-7)
 
 
-def test_seconds_per_work_are_learnt_for_each_kind_of_case() -> None:
+def test_seconds_per_work_are_learnt_for_each_kind_of_case():
     every = sweep()
     model = CostModel(((config, seconds(config)) for config in every[::3]), work)
     for config in every:
         assert model.seconds(config) == pytest.approx(seconds(config), rel=1e-12)
 
 
-def test_one_disturbed_case_does_not_change_the_others() -> None:
+def test_one_disturbed_case_does_not_change_the_others():
     every = sweep()
     disturbed = ((config, seconds(config) * (50 if config is every[5] else 1)) for config in every)
     model = CostModel(disturbed, work)
@@ -59,21 +54,21 @@ def test_one_disturbed_case_does_not_change_the_others() -> None:
         assert model.seconds(config) == pytest.approx(seconds(config), rel=1e-12)
 
 
-def test_a_kind_without_finished_cases_counts_as_a_typical_one() -> None:
+def test_a_kind_without_finished_cases_counts_as_a_typical_one():
     every = sweep()
     model = CostModel(((config, seconds(config)) for config in every if config.solver.method != "fire"), work)
     for config in every[:4]:
         assert 1e-8 <= model.seconds(config) / estimate(config).work <= 2e-7
 
 
-def test_without_finished_cases_the_work_counts() -> None:
+def test_without_finished_cases_the_work_counts():
     sizes = [(256, 1.0), (1024, 8.0), (256, 8.0), (1024, 1.0)]
     every = [case_with({"grid.points": points, "time.end": end}) for points, end in sizes]
     found = [CostModel(expected=work).seconds(config) for config in every]
     assert sorted(found, reverse=True) == [found[place] for place in (1, 2, 3, 0)]
 
 
-def test_a_solver_declares_its_cost() -> None:
+def test_a_solver_declares_its_cost():
     """FIRE with the same inertia for all modes needs more pairs, and more of them on finer grids."""
     fire = SOLVERS["fire"]
     weighted, uniform = ({"method": "fire", "inertia": name} for name in ("mass_weighted", "uniform"))
@@ -83,7 +78,7 @@ def test_a_solver_declares_its_cost() -> None:
     assert estimate(case_with({"solver": uniform})).pairs > estimate(case_with({"solver": weighted})).pairs
 
 
-def test_seconds_are_read_from_complete_files_and_a_lost_file_is_passed_over(tmp_path: Path) -> None:
+def test_seconds_are_read_from_complete_files_and_a_lost_file_is_passed_over(tmp_path):
     every, paths = [sweep()[0]] * 3, [tmp_path / f"{index}.h5" for index in range(3)]
     for path in paths[:2]:
         with CaseWriter(path, {"x": np.arange(4.0)}, {"wall_seconds": 7.5}) as writer:
@@ -93,10 +88,8 @@ def test_seconds_are_read_from_complete_files_and_a_lost_file_is_passed_over(tmp
 
 
 @pytest.mark.parametrize("rows", [0, 20, 100])
-def test_adaptive_steps_are_counted_with_the_times_that_they_land_on(
-    rows: int, run: Callable[[dict[str, object]], Any]
-) -> None:
-    values: dict[str, object] = {
+def test_adaptive_steps_are_counted_with_the_times_that_they_land_on(rows, run):
+    values = {
         "grid.points": 256, "time.step": "adaptive", "time.end": 8.0, "solver": {"method": "active_set"},
     }  # fmt: skip
     if rows:
@@ -109,7 +102,7 @@ def test_adaptive_steps_are_counted_with_the_times_that_they_land_on(
 PRONY = {"model": "prony", "G0": 1.0, "branches": [{"G": 2.0, "tau": 10.0**k} for k in range(-3, 3)]}
 LOAD = {"control": "load", "load": 0.05, "ramp_time": 1.0}
 PULL = {"kind": "approach_retract", "start": -0.02, "final": -0.03}
-ADAPTIVE: dict[str, dict[str, object]] = {
+ADAPTIVE = {
     "adhesive": {"interface": {"law": "exponential", "work": 2e-3, "range": 4e-3}, "trajectory": PULL},
     "pull": {"interface": {"law": "exponential", "work": 2e-3, "range": 4e-3},
              "trajectory": {"control": "load", "load": 0.05, "kind": "approach_retract", "final": -0.01}},
@@ -133,14 +126,12 @@ ADAPTIVE: dict[str, dict[str, object]] = {
 TABLES = {"few": (5, 2.0), "many": (200, 0.02), "cycles": (30, 5.0)}
 
 
-def within_three(estimated: float, counted: float) -> bool:
+def within_three(estimated, counted):
     return counted / 3 < estimated < 3 * counted
 
 
 @pytest.mark.parametrize("kind", ADAPTIVE)
-def test_adaptive_steps_and_their_pairs_are_estimated_within_a_factor_of_three(
-    kind: str, recorder: type[Any]
-) -> None:
+def test_adaptive_steps_and_their_pairs_are_estimated_within_a_factor_of_three(kind, recorder):
     config = case_with({"grid.points": 256, "time.step": "adaptive"} | ADAPTIVE[kind])
     run = recorder()
     simulate(config, run)
@@ -150,9 +141,7 @@ def test_adaptive_steps_and_their_pairs_are_estimated_within_a_factor_of_three(
 
 @pytest.mark.parametrize("step", ["adaptive", 0.1])
 @pytest.mark.parametrize("kind", TABLES)
-def test_kinks_of_a_table_are_counted(
-    kind: str, step: str | float, recorder: type[Any], tmp_path: Path
-) -> None:
+def test_kinks_of_a_table_are_counted(kind, step, recorder, tmp_path):
     rows, spacing = TABLES[kind]
     depths = np.random.default_rng(5).uniform(0.001, 0.01, rows)
     np.savetxt(tmp_path / "depth.txt", np.c_[np.arange(rows) * spacing, np.r_[0.0, depths[1:]]])
@@ -168,7 +157,7 @@ def test_kinks_of_a_table_are_counted(
     assert within_three(estimate(config).pairs, run["transforms"].sum())
 
 
-def test_seconds_are_known_before_anything_has_run(tmp_path: Path) -> None:
+def test_seconds_are_known_before_anything_has_run(tmp_path):
     """A hasty pair is measured once; that of a run is kept beside its plans, and counts from then on."""
     shape = (256,)
     hasty = pair_seconds(shape, tmp_path)
@@ -182,14 +171,14 @@ def test_seconds_are_known_before_anything_has_run(tmp_path: Path) -> None:
     assert pair_seconds(shape, tmp_path) == 0.125
 
 
-def test_expected_seconds_grow_with_those_of_a_pair() -> None:
+def test_expected_seconds_grow_with_those_of_a_pair():
     config = case_with({"grid.points": 256})
     seconds = [expected_seconds(config, lambda _, pair=pair: pair) for pair in (0.0, 1e-3, 2e-3)]
     assert seconds[2] - seconds[1] == pytest.approx(seconds[1] - seconds[0])
     assert seconds[1] - seconds[0] > 1e-3 * estimate(config).pairs
 
 
-def test_the_size_of_a_file_is_estimated(tmp_path: Path) -> None:
+def test_the_size_of_a_file_is_estimated(tmp_path):
     config = case_with({"grid.points": 1024, "time.end": 0.5, "time.step": 0.01, "output.snapshots": [0.5]})
     path = tmp_path / "case.h5"
     with CaseWriter(path, {"x": np.arange(1024.0)}, {"config": config.dump()}) as writer:
@@ -213,7 +202,7 @@ print(1024 * int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_t
 """
 
 
-def peak_of(values: dict[str, object]) -> float:
+def peak_of(values):
     command = [sys.executable, "-c", PEAK, json.dumps(values)]
     return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
@@ -229,9 +218,7 @@ def peak_of(values: dict[str, object]) -> float:
         {"grid.points": [256, 256], "solver": {"method": "active_set"}},
     ],
 )
-def test_memory_counts_branches_directions_and_the_solver(
-    values: dict[str, object], recorder: type[Any]
-) -> None:
+def test_memory_counts_branches_directions_and_the_solver(values, recorder):
     values = values | {"time.end": 0.02, "time.step": 0.02, "trajectory.ramp_time": 0.02}
 
     small = 256 if isinstance(values["grid.points"], int) else [16, 16]
@@ -242,7 +229,7 @@ def test_memory_counts_branches_directions_and_the_solver(
 
 
 @pytest.mark.slow  # four steps on a million points
-def test_memory_of_a_large_rough_surface_is_within_a_fifth() -> None:
+def test_memory_of_a_large_rough_surface_is_within_a_fifth():
     """After four steps the three last ones, from which the next is predicted, are all held."""
     rough = {"shape": "self_affine", "hurst": 0.8, "rms_slope": 0.1, "short_cutoff": 0.03, "seed": 1}
     load = {"control": "load", "load": 0.05, "ramp_time": 0.5}

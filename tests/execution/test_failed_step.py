@@ -1,11 +1,6 @@
 """A step that does not converge: the state before it is kept, and the next run goes on from there."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,15 +11,12 @@ from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import SweepCase
 
-SMALL: dict[str, object] = {"grid.points": 64, "time.end": 1.6, "output.snapshots": [0.4, 0.8, 1.6]}
-STEPS: dict[str, dict[str, object]] = {
-    "fixed": {"time.step": 0.1},
-    "adaptive": {"time.step": "adaptive", "time.tolerance": 1e-3},
-}
+SMALL = {"grid.points": 64, "time.end": 1.6, "output.snapshots": [0.4, 0.8, 1.6]}
+STEPS = {"fixed": {"time.step": 0.1}, "adaptive": {"time.step": "adaptive", "time.tolerance": 1e-3}}
 DEEPEST = 0.005  # half of the ramp's depth
 
 
-def folder_at(path: Path) -> Folder:
+def folder_at(path):
     folder = Folder(path)
     folder.cases.mkdir(parents=True)
     return folder
@@ -33,22 +25,18 @@ def folder_at(path: Path) -> Folder:
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("every", [0.0, np.inf], ids=["every step", "no checkpoint"])
 def test_the_next_run_goes_on_from_the_last_accepted_step_with_the_same_bits(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    bits: Callable[[Path], dict[str, bytes]],
-    steps: str,
-    every: float,
-) -> None:
+    tmp_path, monkeypatch, bits, steps, every
+):
     case = SweepCase(0, Config(name="fails").with_values(SMALL | STEPS[steps]), {})
     whole, folder = folder_at(tmp_path / "whole"), folder_at(tmp_path / "out")
     solve = ActiveSet.solve
-    depths: list[float] = []
+    depths = []
 
-    def counted(solver: ActiveSet, problem: Any, *given: Any) -> Any:
+    def counted(solver, problem, *given):
         depths.append(-float(problem.obstacle.min()))
         return solve(solver, problem, *given)
 
-    def limited(solver: ActiveSet, problem: Any, *given: Any) -> Any:
+    def limited(solver, problem, *given):
         found = counted(solver, problem, *given)  # which changes the memory of the solver
         return replace(found, converged=found.converged and depths[-1] < DEEPEST)
 
@@ -68,7 +56,7 @@ def test_the_next_run_goes_on_from_the_last_accepted_step_with_the_same_bits(
     assert bits(folder.case(0)) == bits(whole.case(0))
 
 
-def test_a_first_step_that_fails_leaves_no_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_first_step_that_fails_leaves_no_state(tmp_path, monkeypatch):
     solve = ActiveSet.solve
     monkeypatch.setattr(ActiveSet, "solve", lambda *given: replace(solve(*given), converged=False))
     folder = folder_at(tmp_path / "out")

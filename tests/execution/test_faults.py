@@ -4,8 +4,6 @@ A fault strikes a forked process at an access to a file, which Python's audit ev
 unreadable has a final name, and files of others are untouched.
 """
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os
@@ -64,18 +62,18 @@ MOMENTS = {
 }
 
 
-def lose_permission() -> None:
+def lose_permission():
     for folder in (Path("out/cases"), Path("out")):
         folder.chmod(0o555)
     if os.geteuid() == 0:  # who has it everywhere
         os.seteuid(65534)
 
 
-def fail_once() -> None:
+def fail_once():
     raise OSError(errno.EIO, os.strerror(errno.EIO))
 
 
-FAULTS: dict[str, Callable[[], object]] = {
+FAULTS = {
     "killed": lambda: os.kill(os.getpid(), signal.SIGKILL),
     "asked to stop": lambda: signal.raise_signal(signal.SIGTERM),
     "full disk": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY)),
@@ -86,12 +84,11 @@ FAULTS: dict[str, Callable[[], object]] = {
     "case cut": lambda: os.truncate("out/cases/0001.h5", 1000),
 }
 
-Bits = dict[str, bytes]
 Run = Callable[..., tuple[Any, str]]
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory, bits: Callable[[Path], Bits]) -> Bits:
+def whole(tmp_path_factory, bits):
     """The bits of a run without a fault."""
     folder = tmp_path_factory.mktemp("whole")
     (folder / "faulty.yaml").write_text(STUDY)
@@ -100,16 +97,16 @@ def whole(tmp_path_factory: pytest.TempPathFactory, bits: Callable[[Path], Bits]
 
 
 @pytest.fixture(autouse=True)
-def configuration() -> None:
+def configuration():
     Path("faulty.yaml").write_text(STUDY)
 
 
-def struck(fault: Callable[[], object], moment: tuple[str, str, int]) -> tuple[int, str]:
+def struck(fault, moment):
     """Run the study in a forked process, which the fault strikes; return the status and the log."""
     event, pattern, number = moment
     left = [number]
 
-    def hook(name: str, arguments: tuple[Any, ...]) -> None:
+    def hook(name, arguments):
         if name != event or left[0] == 0 or not isinstance(arguments[0], str | bytes | os.PathLike):
             return
         path = os.fsdecode(arguments[1 if event == "os.rename" else 0])
@@ -157,9 +154,7 @@ WORDS = {
 
 
 @pytest.mark.parametrize(("fault", "moment"), STRIKES)
-def test_a_run_that_a_fault_strikes_is_ended_by_the_same_command(
-    fault: str, moment: str, run_here: Run, whole: Bits, bits: Callable[[str], Bits]
-) -> None:
+def test_a_run_that_a_fault_strikes_is_ended_by_the_same_command(fault, moment, run_here, whole, bits):
     status, log = struck(FAULTS[fault], MOMENTS[moment])
     for folder in (Path("out"), Path("out/cases")):
         if folder.exists():
@@ -186,22 +181,22 @@ def test_a_run_that_a_fault_strikes_is_ended_by_the_same_command(
         assert "case 0001 goes on from time" in again
 
 
-def cut(path: Path) -> None:
+def cut(path):
     os.truncate(path, path.stat().st_size // 2)
 
 
-def flip(path: Path) -> None:
+def flip(path):
     content = bytearray(path.read_bytes())
     content[len(content) // 3] ^= 1
     path.write_bytes(content)
 
 
-def pipe(path: Path) -> None:
+def pipe(path):
     path.unlink()
     os.mkfifo(path)
 
 
-def link(path: Path) -> None:
+def link(path):
     Path("precious").write_text("precious")
     path.unlink()
     path.symlink_to(Path("precious").absolute())
@@ -217,9 +212,7 @@ LEFT = {  # by a process killed in the second case: why a file with a damage is 
 
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("name", LEFT)
-def test_a_damaged_file_is_set_aside_and_its_case_computed_again(
-    name: str, damage: str, run_here: Run, whole: Bits, bits: Callable[[str], Bits]
-) -> None:
+def test_a_damaged_file_is_set_aside_and_its_case_computed_again(name, damage, run_here, whole, bits):
     struck(FAULTS["killed"], MOMENTS["the next case is under way"])
     path = Path("out/cases") / name
     DAMAGES[damage](path)
@@ -244,10 +237,8 @@ def test_a_damaged_file_is_set_aside_and_its_case_computed_again(
 
 
 @pytest.mark.parametrize("error", [errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS])
-def test_a_file_system_without_locks_changes_nothing(
-    error: int, run_here: Run, whole: Bits, bits: Callable[[str], Bits], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def flock(*_: object) -> None:
+def test_a_file_system_without_locks_changes_nothing(error, run_here, whole, bits, monkeypatch):
+    def flock(*_):
         raise OSError(error, os.strerror(error))
 
     monkeypatch.setattr(fcntl, "flock", flock)
@@ -258,7 +249,7 @@ def test_a_file_system_without_locks_changes_nothing(
     assert bits("out") == whole
 
 
-def test_a_disk_too_full_for_checkpoints_costs_none_of_the_results(run_here: Run) -> None:
+def test_a_disk_too_full_for_checkpoints_costs_none_of_the_results(run_here):
     # Without snapshots a case takes 0.13 MB, its state at 8192 points more than 0.5 MB.
     Path("faulty.yaml").write_text(STUDY.replace("[0.1, 0.4]", "[]").replace("64", "8192"))
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -272,9 +263,7 @@ def test_a_disk_too_full_for_checkpoints_costs_none_of_the_results(run_here: Run
     assert {path.name for path in Path("out/cases").iterdir()} == {".lock", "0000.h5", "0001.h5"}
 
 
-def test_a_clock_that_is_set_back_changes_no_result(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, bits: Callable[[Path], Bits]
-) -> None:
+def test_a_clock_that_is_set_back_changes_no_result(monkeypatch, tmp_path, bits):
     case = SweepCase(0, Config(name="clock").with_values({"grid.points": 32, "time.end": 0.4}), {})
     folder, whole = Folder(tmp_path / "out"), Folder(tmp_path / "undisturbed")
     for each in (folder, whole):
@@ -291,7 +280,7 @@ def test_a_clock_that_is_set_back_changes_no_result(
 
 
 @pytest.mark.slow
-def test_a_few_kills_at_random_lose_nothing() -> None:
+def test_a_few_kills_at_random_lose_nothing():
     given = [sys.executable, str(SOAK), "--only", "kills", "--ways", "forked", "--trials", "2"]
     process = subprocess.run(given, capture_output=True, text=True, timeout=600, check=False)
     assert process.returncode == 0, process.stdout + process.stderr

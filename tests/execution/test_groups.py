@@ -1,14 +1,11 @@
 """Cases over several ranks: the results of one process, resumed bit for bit, refused where not possible."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from contextlib import chdir
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -53,48 +50,77 @@ sweep: {trajectory.load: [0.01, 0.02]}
 """
 
 
+def configure():
+    for name, text in CASES.items():
+        Path(f"{name}.yaml").write_text(text)
+
+
 @pytest.fixture(autouse=True)
-def configuration() -> None:
-    Path("rough.yaml").write_text(SURFACE)
+def configuration():
+    configure()
 
 
-def command(ranks: int, config: str, *options: str) -> list[str]:
-    return [str(MPIRUN), "-n", str(ranks), sys.executable, "-m", "gfmdlayer", "run", config, *options]
-
-
-def run(ranks: int, config: str, *options: str) -> subprocess.CompletedProcess[str]:
-    given = command(ranks, config, *options)
-    return subprocess.run(given, capture_output=True, text=True, timeout=240, check=False)
-
-
-def case(folder: str, index: int = 0) -> xarray.Dataset:
-    with xarray.open_dataset(f"{folder}/cases/{index:04d}.h5", engine="h5netcdf") as found:
+def case(folder, index=0):
+    with xarray.open_dataset(Path(folder, f"cases/{index:04d}.h5"), engine="h5netcdf") as found:
         return found.load()
 
 
-# Runs of the configurations that are named, each into the folder of this name.
-SEVERAL = """
-import sys
+# Runs of configurations, each into the folder of its name; the death of a rank after a step.
+PROGRAM = """
+import os, shutil, signal, sys
 from gfmdlayer.cli import main
-options = "--ranks-per-case", "2", "--checkpoint-every", "0", "--out"
-sys.exit(max([main(["run", f"{name}.yaml", *options, f"{name}-ranks"]) for name in sys.argv[1:]]))
+from gfmdlayer.execution.case_run import Checkpoints
+from mpi4py import MPI
+
+def several(*names, ranks=2):
+    options = "--ranks-per-case", str(ranks), "--checkpoint-every", "0", "--out"
+    return max([main(["run", f"{name.removesuffix('-killed')}.yaml", *options, name]) for name in names])
+
+def kill(victim, end, advance=Checkpoints.advance):
+    def killed(self, time):
+        advance(self, time)
+        if MPI.COMM_WORLD.Get_rank() == victim and time > end:
+            os.kill(os.getpid(), signal.SIGKILL)
+    Checkpoints.advance = killed
+
+def plans():
+    if MPI.COMM_WORLD.Get_rank() == 0:
+        for name in "adhesive", "sliding":  # of the killed run, which its results keep
+            shutil.copytree(f"{name}-killed/wisdom", f"{name}/wisdom")
 """
 
 
-def run_several(names: Iterable[str], program: str = SEVERAL) -> subprocess.CompletedProcess[str]:
-    given = [str(MPIRUN), "-n", "2", sys.executable, "-c", program, *names]
+def over_ranks(ranks, program):
+    given = [str(MPIRUN), "-n", str(ranks), sys.executable, "-c", PROGRAM + program]
     return subprocess.run(given, capture_output=True, text=True, timeout=240, check=False)
 
 
-def test_ranks_have_the_results_of_one_process(run_here: Callable[..., Any]) -> None:
-    for name, text in CASES.items():
-        Path(f"{name}.yaml").write_text(text)
-    process = run_several(CASES)
+@pytest.fixture(scope="module")
+def of_two_ranks(tmp_path_factory):
+    """A folder with the results of all cases, each computed by two ranks, and of two that were killed."""
+    folder = tmp_path_factory.mktemp("ranks")
+    with chdir(folder):
+        configure()
+        assert over_ranks(2, "kill(0, 0.15); several('adhesive-killed')").returncode != 0
+        shutil.copytree("adhesive-killed", "begun")
+        assert over_ranks(
+            2, "several('adhesive-killed'); kill(1, 0.25); several('sliding-killed')"
+        ).returncode
+        assert case("adhesive-killed").time[-1] == 0.4
+        for name in ("begun", "sliding-killed"):
+            left = {path.name for path in Path(f"{name}/cases").iterdir()}
+            assert left >= {"0000.checkpoint", "0000.journal"}
+        process = over_ranks(2, f"several('sliding-killed'); plans(); sys.exit(several(*{[*CASES]}))")
     assert process.returncode == 0, process.stderr
-    assert process.stderr.count("1 case; 1 group of 2 MPI ranks") == len(CASES)
+    assert process.stderr.count("goes on from time") == 1, process.stderr
+    assert process.stderr.count("1 case; 1 group of 2 MPI ranks") == len(CASES) + 1
+    return folder
+
+
+def test_ranks_have_the_results_of_one_process(of_two_ranks, run_here):
     for name in CASES:
         run_here(f"{name}.yaml", Path(name))
-        one, two = case(name), case(f"{name}-ranks")
+        one, two = case(name), case(of_two_ranks / name)
         assert set(one.variables) == set(two.variables)
         # Solved to 1e-10, the first residual above it and the last below differ between orders of summation,
         # and so does the bound on the margin, which is found to some percent.
@@ -107,65 +133,38 @@ def test_ranks_have_the_results_of_one_process(run_here: Callable[..., Any]) -> 
                 two[column], one[column], rtol=0, atol=atol, err_msg=f"{name}: {column}"
             )
         assert two.attrs["digest"] == one.attrs["digest"]
-        found = sorted(path.name for path in Path(f"{name}-ranks/cases").iterdir())
+        found = sorted(path.name for path in (of_two_ranks / name / "cases").iterdir())
         assert found == [".lock", "0000.h5", "0000.xdmf"]
 
 
-def test_groups_share_a_sweep_of_a_measured_surface_that_no_rank_holds(run_here: Callable[..., Any]) -> None:
+@pytest.mark.parametrize("name", ["adhesive", "sliding"])
+def test_a_case_whose_rank_is_killed_is_resumed_bit_for_bit(name, of_two_ranks, bits):
+    """An attracting punch whose first rank is killed, and a moving one on a body with memory."""
+    assert bits(of_two_ranks / f"{name}-killed") == bits(of_two_ranks / name)
+
+
+def test_groups_share_a_sweep_of_a_measured_surface_that_no_rank_holds(of_two_ranks, run_here):
+    """Ranks that make no groups, or go on with a case that other ranks began, are refused once."""
     np.save("heights.npy", np.random.default_rng(2).normal(size=(40, 36)).cumsum(axis=1))
     text = SURFACE.replace(next(line for line in SURFACE.splitlines() if line.startswith("punch")), MEASURED)
-    Path("measured.yaml").write_text(text)
-    process = run(4, "measured.yaml", "--ranks-per-case", "2", "--out", "groups")
-    assert process.returncode == 0, process.stderr
+    Path("groups.yaml").write_text(text.replace("end: 0.4", "end: 0.2").replace(", 0.4]", "]"))
+    shutil.copytree(of_two_ranks / "begun", "adhesive")
+    process = over_ranks(
+        4, "assert several('groups') == 0; several('rough', ranks=3); sys.exit(several('adhesive', ranks=4))"
+    )
+    assert process.returncode == 2, process.stderr
+    assert process.stderr.count("got 4 ranks; must be a multiple of 3") == 1
+    assert not Path("rough").exists()
+    assert process.stderr.count("was written by 2 ranks a case") == 1
+    assert "Traceback" not in process.stderr
     assert "2 cases; 2 groups of 2 MPI ranks" in process.stderr
-    run_here("measured.yaml", Path("one"))
+    run_here("groups.yaml", Path("one"))
     for index in (0, 1):
         one, two = case("one", index), case("groups", index)
         for name in ("gap", "pressure", "displacement", "depth"):
             np.testing.assert_allclose(
                 two[name], one[name], rtol=0, atol=1e-9 * float(np.abs(one[name]).max())
             )
-
-
-KILLED_AT = """
-import os, signal
-from mpi4py import MPI
-from gfmdlayer.execution.case_run import Checkpoints
-advance = Checkpoints.advance
-
-def killed_at(self, time):
-    advance(self, time)
-    if MPI.COMM_WORLD.Get_rank() == {victim} and time > {time}:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-Checkpoints.advance = killed_at
-"""
-
-
-def test_a_case_whose_rank_is_killed_twice_is_resumed_bit_for_bit(
-    bits: Callable[[Path], dict[str, bytes]],
-) -> None:
-    """A moving punch on a body with memory, and an attracting one."""
-    for name, victim in ("sliding", 0), ("adhesive", 1), ("sliding", 1):
-        Path(f"{name}.yaml").write_text(CASES[name].replace("step: 0.1", "step: 0.02"))
-        process = run_several([name], KILLED_AT.format(victim=victim, time=0.1 * (victim + 1)) + SEVERAL)
-        assert process.returncode != 0
-        left = {path.name for path in Path(f"{name}-ranks/cases").iterdir()}
-        assert left >= {"0000.checkpoint", "0000.journal"}
-    refused = run(3, "sliding.yaml", "--ranks-per-case", "3", "--out", "sliding-ranks")
-    assert refused.returncode == 2
-    assert refused.stderr.count("was written by 2 ranks a case") == 1
-    assert "Traceback" not in refused.stderr
-    for name in ("sliding", "adhesive"):
-        Path(f"{name}-whole.yaml").write_text(Path(f"{name}.yaml").read_text())
-    resumed = run_several(["sliding", "adhesive"])
-    assert resumed.stderr.count("goes on from time") == 2, resumed.stderr
-    for name in ("sliding", "adhesive"):  # the plans of the killed run, which its results keep
-        shutil.copytree(f"{name}-ranks/wisdom", f"{name}-whole-ranks/wisdom")
-    whole = run_several(["sliding-whole", "adhesive-whole"])
-    assert whole.returncode == 0, whole.stderr
-    for name in ("sliding", "adhesive"):
-        assert bits(Path(f"{name}-ranks")) == bits(Path(f"{name}-whole-ranks")), name
 
 
 @pytest.mark.parametrize(
@@ -178,16 +177,14 @@ def test_a_case_whose_rank_is_killed_twice_is_resumed_bit_for_bit(
         (ROUGH, "topography, file: rough.txt", "punch", "file: got .txt, not .npy"),
     ],
 )  # fmt: skip
-def test_what_ranks_cannot_share_is_refused_before_work(
-    before: str, after: str, key: str, words: str
-) -> None:
+def test_what_ranks_cannot_share_is_refused_before_work(before, after, key, words):
     Path("rough.txt").write_text("1 2")
     Path("rough.yaml").write_text(SURFACE.replace(before, after))
     found = dict(input_errors_together(load("rough.yaml"), 30 if before == after else 3))
     assert words in found[key]
 
 
-def test_ranks_take_nested_gradients_where_auto_takes_a_solver_of_one_process() -> None:
+def test_ranks_take_nested_gradients_where_auto_takes_a_solver_of_one_process():
     hard = SURFACE.replace("method: nested_gradient, ", "")
     for text, before, after in (
         (hard.replace(ROUGH, "parabola"), "active_set", "nested_gradient"),
@@ -200,30 +197,23 @@ def test_ranks_take_nested_gradients_where_auto_takes_a_solver_of_one_process() 
         assert with_shared_solver(config).contact_solver.method == after
 
 
-def test_ranks_that_make_no_groups_are_refused_once() -> None:
-    process = run(3, "rough.yaml", "--ranks-per-case", "2")
-    assert process.returncode == 2
-    assert process.stderr.count("got 3 ranks; must be a multiple of 2") == 1
-    assert not Path("results").exists()
-
-
-def test_an_interrupt_of_the_first_rank_ends_the_job(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interrupt_of_the_first_rank_ends_the_job(capsys):
     """The other ranks wait for it in the midst of the task: without an end they do so for ever."""
 
     class Control:
-        def send(self, message: object, rank: int) -> None:
+        def send(self, message, rank):
             assert (message, rank) == ((interrupted, (5,), {}), 1)
 
-        def Abort(self, status: int) -> None:
+        def Abort(self, status):
             raise SystemExit(status)
 
-    def interrupted(number: int, ranks: Any) -> None:
+    def interrupted(number, ranks):
         with ending_together(ranks):
             assert number == 5
             raise KeyboardInterrupt
 
     group = _Group.__new__(_Group)
-    group._ranks = cast(Any, SimpleNamespace(count=2, control=Control()))
+    group._ranks = SimpleNamespace(count=2, control=Control())
     with pytest.raises(SystemExit, match="75"):
         group.run(interrupted, 5)
     assert capsys.readouterr().err == "gfmdlayer: stopped before the first case\n"

@@ -1,11 +1,7 @@
 """A study that grows keeps its complete cases, and gives the bits of the study that was asked at once."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -18,15 +14,12 @@ from gfmdlayer.execution.sweep import cases
 from gfmdlayer.results import provenance
 from gfmdlayer.results.reader import open_results
 
-Run = Callable[..., tuple[Any, str]]
-Bits = Callable[[str | Path], dict[str, bytes]]
-
-BASE: dict[str, object] = {
+BASE = {
     "grid.points": 64, "trajectory.ramp_time": 0.4, "time.end": 1.0, "time.step": 0.1,
     "output.keep_state": True,
 }  # fmt: skip
 THICKNESS = "layer.thickness"
-STEPS: dict[str, dict[str, object]] = {
+STEPS = {
     "landing": {"output.snapshots": [0.4]},
     # 0.6/0.07 is not a whole number: the steps are shorter than asked for, and others to another end.
     "fitted": {"output.snapshots": [0.4], "time.step": 0.07},
@@ -43,21 +36,21 @@ class Killed(BaseException):
     """Ends a run without the exception handlers of its cases."""
 
 
-def study(sweep: dict[str, Any], **values: object) -> Config:
+def study(sweep, **values):
     given = Config(name="study").with_values(BASE | {k.replace("__", "."): v for k, v in values.items()})
     return Config.model_validate(given.model_dump(exclude_unset=True) | {"sweep": sweep})
 
 
-def steps(kind: str) -> dict[str, Any]:
+def steps(kind):
     return {key.replace(".", "__"): value for key, value in STEPS[kind].items()}
 
 
 @contextmanager
-def killed_after(number: int) -> Iterator[None]:
+def killed_after(number):
     """Let a run die after so many attempts at steps, in all its cases together."""
     left, advance = number, StatusFile.advance
 
-    def dying(self: StatusFile, time: float) -> None:
+    def dying(self, time):
         nonlocal left
         left -= 1
         if left < 0:
@@ -69,7 +62,7 @@ def killed_after(number: int) -> Iterator[None]:
         yield
 
 
-def same(grown: Path, at_once: Path, bits: Bits) -> None:
+def same(grown, at_once, bits):
     """Compare the arrays of all cases, and those of the sweep files but the numbers of the cases."""
     found, wanted = bits(grown / "sweep.h5"), bits(at_once / "sweep.h5")
     assert {k: v for k, v in found.items() if k != "case"} == {k: v for k, v in wanted.items() if k != "case"}
@@ -84,8 +77,8 @@ def same(grown: Path, at_once: Path, bits: Bits) -> None:
 
 @pytest.mark.parametrize("kind", STEPS)
 def test_a_study_that_grew_three_times_and_was_killed_twice_has_the_bits_of_one_asked_at_once(
-    kind: str, run_here: Run, bits: Bits, tmp_path: Path
-) -> None:
+    kind, run_here, bits, tmp_path
+):
     grown, at_once, given = tmp_path / "grown", tmp_path / "once", steps(kind)
     run_here(study({THICKNESS: [0.1, 0.3]}, **given), grown)
     more = given | {"time__end": 2.0, "output__snapshots": [*given.get("output__snapshots", ()), 1.0, 2.0]}
@@ -101,7 +94,7 @@ def test_a_study_that_grew_three_times_and_was_killed_twice_has_the_bits_of_one_
     assert "goes on from time" in log
 
 
-def test_a_longer_end_goes_on_from_the_kept_state(run_here: Run, bits: Bits) -> None:
+def test_a_longer_end_goes_on_from_the_kept_state(run_here, bits):
     given = steps("adaptive")  # the others are among those that grew three times
     run_here(study({THICKNESS: [0.1, 0.3]}, **given), "out")
     _, log = run_here(study({THICKNESS: [0.1, 0.3]}, **given, time__end=2.0), "out")
@@ -111,7 +104,7 @@ def test_a_longer_end_goes_on_from_the_kept_state(run_here: Run, bits: Bits) -> 
     same(Path("out"), Path("once"), bits)
 
 
-def test_only_the_new_cases_of_a_grown_sweep_are_computed(run_here: Run) -> None:
+def test_only_the_new_cases_of_a_grown_sweep_are_computed(run_here):
     run_here(study({THICKNESS: [0.1, 0.3]}))
     before = {path: path.read_bytes() for path in Path("out/cases").glob("*.h5")}
     summary, log = run_here(study({THICKNESS: [0.02, 0.1, 0.2, 0.3]}))
@@ -135,7 +128,7 @@ def test_only_the_new_cases_of_a_grown_sweep_are_computed(run_here: Run) -> None
     assert {path: path.read_bytes() for path in before} == before
 
 
-def test_a_longer_end_without_a_kept_state_is_computed_again_and_says_so(run_here: Run, bits: Bits) -> None:
+def test_a_longer_end_without_a_kept_state_is_computed_again_and_says_so(run_here, bits):
     run_here(study({}, output__keep_state=False))
     assert not list(Path("out/cases").glob("*.state"))
     _, log = run_here(study({}, output__keep_state=False, time__end=2.0))
@@ -146,7 +139,7 @@ def test_a_longer_end_without_a_kept_state_is_computed_again_and_says_so(run_her
         assert only["time"][-1] == 2.0
 
 
-def test_a_snapshot_before_the_kept_state_is_computed_again(run_here: Run, bits: Bits) -> None:
+def test_a_snapshot_before_the_kept_state_is_computed_again(run_here, bits):
     run_here(study({}, **steps("paper")))
     _, log = run_here(study({}, **steps("paper") | {"output__snapshots": [0.4, 0.6], "time__end": 2.0}))
     assert "computed again: case 0001: time.end: 1.0 -> 2.0; output.snapshots: (0.4,) -> (0.4, 0.6)" in log
@@ -154,7 +147,7 @@ def test_a_snapshot_before_the_kept_state_is_computed_again(run_here: Run, bits:
     same(Path("out"), Path("once"), bits)
 
 
-def test_a_law_whose_series_belongs_to_the_end_is_computed_again(run_here: Run, bits: Bits) -> None:
+def test_a_law_whose_series_belongs_to_the_end_is_computed_again(run_here, bits):
     springpot = {"model": "fractional_zener", "G0": 1.0, "Ginf": 10.0, "tau": 1.0, "exponent": 0.5}
     run_here(study({}, layer__material=springpot))
     _, log = run_here(study({}, layer__material=springpot, time__end=2.0))
@@ -163,7 +156,7 @@ def test_a_law_whose_series_belongs_to_the_end_is_computed_again(run_here: Run, 
     same(Path("out"), Path("once"), bits)
 
 
-def test_asking_for_the_state_later_changes_nothing_in_what_is_complete(run_here: Run) -> None:
+def test_asking_for_the_state_later_changes_nothing_in_what_is_complete(run_here):
     before, after = study({}, output__keep_state=False), study({})
     assert digest(cases(before)[0].config) == digest(cases(after)[0].config)
     run_here(before)
@@ -172,7 +165,7 @@ def test_asking_for_the_state_later_changes_nothing_in_what_is_complete(run_here
     assert "ended in" not in log
 
 
-def test_one_changed_case_of_a_list_is_computed_again(run_here: Run) -> None:
+def test_one_changed_case_of_a_list_is_computed_again(run_here):
     tolerance = "solver.tolerance"
     run_here(study({"zip": {THICKNESS: [0.1, 0.3], tolerance: [1e-6, 1e-6]}}))
     _, log = run_here(study({"zip": {THICKNESS: [0.1, 0.3], tolerance: [1e-6, 1e-8]}}))
@@ -180,7 +173,7 @@ def test_one_changed_case_of_a_list_is_computed_again(run_here: Run) -> None:
     assert "not in the sweep, left in place: case 0001" in log
 
 
-def test_a_state_that_other_versions_kept_is_not_used(run_here: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_state_that_other_versions_kept_is_not_used(run_here, monkeypatch):
     made_by = provenance.made_by
     monkeypatch.setattr(provenance, "made_by", lambda digest: made_by(digest) | {"numba_version": "other"})
     run_here(study({}))
@@ -191,7 +184,7 @@ def test_a_state_that_other_versions_kept_is_not_used(run_here: Run, monkeypatch
 
 
 @pytest.mark.parametrize("damage", ["case", "snapshot", "state"])
-def test_a_case_whose_earlier_one_is_damaged_begins_anew(damage: str, run_here: Run, bits: Bits) -> None:
+def test_a_case_whose_earlier_one_is_damaged_begins_anew(damage, run_here, bits):
     run_here(study({}, output__snapshots=[0.4]))
     path = Folder(Path("out")).case(0, "state" if damage == "state" else "h5")
     content = bytearray(path.read_bytes())
@@ -207,7 +200,7 @@ def test_a_case_whose_earlier_one_is_damaged_begins_anew(damage: str, run_here: 
     same(Path("out"), Path("once"), bits)
 
 
-def test_numbers_of_cases_are_read_back_from_the_head_of_the_configuration(tmp_path: Path) -> None:
+def test_numbers_of_cases_are_read_back_from_the_head_of_the_configuration(tmp_path):
     folder = Folder(tmp_path)
     for numbers in ([0], [0, 1, 2], [3, 4, 5, 0, 7, 6, 2], [1]):
         folder.store(study({}), numbers)

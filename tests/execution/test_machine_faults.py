@@ -1,17 +1,13 @@
 """Faults of the machine end a command with one line and a status, not with a traceback."""
 
-from __future__ import annotations
-
 import errno
 import multiprocessing.queues
 import multiprocessing.synchronize
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from concurrent.futures import process
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -22,7 +18,7 @@ from gfmdlayer.execution.preflight import machine_problem
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
 from gfmdlayer.fitting.indentation.curve_files import entries
-from gfmdlayer.punch.height_files import load_array
+from gfmdlayer.punch.topography import read_heights
 
 TINY = """\
 name: tiny
@@ -34,11 +30,11 @@ sweep: {layer.thickness: [0.1, 0.2]}
 
 
 @pytest.fixture(autouse=True)
-def configuration() -> None:
+def configuration():
     Path("tiny.yaml").write_text(TINY)
 
 
-def one_line(text: str) -> str:
+def one_line(text):
     assert len(text.splitlines()) == 1, text
     return text
 
@@ -52,17 +48,13 @@ def one_line(text: str) -> str:
         (["--threads", "99999999999999999999"], "--threads 99999999999999999999: must be from 1 to 16384"),
     ],
 )
-def test_impossible_numbers_of_processes_are_refused(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_impossible_numbers_of_processes_are_refused(arguments, message, capsys):
     assert main(["run", "tiny.yaml", *arguments]) == 2
     assert one_line(capsys.readouterr().err) == f"gfmdlayer: {message}\n"
 
 
 @pytest.mark.parametrize("threads", ["0", "-2", "abc", "1.5", ""])
-def test_threads_that_numba_does_not_take_are_refused(
-    threads: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_threads_that_numba_does_not_take_are_refused(threads, monkeypatch, capsys):
     monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
     assert main(["check", "tiny.yaml"]) == 2
     assert one_line(capsys.readouterr().err) == (
@@ -86,10 +78,8 @@ def test_threads_that_numba_does_not_take_are_refused(
     ],
     ids=repr,
 )
-def test_what_the_machine_lacks_is_said_in_a_line(
-    error: Exception, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def fail(*_: object) -> None:
+def test_what_the_machine_lacks_is_said_in_a_line(error, message, monkeypatch, capsys):
+    def fail(*_):
         raise error
 
     monkeypatch.setattr("gfmdlayer.cli.check.read_config", fail)
@@ -97,16 +87,14 @@ def test_what_the_machine_lacks_is_said_in_a_line(
     assert one_line(capsys.readouterr().err).startswith(f"gfmdlayer: {message}")
 
 
-def test_a_library_that_is_not_found_because_it_cannot_be_mapped_lacks_memory() -> None:
+def test_a_library_that_is_not_found_because_it_cannot_be_mapped_lacks_memory():
     error = OSError("could not find libllvmlite.so")
     error.__context__ = OSError("libllvmlite.so: failed to map segment from shared object")
     assert machine_problem(error).startswith("memory does not suffice")
 
 
-def test_what_this_user_may_not_read_is_refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def fail(*_: object) -> None:
+def test_what_this_user_may_not_read_is_refused(monkeypatch, capsys):
+    def fail(*_):
         raise PermissionError(errno.EACCES, "Permission denied", "hidden/a.yaml")
 
     monkeypatch.setattr("gfmdlayer.execution.folder.read_config", fail)
@@ -115,13 +103,11 @@ def test_what_this_user_may_not_read_is_refused(
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "cases/0001.h5"])
-def test_results_that_this_user_may_not_read_are_neither_foreign_nor_damaged(
-    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_results_that_this_user_may_not_read_are_neither_foreign_nor_damaged(name, monkeypatch, capsys):
     assert main(["run", "tiny.yaml"]) == 0
     hidden, access, really = Path("results/tiny") / name, os.access, open
 
-    def opened(path: Any, *arguments: Any, **named: Any) -> Any:
+    def opened(path, *arguments, **named):
         if Path(path) == hidden:
             raise PermissionError(errno.EACCES, "Permission denied", str(path))
         return really(path, *arguments, **named)
@@ -138,10 +124,8 @@ def test_results_that_this_user_may_not_read_are_neither_foreign_nor_damaged(
 
 
 @pytest.mark.parametrize("at", ["the thread of the pool", "a thread of its queue", "/dev/shm"])
-def test_processes_that_cannot_be_started_end_a_run_in_a_line(
-    at: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    def fail(*_: object, **__: object) -> None:
+def test_processes_that_cannot_be_started_end_a_run_in_a_line(at, monkeypatch, capfd):
+    def fail(*_, **__):
         if at == "/dev/shm":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         raise RuntimeError("can't start new thread")
@@ -160,7 +144,7 @@ def test_processes_that_cannot_be_started_end_a_run_in_a_line(
         worker.join()
 
 
-def test_linear_algebra_has_one_thread_in_every_verb() -> None:
+def test_linear_algebra_has_one_thread_in_every_verb():
     told = "import os, sys; from gfmdlayer.cli import main; main(['check', 'tiny.yaml'])"
     shown = "print(os.environ['OPENBLAS_NUM_THREADS'], file=sys.stderr)"
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
@@ -174,8 +158,8 @@ def test_linear_algebra_has_one_thread_in_every_verb() -> None:
     assert done.stderr.endswith("1\n")
 
 
-def test_an_error_of_the_program_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object) -> None:
+def test_an_error_of_the_program_keeps_its_traceback(monkeypatch):
+    def fail(*_):
         raise ZeroDivisionError
 
     monkeypatch.setattr("gfmdlayer.cli.check.read_config", fail)
@@ -183,21 +167,21 @@ def test_an_error_of_the_program_keeps_its_traceback(monkeypatch: pytest.MonkeyP
         main(["check", "tiny.yaml"])
 
 
-def flipped(content: bytes, rng: np.random.Generator) -> bytes:
+def flipped(content, rng):
     changed = bytearray(content)
     for place in rng.integers(0, len(content), rng.choice([1, 30])):
         changed[place] ^= 1 << rng.integers(8)
     return bytes(changed)
 
 
-DAMAGES: dict[str, Callable[[bytes, np.random.Generator], bytes]] = {
+DAMAGES = {
     "flipped": flipped,
     "cut": lambda content, rng: content[: rng.integers(len(content))],
     "junk": lambda _, rng: rng.bytes(1000),
 }
 
 
-def test_damaged_results_are_named_by_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
+def test_damaged_results_are_named_by_every_verb(capsys):
     assert main(["run", "tiny.yaml", "--out", "out"]) == 0
     rng = np.random.default_rng(0)
     for name in ("sweep.h5", "cases/0000.h5"):
@@ -213,7 +197,7 @@ def test_damaged_results_are_named_by_every_verb(capsys: pytest.CaptureFixture[s
         path.write_bytes(whole)
 
 
-def test_links_that_never_end_are_refused_and_groups_that_hold_themselves_are_not_followed() -> None:
+def test_links_that_never_end_are_refused_and_groups_that_hold_themselves_are_not_followed():
     with h5py.File("curves.h5", "w") as h5:
         for name in ("time", "depth", "force"):
             h5[f"curve/{name}"] = np.arange(20.0)
@@ -225,9 +209,7 @@ def test_links_that_never_end_are_refused_and_groups_that_hold_themselves_are_no
         entries([Path("curves.h5")])
 
 
-def test_a_number_beyond_double_precision_is_not_taken_for_infinity(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_number_beyond_double_precision_is_not_taken_for_infinity(capsys):
     Path("tiny.yaml").write_text("name: tiny\nlayer: {thickness: 1e400}\n")
     assert main(["check", "tiny.yaml"]) == 2
     message = "tiny.yaml:2:20: layer.thickness: 1e400 is too large; infinity is written .inf"
@@ -236,17 +218,17 @@ def test_a_number_beyond_double_precision_is_not_taken_for_infinity(
     assert main(["check", "tiny.yaml"]) == 0
 
 
-def test_a_header_that_promises_more_than_the_file_holds_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def load(*_: object, **__: object) -> None:
+def test_a_header_that_promises_more_than_the_file_holds_is_named(monkeypatch):
+    def load(*_, **__):
         raise MemoryError("Unable to allocate 728. TiB")
 
     monkeypatch.setattr(np, "load", load)
     Path("heights.npy").write_bytes(b"")
     with pytest.raises(TableError, match=r"heights\.npy: its header names more numbers than memory holds"):
-        load_array(Path("heights.npy"))
+        read_heights(Path("heights.npy"), 1)
 
 
 @pytest.mark.parametrize(("name", "told"), [("a", ": a"), (None, "")])
-def test_a_file_that_the_system_does_not_name_is_not_called_none(name: str | None, told: str) -> None:
+def test_a_file_that_the_system_does_not_name_is_not_called_none(name, told):
     error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), name)
     assert cannot_be_written(error) == f"cannot be written (No space left on device{told})"

@@ -1,14 +1,10 @@
 """Very many cases: looked at in part, and made one by one."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
 import tracemalloc
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,32 +15,29 @@ from gfmdlayer.execution import interrupts, sweep
 from gfmdlayer.execution import run as running
 from gfmdlayer.execution.cost import estimate, total
 from gfmdlayer.execution.folder import FolderError
-from gfmdlayer.execution.run import Summary
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.sweep import Cases, SweepCase, cases
-
-Run = Callable[..., tuple[Summary, str]]
+from gfmdlayer.execution.sweep import Cases, cases
 
 
-def product(first: int, second: int) -> Config:
+def product(first, second):
     values = {"layer.thickness": range(first), "layer.material.tau": range(1, second + 1)}
     return Config(name="many", grid={"points": 256}, sweep={key: [*found] for key, found in values.items()})
 
 
-def tiny() -> Config:
+def tiny():
     """Return twelve cases of three steps."""
-    values: dict[str, Any] = {"layer.thickness": [0.02, 0.1, 0.3], "layer.material.tau": [1, 2, 3, 4]}
+    values = {"layer.thickness": [0.02, 0.1, 0.3], "layer.material.tau": [1, 2, 3, 4]}
     config = {"grid": {"points": 32}, "time": {"end": 0.03, "step": 0.01}, "trajectory": {"ramp_time": 0.03}}
     return Config(name="tiny", **config, sweep=values)
 
 
 @pytest.fixture
-def made(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+def made(monkeypatch):
     """Return the values of the cases that are made."""
-    found: list[object] = []
+    found = []
     with_values = Config.with_values
 
-    def counted(self: Config, values: dict[str, object]) -> Config:
+    def counted(self, values):
         found.append(values)
         return with_values(self, values)
 
@@ -52,7 +45,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     return found
 
 
-def test_cases_are_made_when_they_are_asked_for() -> None:
+def test_cases_are_made_when_they_are_asked_for():
     config = Config(
         name="few",
         sweep={
@@ -74,12 +67,7 @@ def test_cases_are_made_when_they_are_asked_for() -> None:
         lazy[12]
 
 
-def test_a_million_cases_are_checked_in_part_and_in_little_memory(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    made: list[object],
-) -> None:
+def test_a_million_cases_are_checked_in_part_and_in_little_memory(monkeypatch, capsys, tmp_path, made):
     """What a check costs is the number of cases made, which does not grow beyond some thousands."""
     monkeypatch.setattr(sweep, "EXAMINED", 100)
     path = tmp_path / "many.yaml"
@@ -98,7 +86,7 @@ def test_a_million_cases_are_checked_in_part_and_in_little_memory(
     assert "examined   100 cases at random, as a run does; it checks each before its start" in shown
 
 
-def test_what_is_added_up_from_a_part_is_near_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_added_up_from_a_part_is_near_the_whole(monkeypatch):
     monkeypatch.setattr(sweep, "EXAMINED", 100)
     lazy = Cases(product(30, 20))
     assert len(lazy.examined()) == 100
@@ -109,14 +97,12 @@ def test_what_is_added_up_from_a_part_is_near_the_whole(monkeypatch: pytest.Monk
     assert found.pairs == pytest.approx(whole.pairs, rel=0.15)
 
 
-def test_a_run_of_very_many_begins_after_a_look_at_some_and_takes_little_memory(
-    monkeypatch: pytest.MonkeyPatch, run_here: Run, made: list[object]
-) -> None:
+def test_a_run_of_very_many_begins_after_a_look_at_some_and_takes_little_memory(monkeypatch, run_here, made):
     """Three cases run, then the run is asked to stop; the others are neither made nor counted one by one."""
     monkeypatch.setattr(sweep, "EXAMINED", 50)
-    ended: list[int] = []
+    ended = []
 
-    def compute(case: SweepCase, **_: object) -> Outcome:
+    def compute(case, **_):
         if interrupts.stop_requested():
             return Outcome(case.index, "stopped")
         ended.append(case.index)
@@ -140,9 +126,7 @@ def test_a_run_of_very_many_begins_after_a_look_at_some_and_takes_little_memory(
     assert "200000 cases; 1 process" in log
 
 
-def test_cases_made_in_their_turn_have_the_bits_of_cases_made_before(
-    monkeypatch: pytest.MonkeyPatch, run_here: Run, bits: Callable[[str], dict[str, bytes]]
-) -> None:
+def test_cases_made_in_their_turn_have_the_bits_of_cases_made_before(monkeypatch, run_here, bits):
     """Also where the run goes on from a folder with a damaged file, which no look before the run has met."""
     assert run_here(tiny(), "whole")[0].collected
     monkeypatch.setattr(sweep, "EXAMINED", 4)
@@ -164,8 +148,8 @@ def test_cases_made_in_their_turn_have_the_bits_of_cases_made_before(
 
 
 def test_a_complete_file_of_other_input_is_refused_and_not_replaced_after_a_long_run_too(
-    monkeypatch: pytest.MonkeyPatch, run_here: Run
-) -> None:
+    monkeypatch, run_here
+):
     run_here(tiny(), "out")
     shutil.copy("out/cases/0000.h5", "out/cases/0009.h5")
     before = Path("out/cases/0009.h5").read_bytes()
@@ -178,13 +162,11 @@ def test_a_complete_file_of_other_input_is_refused_and_not_replaced_after_a_long
     assert Path("out/cases/0009.h5").read_bytes() == before
 
 
-def test_values_that_are_found_impossible_in_their_turn_fail_alone(
-    monkeypatch: pytest.MonkeyPatch, run_here: Run
-) -> None:
+def test_values_that_are_found_impossible_in_their_turn_fail_alone(monkeypatch, run_here):
     monkeypatch.setattr(sweep, "EXAMINED", 4)
     with_values = Config.with_values
 
-    def impossible(self: Config, values: dict[str, object]) -> Config:
+    def impossible(self, values):
         if values.get("layer.material.tau") == 2:
             raise ConfigError(["layer.material.tau: got 2; must be another"])
         return with_values(self, values)
@@ -199,7 +181,7 @@ def test_values_that_are_found_impossible_in_their_turn_fail_alone(
     assert json.loads(Path("out/cases/0005.failed").read_text())["values"]["layer.material.tau"] == 2
 
 
-def test_a_shard_keeps_its_own_cases_alone() -> None:
+def test_a_shard_keeps_its_own_cases_alone():
     lazy, shard = Cases(product(30, 20)), sweep.Shard(2, 100)
     expected = shard.places(lazy[:])
     tracemalloc.start()
@@ -212,7 +194,7 @@ def test_a_shard_keeps_its_own_cases_alone() -> None:
 
 
 @pytest.mark.parametrize(("total", "count"), [(200_000, 8), (20_011, 20_000), (20_001, 9)])
-def test_a_very_long_sweep_is_dealt_out_once_and_evenly_over_all_values(total: int, count: int) -> None:
+def test_a_very_long_sweep_is_dealt_out_once_and_evenly_over_all_values(total, count):
     shares = [sweep.Dealt(sweep.Shard(number, count), total) for number in range(1, min(count, 64) + 1)]
     if count <= 64:
         assert np.array_equal(np.sort(np.concatenate([np.array(share[:]) for share in shares])), range(total))
@@ -228,7 +210,7 @@ def test_a_very_long_sweep_is_dealt_out_once_and_evenly_over_all_values(total: i
         assert np.abs(met - places.size / period).max() <= 1 + 5 * np.sqrt(places.size / period)
 
 
-def test_a_shard_of_a_thousand_million_is_found_at_once() -> None:
+def test_a_shard_of_a_thousand_million_is_found_at_once():
     """Parts beyond the number of cases have none, and cost nothing."""
     every = cases(product(3, 2))
     assert sweep.Shard(1, 10**9).places(every) == [0]

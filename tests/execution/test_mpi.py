@@ -1,17 +1,13 @@
 """Runs over MPI ranks: same bits, one log, and no rank left hanging."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import chdir
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,7 +15,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import MARK
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.workers import threads_each
-from tests.waiting import until
+from tests.waiting import SLOWLY, until
 
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
 CORES = len(os.sched_getaffinity(0))
@@ -33,80 +29,60 @@ SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf]}\n"
 
 
 @pytest.fixture(autouse=True)
-def configuration() -> None:
+def configuration():
     assert MPIRUN.exists(), "the tests need the MPI of the extra `mpich`: pip install -e '.[mpich,test]'"
     Path("tiny.yaml").write_text(TINY + SWEEP)
 
 
-def over_ranks(number: int, *arguments: str) -> subprocess.CompletedProcess[str]:
+def over_ranks(number, *arguments):
     command = [str(MPIRUN), "-n", str(number), sys.executable, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def gfmdlayer(ranks: int, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return over_ranks(ranks, "-m", "gfmdlayer", *arguments)
-
-
-@dataclass(frozen=True)
-class OverRanks:
-    """A run over more ranks than cores, of a sweep whose first case fails."""
-
-    folder: Path
-    process: subprocess.CompletedProcess[str]
-
-
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> OverRanks:
+def sweep(tmp_path_factory):
+    """A run over more ranks than cores, of a sweep whose first case fails: the folder, and the process."""
     folder = tmp_path_factory.mktemp("sweep")
-    (folder / "tiny.yaml").write_text(
-        TINY + "solver: {method: fire}\nsweep: {solver.max_iterations: [1, 20000, 30000]}\n"
-    )
-    command = [str(MPIRUN), "-n", str(CORES + 1), sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml"]
-    process = subprocess.run(
-        [*command, "--out", "ranks"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
-    )
-    return OverRanks(folder, process)
+    text = TINY + "solver: {method: fire}\nsweep: {solver.max_iterations: [1, 20000, 30000]}\n"
+    (folder / "tiny.yaml").write_text(text)
+    with chdir(folder):
+        return folder, over_ranks(CORES + 1, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "ranks")
 
 
-def test_ranks_give_the_same_bits_as_one_process(
-    sweep: OverRanks, run_here: Callable[..., Any], bits: Callable[[Path], dict[str, bytes]]
-) -> None:
-    run_here(str(sweep.folder / "tiny.yaml"), sweep.folder / "one")
-    found = bits(sweep.folder / "ranks")
+def test_ranks_give_the_same_bits_as_one_process(sweep, run_here, bits):
+    run_here(str(sweep[0] / "tiny.yaml"), sweep[0] / "one")
+    found = bits(sweep[0] / "ranks")
     assert len([key for key in found if key.endswith("mean_pressure")]) == 3
-    assert found == bits(sweep.folder / "one")
+    assert found == bits(sweep[0] / "one")
 
 
-def test_a_failing_case_does_not_stop_the_others(sweep: OverRanks) -> None:
-    assert sweep.process.returncode == 1, sweep.process.stderr
-    assert "0000: ConvergenceError" in sweep.process.stdout
-    assert {path.name for path in (sweep.folder / "ranks/cases").glob("[0-9]*")} >= {
-        "0000.failed", "0001.h5", "0002.h5",
-    }  # fmt: skip
-    assert not (sweep.folder / "ranks/cases/0000.h5").exists()
-
-
-def test_only_one_rank_writes_to_the_terminal(sweep: OverRanks) -> None:
-    assert sweep.process.stdout.startswith("1 of 3 cases failed:\n")
-    assert len(sweep.process.stdout.splitlines()) == 3
-    assert sweep.process.stderr.count("3 cases; ") == 1
-
-
-def test_more_ranks_than_cores_are_warned_of(sweep: OverRanks) -> None:
+def test_one_rank_writes_to_the_terminal_and_a_failing_case_does_not_stop_the_others(sweep):
+    folder, process = sweep
+    assert process.returncode == 1, process.stderr
+    assert process.stdout.startswith("1 of 3 cases failed:\n")
+    assert "0000: ConvergenceError" in process.stdout
+    assert len(process.stdout.splitlines()) == 3
+    assert process.stderr.count("3 cases; ") == 1
     warning = f"warning: {CORES + 1} processes with one thread each on {CORES} cores"
-    assert sweep.process.stderr.count(warning) == 1
+    assert process.stderr.count(warning) == 1
+    names = {path.name for path in (folder / "ranks/cases").glob("[0-9]*")}
+    assert names >= {"0000.failed", "0001.h5", "0002.h5"}
+    assert "0000.h5" not in names
 
 
-def test_a_folder_of_another_configuration_is_refused_once() -> None:
+def test_what_ranks_cannot_do_is_refused():
+    """A folder of another configuration; processes beside ranks."""
     Path("out").mkdir()
     Path("out/config.yaml").write_text(MARK + Config(name="other").dump())
-    process = gfmdlayer(2, "run", "tiny.yaml", "--out", "out")
-    assert process.returncode == 2
+    script = "from gfmdlayer.cli import main; run = ['run', 'tiny.yaml', '--out', 'out']; "
+    process = over_ranks(2, "-c", f"{script}raise SystemExit(main(run) + 2 * main([*run, '--jobs', '2']))")
+    assert process.returncode == 6
     assert process.stderr.count("another configuration") == 1
+    assert "leave --jobs out" in process.stderr
     assert "Traceback" not in process.stderr
 
 
-def test_all_ranks_compute() -> None:
+def test_all_ranks_compute():
     # Ten cases of the same length: neither rank can have taken all of them.
     Path("tiny.yaml").write_text(TINY + f"sweep: {{punch.radius: {[0.2 + 0.01 * i for i in range(10)]}}}\n")
     script = """
@@ -135,21 +111,25 @@ with assemble() as pool:
     assert "computed by 2" in process.stdout, process.stderr
 
 
-@pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGUSR1])
-def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(
-    signum: signal.Signals, run_here: Callable[..., Any]
-) -> None:
-    Path("tiny.yaml").write_text(TINY + "sweep: {time.end: [60, 61, 0.03]}\n")
-    command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        until(lambda: all(Path(f"out/cases/000{index}.running").exists() for index in (0, 1)), process)
-        process.send_signal(signum)
-        _, errors = process.communicate(timeout=300)
-    assert process.returncode == 75, errors
-    assert "Traceback" not in errors
-    left = {path.name for path in Path("out/cases").iterdir()}
-    assert left >= {".lock", "0000.checkpoint", "0001.checkpoint", "0002.h5"}
-    assert not [name for name in left if name.endswith(("failed", "running", "part"))]
+# Two cases take 10 s over slow steps, and the third one two steps.
+TAKING_LONG = TINY + "sweep: {time.end: [2, 2.1, 0.03]}\n"
+SLOWLY_OVER_RANKS = [str(MPIRUN), "-n", "2", sys.executable, SLOWLY, "run", "tiny.yaml", "--out", "out"]
+SLOWLY_OVER_RANKS += ["--checkpoint-every", "0"]
+
+
+def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(run_here):
+    """One that mpirun hands on to its ranks, and one by which it ends."""
+    Path("tiny.yaml").write_text(TAKING_LONG)
+    for signum in (signal.SIGUSR1, signal.SIGTERM):
+        with subprocess.Popen(SLOWLY_OVER_RANKS, stderr=subprocess.PIPE, text=True) as process:
+            until(lambda: all(Path(f"out/cases/000{index}.running").exists() for index in (0, 1)), process)
+            process.send_signal(signum)
+            _, errors = process.communicate(timeout=300)
+        assert process.returncode == 75, errors
+        assert "Traceback" not in errors
+        left = {path.name for path in Path("out/cases").iterdir()}
+        assert left >= {".lock", "0000.checkpoint", "0001.checkpoint", "0002.h5"}
+        assert not [name for name in left if name.endswith(("failed", "running", "part"))]
     summary, log = run_here("tiny.yaml")
     assert summary.count("complete") == 3
     assert "1 complete already" in log
@@ -159,7 +139,7 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(
 @pytest.mark.parametrize(
     "crash", ["if pool is not None: raise RuntimeError('lost')", "os._exit(3)", "raise SystemExit(3)"]
 )
-def test_a_crash_of_one_rank_ends_the_job_instead_of_hanging_it(crash: str) -> None:
+def test_a_crash_of_one_rank_ends_the_job_instead_of_hanging_it(crash):
     script = f"""
 import os, time
 from gfmdlayer.execution.workers import assemble
@@ -176,13 +156,9 @@ with assemble() as pool:
 
 
 @pytest.mark.parametrize("victim", ["manager", "worker"])
-def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
-    victim: str, run_here: Callable[..., Any]
-) -> None:
-    Path("tiny.yaml").write_text(TINY + "sweep: {time.end: [60, 61, 0.03]}\n")
-    command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out"]
-    command += ["--checkpoint-every", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(victim, run_here):
+    Path("tiny.yaml").write_text(TAKING_LONG)
+    with subprocess.Popen(SLOWLY_OVER_RANKS, stderr=subprocess.PIPE, text=True) as process:
         # The longest case, 1, goes to the other rank first; rank 0 takes the shortest, then case 0.
         index = 0 if victim == "manager" else 1
         told = Path(f"out/cases/000{index}.running")
@@ -203,7 +179,8 @@ def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
 # Rank 0 compiles; what the other rank does meanwhile is given.
 COMPILING = """
 import os, sys, time
-from gfmdlayer.execution import case_run, run
+from gfmdlayer.cli import run as verb
+from gfmdlayer.execution import run
 def compile_for_long(*_, **__):
     open("compiling", "w").close()
     time.sleep(600)
@@ -211,7 +188,7 @@ def meanwhile():
     while not os.path.exists("compiling"):
         time.sleep(0.01)
     {}
-run.warm_up, case_run.prepare = compile_for_long, meanwhile
+run.warm_up, verb.prepare = compile_for_long, meanwhile
 from gfmdlayer.cli import main
 sys.exit(main(["run", "tiny.yaml"]))
 """
@@ -235,7 +212,7 @@ sys.exit(main(["run", "tiny.yaml"]))
 
 
 @pytest.mark.parametrize("death", ["os.kill(os.getpid(), 9)", "os._exit(3)", "sys.exit(3)"])
-def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death: str) -> None:
+def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death):
     process = over_ranks(2, "-c", COMPILING.format(death))
     assert process.returncode not in (0, 75)
 
@@ -243,7 +220,7 @@ def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death: str) -> None
 @pytest.mark.parametrize(
     "program", [COMPILING.format("time.sleep(600)"), STARTING], ids=["compiles", "starts"]
 )
-def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
+def test_ranks_end_when_the_launcher_dies_while_rank_0(program):
     Path("compiling.py").write_text(program)
     command = [str(MPIRUN), "-n", "2", sys.executable, "compiling.py"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
@@ -258,13 +235,13 @@ def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
             process.kill()
 
 
-def children(pid: int) -> list[int]:
+def children(pid):
     """Return the processes that a process has started."""
     found = Path(f"/proc/{pid}/task/{pid}/children").read_text()
     return [int(child) for child in found.split()]
 
 
-def test_a_launcher_of_another_mpi_library_is_refused() -> None:
+def test_a_launcher_of_another_mpi_library_is_refused():
     # MPI is initialised before the variables are set, hence alone.
     script = """
 import os
@@ -283,12 +260,6 @@ for variable in ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"):
     assert not Path("results").exists()
 
 
-def test_processes_and_ranks_exclude_each_other() -> None:
-    process = gfmdlayer(2, "run", "tiny.yaml", "--jobs", "2")
-    assert process.returncode == 2
-    assert "leave --jobs out" in process.stderr
-
-
 @pytest.mark.parametrize(
     ("environment", "size"),
     [
@@ -300,12 +271,12 @@ def test_processes_and_ranks_exclude_each_other() -> None:
         ({"SLURM_JOB_ID": "17"}, None),
     ],
 )
-def test_launchers_are_known_by_their_variables(environment: dict[str, str], size: int | None) -> None:
+def test_launchers_are_known_by_their_variables(environment, size):
     assert launched_size(environment) == size
 
 
-def test_threads_are_one_each_unless_asked() -> None:
-    environment: dict[str, str] = {}
+def test_threads_are_one_each_unless_asked():
+    environment = {}
     assert threads_each(environment) == 1
     assert set(environment.values()) == {"1"}
     environment = {"OMP_NUM_THREADS": "4"}
@@ -315,19 +286,3 @@ def test_threads_are_one_each_unless_asked() -> None:
     assert threads_each(environment, 2) == 2
     assert environment["OMP_NUM_THREADS"] == "2"
     assert threads_each({"OMP_NUM_THREADS": "3,2"}) == 3  # for nested regions
-
-
-def test_mpi_is_not_loaded_without_a_launcher() -> None:
-    script = """
-import sys
-from gfmdlayer.execution import run
-from gfmdlayer.execution.workers import assemble
-with assemble() as pool:
-    assert pool is not None
-print("mpi4py" in sys.modules)
-"""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PMI", "OMPI"))}
-    process = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment
-    )
-    assert process.stdout.splitlines()[-1] == "False"

@@ -1,13 +1,9 @@
 """Nothing is lost or taken for lost: file systems without locks, files that vanish, pipes, changed tables."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import threading
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,18 +18,16 @@ from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.results.reader import attributes, is_complete, open_case, open_results
 from gfmdlayer.simulation import Case
 
-Run = Callable[..., tuple[Any, str]]
-
 SMALL = {"grid.points": 32, "time.end": 0.3, "time.step": 0.1, "output.snapshots": [0.3]}
 SWEEP = {"layer.thickness": [0.02, 0.1, 0.3]}
 
 
-def small(sweep: dict[str, Any] | None = None, **values: object) -> Config:
+def small(sweep=None, **values):
     given = Config(name="small").with_values(SMALL | {k.replace("__", "."): v for k, v in values.items()})
     return Config.model_validate(given.model_dump(exclude_unset=True) | {"sweep": sweep or {}})
 
 
-def test_reading_does_not_depend_on_locks(run_here: Run) -> None:
+def test_reading_does_not_depend_on_locks(run_here):
     """HDF5 calls flock in C: files that another program has locked show whether it does."""
     run_here(small(SWEEP))
     paths = [Path("out/sweep.h5"), *Path("out/cases").glob("*.h5")]
@@ -53,9 +47,7 @@ def test_reading_does_not_depend_on_locks(run_here: Run) -> None:
             file.close()
 
 
-def test_wisdom_is_kept_with_the_results(
-    run_here: Run, bits: Callable[[str], dict[str, bytes]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wisdom_is_kept_with_the_results(run_here, bits, monkeypatch):
     """Cases that are computed later have the plans of the earlier ones, whatever the user's cache holds."""
     run_here(small(SWEEP))
     whole, (kept,) = bits("out"), Path("out/wisdom").iterdir()
@@ -74,10 +66,8 @@ def test_wisdom_is_kept_with_the_results(
     assert kept.read_bytes() == first  # the user's
 
 
-def test_cases_have_common_plans_where_their_kernels_cannot_be_compiled_before(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def fail(*_: object) -> None:
+def test_cases_have_common_plans_where_their_kernels_cannot_be_compiled_before(monkeypatch):
+    def fail(*_):
         raise FloatingPointError("lengths that do not go together")
 
     monkeypatch.setattr(Case, "run", fail)
@@ -88,9 +78,7 @@ def test_cases_have_common_plans_where_their_kernels_cannot_be_compiled_before(
     ]
 
 
-def test_a_configuration_through_a_pipe_is_read_from_its_beginning(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_configuration_through_a_pipe_is_read_from_its_beginning(capsys):
     os.mkfifo("pipe")
     text = "name: piped\n" + "# a long comment\n" * 1000 + "grid: {points: 64}\n"
     assert len(text) > 3 * 4096
@@ -102,19 +90,17 @@ def test_a_configuration_through_a_pipe_is_read_from_its_beginning(
     assert capsys.readouterr().out.startswith("piped: 1 case\n")
 
 
-def table(value: float) -> str:
+def table(value):
     return f"0 0\n0.3 {value}\n"
 
 
-TABLES: dict[str, dict[str, object]] = {
+TABLES = {
     "trajectory.file": {"trajectory": {"kind": "table", "file": "table.txt"}},
     "trajectory.velocity_file": {"trajectory.velocity_file": "table.txt"},
 }
 
 
-def test_a_damaged_copy_of_a_table_is_replaced(
-    run_here: Run, bits: Callable[[str], dict[str, bytes]]
-) -> None:
+def test_a_damaged_copy_of_a_table_is_replaced(run_here, bits):
     Path("table.txt").write_text(table(0.002))
     config = small(SWEEP, **TABLES["trajectory.file"])
     run_here(config)
@@ -127,15 +113,13 @@ def test_a_damaged_copy_of_a_table_is_replaced(
 
 
 @pytest.mark.parametrize("key", TABLES)
-def test_a_table_that_changes_while_a_sweep_runs_is_read_once(
-    key: str, run_here: Run, bits: Callable[[str], dict[str, bytes]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_table_that_changes_while_a_sweep_runs_is_read_once(key, run_here, bits, monkeypatch):
     Path("table.txt").write_text(table(0.002))
     config = small(SWEEP, **TABLES[key])
     run_here(config, "undisturbed")
     run_case = running.run_case
 
-    def changing(*arguments: Any, **options: Any) -> Any:
+    def changing(*arguments, **options):
         outcome = run_case(*arguments, **options)
         Path("table.txt").write_text(table(0.004))
         return outcome

@@ -1,13 +1,9 @@
 """Checks before a run: crowded cores, MPI libraries, files open elsewhere, disk and memory."""
 
-from __future__ import annotations
-
 import importlib
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -27,7 +23,7 @@ ONE, TWO = frozenset({0}), frozenset({0, 1})
 
 
 @pytest.fixture(autouse=True)
-def configuration() -> None:
+def configuration():
     Path("tiny.yaml").write_text(TINY)
 
 
@@ -42,30 +38,26 @@ def configuration() -> None:
         ([("a", ONE), ("a", ONE), ("b", ONE), ("b", ONE)], 1, "(and 1 more hosts)"),
     ],
 )  # fmt: skip
-def test_more_threads_than_cores_are_warned_of(
-    members: list[tuple[str, preflight.Cores]], threads: int, crowded: str
-) -> None:
+def test_more_threads_than_cores_are_warned_of(members, threads, crowded):
     warnings = preflight.crowding(members, threads)
     assert len(warnings) == bool(crowded)
     assert not crowded or crowded in warnings[0]
 
 
-def test_the_largest_number_of_threads_counts() -> None:
+def test_the_largest_number_of_threads_counts():
     assert preflight.threads({}) == 1
     assert preflight.threads({"OMP_NUM_THREADS": "4,2", "MKL_NUM_THREADS": "3"}) == 4
     assert preflight.threads({"OMP_NUM_THREADS": "many"}) == 1
 
 
-def test_a_run_warns_of_crowding_and_goes_on(
-    run_here: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_warns_of_crowding_and_goes_on(run_here, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "4096")
     summary, log = run_here("tiny.yaml")
     assert "warning: 1 processes with 4096 threads each" in log
     assert summary.count("complete") == 1
 
 
-def test_a_pool_of_more_processes_than_cores_has_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pool_of_more_processes_than_cores_has_a_warning(monkeypatch):
     for variable in preflight.THREAD_VARIABLES:
         monkeypatch.setenv(variable, "1")
     with assemble(4096) as pool:  # processes begin only as there are cases for them
@@ -73,9 +65,7 @@ def test_a_pool_of_more_processes_than_cores_has_a_warning(monkeypatch: pytest.M
         assert "4096 processes with one thread each" in pool.warnings[0]
 
 
-def test_two_mpi_libraries_in_one_environment_are_warned_of(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_mpi_libraries_in_one_environment_are_warned_of(tmp_path, monkeypatch):
     site = tmp_path / "site"
     for number, package in enumerate(preflight.MPI_PACKAGES):
         folder = site / f"{package.replace('-', '_')}-{number}.0.dist-info"
@@ -101,7 +91,7 @@ for line in sys.stdin:
 """
 
 
-def test_a_file_that_another_program_writes_is_not_replaced(run_here: Callable[..., Any]) -> None:
+def test_a_file_that_another_program_writes_is_not_replaced(run_here):
     run_here("tiny.yaml")
     command = [sys.executable, "-c", HOLD]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
@@ -123,7 +113,7 @@ def test_a_file_that_another_program_writes_is_not_replaced(run_here: Callable[.
                 assert other.stdout.readline() == "closed\n"
 
 
-def test_too_little_disk_or_memory_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+def test_too_little_disk_or_memory_is_warned_of(capsys):
     assert preflight.disk_warnings(Path("not/made/yet"), 1.0) == []
     (warning,) = preflight.disk_warnings(Path("not/made/yet"), 1e21)
     assert warning.startswith("not/made/yet: about 1e+09 TB will be written, but only ")
@@ -135,10 +125,8 @@ def test_too_little_disk_or_memory_is_warned_of(capsys: pytest.CaptureFixture[st
     assert "of memory are needed" in shown
 
 
-def test_check_estimates_the_time_left_from_finished_cases(
-    run_here: Callable[..., Any], capsys: pytest.CaptureFixture[str]
-) -> None:
-    def checked(*more: str) -> str:
+def test_check_estimates_the_time_left_from_finished_cases(run_here, capsys):
+    def checked(*more):
         assert main(["check", "tiny.yaml", "--out", "out", *more]) == 0
         return capsys.readouterr().out
 
@@ -149,9 +137,7 @@ def test_check_estimates_the_time_left_from_finished_cases(
     assert "cases left" not in checked("--set", "time.end=0.04")
 
 
-def test_memory_is_compared_with_the_limits_of_the_job(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_is_compared_with_the_limits_of_the_job(tmp_path, monkeypatch):
     groups = tmp_path / "cgroup"
     (groups / "job" / "step").mkdir(parents=True)
     (groups / "memory" / "old").mkdir(parents=True)
@@ -181,9 +167,7 @@ def test_memory_is_compared_with_the_limits_of_the_job(
     assert preflight.memory_refusal(1.6e9) != []
 
 
-def test_memory_that_cannot_be_had_is_refused_before_any_work(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_memory_that_cannot_be_had_is_refused_before_any_work(monkeypatch, capsys):
     monkeypatch.setattr(preflight, "memory_limits", lambda: [(1e8, "this machine has", True)])
     assert main(["run", "tiny.yaml"]) == 2
     assert "of memory are needed, but this machine has 100 MB" in capsys.readouterr().err

@@ -1,13 +1,10 @@
 """Progress of a run: enough on a terminal, little in a log, for any number of cases."""
 
-from __future__ import annotations
-
 import io
 import re
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -19,7 +16,7 @@ from gfmdlayer.execution.progress import Reporter, Screen
 from gfmdlayer.execution.schedule import Outcome, Progress
 
 
-def told(folder: Folder, outcomes: list[Outcome], complete: int = 0) -> list[str]:
+def told(folder, outcomes, complete=0):
     stream = io.StringIO()
     with Reporter(folder, range(len(outcomes) + complete), complete, lambda: reports.Log(stream)) as reporter:
         for outcome in outcomes:
@@ -27,7 +24,7 @@ def told(folder: Folder, outcomes: list[Outcome], complete: int = 0) -> list[str
     return [line.partition("  ")[2] for line in stream.getvalue().splitlines()]
 
 
-def test_ten_thousand_cases_do_not_flood_a_log(tmp_path: Path) -> None:
+def test_ten_thousand_cases_do_not_flood_a_log(tmp_path):
     """Each kind of end is told for the first ones, and that there are more; one line sums up."""
     folder = Folder(tmp_path)
     outcomes = [Outcome(i, "failed" if i % 2 else "complete", "why", 0.01) for i in range(10_000)]
@@ -38,11 +35,11 @@ def test_ten_thousand_cases_do_not_flood_a_log(tmp_path: Path) -> None:
     assert re.fullmatch(r"10000 cases ended in .+, 5000 of them FAILED; slowest 0077 in 3\.0 s", lines[-1])
 
 
-def test_a_run_that_found_everything_complete_sums_nothing_up(tmp_path: Path) -> None:
+def test_a_run_that_found_everything_complete_sums_nothing_up(tmp_path):
     assert told(Folder(tmp_path), [], complete=3) == []
 
 
-def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for() -> None:
+def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for():
     case = status.Running(7, "here", 1, 2.0, 8.0, 0.0, 10.0, "thickness = 0.1", 5, 4.0, 0.0)
     at_work = (case, *(replace(case, index=i, simulated_time=6.0) for i in range(8, 40)))
     progress = Progress(40, 3, 1, at_work, 90.0, Outcome(2, "complete", seconds=30.0))
@@ -57,9 +54,7 @@ def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for() -> N
     assert "3 of 40 complete, 33 running, 1 failed, 1 min 30 s left, slowest 0002 in 30 s" in lines[5]
 
 
-def test_a_long_preparation_gets_a_line_at_its_start_and_one_at_its_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_preparation_gets_a_line_at_its_start_and_one_at_its_end(tmp_path, monkeypatch):
     """Kernels compile for some 20 s on a new machine; where they are compiled there is nothing to say."""
     work = "compiling kernels, once per machine"
     monkeypatch.setattr(reports, "READ_INTERVAL", 0.001)
@@ -78,9 +73,7 @@ def test_a_long_preparation_gets_a_line_at_its_start_and_one_at_its_end(
         assert len(lines) == (2 if threshold == 0.0 else 0)
 
 
-def test_preparation_has_a_line_above_the_moving_ones_of_a_terminal(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_preparation_has_a_line_above_the_moving_ones_of_a_terminal(tmp_path, monkeypatch):
     monkeypatch.setattr(reports, "PREPARATION", 0.0)
     console = Console(width=120, height=10, file=io.StringIO())
     with (
@@ -92,9 +85,7 @@ def test_preparation_has_a_line_above_the_moving_ones_of_a_terminal(
     assert console.file.getvalue().splitlines()[0].strip() == "compiling kernels, once per machine"
 
 
-def test_the_time_left_counts_cases_by_their_expected_seconds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_time_left_counts_cases_by_their_expected_seconds(tmp_path, monkeypatch):
     """Before a step is done nothing is measured and none is shown; later it follows the pace."""
     now = [1000.0]
     monkeypatch.setattr(reports.time, "monotonic", lambda: now[0])
@@ -113,7 +104,7 @@ def test_the_time_left_counts_cases_by_their_expected_seconds(
     assert seconds == pytest.approx(140 * 30 / 60 / 2)
 
 
-def test_adaptive_steps_tell_the_progress_where_time_passes_slowly_at_first() -> None:
+def test_adaptive_steps_tell_the_progress_where_time_passes_slowly_at_first():
     case = status.Running(0, "here", 1, 0.1, 8.0, 0.0, 20.0, "", 10, 0.0, 0.0, 40)
     assert case.effort == 0.25
     assert case.seconds_left == pytest.approx(60.0)

@@ -1,9 +1,5 @@
 """A stored case is run again from its own file as long as the files that it names are unchanged."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import h5py
 import pytest
 
@@ -19,7 +15,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("key", FILES)
-def test_a_case_whose_input_file_has_changed_is_refused(key: str, tmp_path: Path) -> None:
+def test_a_case_whose_input_file_has_changed_is_refused(key, tmp_path):
     keys, before, after = FILES[key]
     section, _, name = key.partition(".")
     data, stored = tmp_path / "data.txt", tmp_path / "0000.h5"

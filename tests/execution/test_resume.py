@@ -1,13 +1,9 @@
 """A run that is stopped and resumed gives the bits of one that never was."""
 
-from __future__ import annotations
-
 import io
-from collections.abc import Iterator
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,17 +13,16 @@ from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate
 from gfmdlayer.results.journal import Recording
-from gfmdlayer.resumable import Resumable, State
 from gfmdlayer.simulation import Case
 
 SMALL = {"grid.points": 64, "time.end": 1.6, "trajectory.ramp_time": 0.8, "output.snapshots": [0.4, 0.8, 1.6]}
-STEPS: dict[str, dict[str, object]] = {
+STEPS = {
     "paper": {"time.integrator": "backward_euler", "time.step": 0.1},
     "exponential": {"time.integrator": "exponential", "time.step": 0.1},
     "adaptive": {"time.step": "adaptive", "time.tolerance": 1e-3},
 }
 PRONY = {"model": "prony", "G0": 1.0, "branches": [{"G": 6.0, "tau": 0.1}, {"G": 3.0, "tau": 1.0}]}
-BODIES: dict[str, dict[str, object]] = {
+BODIES = {
     "depth": {},
     "load": {"trajectory": {"control": "load", "load": 0.05, "ramp_time": 0.8}},
     "prony": {"layer.material": PRONY},
@@ -46,7 +41,7 @@ RUNS = [
     if steps != "paper" or "trajectory.velocity" not in BODIES[body]  # which does not follow a moving punch
 ]
 # A film that jumps into contact, is pulled out of it, and comes again under a load.
-ADHESIVE: dict[str, object] = {
+ADHESIVE = {
     "layer": {"thickness": 0.1, "poisson": 0.3},
     "halfspace.shear_modulus": float("inf"),
     "interface": {"law": "exponential", "work": 0.1, "range": 5e-3},
@@ -73,7 +68,7 @@ BODIES["yielding"] = {
     "trajectory": {"control": "load", "kind": "approach_retract", "load": 0.1, "cycles": 2},
     "time.end": 4.0,
 }
-FRICTION: dict[str, object] = {
+FRICTION = {
     "interface": {"law": "coulomb", "coefficient": 0.3},
     "trajectory": {
         "control": "load",
@@ -129,7 +124,7 @@ RUNS += [("heated", "adaptive", "active_set"), ("heated", "exponential", "active
 RUNS += [("isolated", "paper", "auto"), ("isolated", "exponential", "auto")]
 
 
-def bits(found: Recording) -> tuple[Any, ...]:
+def bits(found):
     rows = [{name: float(value).hex() for name, value in row.items()} for row in found.rows]
     fields = [[None if each is None else each.tobytes() for each in given] for _, *given in found.fields]
     return rows, [time for time, *_ in found.fields], fields, repr(found.noted)
@@ -142,13 +137,13 @@ class Stop(Exception):  # noqa: N818 - asked for
 class InParts:
     """Runs a case with stops after the given numbers of attempts at a step; its state goes through a file."""
 
-    def __init__(self, config: Config, lengths: Iterator[int]) -> None:
+    def __init__(self, config, lengths):
         self._lengths, self._left, self._kept = lengths, 0, None
         self.recording, self.parts = Recording(), 0
         while not self._ended(config):
             self.parts += 1
 
-    def _ended(self, config: Config) -> bool:
+    def _ended(self, config):
         self._left = next(self._lengths)
         try:
             simulate(config, self.recording, self._advance, resume=self._resume)
@@ -156,19 +151,19 @@ class InParts:
             return False
         return True
 
-    def _resume(self, memory: Resumable) -> None:
+    def _resume(self, memory):
         self._memory = memory
         if self._kept is not None:
             memory.restore(self._kept)
 
-    def _advance(self, _time: float) -> None:
+    def _advance(self, _time):
         self._left -= 1
         if self._left == 0:
             self._kept = through_a_file(self._memory.state())
             raise Stop
 
 
-def through_a_file(state: State) -> State:
+def through_a_file(state):
     file = io.BytesIO()
     np.savez(file, **state)
     file.seek(0)
@@ -177,7 +172,7 @@ def through_a_file(state: State) -> State:
 
 
 @pytest.mark.parametrize(("body", "steps", "method"), RUNS)
-def test_a_run_in_parts_has_the_bits_of_one_without_a_stop(body: str, steps: str, method: str) -> None:
+def test_a_run_in_parts_has_the_bits_of_one_without_a_stop(body, steps, method):
     Path("rise.txt").write_text("0 18\n0.4 18\n1.2 30\n2 30\n")
     config = Config(name="parts").with_values(SMALL | {"solver.method": method} | STEPS[steps] | BODIES[body])
     whole = Recording()
@@ -189,7 +184,7 @@ def test_a_run_in_parts_has_the_bits_of_one_without_a_stop(body: str, steps: str
 
 
 @pytest.mark.parametrize(("steps", "method"), [("adaptive", "fire"), *((s, "active_set") for s in STEPS)])
-def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps: str, method: str) -> None:
+def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps, method):
     # Between a rejected attempt and the next one there is more to remember than between accepted steps.
     config = Config(name="parts").with_values(
         SMALL | STEPS[steps] | {"solver.method": method, "layer.material.tau": 0.05}
@@ -200,7 +195,7 @@ def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps: str, m
     assert bits(InParts(config, iter(lambda: 1, None)).recording) == bits(whole)
 
 
-def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
+def test_a_resumed_run_uses_the_plans_that_it_began_with():
     shape = (15015,)
     hasty = Transforms(shape, time_limit=0.0)  # which settles for the first plan, and not the best
     state = through_a_file({name: np.asarray(value) for name, value in hasty.state().items()})
@@ -216,9 +211,7 @@ def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
 
 
 @pytest.mark.parametrize("body", ["depth", "load"])
-def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
-    body: str,
-) -> None:
+def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(body):
     """The kernel of a window among it, when the machine has other plans by now."""
     settings = SMALL | STEPS["exponential"] | BODIES[body]
     config = Config(name="parts").with_values(
@@ -229,11 +222,11 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
     hasty = partial(Transforms, (15015,), time_limit=0.0)
     forget_wisdom()
     whole, parts = Recording(), Recording()
-    memory: list[Resumable] = []
-    kept: list[State] = []
+    memory = []
+    kept = []
     simulate(Case(config, transforms=hasty()), whole)
 
-    def stop(time: float) -> None:
+    def stop(time):
         if time > 1.0:
             kept.append(through_a_file(memory[0].state()))
             raise Stop

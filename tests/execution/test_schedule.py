@@ -10,7 +10,6 @@ import os
 import signal
 import time
 from collections import deque
-from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from functools import partial
@@ -19,14 +18,12 @@ from itertools import count
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gfmdlayer.arrays import FloatArray
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.schedule import AHEAD, Outcome, Schedule
 from gfmdlayer.execution.workers import WorkerPool, assemble
@@ -42,7 +39,7 @@ class Item:
     index: int
 
 
-def run(pool: WorkerPool, task: Any, number: int, folder: Path) -> list[Outcome]:
+def run(pool, task, number, folder):
     schedule = Schedule(pool, task, Folder(folder), lambda _: None)
     return list(schedule.run([Item(index) for index in range(number)]))
 
@@ -50,28 +47,28 @@ def run(pool: WorkerPool, task: Any, number: int, folder: Path) -> list[Outcome]
 class Pool(Executor):
     """Gives each case back when the next but `depth` comes; keeps count of what it holds."""
 
-    def __init__(self) -> None:
-        self.given: list[int] = []
-        self.held: list[tuple[Future[Outcome], int]] = []
+    def __init__(self):
+        self.given = []
+        self.held = []
         self.most = 0
 
-    def submit(self, fn: Any, /, *args: Any, **_: Any) -> Future[Any]:  # noqa: ARG002
-        future: Future[Any] = Future()
+    def submit(self, fn, /, *args, **_):  # noqa: ARG002
+        future = Future()
         self.given.append(args[0].index)
         self.held.append((future, args[0].index))
         self.most = max(self.most, sum(not future.done() for future, _ in self.held))
         return future
 
 
-def test_a_pool_is_given_cases_in_order_and_never_very_many(tmp_path: Path) -> None:
+def test_a_pool_is_given_cases_in_order_and_never_very_many(tmp_path):
     pool = Pool()
     schedule = Schedule(
-        WorkerPool(pool, 3, "fakes", joins=False), print, Folder(tmp_path), lambda _: None  # type: ignore[arg-type]
+        WorkerPool(pool, 3, "fakes", joins=False), print, Folder(tmp_path), lambda _: None
     )  # fmt: skip
     outcomes = schedule.run([Item(index) for index in range(200)])
     import threading
 
-    def work() -> None:
+    def work():
         for _ in range(200):
             while not pool.held:
                 time.sleep(0.001)
@@ -86,7 +83,7 @@ def test_a_pool_is_given_cases_in_order_and_never_very_many(tmp_path: Path) -> N
     assert pool.most <= AHEAD * 3
 
 
-def kill_oneself_once(item: Item, folder: Path) -> Outcome:
+def kill_oneself_once(item, folder):
     running = Folder(folder).case(item.index, "running")
     if item.index == 1 and not (folder / "killed").exists():
         running.write_text("{}")
@@ -96,7 +93,7 @@ def kill_oneself_once(item: Item, folder: Path) -> Outcome:
     return Outcome(item.index, "complete", reason=str(os.getpid()))
 
 
-def test_after_a_worker_is_killed_as_many_work_on(tmp_path: Path) -> None:
+def test_after_a_worker_is_killed_as_many_work_on(tmp_path):
     (tmp_path / "cases").mkdir()
     with assemble(2) as pool:
         assert pool is not None
@@ -127,19 +124,19 @@ class Cluster(Executor):
         Seconds that a hand-over takes, see `HAND_OVER`.
     """
 
-    def __init__(self, ranks: int, hand_over: Seconds) -> None:
+    def __init__(self, ranks, hand_over):
         self.now = self.served = 0.0
         self._idle, self._hand_over = ranks - 1, hand_over
         # A message waits for the manager's thread while Python computes in the other one.
         self._delay = max(0.0, hand_over["round_trip_computing"] - hand_over["round_trip"])
         self._service, self._free = hand_over["service"], 0.0
-        self._queue: deque[tuple[Future[Outcome], Costly]] = deque()
-        self._events: list[tuple[float, int, Callable[[], None]]] = []
+        self._queue = deque()
+        self._events = []
         self._order = count()
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **_: Any) -> Future[Any]:  # noqa: ARG002
+    def submit(self, fn, /, *args, **_):  # noqa: ARG002
         """Take a case into the queue; the manager hands it out if a rank is idle."""
-        future: Future[Any] = Future()
+        future = Future()
         self._queue.append((future, args[0]))
         if self._idle:
             self._idle -= 1
@@ -147,7 +144,7 @@ class Cluster(Executor):
         self._pass(self._hand_over["submission"])
         return future
 
-    def compute(self, case: Costly) -> Outcome:
+    def compute(self, case):
         """Let rank 0 compute a case; serving the others takes its time too."""
         end, served = self.now + case.seconds, self.served
         self._service += self._delay
@@ -157,28 +154,28 @@ class Cluster(Executor):
         self.now = end + (self.served - served)
         return Outcome(case.index, "complete", seconds=case.seconds)
 
-    def step(self) -> None:
+    def step(self):
         """Go on to the next event."""
         self.now, _, happen = heappop(self._events)
         happen()
 
-    def finished(self) -> bool:
+    def finished(self):
         """Whether nothing is under way."""
         return not self._events
 
-    def _pass(self, seconds: float) -> None:
+    def _pass(self, seconds):
         end = self.now + seconds
         while self._events and self._events[0][0] <= end:
             self.step()
         self.now = end
 
-    def _serve(self, asked: float, done: Callable[[], None]) -> None:
+    def _serve(self, asked, done):
         """Have the manager do something when it is free."""
         self._free = max(asked, self._free) + self._service
         self.served += self._service
         heappush(self._events, (self._free, next(self._order), done))
 
-    def _hand_out(self) -> None:
+    def _hand_out(self):
         while self._queue:
             future, case = self._queue.popleft()
             if future.set_running_or_notify_cancel():
@@ -187,20 +184,20 @@ class Cluster(Executor):
                 return
         self._idle += 1
 
-    def _come_back(self, future: Future[Outcome], case: Costly) -> None:
-        def receive() -> None:
+    def _come_back(self, future, case):
+        def receive():
             future.set_result(Outcome(case.index, "complete", seconds=case.seconds))
             self._hand_out()
 
         self._serve(self.now, receive)
 
 
-class _Outcomes(SimpleQueue):  # type: ignore[type-arg]
+class _Outcomes(SimpleQueue):
     """The schedule's queue of outcomes: to wait for one is to let the clock go on."""
 
     cluster: Cluster
 
-    def get(self, block: bool = True, timeout: float | None = None) -> Any:  # noqa: ARG002
+    def get(self, block=True, timeout=None):  # noqa: ARG002
         while self.empty() and not self.cluster.finished():
             self.cluster.step()
         if self.empty():
@@ -208,7 +205,7 @@ class _Outcomes(SimpleQueue):  # type: ignore[type-arg]
         return super().get_nowait()
 
 
-def makespan(costs: FloatArray, ranks: int, hand_over: Seconds) -> tuple[float, float]:
+def makespan(costs, ranks, hand_over):
     """Return the seconds that cases take in this order, and those that the manager served in.
 
     Parameters
@@ -224,7 +221,7 @@ def makespan(costs: FloatArray, ranks: int, hand_over: Seconds) -> tuple[float, 
     outcomes = _Outcomes()
     outcomes.cluster = cluster
     pool = WorkerPool(cluster, ranks, "simulated ranks", joins=True)
-    ended: set[int] = set()
+    ended = set()
     with TemporaryDirectory() as name:
         schedule = Schedule(
             pool, cluster.compute, Folder(Path(name)), lambda outcome: ended.add(outcome.index), outcomes
@@ -235,7 +232,7 @@ def makespan(costs: FloatArray, ranks: int, hand_over: Seconds) -> tuple[float, 
     return cluster.now, cluster.served
 
 
-def shortest(costs: FloatArray, ranks: int) -> float:
+def shortest(costs, ranks):
     """Return the seconds that no schedule can fall below: of one case more than ranks, two share a rank."""
     falling = -np.sort(-costs)
     two = falling[ranks - 1] + falling[ranks] if ranks < costs.size else 0.0
@@ -247,7 +244,7 @@ costs = st.lists(st.floats(0.01, 10.0), min_size=1, max_size=40)
 
 @settings(max_examples=60, deadline=None)
 @given(costs=costs, ranks=st.integers(1, 9))
-def test_no_rank_idles_while_cases_wait(costs: list[float], ranks: int) -> None:
+def test_no_rank_idles_while_cases_wait(costs, ranks):
     total, _ = makespan(np.array(costs), ranks, AT_ONCE)
     # Graham (1966): where no rank idles while a case waits, the last case begins before sum/m.
     assert shortest(np.array(costs), ranks) <= total * (1 + 1e-12)
@@ -256,7 +253,7 @@ def test_no_rank_idles_while_cases_wait(costs: list[float], ranks: int) -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(costs=costs, ranks=st.integers(2, 9))
-def test_hand_overs_cost_no_more_than_they_take(costs: list[float], ranks: int) -> None:
+def test_hand_overs_cost_no_more_than_they_take(costs, ranks):
     hand_over = {"submission": 1e-3, "service": 2e-3, "round_trip": 5e-3, "round_trip_computing": 6e-3}
     total, served = makespan(np.array(costs), ranks, hand_over)
     assert served <= 2 * len(costs) * 3e-3 * (1 + 1e-9)  # at most: out and back, service and delay
@@ -264,7 +261,7 @@ def test_hand_overs_cost_no_more_than_they_take(costs: list[float], ranks: int) 
     assert total <= (sum(costs) + (ranks - 1) * longest) / ranks + len(costs) * (1e-3 + 2 * 3e-3 + 5e-3)
 
 
-def test_longest_first_by_an_estimate_keeps_ranks_busy_to_the_end() -> None:
+def test_longest_first_by_an_estimate_keeps_ranks_busy_to_the_end():
     """A thousand cases on 64 ranks, in the order of costs that are known to a factor of two."""
     random = np.random.default_rng(3)
     costs = 10 * np.exp(random.normal(0, 1.0, 1_000))
@@ -275,7 +272,7 @@ def test_longest_first_by_an_estimate_keeps_ranks_busy_to_the_end() -> None:
     assert total < in_any_order
 
 
-def test_a_thousand_ranks_are_served_in_time() -> None:
+def test_a_thousand_ranks_are_served_in_time():
     random = np.random.default_rng(3)
     costs = -np.sort(-10 * np.exp(random.normal(0, 0.5, 20_000)))
     total, served = makespan(costs, 1024, HAND_OVER)

@@ -1,7 +1,5 @@
 """A results folder where others may write: no link is followed, no forged file ends or steers a command."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -9,9 +7,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -26,18 +22,17 @@ from gfmdlayer.files.whole import write_text
 from gfmdlayer.results.journal import Journal, Position
 from gfmdlayer.results.reader import is_complete
 
-Run = Callable[..., tuple[Any, str]]
 SMALL = Config(name="small").with_values({"grid.points": 32, "time.end": 0.3, "time.step": 0.1})
 ESCAPE = "\x1b]0;forged\x07\x1b[2J"
 
 
 @pytest.fixture(autouse=True)
-def file_of_others() -> None:
+def file_of_others():
     Path("precious").write_text("precious")
 
 
 @pytest.mark.parametrize("name", [".lock", ".turn"])
-def test_locks_are_not_taken_through_links(name: str, run_here: Run) -> None:
+def test_locks_are_not_taken_through_links(name, run_here):
     Path("out/cases").mkdir(parents=True)
     Path(f"out/cases/{name}").symlink_to(Path("precious").absolute())
     with pytest.raises((FolderError, OSError), match="is a symbolic link"):
@@ -45,7 +40,7 @@ def test_locks_are_not_taken_through_links(name: str, run_here: Run) -> None:
     assert Path("precious").read_text() == "precious"
 
 
-def test_nothing_is_written_through_a_link(monkeypatch: pytest.MonkeyPatch, run_here: Run) -> None:
+def test_nothing_is_written_through_a_link(monkeypatch, run_here):
     """Not even where the random part of an unfinished name is guessed."""
     monkeypatch.setattr("gfmdlayer.files.whole.secrets.token_hex", lambda _: "0badcafe")
     guessed = f"{socket.gethostname()}-{os.getpid()}-0badcafe.part"
@@ -59,7 +54,7 @@ def test_nothing_is_written_through_a_link(monkeypatch: pytest.MonkeyPatch, run_
     assert Path("precious").read_text() == "precious"
 
 
-def test_a_request_to_stop_and_a_journal_follow_no_link(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_request_to_stop_and_a_journal_follow_no_link(monkeypatch):
     folder = Folder(Path("out"))
     folder.cases.mkdir(parents=True)
     folder.stop.symlink_to(Path("made").absolute())
@@ -78,7 +73,7 @@ def test_a_request_to_stop_and_a_journal_follow_no_link(monkeypatch: pytest.Monk
     assert Path("precious").read_text() == "precious"
 
 
-RECORDS: dict[str, Any] = {
+RECORDS = {
     "escapes": {"host": ESCAPE, "label": ESCAPE, "reason": ESCAPE, "values": {ESCAPE: ESCAPE}},
     "types": {"pid": "x", "end": [1], "label": 3, "reason": {"a": 1}, "values": [1]},
     "large": {"pid": 10**30, "simulated_time": 1e300, "steps": 10**30, "values": {"a": 10**400}},
@@ -88,9 +83,7 @@ RECORDS: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("forged", [*RECORDS, "deep", "pipe", "no text", "many cases", "far cases"])
-def test_forged_records_neither_end_nor_steer_a_command(
-    forged: str, run_here: Run, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_forged_records_neither_end_nor_steer_a_command(forged, run_here, capsys):
     run_here(
         Config.model_validate(SMALL.model_dump(exclude_unset=True) | {"sweep": {"punch.radius": [1, 2]}})
     )
@@ -127,7 +120,7 @@ def test_forged_records_neither_end_nor_steer_a_command(
 
 
 @pytest.mark.parametrize("name", ["cases/0000.h5", "cases/0000.checkpoint", "config.yaml", "sweep.h5"])
-def test_a_pipe_in_place_of_a_file_is_not_waited_for(name: str, run_here: Run) -> None:
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(name, run_here):
     run_here(SMALL)
     if name == "cases/0000.checkpoint":
         Path("out/cases/0000.h5").unlink()
@@ -148,7 +141,7 @@ def test_a_pipe_in_place_of_a_file_is_not_waited_for(name: str, run_here: Run) -
         signal.alarm(0)
 
 
-def test_a_pipe_in_place_of_the_copy_of_an_input_is_replaced() -> None:
+def test_a_pipe_in_place_of_the_copy_of_an_input_is_replaced():
     folder = Folder(Path("out"))
     folder.path.mkdir()
     kept = folder.keep_input(Path("precious").absolute(), changed=False)
@@ -162,7 +155,7 @@ def test_a_pipe_in_place_of_the_copy_of_an_input_is_replaced() -> None:
         signal.alarm(0)
 
 
-def test_a_process_with_the_number_of_a_dead_one_is_not_taken_for_it(run_here: Run) -> None:
+def test_a_process_with_the_number_of_a_dead_one_is_not_taken_for_it(run_here):
     run_here(SMALL)
     folder = Folder(Path("out"))
     record = {"host": socket.gethostname(), "pid": os.getpid(), "simulated_time": 1.0, "end": 2.0}
@@ -173,7 +166,7 @@ def test_a_process_with_the_number_of_a_dead_one_is_not_taken_for_it(run_here: R
     assert not folder.case(0, "running").exists()
 
 
-def test_a_process_that_has_ended_and_is_still_listed_does_not_run() -> None:
+def test_a_process_that_has_ended_and_is_still_listed_does_not_run():
     process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     record = {"host": socket.gethostname(), "pid": process.pid, "simulated_time": 1.0, "end": 2.0}
     status = Running(0, **record | {"started": 0.0, "updated": 0.0, "born": born(process.pid)})
@@ -184,6 +177,6 @@ def test_a_process_that_has_ended_and_is_still_listed_does_not_run() -> None:
     process.communicate()
 
 
-def test_text_is_shown_without_what_steers_a_terminal() -> None:
+def test_text_is_shown_without_what_steers_a_terminal():
     assert printable("Größe 3 µm\nλ = 2") == "Größe 3 µm\nλ = 2"
     assert printable("a\x1b[2J\r\u202eb") == "a\\x1b[2J\\r\\u202eb"

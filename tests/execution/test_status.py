@@ -1,7 +1,5 @@
 """The state of a sweep from the names of many files and the contents of few; files of dead runs."""
 
-from __future__ import annotations
-
 import builtins
 import contextlib
 import fcntl
@@ -16,7 +14,6 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -30,10 +27,10 @@ Make = Callable[..., Folder]
 
 
 @pytest.fixture
-def make(tmp_path: Path) -> Make:
+def make(tmp_path):
     """Make the results folder of a sweep of so many cases, with files of these numbers and kinds in it."""
 
-    def make(total: int, **files: range) -> Folder:
+    def make(total, **files):
         folder = Folder(tmp_path / "out")
         config = Config(name="many", sweep={"layer.thickness": [0.1 + i / 1e5 for i in range(total)]})
         with claimed(folder, config):
@@ -46,28 +43,28 @@ def make(tmp_path: Path) -> Make:
     return make
 
 
-def fail(folder: Folder, index: int, reason: str) -> None:
+def fail(folder, index, reason):
     record = {"reason": reason, "values": {"layer.thickness": 0.1}}
     folder.case(index, "failed").write_text(json.dumps(record))
 
 
-def run_here(folder: Folder, index: int, **more: object) -> None:
+def run_here(folder, index, **more):
     me = {"host": socket.gethostname(), "pid": os.getpid()}
     times = {"simulated_time": 2.0, "end": 8.0, "started": time.time() - 50, "updated": time.time()}
     folder.case(index, "running").write_text(json.dumps(me | times | more))
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
+def told(capsys, *arguments):
     assert main([*arguments]) == 0
     return capsys.readouterr().out.splitlines()
 
 
-def test_few_files_are_opened_for_a_thousand_cases(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_files_are_opened_for_a_thousand_cases(make, monkeypatch):
     folder = make(1_000, h5=range(900), failed=range(900, 905))
     run_here(folder, 910)
-    opened: list[str] = []
+    opened = []
 
-    def counting(file: Any, *rest: Any, **options: Any) -> Any:
+    def counting(file, *rest, **options):
         if not str(file).startswith("/proc"):
             opened.append(str(file))
         return io.open(file, *rest, **options)  # noqa: UP020 - the one that is not replaced
@@ -81,7 +78,7 @@ def test_few_files_are_opened_for_a_thousand_cases(make: Make, monkeypatch: pyte
     assert not [name for name in opened if name.endswith(".h5")]
 
 
-def test_the_configuration_of_a_long_sweep_is_not_read_for_its_number_of_cases(make: Make) -> None:
+def test_the_configuration_of_a_long_sweep_is_not_read_for_its_number_of_cases(make):
     folder = make(300)
     text = folder.config.read_text()
     head = "".join(text.splitlines(keepends=True)[:2])
@@ -92,7 +89,7 @@ def test_the_configuration_of_a_long_sweep_is_not_read_for_its_number_of_cases(m
     assert overview(folder).total == 300
 
 
-def test_status_imports_nothing_heavy(make: Make) -> None:
+def test_status_imports_nothing_heavy(make):
     folder = make(3, h5=range(2))
     script = (
         "import sys; from gfmdlayer.cli import main; main(['status', sys.argv[1]]); "
@@ -103,9 +100,7 @@ def test_status_imports_nothing_heavy(make: Make) -> None:
     assert shown == ["3 cases: 2 complete, 0 running, 0 failed, 1 waiting", "[]"]
 
 
-def test_cases_at_work_are_told_with_host_step_and_time_left(
-    make: Make, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_cases_at_work_are_told_with_host_step_and_time_left(make, capsys):
     folder = make(3)
     # From time 0.5 to 2 in 30 seconds: 6 more will take 120.
     since = {"since": time.time() - 30, "since_time": 0.5, "steps": 40, "label": "thickness = 0.1"}
@@ -115,7 +110,7 @@ def test_cases_at_work_are_told_with_host_step_and_time_left(
     assert line.endswith("time 2 of 8, 2 min 0 s left  thickness = 0.1")
 
 
-def test_the_status_file_tells_steps_and_pace(make: Make) -> None:
+def test_the_status_file_tells_steps_and_pace(make):
     folder = make(1)
     with StatusFile(folder, 0, end=8.0, label="thickness = 0.1") as status:
         (begun,) = running(folder)
@@ -132,9 +127,7 @@ def test_the_status_file_tells_steps_and_pace(make: Make) -> None:
     assert case.seconds_left >= 0.04
 
 
-def test_few_failures_are_told_one_by_one_and_many_by_their_reasons(
-    make: Make, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_few_failures_are_told_one_by_one_and_many_by_their_reasons(make, capsys):
     folder = make(100)
     fail(folder, 7, "MemoryError: no")
     lines = told(capsys, "status", str(folder.path))
@@ -149,7 +142,7 @@ def test_few_failures_are_told_one_by_one_and_many_by_their_reasons(
     ]
 
 
-def test_complete_cases_say_why_they_ended_early(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
+def test_complete_cases_say_why_they_ended_early(make, capsys):
     folder = make(3, h5=range(1), failed=range(1, 2))
     for index in range(3):  # the records of cases that are computed again do not count
         record = {"reason": "PULLED OFF at t = 3", "values": {"layer.thickness": 0.1}}
@@ -159,13 +152,13 @@ def test_complete_cases_say_why_they_ended_early(make: Make, capsys: pytest.Capt
     assert lines[2:] == ["  0000 complete: PULLED OFF at t = 3  thickness = 0.1"]
 
 
-def test_of_very_many_failures_some_are_read(make: Make) -> None:
+def test_of_very_many_failures_some_are_read(make):
     folder = make(RECORDS_READ + 500, failed=range(RECORDS_READ + 500))
     seen = overview(folder)
     assert (seen.failed, len(seen.failures)) == (RECORDS_READ + 500, RECORDS_READ)
 
 
-def test_a_watch_ends_when_nothing_is_left_to_wait_for(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_watch_ends_when_nothing_is_left_to_wait_for(make, monkeypatch):
     monkeypatch.setattr("gfmdlayer.cli.status.WATCH_INTERVAL", 0.01)
     folder = make(3, h5=range(1))
     shown = io.StringIO()
@@ -177,14 +170,10 @@ def test_a_watch_ends_when_nothing_is_left_to_wait_for(make: Make, monkeypatch: 
     # A file gets a line for every change, and none where nothing has changed.
     assert [
         line.partition("cases: ")[2].partition(" complete")[0] for line in shown.getvalue().splitlines()
-    ] == [
-        "1",
-        "2",
-        "3",
-    ]
+    ] == ["1", "2", "3"]
 
 
-def test_a_watch_on_a_terminal_is_left_by_ctrl_c(make: Make) -> None:
+def test_a_watch_on_a_terminal_is_left_by_ctrl_c(make):
     folder = make(3, h5=range(1))
     command = [sys.executable, "-m", "gfmdlayer", "status", str(folder.path), "--watch"]
     keyboard, screen = pty.openpty()
@@ -200,14 +189,12 @@ def test_a_watch_on_a_terminal_is_left_by_ctrl_c(make: Make) -> None:
     assert (process.returncode, errors) == (0, b"")
 
 
-def test_an_interrupt_that_is_dropped_on_the_way_still_ends_a_watch(
-    make: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupt_that_is_dropped_on_the_way_still_ends_a_watch(make, monkeypatch):
     """Python reports an exception that strikes a destructor, and goes on."""
     folder, shown = make(3, h5=range(1)), io.StringIO()
     monkeypatch.setattr(sys, "stdout", shown)
 
-    def struck(_: float) -> None:
+    def struck(_):
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
 
@@ -235,20 +222,18 @@ KEPT = (
 
 
 @pytest.fixture
-def littered(make: Make) -> Folder:
+def littered(make):
     folder = make(4)
     for name in {*LEFT, *KEPT} - {"config.yaml"}:
         (folder.path / name).touch()
     return folder
 
 
-def names(folder: Folder) -> set[str]:
+def names(folder):
     return {str(path.relative_to(folder.path)) for path in folder.path.rglob("*") if path.is_file()}
 
 
-def test_clean_removes_what_dead_runs_left_and_nothing_else(
-    littered: Folder, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_clean_removes_what_dead_runs_left_and_nothing_else(littered, capsys):
     lines = told(capsys, "clean", str(littered.path), "--yes")
     assert names(littered) == set(KEPT)
     assert {line.strip() for line in lines[1:-1]} == set(LEFT)
@@ -256,7 +241,7 @@ def test_clean_removes_what_dead_runs_left_and_nothing_else(
     assert told(capsys, "clean", str(littered.path), "--yes") == ["no unfinished files of killed runs"]
 
 
-def test_clean_asks_nobody_who_is_not_there(littered: Folder) -> None:
+def test_clean_asks_nobody_who_is_not_there(littered):
     command = [sys.executable, "-m", "gfmdlayer", "clean", str(littered.path)]
     process = subprocess.run(command, input="y\n", capture_output=True, text=True, check=False)
     assert process.returncode == 2
@@ -265,9 +250,7 @@ def test_clean_asks_nobody_who_is_not_there(littered: Folder) -> None:
 
 
 @pytest.mark.parametrize(("answer", "kept"), [("y", KEPT), ("n", (*LEFT, *KEPT)), ("", (*LEFT, *KEPT))])
-def test_clean_removes_only_after_a_yes(
-    littered: Folder, monkeypatch: pytest.MonkeyPatch, answer: str, kept: tuple[str, ...]
-) -> None:
+def test_clean_removes_only_after_a_yes(littered, monkeypatch, answer, kept):
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(builtins, "input", lambda _: answer)
     assert main(["clean", str(littered.path)]) == 0
@@ -275,9 +258,7 @@ def test_clean_removes_only_after_a_yes(
 
 
 @pytest.mark.parametrize("kind", [fcntl.LOCK_EX, fcntl.LOCK_SH])
-def test_clean_touches_nothing_while_a_run_holds_the_folder(
-    littered: Folder, capsys: pytest.CaptureFixture[str], kind: int
-) -> None:
+def test_clean_touches_nothing_while_a_run_holds_the_folder(littered, capsys, kind):
     with (littered.cases / ".lock").open() as held:
         fcntl.flock(held, kind)
         assert main(["clean", str(littered.path), "--yes"]) == 2
@@ -285,7 +266,7 @@ def test_clean_touches_nothing_while_a_run_holds_the_folder(
     assert names(littered) == {*LEFT, *KEPT}
 
 
-def test_clean_touches_nothing_while_a_case_elsewhere_tells_of_itself(littered: Folder) -> None:
+def test_clean_touches_nothing_while_a_case_elsewhere_tells_of_itself(littered):
     """Where a file system has no locks, the status files of other hosts have to do."""
     run_here(littered, 2, host="elsewhere")
     with pytest.raises(FolderError, match="writing here, on elsewhere"), leftovers(littered):
@@ -295,7 +276,7 @@ def test_clean_touches_nothing_while_a_case_elsewhere_tells_of_itself(littered: 
         assert littered.case(2, "running") in found
 
 
-def test_no_run_begins_while_the_question_is_open(littered: Folder) -> None:
+def test_no_run_begins_while_the_question_is_open(littered):
     with (
         leftovers(littered),
         pytest.raises(FolderError, match="another run"),
@@ -304,7 +285,7 @@ def test_no_run_begins_while_the_question_is_open(littered: Folder) -> None:
         pass
 
 
-def test_clean_refuses_other_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_clean_refuses_other_folders(tmp_path, capsys):
     (tmp_path / "stop").touch()
     assert main(["clean", str(tmp_path), "--yes"]) == 2
     assert "not a results folder" in capsys.readouterr().err

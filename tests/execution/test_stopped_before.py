@@ -1,17 +1,13 @@
 """Requests to stop that come before the first step: while a configuration is read, kernels are compiled."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -29,7 +25,7 @@ PATIENCE = 60.0  # seconds in which a test that fails ends
 
 
 @pytest.fixture(autouse=True)
-def restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def restored(monkeypatch):
     monkeypatch.setattr(interrupts._Flag, "raised", False)
     handlers = {signum: signal.getsignal(signum) for signum in (*STOP_SIGNALS, signal.SIGALRM)}
     interrupts.listen()
@@ -38,7 +34,7 @@ def restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         signal.signal(signum, handler)
 
 
-def wait() -> None:
+def wait():
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
         time.sleep(0.01)
@@ -47,19 +43,19 @@ def wait() -> None:
 class Struck:
     """Its destructor gets the signal, and Python drops the exception."""
 
-    def __del__(self) -> None:
+    def __del__(self):
         signal.raise_signal(signal.SIGTERM)
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("signum", STOP_SIGNALS)
 @pytest.mark.parametrize("dropped", [False, True])
-def test_a_signal_ends_the_block_at_once(signum: signal.Signals, dropped: bool) -> None:
+def test_a_signal_ends_the_block_at_once(signum, dropped):
     begun = time.monotonic()
     before = [signal.getsignal(each) for each in STOP_SIGNALS]
     strike = Struck if dropped else partial(signal.raise_signal, signum)
 
-    def work() -> None:
+    def work():
         strike()
         wait()
 
@@ -74,10 +70,8 @@ def test_a_signal_ends_the_block_at_once(signum: signal.Signals, dropped: bool) 
 
 
 @pytest.mark.parametrize("swallowed", [False, True])
-def test_a_run_that_is_stopped_while_compiling_begins_no_case(
-    swallowed: bool, monkeypatch: pytest.MonkeyPatch, run_here: Callable[..., Any]
-) -> None:
-    def compile_long(*_: object, **__: object) -> Any:
+def test_a_run_that_is_stopped_while_compiling_begins_no_case(swallowed, monkeypatch, run_here):
+    def compile_long(*_, **__):
         try:
             signal.raise_signal(signal.SIGTERM)
         except KeyboardInterrupt:
@@ -93,19 +87,19 @@ def test_a_run_that_is_stopped_while_compiling_begins_no_case(
     assert sorted(path.name for path in Path("out/cases").iterdir()) == [".lock"]
 
 
-def test_no_workers_are_started_after_a_request_to_stop() -> None:
+def test_no_workers_are_started_after_a_request_to_stop():
     folder = Folder(Path("out"))
     folder.cases.mkdir(parents=True)
     interrupts.request_stop()
     with processes(2) as pool:
         schedule = Schedule(pool, lambda _: Outcome(0, "complete"), folder, lambda _: None)
         states = [outcome.state for outcome in schedule.run([Outcome(0, "waiting"), Outcome(1, "waiting")])]
-        assert pool.executor._pool._processes == {}  # type: ignore[attr-defined]
+        assert pool.executor._pool._processes == {}
     assert states == ["stopped", "stopped"]
 
 
-def test_an_interrupt_that_a_library_wraps_in_an_error_is_one() -> None:
-    def build() -> None:
+def test_an_interrupt_that_a_library_wraps_in_an_error_is_one():
+    def build():
         try:
             signal.raise_signal(signal.SIGTERM)
         except KeyboardInterrupt as interrupt:
@@ -116,10 +110,8 @@ def test_an_interrupt_that_a_library_wraps_in_an_error_is_one() -> None:
 
 
 @pytest.mark.parametrize(("module", "told"), [("llvmlite.binding.ffi", False), ("h5py", True)])
-def test_an_interrupt_leaves_objects_of_llvm_half_closed_in_silence(
-    module: str, told: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def close(_: object) -> None:
+def test_an_interrupt_leaves_objects_of_llvm_half_closed_in_silence(module, told, monkeypatch, capsys):
+    def close(_):
         raise AttributeError
 
     close.__module__ = module
@@ -131,10 +123,8 @@ def test_an_interrupt_leaves_objects_of_llvm_half_closed_in_silence(
 
 
 @pytest.mark.parametrize("verb", ["run", "check"])
-def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(
-    verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted(*_: object) -> Config:
+def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(verb, monkeypatch, capsys):
+    def interrupted(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("gfmdlayer.execution.interrupts.listen", interrupted)
@@ -143,7 +133,7 @@ def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(
     assert capsys.readouterr().err == "gfmdlayer: stopped\n"
 
 
-def test_a_rank_that_is_interrupted_before_mpi_starts_dies_by_the_signal() -> None:
+def test_a_rank_that_is_interrupted_before_mpi_starts_dies_by_the_signal():
     """An exit would leave the other ranks waiting for it: the launcher ends them after a signal alone."""
     script = (
         "import signal\n"
@@ -160,7 +150,7 @@ def test_a_rank_that_is_interrupted_before_mpi_starts_dies_by_the_signal() -> No
     assert [each.returncode for each in ended] == [75, -signal.SIGINT]
 
 
-def test_a_rank_that_is_asked_to_stop_begins_its_case_and_stops_with_the_others(tmp_path: Path) -> None:
+def test_a_rank_that_is_asked_to_stop_begins_its_case_and_stops_with_the_others(tmp_path):
     """The other ranks, which no signal has reached, wait for it in what comes before the first step."""
     folder = Folder(tmp_path)
     folder.cases.mkdir()
@@ -171,10 +161,8 @@ def test_a_rank_that_is_asked_to_stop_begins_its_case_and_stops_with_the_others(
         status.advance(0.1)
 
 
-def test_a_signal_while_the_configuration_is_read_ends_the_command(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def read(*_: object) -> Config:
+def test_a_signal_while_the_configuration_is_read_ends_the_command(monkeypatch, capsys):
+    def read(*_):
         signal.raise_signal(signal.SIGTERM)
         wait()
         raise AssertionError("not reached")

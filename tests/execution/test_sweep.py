@@ -1,24 +1,20 @@
 """A sweep's cases are run once, their results kept apart, and nothing of anybody else's is touched."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
 import socket
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from gfmdlayer.config import Config, load
+from gfmdlayer.config import load
 from gfmdlayer.execution import progress as reports
 from gfmdlayer.execution import status
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
+from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Progress
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.model import ConvergenceError
@@ -40,30 +36,26 @@ OTHERS = (
 )
 
 
-def configure(text: str = TINY + SWEEP, *overrides: str) -> Config:
+def configure(text=TINY + SWEEP, *overrides):
     Path("tiny.yaml").write_text(text)
     return load(Path("tiny.yaml"), overrides)
 
 
-def run(config: Config, directory: str = "out", **options: bool) -> Summary:
+def run(config, directory="out", **options):
     with assemble() as pool:
         assert pool is not None
         return run_sweep(config, directory, pool, RunOptions(**options))
 
 
-def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
+def forbid_simulating(monkeypatch):
     fail_where(lambda _: True, monkeypatch, AssertionError("this case was complete"))
 
 
-def fail_where(
-    condition: Callable[[Config], bool],
-    monkeypatch: pytest.MonkeyPatch,
-    error: Exception | None = None,
-) -> None:
+def fail_where(condition, monkeypatch, error=None):
     """Let the cases of some configurations fail."""
     run_case = PeriodicContact.run
 
-    def failing(model: PeriodicContact, *arguments: Any) -> list[str]:
+    def failing(model, *arguments):
         if condition(model.config):
             raise error or ConvergenceError("the residual stays at 1")
         return run_case(model, *arguments)
@@ -71,7 +63,7 @@ def fail_where(
     monkeypatch.setattr(PeriodicContact, "run", failing)
 
 
-def test_a_run_leaves_config_cases_and_sweep() -> None:
+def test_a_run_leaves_config_cases_and_sweep():
     config = configure()
     summary = run(config)
     assert summary.count("complete") == 6
@@ -84,7 +76,7 @@ def test_a_run_leaves_config_cases_and_sweep() -> None:
         assert not results["mean_pressure"].isnull().any()
 
 
-def test_complete_cases_are_not_run_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_complete_cases_are_not_run_again(monkeypatch):
     run(configure())
     before = {path: path.read_bytes() for path in Path("out/cases").glob("*.h5")}
     forbid_simulating(monkeypatch)
@@ -92,14 +84,14 @@ def test_complete_cases_are_not_run_again(monkeypatch: pytest.MonkeyPatch) -> No
     assert before == {path: path.read_bytes() for path in before}
 
 
-def test_a_name_may_change(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_name_may_change(monkeypatch):
     run(configure(TINY))
     assert Path("out/sweep.h5").exists()  # also of a single case
     forbid_simulating(monkeypatch)
     assert run(configure(TINY, "name=other")).count("complete") == 1
 
 
-def test_another_configuration_is_refused_with_the_keys_that_differ() -> None:
+def test_another_configuration_is_refused_with_the_keys_that_differ():
     run(configure(TINY))
     before = Path("out/config.yaml").read_bytes()
     with pytest.raises(FolderError) as caught:
@@ -111,7 +103,7 @@ def test_another_configuration_is_refused_with_the_keys_that_differ() -> None:
     assert Path("out/config.yaml").read_bytes() == before
 
 
-def test_restart_removes_earlier_results_and_nothing_else() -> None:
+def test_restart_removes_earlier_results_and_nothing_else():
     run(configure())
     others = [Path(place, name) for place in ("out", "out/cases") for name in OTHERS]
     for path in others:
@@ -124,7 +116,7 @@ def test_restart_removes_earlier_results_and_nothing_else() -> None:
 
 @pytest.mark.parametrize("restart", [False, True])
 @pytest.mark.parametrize("name", ["thesis.tex", "config.yaml", "sweep.h5"])
-def test_a_folder_of_something_else_is_refused(name: str, restart: bool) -> None:
+def test_a_folder_of_something_else_is_refused(name, restart):
     Path("mine").mkdir()
     Path("mine", name).write_text("name: mine\n")
     with pytest.raises(FolderError, match="not a results folder"):
@@ -132,7 +124,7 @@ def test_a_folder_of_something_else_is_refused(name: str, restart: bool) -> None
     assert [path.read_text() for path in Path("mine").iterdir()] == ["name: mine\n"]
 
 
-def test_a_damaged_configuration_of_results_is_named() -> None:
+def test_a_damaged_configuration_of_results_is_named():
     run(configure(TINY))
     path = Path("out/config.yaml")
     path.write_bytes(path.read_bytes().replace(b"# Cases", b"# Cases\xba", 1))
@@ -141,7 +133,7 @@ def test_a_damaged_configuration_of_results_is_named() -> None:
     assert list(Folder(Path("out")).case_numbers()) == [0]
 
 
-def test_a_configuration_of_results_that_lost_cases_is_named() -> None:
+def test_a_configuration_of_results_that_lost_cases_is_named():
     swept = TINY + "sweep: {layer.thickness: [0.02, 0.1]}\n"
     run(configure(swept))
     path = Path("out/config.yaml")
@@ -152,9 +144,7 @@ def test_a_configuration_of_results_that_lost_cases_is_named() -> None:
 
 
 @pytest.mark.parametrize("place", ["file", "file/below", "/proc/gfmdlayer"])
-def test_a_folder_that_cannot_be_written_is_refused_before_any_work(
-    monkeypatch: pytest.MonkeyPatch, place: str
-) -> None:
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(monkeypatch, place):
     forbid_simulating(monkeypatch)
     Path("file").write_text("mine")
     with pytest.raises(FolderError, match=r"is a file|cannot be written"):
@@ -162,7 +152,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_any_work(
     assert Path("file").read_text() == "mine"
 
 
-def test_what_a_killed_run_left_is_removed() -> None:
+def test_what_a_killed_run_left_is_removed():
     remains = [Path("out/cases", name) for name in ("0000.running", "0000.h5.host-1-a.part", "stop")]
     run(configure(TINY))
     for path in remains:
@@ -171,13 +161,13 @@ def test_what_a_killed_run_left_is_removed() -> None:
     assert not any(path.exists() for path in remains)
 
 
-def test_a_run_killed_in_its_first_instant_is_no_obstacle() -> None:
+def test_a_run_killed_in_its_first_instant_is_no_obstacle():
     Path("out/cases").mkdir(parents=True)
     Path("out/config.yaml.part").write_text("na")
     assert run(configure(TINY)).count("complete") == 1
 
 
-def test_a_failing_case_is_recorded_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_case_is_recorded_and_the_others_go_on(monkeypatch):
     fail_where(lambda config: config.halfspace.shear_modulus == 2, monkeypatch)
     summary = run(configure())
     assert [outcome.index for outcome in summary.failures] == [1, 4]
@@ -192,7 +182,7 @@ def test_a_failing_case_is_recorded_and_the_others_go_on(monkeypatch: pytest.Mon
         assert "0001: ConvergenceError: the residual stays at 1" in results.attrs["failed"]
 
 
-def test_a_failed_case_is_tried_again_and_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_case_is_tried_again_and_alone(monkeypatch):
     with monkeypatch.context() as once:
         fail_where(lambda config: config.halfspace.shear_modulus == 2, once)
         run(configure())
@@ -203,7 +193,7 @@ def test_a_failed_case_is_tried_again_and_alone(monkeypatch: pytest.MonkeyPatch)
         assert results.attrs["failed"] == ""
 
 
-def test_only_failed_runs_what_failed_and_leaves_what_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_failed_runs_what_failed_and_leaves_what_waits(monkeypatch):
     with monkeypatch.context() as once:
         fail_where(lambda config: config.halfspace.shear_modulus == 2, once)
         run(configure())
@@ -219,7 +209,7 @@ def test_only_failed_runs_what_failed_and_leaves_what_waits(monkeypatch: pytest.
     assert run(configure(), only_failed=True).count("waiting") == 1
 
 
-def test_a_stop_file_stops_a_case_between_steps(tmp_path: Path) -> None:
+def test_a_stop_file_stops_a_case_between_steps(tmp_path):
     folder = Folder(tmp_path)
     folder.cases.mkdir()
     with status.StatusFile(folder, 7, end=2.0) as file:
@@ -230,7 +220,7 @@ def test_a_stop_file_stops_a_case_between_steps(tmp_path: Path) -> None:
     assert not folder.case(7, "running").exists()
 
 
-def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
+def test_status_files_tell_what_is_alive(tmp_path):
     folder = Folder(tmp_path)
     folder.cases.mkdir()
     here = {"host": socket.gethostname(), "pid": os.getpid()}
@@ -247,7 +237,7 @@ def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
     assert [(case.index, case.fraction) for case in status.running(folder)] == [(0, 0.25), (2, 0.25)]
 
 
-def test_a_log_has_few_lines_with_the_time() -> None:
+def test_a_log_has_few_lines_with_the_time():
     stream = io.StringIO()
     log = reports.Log(stream)
     progress = Progress(total=4, complete=1, failed=1, seconds_left=61.0)
@@ -265,5 +255,5 @@ def test_a_log_has_few_lines_with_the_time() -> None:
     ("seconds", "text"),
     [(0.04, "0.0 s"), (9.96, "10 s"), (59.6, "1 min 0 s"), (3599, "59 min 59 s"), (90000, "1 d 1 h")],
 )
-def test_durations_are_written_for_people(seconds: float, text: str) -> None:
+def test_durations_are_written_for_people(seconds, text):
     assert status.duration(seconds) == text

@@ -1,9 +1,5 @@
 """The picture of the body: its layers, and the relaxation of their moduli."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -15,12 +11,12 @@ from gfmdlayer.results.schema import ResultsError
 LAYERS = [{"thickness": 0.01, "poisson": 0.4, "material": {"G0": 4.0, "Ginf": 20.0}}, {"thickness": 1.0}]
 
 
-def words(config: Config) -> list[str]:
+def words(config):
     """Texts of the section of the body."""
     return [text.get_text() for text in body_figure(config).axes[0].texts]
 
 
-def test_layers_and_base_are_named_with_their_thickness() -> None:
+def test_layers_and_base_are_named_with_their_thickness():
     config = Config.model_validate(
         {"name": "x", "layers": LAYERS, "units": {"length": "mm", "stress": "MPa", "time": "s"}}
     )
@@ -34,7 +30,7 @@ def test_layers_and_base_are_named_with_their_thickness() -> None:
     assert body_figure(config).axes[1].get_ylabel() == "$G$ (MPa)"
 
 
-def test_moduli_relax_from_the_glassy_to_the_relaxed_one() -> None:
+def test_moduli_relax_from_the_glassy_to_the_relaxed_one():
     config = Config.model_validate({"name": "x", "layers": LAYERS, "time": {"end": 1e3, "step": 1.0}})
     lines = body_figure(config).axes[1].get_lines()
     first, second, base = (np.asarray(line.get_ydata()) for line in lines)
@@ -43,7 +39,7 @@ def test_moduli_relax_from_the_glassy_to_the_relaxed_one() -> None:
     assert (base == 1.0).all()
 
 
-def test_a_configuration_is_drawn_before_it_is_run(tmp_path: Path) -> None:
+def test_a_configuration_is_drawn_before_it_is_run(tmp_path):
     path = tmp_path / "stack.yaml"
     path.write_text("name: stack\nlayers: [{thickness: 0.1}, {thickness: 0.3}]\n")
     assert main(["plot", str(path), "--kind", "body"]) == 0
@@ -52,7 +48,7 @@ def test_a_configuration_is_drawn_before_it_is_run(tmp_path: Path) -> None:
     assert main(["plot", str(path), "--kind", "body"]) == 2
 
 
-def test_a_sweep_over_the_body_has_no_single_picture() -> None:
+def test_a_sweep_over_the_body_has_no_single_picture():
     config = Config.model_validate({"name": "x", "sweep": {"layer.thickness": [0.1, 0.2]}})
     with pytest.raises(ResultsError, match="differs between the cases"):
         body_figure(config)

@@ -1,20 +1,15 @@
 """Every kind of picture of every quick configuration, dimensionless and in SI: texts, colours, curves."""
 
-from __future__ import annotations
-
 import json
 import re
 import runpy
 import warnings
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from gfmdlayer.cli import main
@@ -27,12 +22,12 @@ from gfmdlayer.results.schema import OVER_TIME
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "contact_sheet.py"))
 # One of a line over a key, one in SI, one of a surface; the others are slow.
 FEW = ("figure2-quick", "electroadhesion-quick", "rubber-coating-quick")
-NAMES = [
-    pytest.param(name, marks=[] if name in FEW else [pytest.mark.slow], id=name) for name in SCRIPT["NAMES"]
-]
+NAMES = [(name, "") for name in SCRIPT["NAMES"]] + [(name, "SI ") for name in SCRIPT["ALSO_IN_SI"]]
+SLOW = [(name, prefix) for name, prefix in NAMES if prefix or name not in FEW]
+DRAWN = [pytest.param(*each, marks=pytest.mark.slow if each in SLOW else ()) for each in NAMES]
 
 
-def texts(figure: Figure) -> list[Text]:
+def texts(figure):
     """The texts that are seen in a drawn figure."""
     found = [text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible()]
     ticks = {
@@ -46,13 +41,13 @@ def texts(figure: Figure) -> list[Text]:
     return [text for text in found if (text not in ticks or text in seen) and text not in offs]
 
 
-def axes_of(figure: Figure) -> Iterator[Any]:
+def axes_of(figure):
     insets = [each for axes in figure.axes for each in axes.child_axes]
     for axes in {*figure.axes, *insets}:
         yield from (axes.xaxis, axes.yaxis)
 
 
-def labels(axis: Any) -> list[Text]:
+def labels(axis):
     """The labels of the ticks that are within the view of an axis."""
     place = axis.get_transform().transform  # the logarithm, or as it is
     low, high = sorted(place(np.asarray(axis.get_view_interval(), float)))
@@ -66,7 +61,7 @@ def labels(axis: Any) -> list[Text]:
     return [label for label in every if label.get_text() and axis.axes.axison]
 
 
-def faults(figure: Figure, *, is_si: bool) -> Iterator[str]:
+def faults(figure, *, is_si):
     """What is wrong with a drawn figure."""
     width, height = figure.bbox.size
     shown = texts(figure)
@@ -119,18 +114,18 @@ OF_A_UNIT = (
 )
 
 
-def contacts(figure: Figure) -> set[str]:
+def contacts(figure):
     """The colours of lines and maps of contact."""
     lines = {to_hex(line.get_color()) for line in figure.findobj(is_contact)}
     gaps = [axes for axes in figure.axes for image in axes.images if image.get_cmap().name == "Blues"]
     return lines | {to_hex(axes.get_facecolor()) for axes in gaps}
 
 
-def is_contact(artist: Any) -> bool:
+def is_contact(artist):
     return artist.get_label() == "contact"
 
 
-def curves(figure: Figure) -> list[int]:
+def curves(figure):
     """The number of curves in each panel that has lines; a colour bar has none."""
     panels = [axes.lines for axes in figure.axes if axes.axison and axes.lines]
     drawn = [[np.isfinite(np.asarray(line.get_ydata(), float)).sum() > 1 for line in each] for each in panels]
@@ -144,21 +139,21 @@ USUAL = {column.name for column in columns(Config(name="usual"))}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("everything")
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_every_picture_is_legible_and_complete(name: str, folder: Path) -> None:
+@pytest.mark.parametrize(("name", "prefix"), DRAWN)
+def test_every_picture_is_legible_and_complete(name, prefix, folder):
     path = SCRIPT["run"](name, folder)
-    found: list[str] = []
+    found = []
     in_units = "\nunits:" in (path / "config.yaml").read_text()
     complete = len(list((path / "cases").glob("*.h5")))
     with open_results(path) as results:
         over_time = {column for column, each in results.items() if {"time", "row"} & {*each.dims}}
         is_usual = name not in FEW and {column.removesuffix(OVER_TIME) for column in over_time} <= USUAL
     for title, draw, style in SCRIPT["pictures"](path):
-        if is_usual and "columns" in title:
+        if title.startswith("SI ") != bool(prefix) or (is_usual and "columns" in title):
             continue
         with styled(style), warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)  # a layout that collapses, a letter that is missing
@@ -178,7 +173,7 @@ def test_every_picture_is_legible_and_complete(name: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", FEW)
-def test_a_report_has_labels_with_units_and_the_colour_of_contact(name: str, folder: Path) -> None:
+def test_a_report_has_labels_with_units_and_the_colour_of_contact(name, folder):
     path = SCRIPT["run"](name, folder)
     assert main(["report", str(path)]) == 0
     page = (path / "report.html").read_text()

@@ -1,12 +1,7 @@
 """The pictures of fits and of force maps, dimensionless and in SI: legible texts, units, and data."""
 
-from __future__ import annotations
-
 import math
 import warnings
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -20,13 +15,10 @@ from gfmdlayer.fitting.laws import fit
 from gfmdlayer.fitting.measurement import read
 from tests.figures.test_everything import faults, labels
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 UNITS = {"length": "um", "stress": "kPa", "time": "s"}  # kPa um^2 = nN
 
 
-def of_a_master_curve(folder: Path, *, si: bool) -> Figure:
+def of_a_master_curve(folder, *, si):
     omega = np.geomspace(1e-3, 1e4, 40)
     storage, loss = (1e6 * part for part in (1 + 9 * omega**2 / (1 + omega**2), 9 * omega / (1 + omega**2)))
     head = "f [Hz], G' [Pa], G'' [Pa]" if si else "omega,G',G''"
@@ -35,7 +27,7 @@ def of_a_master_curve(folder: Path, *, si: bool) -> Figure:
     return report.fit_figure(fit(read(folder / "curve.csv"), branches=2))
 
 
-def of_a_relaxation_curve(folder: Path, *, si: bool) -> Figure:
+def of_a_relaxation_curve(folder, *, si):
     time = np.geomspace(1e-3, 1e3, 40)
     head = "t [s], G [Pa]" if si else "t,G"
     rows = "\n".join(f"{a},{b}" for a, b in zip(time, 1 + 0.2 * np.exp(-time), strict=True))
@@ -43,12 +35,12 @@ def of_a_relaxation_curve(folder: Path, *, si: bool) -> Figure:
     return report.fit_figure(fit(read(folder / "curve.csv")))
 
 
-def of_a_force_curve(_folder: Path, *, si: bool) -> Figure:
+def of_a_force_curve(_folder, *, si):
     time = np.linspace(0.0, 4.0, 41)
     depth = np.interp(time, [0, 1, 4], [0, 0.2, 0.2])
     noise = 0.05 * np.random.default_rng(0).standard_normal(time.size)
     force = 8 / 3 * 5.0**0.5 * depth**1.5 / 0.5 + noise
-    model: dict[str, Any] = {
+    model = {
         "layer": {"thickness": math.inf, "material": {"model": "zener", "G0": 1.0, "Ginf": 1.0}},
         "punch": {"shape": "parabola", "radius": 5.0},
     }
@@ -58,7 +50,7 @@ def of_a_force_curve(_folder: Path, *, si: bool) -> Figure:
     )
 
 
-def of_a_map(shape: tuple[int, ...], *, si: bool) -> Figure:
+def of_a_map(shape, *, si):
     """A force map of moduli and a thickness, of which one curve failed."""
     import xarray
 
@@ -66,7 +58,7 @@ def of_a_map(shape: tuple[int, ...], *, si: bool) -> Figure:
     stress, length = ("Pa", "m") if si else ("pressure", "length")
     values = 2e4 * (1 + np.arange(math.prod(shape)).reshape(shape) / 10)
     values.flat[1] = np.nan
-    held: dict[str, Any] = {}
+    held = {}
     for name, unit, size in (("G0", stress, 1.0), ("thickness", length, 5e-12)):
         for end, part in (("", 1.0), ("_error", 0.05), ("_low", 0.9), ("_high", 1.1)):
             held[name + end] = (dims, size * part * values, {"units": unit, "long_name": name})
@@ -80,7 +72,7 @@ def of_a_map(shape: tuple[int, ...], *, si: bool) -> Figure:
     return fit_map_figure(xarray.Dataset(held, coords, attrs))
 
 
-DRAWN: dict[str, Callable[..., Figure]] = {
+DRAWN = {
     "master curve": of_a_master_curve,
     "relaxation curve": of_a_relaxation_curve,
     "force curve": of_a_force_curve,
@@ -91,7 +83,7 @@ DRAWN: dict[str, Callable[..., Figure]] = {
 
 @pytest.mark.parametrize("si", [False, True])
 @pytest.mark.parametrize("kind", DRAWN)
-def test_the_picture_of_a_fit_is_legible_and_complete(kind: str, si: bool, tmp_path: Path) -> None:
+def test_the_picture_of_a_fit_is_legible_and_complete(kind, si, tmp_path):
     with styled(), warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
         figure = DRAWN[kind](tmp_path, si=si)

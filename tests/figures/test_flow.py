@@ -1,13 +1,11 @@
 """Pictures of the fluid in a gap, and of columns that only some rows have."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import gfmdlayer
 from gfmdlayer.figures.curve_plots import curves_figure
-from gfmdlayer.figures.flow_plot import flow_figure
+from gfmdlayer.figures.field_plots import flow_figure
 from gfmdlayer.results.schema import ResultsError
 
 SEAL = {
@@ -20,14 +18,14 @@ SEAL = {
 }
 
 
-def test_each_snapshot_has_a_map_of_the_pressure_and_one_of_the_flow() -> None:
+def test_each_snapshot_has_a_map_of_the_pressure_and_one_of_the_flow():
     data = gfmdlayer.run(SEAL)
     flow = gfmdlayer.leakage(data, fields=True)
     figure = flow_figure(flow)
     panels = [axes for axes in figure.axes if axes.images]
     assert len(panels) == 4
     for panel, shot in zip(panels, [*range(2), *range(2)], strict=True):
-        shown = np.ma.getmaskarray(np.ma.masked_invalid(panel.images[0].get_array()))  # type: ignore[arg-type]
+        shown = np.ma.getmaskarray(np.ma.masked_invalid(panel.images[0].get_array()))
         closed = (data.gap[shot] <= 0).to_numpy().T
         assert shown[closed].all()  # contact is left to the black of the panel
         assert not shown.all()
@@ -35,7 +33,7 @@ def test_each_snapshot_has_a_map_of_the_pressure_and_one_of_the_flow() -> None:
         assert panel.collections
 
 
-def test_a_line_has_no_map_of_the_flow() -> None:
+def test_a_line_has_no_map_of_the_flow():
     data = gfmdlayer.run(
         {"grid": {"points": 64}, "time": {"end": 1.0, "step": 0.5}, "output": {"snapshots": [1.0]}}
     )
@@ -43,7 +41,7 @@ def test_a_line_has_no_map_of_the_flow() -> None:
         flow_figure(gfmdlayer.leakage(data, fields=True))
 
 
-def test_a_column_of_every_nth_row_is_drawn_as_one_line() -> None:
+def test_a_column_of_every_nth_row_is_drawn_as_one_line():
     data = gfmdlayer.run(SEAL)
     (line,) = curves_figure(data, y=["flow_xx"]).axes[0].lines
     values = np.asarray(line.get_ydata())

@@ -1,22 +1,17 @@
 """Pictures of stresses below the surface: sections, interfaces, maps, and the page of a case."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
 import gfmdlayer
 from gfmdlayer.figures import curves_figure
-from gfmdlayer.figures.inside_plot import inside_figure
+from gfmdlayer.figures.field_plots import inside_figure
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.report.cases import Listed
 from gfmdlayer.figures.report.page import payload
 from gfmdlayer.results.schema import ResultsError
 
-RUN: dict[str, Any] = {
+RUN = {
     "layer": {"thickness": 0.03, "poisson": 0.3},
     "halfspace": {"shear_modulus": 0.2, "poisson": 0.4},
     "time": {"end": 0.4, "step": 0.2},
@@ -25,11 +20,11 @@ RUN: dict[str, Any] = {
 }
 
 
-def text_of(axes: Any) -> str:
+def text_of(axes):
     return " ".join([axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="right")])
 
 
-def test_the_section_of_a_line_has_depth_downward_and_the_interface_at_its_depth() -> None:
+def test_the_section_of_a_line_has_depth_downward_and_the_interface_at_its_depth():
     figure = inside_figure(gfmdlayer.run(RUN, grid={"points": 128}))
     axes = figure.axes[0]
     low, high = axes.get_ylim()
@@ -48,7 +43,7 @@ def test_the_section_of_a_line_has_depth_downward_and_the_interface_at_its_depth
     assert "von Mises stress" in figure.get_supxlabel()  # the caption explains the symbol
 
 
-def test_each_interface_has_curves_of_its_own() -> None:
+def test_each_interface_has_curves_of_its_own():
     run = {key: RUN[key] for key in ("halfspace", "time", "trajectory")} | {"layers": [RUN["layer"]] * 2}
     data = gfmdlayer.run(run, grid={"points": 64}, output={"inside": {"points": 2, "every": 2}})
     figure = curves_figure(data, y=["interface_peel"])
@@ -63,7 +58,7 @@ def test_each_interface_has_curves_of_its_own() -> None:
         np.testing.assert_allclose(drawn / np.ptp(drawn), known / np.ptp(known), rtol=1e-12)
 
 
-def test_a_surface_has_maps_of_peel_and_shear_at_each_interface() -> None:
+def test_a_surface_has_maps_of_peel_and_shear_at_each_interface():
     data = gfmdlayer.run(RUN, grid={"points": [32, 32]})
     figure = inside_figure(data, "stress_xz")
     images = [axes for axes in figure.axes if axes.images]
@@ -74,7 +69,7 @@ def test_a_surface_has_maps_of_peel_and_shear_at_each_interface() -> None:
         np.testing.assert_allclose(axes.images[0].get_array(), known, atol=1e-6 * np.abs(known).max())
 
 
-def test_what_cannot_be_drawn_is_refused(tmp_path: Path) -> None:
+def test_what_cannot_be_drawn_is_refused(tmp_path):
     data = gfmdlayer.run(RUN, grid={"points": 64})
     with pytest.raises(
         ResultsError, match=r"no field von_mise; must be one of .*; did you mean 'von_mises'\?$"
@@ -85,7 +80,7 @@ def test_what_cannot_be_drawn_is_refused(tmp_path: Path) -> None:
         plot_results(tmp_path / "run", kind="inside")
 
 
-def test_the_page_of_a_case_has_the_section(tmp_path: Path) -> None:
+def test_the_page_of_a_case_has_the_section(tmp_path):
     data = gfmdlayer.run(RUN, grid={"points": [32, 32]}, out=tmp_path / "run").load()
     found = payload([Listed(0, tmp_path / "run" / "cases" / "0000.h5", {})])
     surface = found["cases"][0]["surface"]

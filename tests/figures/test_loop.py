@@ -1,10 +1,5 @@
 """Force against depth with its areas, and numbers of whole cases against swept keys."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -16,7 +11,7 @@ from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 
-KEYS: dict[str, Any] = {
+KEYS = {
     "name": "pull",
     "grid": {"points": 128},
     "layer": {"thickness": 0},
@@ -28,26 +23,26 @@ KEYS: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def results(tmp_path_factory):
     folder = tmp_path_factory.mktemp("loop") / "pull"
     gfmdlayer.run(KEYS, out=folder)
     return folder
 
 
-def texts(figure: Any) -> str:
+def texts(figure):
     found = [text for axes in figure.axes for text in (axes.get_title(loc="left"), *_written(axes))]
     return " ".join([*found, *(entry.get_text() for legend in figure.legends for entry in legend.texts)])
 
 
-def _written(axes: Any) -> list[str]:
+def _written(axes):
     return [text.get_text() for text in axes.texts]
 
 
-def shown(value: float) -> str:
+def shown(value):
     return f"= {value_labels([float(f'{value:.3g}')])[0]}"
 
 
-def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) -> None:
+def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results):
     sweep = open_results(results).sel(work=2e-3)
     figure = loop_figure(results, sweep)
     curves = figure.axes[0].lines[:2]
@@ -59,7 +54,7 @@ def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) 
     assert r"$W_\mathrm{sep}$: work of separation per area" in figure.get_supxlabel()
 
 
-def test_curves_over_depth_and_time_have_all_rows_of_each_case(results: Path) -> None:
+def test_curves_over_depth_and_time_have_all_rows_of_each_case(results):
     """Approach and retraction, though the cases end at other times and share few of them."""
     sweep = open_results(results)
     cases = [open_case(results / "cases" / f"{number:04d}.h5") for number in range(4)]
@@ -73,12 +68,12 @@ def test_curves_over_depth_and_time_have_all_rows_of_each_case(results: Path) ->
     assert {-1, 1} <= {*depth}
 
 
-def test_columns_against_a_key_are_taken_from_the_rows_of_each_case(results: Path) -> None:
+def test_columns_against_a_key_are_taken_from_the_rows_of_each_case(results):
     sweep = open_results(results).sel(work=1e-3)
     cases = [open_case(results / "cases" / f"{number:04d}.h5") for number in (0, 2)]
     middle = float(cases[1].time[-1]) + 0.4  # behind the end of the second
     first = cases[0].depth[np.argmin(np.abs(cases[0].time.to_numpy() - middle))]
-    expected: dict[Any, list[float]] = {
+    expected = {
         "end": [float(case.depth[-1]) for case in cases],
         "max": [float(case.depth.max()) for case in cases],
         middle: [float(first), np.nan],
@@ -89,7 +84,7 @@ def test_columns_against_a_key_are_taken_from_the_rows_of_each_case(results: Pat
         assert ("1 case ended before" in figure.get_supxlabel() + texts(figure)) == bool(np.isnan(wanted[1]))
 
 
-def test_the_legend_of_a_loop_over_two_keys_has_the_looks_of_its_curves(results: Path) -> None:
+def test_the_legend_of_a_loop_over_two_keys_has_the_looks_of_its_curves(results):
     sweep = open_results(results)
     loop, curves = loop_figure(results, sweep), curves_figure(sweep)
     looks = [
@@ -104,14 +99,14 @@ def test_the_legend_of_a_loop_over_two_keys_has_the_looks_of_its_curves(results:
     assert speeds == {colour for _, colour, _ in looks[0] if colour != "black"}
 
 
-def test_a_loop_of_an_isolated_contact_has_the_work_of_its_force(results: Path) -> None:
+def test_a_loop_of_an_isolated_contact_has_the_work_of_its_force(results):
     with open_case(results / "cases" / "0001.h5") as case:
         cell, isolated = loop_figure(results, case), loop_figure(results, case.drop_vars("mean_stress"))
     assert r"\oint\,\bar{p}" in cell.axes[0].get_title(loc="left")
     assert r"\oint\,F" in isolated.axes[0].get_title(loc="left")
 
 
-def test_a_loop_leaves_out_the_depths_at_which_the_punch_is_away(results: Path) -> None:
+def test_a_loop_leaves_out_the_depths_at_which_the_punch_is_away(results):
     case = open_case(results / "cases" / "0000.h5").load()
     away = case.depth < -0.01
     figure = loop_figure(results, case.assign(force=case.force.where(~away, 0.0)))
@@ -121,7 +116,7 @@ def test_a_loop_leaves_out_the_depths_at_which_the_punch_is_away(results: Path) 
     assert high > float(case.depth.max())
 
 
-def test_numbers_in_a_map_are_those_of_its_colour_bar(results: Path) -> None:
+def test_numbers_in_a_map_are_those_of_its_colour_bar(results):
     sweep = open_results(results)
     figure = map_figure(sweep, z=["work_of_separation"])
     written = [float(text.get_text()) for text in figure.axes[0].texts]
@@ -130,7 +125,7 @@ def test_numbers_in_a_map_are_those_of_its_colour_bar(results: Path) -> None:
     assert "10^{-6}" in figure.axes[1].get_ylabel()
 
 
-def test_the_loop_of_one_case_has_both_areas(results: Path) -> None:
+def test_the_loop_of_one_case_has_both_areas(results):
     case = open_case(results / "cases" / "0000.h5")
     written = texts(loop_figure(results / "cases" / "0000.h5", case, y="mean_stress"))
     area = np.trapezoid(case.mean_stress, case.depth)
@@ -141,7 +136,7 @@ def test_the_loop_of_one_case_has_both_areas(results: Path) -> None:
     assert shown(case.attrs["work_of_separation"]) in written
 
 
-def test_numbers_of_cases_are_drawn_against_swept_keys_and_as_maps(results: Path) -> None:
+def test_numbers_of_cases_are_drawn_against_swept_keys_and_as_maps(results):
     sweep = open_results(results)
     figure = curves_figure(sweep, x="retract_speed", y=["pull_off_force"])
     drawn = np.array([line.get_ydata() for line in figure.axes[0].lines])
@@ -152,19 +147,19 @@ def test_numbers_of_cases_are_drawn_against_swept_keys_and_as_maps(results: Path
         curves_figure(sweep, y=["pull_off_force"])
 
 
-def test_pictures_of_loops_lie_with_the_results(results: Path) -> None:
+def test_pictures_of_loops_lie_with_the_results(results):
     assert plot_results(results, kind="loop") == [results / "pull-loop.png"]
     with pytest.raises(ResultsError, match="a loop has one quantity along y, not 2"):
         plot_results(results, kind="loop", y=["force", "depth"])
 
 
-def test_the_area_under_tension_begins_where_the_punch_turns(results: Path) -> None:
+def test_the_area_under_tension_begins_where_the_punch_turns(results):
     case = open_case(results / "cases" / "0000.h5").load()
     (area, *_) = loop_figure(results, case.assign(force=0.0 * case.force - 1.0)).axes[0].collections
     assert area.get_paths()[0].get_extents().x1 == float(case.depth.max())
 
 
-def test_the_loops_of_a_sweep_along_the_surface_have_their_work_in_the_legend(tmp_path: Path) -> None:
+def test_the_loops_of_a_sweep_along_the_surface_have_their_work_in_the_legend(tmp_path):
     shaken = {"tangential": {"kind": "oscillation", "displacement": 0.002, "start": 0.2, "period": 0.8}}
     run = {
         "grid": {"points": 64},

@@ -1,11 +1,7 @@
 """Figures: labelled by symbols, one curve a case, written in the format asked for."""
 
-from __future__ import annotations
-
 import itertools
 import os
-from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -18,7 +14,7 @@ from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
-from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
+from gfmdlayer.figures.plot_style import PAPER, SCREEN, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshot_plots import OVERLAP, Inset, snapshots_figure, waterfall_figure
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
@@ -30,7 +26,7 @@ X = np.linspace(-0.5, 0.5, 64, endpoint=False)
 THICKNESSES = [0, 1 / 32, 1 / 16, float("inf")]
 
 
-def write_case(path: Path, *, snapshots: bool = True, about: Mapping[str, float] | None = None) -> None:
+def write_case(path, *, snapshots=True, about=None):
     with CaseWriter(path, {"x": X}, {"name": "demo", **({"tau": 2.0} if about is None else about)}) as case:
         for time in (0.0, 1.0, 4.0):
             case.row(time=time, contact_area_interpolated=0.1 * time, mean_pressure=0.2 * time)
@@ -40,14 +36,14 @@ def write_case(path: Path, *, snapshots: bool = True, about: Mapping[str, float]
 
 
 @pytest.fixture(scope="module")
-def thicknesses(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def thicknesses(tmp_path_factory):
     """Folder of a sweep over the thickness."""
     folder = tmp_path_factory.mktemp("results")
     write_sweep(folder, {"layer.thickness": THICKNESSES})
     return folder
 
 
-def write_sweep(folder: Path, swept: Mapping[str, Sequence[object]]) -> None:
+def write_sweep(folder, swept):
     records = []
     for index, values in enumerate(itertools.product(*swept.values())):
         write_case(case_path(folder, index))
@@ -56,7 +52,7 @@ def write_sweep(folder: Path, swept: Mapping[str, Sequence[object]]) -> None:
 
 
 @pytest.mark.parametrize("columns", [1, 2])
-def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path: Path, columns: Columns) -> None:
+def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path, columns):
     friction = [np.nan, -0.1, 0.3]
     with CaseWriter(case_path(tmp_path, 0), {"x": X}, {"name": "demo", "tau": 2.0}) as case:
         for time, each in enumerate(friction):
@@ -72,7 +68,7 @@ def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path: Path, columns:
     assert bool(area.get_xlabel()) == (columns == 2)  # in one column the lowest panel has it
 
 
-def test_curves_are_labelled_by_symbols(thicknesses: Path) -> None:
+def test_curves_are_labelled_by_symbols(thicknesses):
     with open_results(thicknesses) as data:
         figure = curves_figure(data)
     area, pressure = figure.axes
@@ -94,11 +90,11 @@ def test_curves_are_labelled_by_symbols(thicknesses: Path) -> None:
         *(("G_inf", r"G_\infty"), ("nu_bulk", r"\nu_\mathrm{bulk}"), ("lambda_s", r"\lambda_s")),
     ],
 )
-def test_symbols_of_the_files_become_mathtext(plain: str, written: str) -> None:
+def test_symbols_of_the_files_become_mathtext(plain, written):
     assert mathtext(plain) == written
 
 
-def test_two_keys_differ_by_colour_and_line_style(tmp_path: Path) -> None:
+def test_two_keys_differ_by_colour_and_line_style(tmp_path):
     write_sweep(tmp_path, {"layer.thickness": [0.1, 0.2], "halfspace.shear_modulus": [0.1, 10.0, 1e5]})
     with open_results(tmp_path) as data:
         figure = curves_figure(data, columns=1)
@@ -110,7 +106,7 @@ def test_two_keys_differ_by_colour_and_line_style(tmp_path: Path) -> None:
     assert labels == ["$d$ = 0.1", "$d$ = 0.2", *bulk]
 
 
-def test_time_is_not_scaled_without_a_common_relaxation_time(tmp_path: Path) -> None:
+def test_time_is_not_scaled_without_a_common_relaxation_time(tmp_path):
     write_case(tmp_path / "0000.h5", about={})
     with open_case(tmp_path / "0000.h5") as data:
         figure = curves_figure(data)
@@ -119,7 +115,7 @@ def test_time_is_not_scaled_without_a_common_relaxation_time(tmp_path: Path) -> 
     assert figure.legends == []
 
 
-def test_pictures_are_named_after_the_results_and_matplotlib_is_left_as_it_was(thicknesses: Path) -> None:
+def test_pictures_are_named_after_the_results_and_matplotlib_is_left_as_it_was(thicknesses):
     before = dict(mpl.rcParams)
     assert plot_results(thicknesses, case=3) == [thicknesses / "demo.png", thicknesses / "demo-snapshots.png"]
     one = case_path(thicknesses, 2)
@@ -134,14 +130,14 @@ def test_pictures_are_named_after_the_results_and_matplotlib_is_left_as_it_was(t
 
 
 @pytest.mark.parametrize(("suffix", "start"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
-def test_suffix_chooses_the_format(tmp_path: Path, suffix: str, start: bytes) -> None:
+def test_suffix_chooses_the_format(tmp_path, suffix, start):
     write_case(case_path(tmp_path, 0), snapshots=False)
     (picture,) = plot_results(tmp_path, tmp_path / f"figure.{suffix}")
     assert picture.read_bytes().startswith(start)
     assert not (tmp_path / f"figure-snapshots.{suffix}").exists()
 
 
-def test_pictures_that_cannot_be_written_are_refused(thicknesses: Path) -> None:
+def test_pictures_that_cannot_be_written_are_refused(thicknesses):
     with pytest.raises(ResultsError, match=r"'\.bmp'; use \.png, \.pdf, \.svg"):
         plot_results(thicknesses, thicknesses / "figure.bmp")
     with pytest.raises(ResultsError, match="cannot be written"):
@@ -150,7 +146,7 @@ def test_pictures_that_cannot_be_written_are_refused(thicknesses: Path) -> None:
         plot_results(thicknesses / "nowhere")
 
 
-def test_snapshots_show_the_contact_zoomed(thicknesses: Path) -> None:
+def test_snapshots_show_the_contact_zoomed(thicknesses):
     with open_case(case_path(thicknesses, 0)) as data:
         figure = snapshots_figure({"$d$ = 0": data})
     surface, pressure = figure.axes
@@ -167,7 +163,7 @@ def test_snapshots_show_the_contact_zoomed(thicknesses: Path) -> None:
     ]
 
 
-def test_snapshots_of_a_surface_are_maps(tmp_path: Path) -> None:
+def test_snapshots_of_a_surface_are_maps(tmp_path):
     field = np.maximum(0, 0.04 - X[:, None] ** 2 - (X[None, ::2]) ** 2)
     with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[::2]}, {"tau": 1.0}) as case:
         case.snapshot(1.0, -field, field)
@@ -188,20 +184,36 @@ def test_snapshots_of_a_surface_are_maps(tmp_path: Path) -> None:
         ([16384, 65536], ["16384", "65536"]),
         ([1e-3, 1e5, 2.5e6], ["0.001", "$10^{5}$", r"$2.5\times 10^{6}$"]),
         (["fire", "active_set"], ["fire", "active_set"]),
+        # rounded as far as they stay apart
+        ([2e-4, 0.000632455532034, 2e-3], ["0.0002", "0.000632", "0.002"]),
+        ([1.2345678, 1.2349], ["1.2346", "1.2349"]),
+        ([1234.5678, 2.34567], ["1234.57", "2.35"]),
+        ([0.03127], ["0.03127"]),
+        # mappings in short
+        (["shape=parabola, radius=0.25"], ["parabola $R$ = 0.25"]),
+        (
+            ["model=zener, G0=1.0, Ginf=10.0, tau=1.0", "model=zener, G0=1.0, Ginf=2.0, tau=1.0"],
+            [r"zener $G_\infty$ = 10", r"zener $G_\infty$ = 2"],
+        ),
+        (["shape=wedge, slope=0.1", "none"], ["wedge slope = 0.1", "none"]),
+        (
+            ["model=prony, G0=1.0, branches=[G=1.0, tau=0.1, G=2.0, tau=1.0, G=3.0, tau=10.0]"],
+            ["prony $G_0$ = 1, branches = [G=1.0, tau=0.1, G=2.0,…"],
+        ),
     ],
 )
-def test_values_are_written_as_a_reader_would(values: list[object], labels: list[str]) -> None:
+def test_values_are_written_as_a_reader_would(values, labels):
     assert value_labels(values) == labels
 
 
-def test_colours_lighten_when_printed_grey() -> None:
+def test_colours_lighten_when_printed_grey():
     grey = [np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) for colour in colours(6)]
     # Six steps over a range of 0.6, none less than half the mean step; the lightest is dark enough on white.
     assert np.diff(grey).min() > 0.05
     assert grey[-1] < 0.75
 
 
-def test_logarithmic_time_begins_after_zero(thicknesses: Path) -> None:
+def test_logarithmic_time_begins_after_zero(thicknesses):
     with open_case(case_path(thicknesses, 0)) as data:
         figure = curves_figure(data, log_time=True)
     for axes in figure.axes:
@@ -210,11 +222,11 @@ def test_logarithmic_time_begins_after_zero(thicknesses: Path) -> None:
         np.testing.assert_array_equal(axes.lines[0].get_xdata(), [0.5, 2.0])
 
 
-def test_the_symbols_of_curves_and_their_scales_are_explained(thicknesses: Path) -> None:
+def test_the_symbols_of_curves_and_their_scales_are_explained(thicknesses):
     with open_results(thicknesses) as data:
         words = curves_figure(data).get_supxlabel()
     assert r"$\tilde{a}$: relative contact area;" in words
-    assert r"$\tilde{p}$: mean contact pressure $\bar{p}/(2G_0)$" in words
+    assert r"$\tilde{p}$: mean pressure over the cell $\bar{p}/(2G_0)$" in words
     assert r"$t$: time" in words
     assert r"$\tau$: relaxation time" in words
     assert r"$G_0$: relaxed shear modulus" in words  # of the mean pressure
@@ -223,7 +235,7 @@ def test_the_symbols_of_curves_and_their_scales_are_explained(thicknesses: Path)
 
 
 @pytest.mark.parametrize(("longest", "scale"), [(50.0, "linear"), (70.0, "log")])
-def test_time_is_logarithmic_where_short_cases_would_be_upright_lines(longest: float, scale: str) -> None:
+def test_time_is_logarithmic_where_short_cases_would_be_upright_lines(longest, scale):
     time = np.array([[0.0, 1.0, 2.0], [0.0, 1.0, longest]])
     data = Dataset(
         {"contact_area": (("thickness", "row"), 0.1 * np.ones_like(time), {"units": "1"})},
@@ -238,7 +250,7 @@ def test_time_is_logarithmic_where_short_cases_would_be_upright_lines(longest: f
     assert curves_figure(data, y=["contact_area"], log=()).axes[0].get_xscale() == "linear"
 
 
-def test_inset_shows_punch_and_surface_and_where_on_the_curve(thicknesses: Path) -> None:
+def test_inset_shows_punch_and_surface_and_where_on_the_curve(thicknesses):
     with open_results(thicknesses) as data, open_case(case_path(thicknesses, 2)) as case:
         case.coords["case"] = 2
         figure = curves_figure(data, inset=Inset.of(case, [4.0, 1.0]))
@@ -252,7 +264,7 @@ def test_inset_shows_punch_and_surface_and_where_on_the_curve(thicknesses: Path)
     np.testing.assert_allclose(punch, X**2 - 0.01, atol=1e-17)
 
 
-def test_inset_keeps_clear_of_the_curves(thicknesses: Path) -> None:
+def test_inset_keeps_clear_of_the_curves(thicknesses):
     with open_case(case_path(thicknesses, 0)) as data:
         figure = curves_figure(data, inset=Inset.of(data, [1.0]))
         (inset,) = figure.axes[0].child_axes
@@ -265,7 +277,7 @@ def test_inset_keeps_clear_of_the_curves(thicknesses: Path) -> None:
     assert left > bottom
 
 
-def test_waterfall_has_a_profile_for_each_time(thicknesses: Path) -> None:
+def test_waterfall_has_a_profile_for_each_time(thicknesses):
     with open_case(case_path(thicknesses, 0)) as data:
         (axes,) = waterfall_figure(data, "$d$ = 0").axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["0.5", "2"]
@@ -277,7 +289,7 @@ def test_waterfall_has_a_profile_for_each_time(thicknesses: Path) -> None:
     assert axes.texts[0].get_text() == "$p$ = 0.02"
 
 
-def test_map_has_a_colour_for_each_pair_of_values(tmp_path: Path) -> None:
+def test_map_has_a_colour_for_each_pair_of_values(tmp_path):
     write_sweep(tmp_path, {"layer.thickness": [0, 0.5, float("inf")], "halfspace.shear_modulus": [1, 2]})
     with open_results(tmp_path) as data:
         data["contact_area_interpolated"][2, 1] = np.nan
@@ -293,12 +305,12 @@ def test_map_has_a_colour_for_each_pair_of_values(tmp_path: Path) -> None:
     assert len(area.texts) == 5
 
 
-def test_map_needs_two_keys(thicknesses: Path) -> None:
+def test_map_needs_two_keys(thicknesses):
     with pytest.raises(ResultsError, match=r"2 keys, this is one over 1 \(thickness\)"):
         plot_results(thicknesses, kind="map")
 
 
-def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(tmp_path: Path) -> None:
+def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(tmp_path):
     y = X[::2]
     pressure = np.maximum(0, 0.04 - X[:, None] ** 2 - (y - 0.25) ** 2)
     gap = np.maximum(0, X[:, None] ** 2 + (y - 0.25) ** 2 - 0.04)
@@ -321,7 +333,7 @@ def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(t
 
 
 @pytest.mark.parametrize("columns", [1, 2])
-def test_screen_is_the_same_figure_larger(thicknesses: Path, columns: Columns) -> None:
+def test_screen_is_the_same_figure_larger(thicknesses, columns):
     with open_results(thicknesses) as data:
         paper, screen = (curves_figure(data, columns, style=style) for style in (PAPER, SCREEN))
     np.testing.assert_allclose(screen.get_size_inches(), SCREEN.scale * paper.get_size_inches())
@@ -332,16 +344,14 @@ def test_screen_is_the_same_figure_larger(thicknesses: Path, columns: Columns) -
 
 
 @pytest.fixture
-def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+def coarse(monkeypatch):
     """Movies of few dots, which are drawn sooner."""
     monkeypatch.setattr(movie, "DPI", 20)
 
 
 @pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("shape", [(64,), (64, 32)])
-def test_movie_shows_each_snapshot(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shape: tuple[int, ...]
-) -> None:
+def test_movie_shows_each_snapshot(tmp_path, monkeypatch, shape):
     fields = np.random.default_rng(1).random((3, 3, *shape))
     axes = {"x": X, "y": X[::2]} if len(shape) == 2 else {"x": X}
     with CaseWriter(case_path(tmp_path, 0), axes, {"name": "demo", "tau": 2.0}) as case:
@@ -365,9 +375,7 @@ def test_movie_shows_each_snapshot(
 
 @pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("reads", ["", "cat > /dev/null; "])
-def test_movie_that_ffmpeg_cannot_write_is_an_error(
-    thicknesses: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads: str
-) -> None:
+def test_movie_that_ffmpeg_cannot_write_is_an_error(thicknesses, tmp_path, monkeypatch, reads):
     # As an ffmpeg without H.264, which ends at once, and one with a full disk, which ends after its input.
     ffmpeg, written = tmp_path / "ffmpeg", tmp_path / "movie.mp4"
     written.write_text("an earlier one")
@@ -381,9 +389,7 @@ def test_movie_that_ffmpeg_cannot_write_is_an_error(
     assert list(tmp_path.glob("*.part*")) == []
 
 
-def test_movie_formats_that_cannot_be_written_are_refused(
-    thicknesses: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_movie_formats_that_cannot_be_written_are_refused(thicknesses, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(ResultsError, match="needs ffmpeg, which is not found"):
         plot_results(thicknesses, thicknesses / "demo.mp4", kind="movie")
@@ -393,7 +399,7 @@ def test_movie_formats_that_cannot_be_written_are_refused(
     assert movie.default_suffix() == ".mp4"
 
 
-def test_pictures_of_snapshots_need_snapshots(tmp_path: Path) -> None:
+def test_pictures_of_snapshots_need_snapshots(tmp_path):
     write_case(case_path(tmp_path, 0), snapshots=False)
     for kind in ("snapshots", "waterfall", "movie"):
         with pytest.raises(ResultsError, match=r"no snapshots; set output\.snapshots"):
@@ -401,7 +407,7 @@ def test_pictures_of_snapshots_need_snapshots(tmp_path: Path) -> None:
     assert list(tmp_path.glob("*.*")) == []
 
 
-def test_the_contact_area_is_drawn_without_steps_unless_the_counted_one_is_asked_for(tmp_path: Path) -> None:
+def test_the_contact_area_is_drawn_without_steps_unless_the_counted_one_is_asked_for(tmp_path):
     counted, between = [0.0, 0.25, 0.25], [0.0, 0.24, 0.26]
     with CaseWriter(case_path(tmp_path, 0), {"x": X}, {"name": "demo"}) as case:
         for i, (whole, part) in enumerate(zip(counted, between, strict=True)):

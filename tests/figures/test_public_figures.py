@@ -1,7 +1,5 @@
 """The functions of `gfmdlayer.figures` that users call."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import warnings
@@ -14,12 +12,12 @@ from gfmdlayer import figures
 
 
 @pytest.mark.parametrize("name", figures.__all__)
-def test_a_public_function_of_figures_is_documented(name: str) -> None:
+def test_a_public_function_of_figures_is_documented(name):
     words = getattr(figures, name).__doc__
     assert all(f"{part}\n    ---" in words for part in ("Parameters", "Returns"))
 
 
-def test_figures_draw_the_data_of_a_run() -> None:
+def test_figures_draw_the_data_of_a_run():
     from gfmdlayer.figures import curves_figure, snapshots_figure, waterfall_figure
 
     keys = {"grid": {"points": 64}, "time": {"end": 1.0, "step": 0.5}, "output": {"snapshots": [0.5, 1.0]}}
@@ -32,6 +30,6 @@ def test_figures_draw_the_data_of_a_run() -> None:
     assert waterfall_figure(data).axes[0].lines
 
 
-def test_importing_figures_imports_no_matplotlib() -> None:
+def test_importing_figures_imports_no_matplotlib():
     code = "import sys, gfmdlayer.figures; sys.exit('matplotlib' in sys.modules or 'numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,16 +1,12 @@
 """The page of results: it holds what the files hold, and works in a browser."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import json
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -46,11 +42,11 @@ SINGLE = 2.0**-23  # relative spacing of the page's numbers
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def run(tmp_path_factory):
     """Run a configuration once, and return its folder with the page in it."""
-    done: dict[str, Path] = {}
+    done = {}
 
-    def run(text: str) -> Path:
+    def run(text):
         if text not in done:
             folder = tmp_path_factory.mktemp("results")
             (folder / "config.yaml").write_text(text)
@@ -62,23 +58,20 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return run
 
 
-def data_of(page: Path) -> dict[str, Any]:
+def data_of(page):
     """The data in a page."""
     found = re.search(
         r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.DOTALL
     )
     assert found
-    data: dict[str, Any] = json.loads(found[1])
-    return data
+    return json.loads(found[1])
 
 
-def unpacked(text: str) -> np.ndarray[Any, np.dtype[np.float32]]:
+def unpacked(text):
     return np.frombuffer(base64.b64decode(text), "<f4")
 
 
-def test_a_page_holds_every_case_with_its_state_and_the_curves_of_the_files(
-    run: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_a_page_holds_every_case_with_its_state_and_the_curves_of_the_files(run, tmp_path):
     folder = Path(shutil.copytree(run(SWEEP), tmp_path / "copy"))
     (folder / "cases" / "0003.failed").unlink()
     case_path(folder, 2).write_bytes(b"damaged")
@@ -107,7 +100,7 @@ def test_a_page_holds_every_case_with_its_state_and_the_curves_of_the_files(
         assert data["provenance"]["numpy version"] == case.attrs["numpy_version"]
 
 
-def test_a_flipped_bit_of_a_case_is_damage_wherever_it_is(run: Callable[[str], Path], tmp_path: Path) -> None:
+def test_a_flipped_bit_of_a_case_is_damage_wherever_it_is(run, tmp_path):
     folder = Path(shutil.copytree(run(SWEEP), tmp_path / "copy"))
     content = case_path(folder, 0).read_bytes()
     for place in (content.index(b"gfmdlayer_version"), len(content) // 2):
@@ -119,9 +112,7 @@ def test_a_flipped_bit_of_a_case_is_damage_wherever_it_is(run: Callable[[str], P
     assert main(["report", str(folder), "--out", str(tmp_path / "page.html")]) == 0
 
 
-def test_a_configuration_of_other_cases_than_it_names_is_refused(
-    run: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_configuration_of_other_cases_than_it_names_is_refused(run, tmp_path, capsys):
     folder = Path(shutil.copytree(run(SWEEP), tmp_path / "copy"))
     written = (folder / "config.yaml").read_text()
     (folder / "config.yaml").write_text(written.replace("[20000, 1]", "[20000, 1, 2]"))
@@ -129,7 +120,7 @@ def test_a_configuration_of_other_cases_than_it_names_is_refused(
     assert "names 4 cases, and its sweep has 6; must be as the run wrote it" in capsys.readouterr().err
 
 
-def test_a_page_is_one_file_that_may_load_nothing(run: Callable[[str], Path]) -> None:
+def test_a_page_is_one_file_that_may_load_nothing(run):
     page = (run(SWEEP) / "report.html").read_text()
     assert "<title>out</title>" in page
     policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -137,7 +128,7 @@ def test_a_page_is_one_file_that_may_load_nothing(run: Callable[[str], Path]) ->
     assert not re.search(r"<script[^>]* src=|<link|@import", page)
 
 
-def test_any_column_attribute_and_list_of_a_case_is_there(tmp_path: Path) -> None:
+def test_any_column_attribute_and_list_of_a_case_is_there(tmp_path):
     own = Column("pull", "pull of the surface", "force")
     path = case_path(tmp_path, 5)
     with CaseWriter(path, {"x": np.arange(4.0)}, {"name": "demo"}, [*known_columns().values(), own]) as case:
@@ -159,7 +150,7 @@ def test_any_column_attribute_and_list_of_a_case_is_there(tmp_path: Path) -> Non
     ]
 
 
-def test_an_indenter_in_si_units_has_round_units_and_its_own_columns(tmp_path: Path) -> None:
+def test_an_indenter_in_si_units_has_round_units_and_its_own_columns(tmp_path):
     path = case_path(tmp_path, 0)
     unit = Config(
         name="demo", grid={"geometry": "axisymmetric"}, units={"length": "m", "stress": "Pa", "time": "s"}
@@ -179,9 +170,7 @@ def test_an_indenter_in_si_units_has_round_units_and_its_own_columns(tmp_path: P
     np.testing.assert_allclose(unpacked(data["cases"][0]["columns"]["depth"]), [0, 200], rtol=2 * SINGLE)
 
 
-def test_pages_are_thinned_to_what_a_browser_takes_in_and_say_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pages_are_thinned_to_what_a_browser_takes_in_and_say_so(tmp_path, monkeypatch):
     x = np.linspace(-0.5, 0.5, 2048, endpoint=False)
     for number in range(6):
         with CaseWriter(case_path(tmp_path, number), {"x": x}, {"name": "demo", "tau": 1.0}) as case:
@@ -208,7 +197,7 @@ def test_pages_are_thinned_to_what_a_browser_takes_in_and_say_so(
     assert data["notes"]["surfaces"] == "The page shows the surfaces of 3 of 6 cases."
 
 
-def test_thinned_rows_keep_the_ends_and_resolve_every_decade() -> None:
+def test_thinned_rows_keep_the_ends_and_resolve_every_decade():
     rows = kept_rows(100_000, 100)
     assert (rows[0], rows[-1]) == (0, 99_999)
     assert len(rows) <= 100
@@ -229,11 +218,11 @@ def test_thinned_rows_keep_the_ends_and_resolve_every_decade() -> None:
         (r"a < b $\Delta t$", "a &lt; b Δt"),
     ],
 )
-def test_labels_are_written_as_html(label: str, written: str) -> None:
+def test_labels_are_written_as_html(label, written):
     assert html(label) == written
 
 
-def test_what_is_no_results_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_no_results_is_refused(tmp_path, capsys):
     (tmp_path / "case.h5").write_bytes(b"")
     for path, reason in (
         ("", "not a results folder"),
@@ -245,33 +234,29 @@ def test_what_is_no_results_is_refused(tmp_path: Path, capsys: pytest.CaptureFix
     assert [each.name for each in tmp_path.iterdir()] == ["case.h5"]
 
 
-def test_a_page_of_another_kind_of_file_is_refused(
-    run: Callable[[str], Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_page_of_another_kind_of_file_is_refused(run, capsys):
     assert main(["report", str(run(SWEEP)), "--out", "page.pdf"]) == 2
     assert "use .html, .htm" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="no Node.js; browsers check the syntax too")
-def test_the_program_is_sound_javascript() -> None:
+def test_the_program_is_sound_javascript():
     folder = Path(page_module.__file__).parent
     for name in page_module.PROGRAM:
         subprocess.run(["node", "--check", str(folder / name)], check=True)
 
 
-def drawn(page: Any, figure: str, what: str) -> Any:
+def drawn(page, figure, what):
     """A part of what a figure shows, by its data."""
     return page.evaluate(f"(() => {{ const g = document.getElementById('{figure}'); return {what}; }})()")
 
 
-def table(download: Any) -> list[dict[str, str]]:
+def table(download):
     """The rows of a file that the page saved."""
     return list(csv.DictReader(Path(download.path()).read_text().splitlines()))
 
 
-def test_in_a_browser_the_slider_moves_the_profile_and_selectors_change_the_curves(
-    run: Callable[[str], Path], visit: Callable[..., Any]
-) -> None:
+def test_in_a_browser_the_slider_moves_the_profile_and_selectors_change_the_curves(run, visit):
     page = visit(run(SWEEP) / "report.html", ready="html[data-ready]")
     with open_case(case_path(run(SWEEP), 0)) as case:
         case.load()
@@ -313,9 +298,7 @@ def test_in_a_browser_the_slider_moves_the_profile_and_selectors_change_the_curv
     assert "ConvergenceError" in page.text_content("#table")
 
 
-def test_in_a_browser_a_surface_has_maps_a_cut_and_distributions(
-    run: Callable[[str], Path], visit: Callable[..., Any]
-) -> None:
+def test_in_a_browser_a_surface_has_maps_a_cut_and_distributions(run, visit):
     page = visit(run(SURFACE) / "report.html", ready="html[data-ready]", scheme="dark")
     with open_case(case_path(run(SURFACE), 0)) as case:
         case.load()
@@ -346,9 +329,7 @@ def test_in_a_browser_a_surface_has_maps_a_cut_and_distributions(
     assert drawn(page, "profile", "g.layout.font.color") == "#1b1f24"
 
 
-def test_in_a_browser_as_wide_as_a_phone_nothing_sticks_out_and_all_is_reached_by_keys(
-    run: Callable[[str], Path], visit: Callable[..., Any]
-) -> None:
+def test_in_a_browser_as_wide_as_a_phone_nothing_sticks_out_and_all_is_reached_by_keys(run, visit):
     page = visit(run(SURFACE) / "report.html", ready="html[data-ready]", width=375)
     assert page.evaluate("document.documentElement.scrollWidth") == 375
     controls = page.eval_on_selector_all(
@@ -364,9 +345,7 @@ def test_in_a_browser_as_wide_as_a_phone_nothing_sticks_out_and_all_is_reached_b
     assert unreached == set()
 
 
-def test_pale_and_cut_off_text_is_found(
-    tmp_path: Path, visit: Callable[..., Any], flaws: Callable[..., list[str]]
-) -> None:
+def test_pale_and_cut_off_text_is_found(tmp_path, visit, flaws):
     box = '<div style="width: 80px; white-space: nowrap; overflow: {}">long words in a small box</div>'
     (tmp_path / "page.html").write_text(
         '<html lang="en"><title>page</title><body style="color: #767676"><p>grey</p>'
@@ -379,26 +358,20 @@ def test_pale_and_cut_off_text_is_found(
     assert any(each.startswith("scrolls") for each in flaws(page, unscrolled="div"))
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1280, 400])
-@pytest.mark.parametrize("text", [SWEEP, SURFACE], ids=["sweep", "surface"])
-def test_in_a_browser_no_text_is_cut_off_or_pale(
-    text: str,
-    width: int,
-    scheme: str,
-    run: Callable[[str], Path],
-    visit: Callable[..., Any],
-    flaws: Callable[..., list[str]],
-) -> None:
+# Colours depend on page and scheme, places on page and width: each of these pairs is there.
+@pytest.mark.parametrize(
+    ("text", "width", "scheme"),
+    [(SWEEP, 1280, "light"), (SWEEP, 400, "dark"), (SURFACE, 1280, "dark"), (SURFACE, 400, "light")],
+    ids=["sweep-light", "sweep-dark", "surface-dark", "surface-light"],
+)
+def test_in_a_browser_no_text_is_cut_off_or_pale(text, width, scheme, run, visit, flaws):
     page = visit(run(text) / "report.html", width=width, scheme=scheme, ready="html[data-ready]")
     page.click("summary")
     page.click("#table tbody tr:first-child button")
     assert flaws(page) == []
 
 
-def test_a_folder_without_a_complete_case_has_a_page_of_its_cases(
-    run: Callable[[str], Path], tmp_path: Path, visit: Callable[..., Any]
-) -> None:
+def test_a_folder_without_a_complete_case_has_a_page_of_its_cases(run, tmp_path, visit):
     folder = Path(shutil.copytree(run(SWEEP), tmp_path / "copy"))
     for number in (0, 2):
         case_path(folder, number).unlink()

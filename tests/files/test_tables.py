@@ -1,9 +1,5 @@
 """Tables of numbers in text files."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -33,14 +29,12 @@ CONTENTS = [
 
 @pytest.mark.parametrize("content", CONTENTS)
 @pytest.mark.filterwarnings("error")
-def test_a_table_read_at_once_is_that_read_line_by_line(
-    content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_table_read_at_once_is_that_read_line_by_line(content, tmp_path, monkeypatch):
     path = tmp_path / "table.txt"
     path.write_text(content, encoding="utf-8")
 
-    def read() -> list[object]:
-        found: list[object] = []
+    def read():
+        found = []
         for read in (
             lambda: tables.read_columns(path, ("time", "x"), increasing=True),
             lambda: tables.read_matrix(path),
@@ -56,7 +50,7 @@ def test_a_table_read_at_once_is_that_read_line_by_line(
     assert repr(at_once) == repr(read())
 
 
-def test_a_sound_table_is_read_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sound_table_is_read_at_once(tmp_path, monkeypatch):
     """By NumPy's reader: a million rows take a second, and ten by the reader that names lines."""
     path = tmp_path / "table.txt"
     path.write_text("time depth\n" + "".join(f"{i}, {i / 7}\n" for i in range(100)))

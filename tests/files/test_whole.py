@@ -1,9 +1,6 @@
 """A file has its final name when it is complete, and only then."""
 
-from __future__ import annotations
-
 import os
-from pathlib import Path
 
 import pytest
 
@@ -11,7 +8,7 @@ from gfmdlayer.files.whole import is_unfinished, unfinished, unfinished_path, wr
 
 
 @pytest.mark.parametrize("durable", [True, False])
-def test_a_file_replaces_an_earlier_one_when_it_is_complete(tmp_path: Path, durable: bool) -> None:
+def test_a_file_replaces_an_earlier_one_when_it_is_complete(tmp_path, durable):
     path = tmp_path / "config.yaml"
     path.write_text("earlier")
     with unfinished(path, durable=durable) as part:
@@ -22,11 +19,11 @@ def test_a_file_replaces_an_earlier_one_when_it_is_complete(tmp_path: Path, dura
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_an_error_leaves_the_earlier_file_and_nothing_else(tmp_path: Path) -> None:
+def test_an_error_leaves_the_earlier_file_and_nothing_else(tmp_path):
     path = tmp_path / "case.h5"
     path.write_text("earlier")
 
-    def interrupted() -> None:
+    def interrupted():
         with unfinished(path) as part:
             part.write_text("half")
             raise KeyboardInterrupt
@@ -38,10 +35,8 @@ def test_an_error_leaves_the_earlier_file_and_nothing_else(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("links", [True, False])
-def test_the_first_file_stays_where_none_is_to_be_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
-) -> None:
-    def link(*_: object) -> None:
+def test_the_first_file_stays_where_none_is_to_be_replaced(tmp_path, monkeypatch, links):
+    def link(*_):
         raise PermissionError("no hard links on this file system")
 
     if not links:
@@ -54,7 +49,7 @@ def test_the_first_file_stays_where_none_is_to_be_replaced(
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_unfinished_names_are_unique_and_recognised(tmp_path: Path) -> None:
+def test_unfinished_names_are_unique_and_recognised(tmp_path):
     names = {unfinished_path(tmp_path / "a.mp4", ".mp4").name for _ in range(20)}
     assert len(names) == 20
     assert all(is_unfinished(name) and name.endswith(".mp4") for name in names)

@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,10 @@ import pytest
 import gfmdlayer
 from gfmdlayer import ConfigError, ForceCurve, Parabola, design_indentation, fit_indentation
 from gfmdlayer.cli import main
-from gfmdlayer.fitting.indentation.elastic import measured_contact
+from gfmdlayer.fitting.indentation.curve import straight_derivatives
+from gfmdlayer.fitting.indentation.elastic import Touch, jumps_between, measured_contact
 from gfmdlayer.fitting.indentation.estimates import preference
+from gfmdlayer.fitting.indentation.problem import Prediction
 from gfmdlayer.fitting.indentation.report import as_data
 from gfmdlayer.fitting.measurement import FitError
 
@@ -126,6 +129,64 @@ def test_a_jump_far_from_its_place_counts_in_the_information_criterion() -> None
     squares = [(12**0.5 * (end - place) / spacing) ** 2 for end in ends]
     assert squares[1] > 20
     assert far - near == pytest.approx(squares[1] - squares[0], rel=0.05)  # the drive has an error, too
+
+
+HALFSPACE: dict[str, Any] = {
+    "layer": MODEL["layer"] | {"thickness": math.inf},
+    "punch": MODEL["punch"],
+}
+
+
+def johnson(seed: int, force_noise: float, depth_noise: float = 0.0, work: float = 0.0068) -> ForceCurve:
+    """Return a curve of JKR's closed form on a halfspace; noises are parts of the ranges."""
+    E, a = 4.0 * G, np.linspace(1e-3, 2.0, 4000)
+    depths = a**2 / 5.0 - np.sqrt(2 * math.pi * a * work / E)
+    forces = 4 * E * a**3 / 15.0 - np.sqrt(8 * math.pi * work * E * a**3)
+    held = slice(int(np.argmin(depths)), None)
+    depth = np.interp(TIME, [0, 1, 2], [-0.08, 0.2, -0.05])
+    touching = (depth >= 0) | ((TIME > 1) & (depth >= depths[held].min()))
+    force = np.where(touching, np.interp(depth, depths[held], forces[held]), 0.0)
+    noise = np.random.default_rng(seed).standard_normal((2, TIME.size))
+    force = force + force_noise * force.max() * noise[0]
+    return ForceCurve("jkr", TIME, depth + depth_noise * noise[1], force, prescribed="depth")
+
+
+@pytest.mark.parametrize("seed", [2, 7])
+def test_a_touch_that_the_first_guess_mistakes_does_not_draw_the_fit(seed: int) -> None:
+    # The largest pull of noisy rows overestimates the work; with it, rows after the touch look free.
+    fit = fit_indentation(johnson(seed, 0.05), HALFSPACE, [*FREE, "force_offset"], adhesion="jkr")
+    for key, truth in (("G", G), ("work", 0.0068), ("contact_point", 0.0), ("force_offset", 0.0)):
+        assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error)
+
+
+def test_a_noisy_depth_bounds_the_error_of_the_contact_point() -> None:
+    # The measured depth leaves the straight piece of the approach uncertain where the indenter touches. Rows
+    # and jumps of precise forces move with it, so no number of them gives the contact point better.
+    curve = johnson(0, 1e-3, 0.01)
+    fit = fit_indentation(curve, HALFSPACE, FREE, adhesion="jkr")
+    (drive,) = Prediction(curve).drives
+    touch = np.array([0.08 / 0.28])
+    along = straight_derivatives(touch, drive.time, drive.value)[0][: drive.covariance.shape[0]]
+    error = drive.error * math.sqrt(along @ drive.covariance @ along)
+    assert 0.7 * error < fit["contact_point"].error < 1.3 * error
+
+
+def test_adhesion_that_vanishes_has_the_criterion_of_none() -> None:
+    curve = johnson(1, 0.05, work=1e-12)
+    none = fit_indentation(curve, HALFSPACE, FREE)
+    faint = fit_indentation(curve, HALFSPACE | {"adhesion": {"model": "jkr", "work": 1e-12}}, FREE)
+    assert faint.bic == pytest.approx(none.bic, abs=1e-3)
+
+
+def test_each_row_between_a_jump_and_its_place_costs_the_square_of_the_jump_over_the_noise() -> None:
+    value = np.linspace(1.0, -1.0, 41)
+    ramp = ForceCurve("ramp", -value, value, value + 2, prescribed="depth")
+    touch, everywhere = Touch(41), np.ones(41, dtype=bool)
+    pieces: Any = SimpleNamespace(at=lambda time: (-time, time > 9))
+    touch.jumps = jumps_between(value > 0, ~everywhere, everywhere, value, (3.0, 3.0))
+    ends: Any = [SimpleNamespace(position=SimpleNamespace(end=end)) for end in (-0.5, -0.55)]
+    far, farther = (touch.places(ramp, contacts, pieces)[0] ** 2 for contacts in ends)
+    assert farther - far == pytest.approx(3.0**2)
 
 
 @pytest.mark.parametrize("kind", ["jkr", "dmt"])

@@ -1,11 +1,7 @@
 """Expected intervals of proposed experiments, advice on a second curve, exports, and models for nanite."""
 
-from __future__ import annotations
-
 import json
 import math
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -16,7 +12,7 @@ from gfmdlayer import ConfigError, ForceCurve, design_indentation, fit_indentati
 from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
 from gfmdlayer.fitting.indentation.report import add_fit, comparison, write_report
 
-MODEL: dict[str, Any] = {
+MODEL = {
     "layer": {"thickness": 1.0, "material": {"model": "zener", "G0": 1.0, "Ginf": 4.0, "tau": 1.0}},
     "halfspace": {"shear_modulus": math.inf},
     "punch": {"shape": "sphere", "radius": 5.0},
@@ -25,7 +21,7 @@ ZENER = ["layer.material.G0", "layer.material.Ginf", "layer.material.tau"]
 CREEP = {"time": [0, 1, 10], "force": [0, 1, 1], "depth_noise": 1e-3, "rows": 200}
 
 
-def measured(plan: dict[str, Any], seed: int) -> ForceCurve:
+def measured(plan, seed):
     """Return a curve of a plan with its noise."""
     (fit,) = design_indentation(plan, MODEL, ZENER).curves
     rng = np.random.default_rng(seed)
@@ -35,7 +31,7 @@ def measured(plan: dict[str, Any], seed: int) -> ForceCurve:
     return ForceCurve("second", fit.curve.time, depth, force, **words)
 
 
-def test_the_expected_errors_are_the_scatter_of_fits() -> None:
+def test_the_expected_errors_are_the_scatter_of_fits():
     # Deviations of 4 fits over the expected errors: 12 correlated values, a mean square of 0.2 to 3.
     expected, squares = design_indentation(CREEP, MODEL, ZENER), []
     for seed in range(4):
@@ -47,14 +43,14 @@ def test_the_expected_errors_are_the_scatter_of_fits() -> None:
     assert 0.2 < np.mean(squares) < 3
 
 
-def test_two_planned_curves_tell_more_than_each() -> None:
+def test_two_planned_curves_tell_more_than_each():
     free = [*ZENER, "layer.thickness"]
     sharp = CREEP | {"name": "sharp", "punch": {"shape": "sphere", "radius": 1.0}}
     alone = [design_indentation(each, MODEL, free)["thickness"].error for each in (CREEP, sharp)]
     assert design_indentation([CREEP, sharp], MODEL, free)["thickness"].error < min(alone) / 2**0.5
 
 
-def test_a_shallow_curve_names_the_second_curve_that_gives_the_thickness() -> None:
+def test_a_shallow_curve_names_the_second_curve_that_gives_the_thickness():
     shallow = {"time": [0, 1, 5], "depth": [0, 0.002, 0.002], "noise": 2e-4, "rows": 200}
     fit = fit_indentation(measured(shallow, 0), MODEL, [*ZENER, "layer.thickness"])
     (advice,) = [each for each in fit.warnings if "second curve" in each]
@@ -73,12 +69,12 @@ def test_a_shallow_curve_names_the_second_curve_that_gives_the_thickness() -> No
         ({"time": [0, 1], "dept": [0, 1], "noise": 1.0}, "did you mean 'depth'"),
     ],
 )
-def test_impossible_plans_are_named(plan: dict[str, Any], message: str) -> None:
+def test_impossible_plans_are_named(plan, message):
     with pytest.raises(ConfigError, match=message):
         design_indentation(plan, MODEL, ZENER)
 
 
-def test_a_planned_curve_follows_its_model_and_a_base_may_be_as_stiff_as_the_unit() -> None:
+def test_a_planned_curve_follows_its_model_and_a_base_may_be_as_stiff_as_the_unit():
     # A spring k under the base x and Hertz's force: k (x - d) = 16/3 G (R d^3)^(1/2), here for nu = 1/2.
     free, hertz = ["layer.material.G0"], 16 / 3 * 5**0.5
     model = MODEL | {"layer": {"thickness": math.inf, "material": {"model": "zener", "G0": 1.0, "Ginf": 1.0}}}
@@ -91,7 +87,7 @@ def test_a_planned_curve_follows_its_model_and_a_base_may_be_as_stiff_as_the_uni
         assert not any("residuals" in each for each in fit.warnings)  # there is no noise in a plan
 
 
-def test_the_noise_of_a_fit_is_of_one_quantity_and_each_curve_has_its_group(tmp_path: Path) -> None:
+def test_the_noise_of_a_fit_is_of_one_quantity_and_each_curve_has_its_group(tmp_path):
     plans = [CREEP | {"name": "noise"}, {"time": [0, 1], "depth": [0, 0.01], "noise": 0.5, "name": "a/b"}]
     fit = design_indentation(plans, MODEL, ZENER[:1])
     assert comparison({"model": fit})[1].split()[2] == "0.5"
@@ -101,7 +97,7 @@ def test_the_noise_of_a_fit_is_of_one_quantity_and_each_curve_has_its_group(tmp_
         assert {file[name].attrs["name"] for name in ("noise_", "a_b")} == {"noise", "a/b"}
 
 
-def test_exports_have_every_input_and_can_be_fitted_again(tmp_path: Path) -> None:
+def test_exports_have_every_input_and_can_be_fitted_again(tmp_path):
     path = tmp_path / "creep.csv"
     curve = measured(CREEP, 1)
     rows = np.column_stack((curve.time, curve.depth, curve.force)).tolist()
@@ -128,7 +124,7 @@ def test_exports_have_every_input_and_can_be_fitted_again(tmp_path: Path) -> Non
     ("paraboloid", lambda E, R, d: 4 / 3 * E / (1 - 0.25) * R**0.5 * d**1.5),
     ("cone", lambda E, alpha, d: 2 * math.tan(math.radians(alpha)) / math.pi * E / (1 - 0.25) * d**2),
 ])  # fmt: skip
-def test_nanite_models_of_thick_layers_are_hertzian_and_of_thin_ones_stiffer(shape: str, hertz: Any) -> None:
+def test_nanite_models_of_thick_layers_are_hertzian_and_of_thin_ones_stiffer(shape, hertz):
     # A base at t changes the force by some R d/t^2 < 1e-8 of itself; interpolation over the depth 1e-5.
     force = gfmdlayer.nanite.model(shape).model_func
     size, delta = (10e-6, 25.0)[shape == "cone"], np.linspace(2e-6, -0.5e-6, 200)
@@ -145,7 +141,7 @@ def test_nanite_models_of_thick_layers_are_hertzian_and_of_thin_ones_stiffer(sha
     assert np.array_equal(gap, np.append(thin, np.nan), equal_nan=True)
 
 
-def test_nanite_fits_its_hertz_modulus_with_a_thick_layer() -> None:
+def test_nanite_fits_its_hertz_modulus_with_a_thick_layer():
     nanite = pytest.importorskip("nanite")
     assert gfmdlayer.nanite.register() == ["layer_sphere", "layer_paraboloid", "layer_cone"]
     tip = np.linspace(1e-6, -0.4e-6, 400)

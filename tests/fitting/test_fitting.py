@@ -1,8 +1,5 @@
 """Prony series from measured curves: their error, the number of branches, and refusals."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,58 +9,53 @@ import pytest
 from scipy.integrate import quad
 
 from gfmdlayer import cli
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.materials import Material, Prony
+from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.shifts import WLF
 from gfmdlayer.config import load
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.laws import ACCURACY, MARGIN, Fit, fit
-from gfmdlayer.fitting.measurement import FitError, MasterCurve, Measurement, RelaxationCurve, read
+from gfmdlayer.fitting.measurement import FitError, MasterCurve, RelaxationCurve, read
 from gfmdlayer.fitting.report import fit_figure, fit_material
 from gfmdlayer.model import simulate
 from gfmdlayer.results.journal import Recording
 from gfmdlayer.results.schema import ResultsError
 
-Kind = type[Measurement]
-
 KNOWN = Prony(1.0, ((3.0, 1e-3), (2.0, 3e-2), (4.0, 1.0), (1.0, 30.0)))
-RANGE: dict[Kind, tuple[float, float]] = {MasterCurve: (1e-3, 1e4), RelaxationCurve: (1e-4, 1e3)}
+RANGE = {MasterCurve: (1e-3, 1e4), RelaxationCurve: (1e-4, 1e3)}
 KINDS = pytest.mark.parametrize("kind", [MasterCurve, RelaxationCurve])
 
 
-def measured(
-    kind: Kind, material: Material, rows: int = 120, noise: float = 0.0, seed: int = 0
-) -> Measurement:
+def measured(kind, material, rows=120, noise=0.0, seed=0):
     abscissa = np.geomspace(*RANGE[kind], rows)
     moduli = kind("", abscissa, np.empty(0)).predicted(material, abscissa)
     errors = noise * np.random.default_rng(seed).standard_normal(moduli.shape)
     return kind("measured.csv", abscissa, moduli * (1 + errors))
 
 
-def deviation(fitted: Fit, truth: Material) -> FloatArray:
+def deviation(fitted, truth):
     """Fitted curve over the true one, minus one."""
     curve = fitted.measurement
     return curve.predicted(fitted.material, curve.abscissa) / curve.predicted(truth, curve.abscissa) - 1
 
 
-def rms(values: FloatArray) -> float:
+def rms(values):
     return float(np.sqrt(np.mean(values**2)))
 
 
-def fractional_zener_modulus(omega: FloatArray, alpha: float, Ginf: float = 100.0) -> MasterCurve:
+def fractional_zener_modulus(omega, alpha, Ginf=100.0):
     """Cole-Cole form of the fractional Zener solid, G0 = tau = 1."""
     power = (1j * omega) ** alpha
     modulus = 1 + (Ginf - 1) * power / (1 + power)
     return MasterCurve("cole-cole", omega, np.stack([modulus.real, modulus.imag]))
 
 
-def fractional_zener_relaxation(t: FloatArray, alpha: float, Ginf: float = 100.0) -> RelaxationCurve:
+def fractional_zener_relaxation(t, alpha, Ginf=100.0):
     """Mittag-Leffler relaxation of the same solid, by quadrature over its known continuous spectrum."""
 
     # E_alpha(-t^alpha) is the integral of exp(-t r) over r with the density sin(pi alpha)/pi
     # r^(alpha-1)/(r^(2 alpha) + 2 r^alpha cos(pi alpha) + 1).
-    def mittag_leffler(time: float) -> float:
-        def integrand(x: float) -> float:
+    def mittag_leffler(time):
+        def integrand(x):
             density = np.sin(np.pi * alpha) / (2 * np.pi) / (np.cosh(alpha * x) + np.cos(np.pi * alpha))
             return float(density * np.exp(-time * np.exp(x)))
 
@@ -78,7 +70,7 @@ def fractional_zener_relaxation(t: FloatArray, alpha: float, Ginf: float = 100.0
 
 @KINDS
 @pytest.mark.parametrize("seed", range(3))
-def test_a_known_series_is_found_again_within_the_noise(kind: Kind, seed: int) -> None:
+def test_a_known_series_is_found_again_within_the_noise(kind, seed):
     noise = 0.02
     fitted = fit(measured(kind, KNOWN, noise=noise, seed=seed))
     count = fitted.measurement.moduli.size
@@ -92,7 +84,7 @@ def test_a_known_series_is_found_again_within_the_noise(kind: Kind, seed: int) -
 
 
 @KINDS
-def test_a_known_series_is_found_exactly_where_there_is_no_noise(kind: Kind) -> None:
+def test_a_known_series_is_found_exactly_where_there_is_no_noise(kind):
     fitted = fit(measured(kind, KNOWN), branches=4).material
     # The search ends where a step changes logarithms of times by 1e-6 or the error's square by 1e-8.
     np.testing.assert_allclose(fitted.branch_times, KNOWN.branch_times, rtol=1e-4)
@@ -102,9 +94,7 @@ def test_a_known_series_is_found_exactly_where_there_is_no_noise(kind: Kind) -> 
 
 @pytest.mark.parametrize("alpha", [0.3, 0.5, 0.7])
 @pytest.mark.parametrize("relaxing", [False, True])
-def test_a_fractional_zener_solid_over_eight_decades_is_fitted_to_a_percent(
-    relaxing: bool, alpha: float
-) -> None:
+def test_a_fractional_zener_solid_over_eight_decades_is_fitted_to_a_percent(relaxing, alpha):
     x = np.geomspace(1e-4, 1e4, 81)
     fitted = fit(fractional_zener_relaxation(x, alpha) if relaxing else fractional_zener_modulus(x, alpha))
     assert len(fitted.material.branches) <= 20
@@ -114,7 +104,7 @@ def test_a_fractional_zener_solid_over_eight_decades_is_fitted_to_a_percent(
         assert Fit(between, fitted.material, 0).largest < 0.01
 
 
-def test_both_kinds_of_curve_tell_of_the_same_solid() -> None:
+def test_both_kinds_of_curve_tell_of_the_same_solid():
     """The master curve's series relaxes as the Mittag-Leffler function, away from the ends of its range."""
     series = fit(fractional_zener_modulus(np.geomspace(1e-4, 1e4, 81), 0.5)).material
     relaxing = fractional_zener_relaxation(np.geomspace(1e-3, 1e3, 31), 0.5)
@@ -123,7 +113,7 @@ def test_both_kinds_of_curve_tell_of_the_same_solid() -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 @KINDS
-def test_branches_are_the_fewest_that_are_enough(kind: Kind, noise: float) -> None:
+def test_branches_are_the_fewest_that_are_enough(kind, noise):
     curve = measured(kind, KNOWN, noise=noise)
     chosen = fit(curve)
     count = len(chosen.material.branches)
@@ -134,25 +124,25 @@ def test_branches_are_the_fewest_that_are_enough(kind: Kind, noise: float) -> No
 
 
 @pytest.mark.parametrize("branches", [1, 2, 3, 7])
-def test_as_many_branches_as_asked(branches: int) -> None:
+def test_as_many_branches_as_asked(branches):
     curve = fractional_zener_modulus(np.geomspace(1e-4, 1e4, 41), 0.5)
     found = fit(curve, branches=branches).material
     assert len(found.branches) == branches
     assert (np.diff(found.branch_times) > 0).all()
 
 
-def test_each_branch_reduces_the_error() -> None:
+def test_each_branch_reduces_the_error():
     curve = fractional_zener_modulus(np.geomspace(1e-4, 1e4, 41), 0.5)
     errors = [fit(curve, branches=count).rms for count in (2, 4, 6, 8, 10)]
     assert all(after < before / 2 for before, after in pairwise(errors))
 
 
-def test_branches_of_no_use_are_left_out() -> None:
+def test_branches_of_no_use_are_left_out():
     assert len(fit(measured(MasterCurve, KNOWN), branches=12).material.branches) == 4
 
 
 @KINDS
-def test_the_unit_of_moduli_and_times_does_not_matter(kind: Kind) -> None:
+def test_the_unit_of_moduli_and_times_does_not_matter(kind):
     curve = measured(kind, KNOWN, noise=0.02)
     here = fit(curve).material
     there = fit(curve.slowed(1e-7).in_units_of(1e-6)).material
@@ -162,7 +152,7 @@ def test_the_unit_of_moduli_and_times_does_not_matter(kind: Kind) -> None:
 
 
 @KINDS
-def test_the_response_of_a_branch_is_that_of_the_material_and_its_slope(kind: Kind) -> None:
+def test_the_response_of_a_branch_is_that_of_the_material_and_its_slope(kind):
     curve, times, step = measured(kind, KNOWN, rows=9), KNOWN.branch_times, 1e-5
     total = curve.constant() * KNOWN.G0 + curve.response(times) @ KNOWN.branch_moduli
     np.testing.assert_allclose(total.reshape(curve.moduli.shape), curve.moduli, rtol=1e-14)
@@ -172,7 +162,7 @@ def test_the_response_of_a_branch_is_that_of_the_material_and_its_slope(kind: Ki
 
 
 @KINDS
-def test_a_liquid_is_refused(kind: Kind) -> None:
+def test_a_liquid_is_refused(kind):
     liquid = Prony(1e-9, KNOWN.branches[:3])
     curve = measured(kind, liquid, rows=60, noise=0.02)
     if kind is RelaxationCurve:
@@ -183,21 +173,21 @@ def test_a_liquid_is_refused(kind: Kind) -> None:
     assert fit(curve, relaxed=1e-6).material.G0 == 1e-6
 
 
-def test_an_elastic_solid_is_refused() -> None:
+def test_an_elastic_solid_is_refused():
     rigid = RelaxationCurve("", np.geomspace(1e-3, 1e3, 20), np.full((1, 20), 3.0))
     with pytest.raises(FitError, match="nothing relaxes"):
         fit(rigid)
 
 
 @pytest.mark.parametrize("branches", [-1, 0, 8])
-def test_an_impossible_number_of_branches_is_refused(branches: int) -> None:
+def test_an_impossible_number_of_branches_is_refused(branches):
     # 16 numbers determine 7 branches of two parameters, and G0.
     with pytest.raises(FitError, match=f"got {branches} branches; must be 1 to 7 for 8 rows"):
         fit(measured(MasterCurve, KNOWN, rows=8), branches=branches)
 
 
 @pytest.mark.parametrize("relaxed", [-1.0, 0.0, 12.0, float("nan")])
-def test_an_impossible_relaxed_modulus_is_refused(relaxed: float) -> None:
+def test_an_impossible_relaxed_modulus_is_refused(relaxed):
     with pytest.raises(FitError, match="must be > 0 and below the highest measured, "):
         fit(measured(MasterCurve, KNOWN, rows=8), relaxed=relaxed)
 
@@ -205,11 +195,11 @@ def test_an_impossible_relaxed_modulus_is_refused(relaxed: float) -> None:
 ROWS = [(10.0**i, 1.0 + i, 2.0) for i in range(8)]
 
 
-def table(rows: Sequence[tuple[float, ...]], separator: str = ",", head: str = "") -> str:
+def table(rows, separator=",", head=""):
     return head + "".join(separator.join(map(str, row)) + "\n" for row in rows)
 
 
-def changed(row: int, *numbers: float) -> str:
+def changed(row, *numbers):
     return table([*ROWS[:row], numbers, *ROWS[row + 1 :]])
 
 
@@ -225,7 +215,7 @@ def changed(row: int, *numbers: float) -> str:
         "\ufeff" + table(ROWS).replace("\n", "  # good\r\n"),
     ],
 )
-def test_a_master_curve_is_read_in_every_notation(tmp_path: Path, content: str) -> None:
+def test_a_master_curve_is_read_in_every_notation(tmp_path, content):
     path = tmp_path / "data.csv"
     path.write_text(content, encoding="utf-8")
     curve = read(path)
@@ -233,7 +223,7 @@ def test_a_master_curve_is_read_in_every_notation(tmp_path: Path, content: str) 
     np.testing.assert_array_equal(np.vstack([curve.abscissa, curve.moduli]), np.transpose(ROWS))
 
 
-def test_two_columns_are_a_relaxation_curve(tmp_path: Path) -> None:
+def test_two_columns_are_a_relaxation_curve(tmp_path):
     path = tmp_path / "data.csv"
     path.write_text(table([row[:2] for row in ROWS], head="time,G\n"))
     curve = read(path)
@@ -270,7 +260,7 @@ def test_two_columns_are_a_relaxation_curve(tmp_path: Path) -> None:
         (table(ROWS) + "end\n", "9: cannot read 'end'"),
     ],
 )  # fmt: skip
-def test_bad_data_are_refused_with_file_and_line(tmp_path: Path, content: str, message: str) -> None:
+def test_bad_data_are_refused_with_file_and_line(tmp_path, content, message):
     path = tmp_path / "data.csv"
     path.write_text(content, encoding="utf-8")
     with pytest.raises(TableError) as refused:
@@ -278,7 +268,7 @@ def test_bad_data_are_refused_with_file_and_line(tmp_path: Path, content: str, m
     assert str(refused.value).startswith(f"{path}:{message}")
 
 
-def test_a_shift_of_temperature_multiplies_times_by_its_factor() -> None:
+def test_a_shift_of_temperature_multiplies_times_by_its_factor():
     factor = WLF(C1=17.44, C2=51.6, reference=25.0).factor(60.0)
     # The rounding of ln aT = -16.2 counts as many times in aT.
     assert factor == pytest.approx(10 ** (-17.44 * 35 / 86.6), rel=20 * np.finfo(float).eps)
@@ -298,15 +288,13 @@ def test_a_shift_of_temperature_multiplies_times_by_its_factor() -> None:
         (float("inf"), "decades; must be"),
     ],
 )
-def test_a_temperature_to_which_a_law_cannot_shift_is_refused(
-    data: Path, temperature: float, message: str
-) -> None:
+def test_a_temperature_to_which_a_law_cannot_shift_is_refused(data, temperature, message):
     with pytest.raises(FitError, match=message):
         fit_material(data, temperature=temperature, shift=WLF(C1=17.44, C2=51.6, reference=25.0))
 
 
 @pytest.fixture
-def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def data(tmp_path, monkeypatch):
     """A file with a master curve in units of 2e6, in the working folder."""
     monkeypatch.chdir(tmp_path)
     curve = measured(MasterCurve, KNOWN, rows=40).in_units_of(0.5e-6)
@@ -314,7 +302,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return Path("rubber 1.csv")
 
 
-def test_the_material_written_can_be_loaded_and_run(data: Path) -> None:
+def test_the_material_written_can_be_loaded_and_run(data):
     shift = WLF(C1=17.44, C2=51.6, reference=25.0)
     report = fit_material(data, normalise=True, temperature=30.0, shift=shift)
     read_back = load("rubber 1.yaml", ["grid.points=32", "time.end=0.03", "time.step=0.01"])
@@ -339,7 +327,7 @@ def test_the_material_written_can_be_loaded_and_run(data: Path) -> None:
 
 
 @KINDS
-def test_the_figure_shows_the_data_the_fit_and_the_error(kind: Kind) -> None:
+def test_the_figure_shows_the_data_the_fit_and_the_error(kind):
     fitted = fit(measured(kind, KNOWN, noise=0.02))
     curve = fitted.measurement
     above, below = fit_figure(fitted).axes
@@ -354,7 +342,7 @@ def test_the_figure_shows_the_data_the_fit_and_the_error(kind: Kind) -> None:
     assert above.get_xscale() == above.get_yscale() == below.get_xscale() == "log"
 
 
-def test_the_axes_have_the_units_in_the_names_of_the_columns(tmp_path: Path) -> None:
+def test_the_axes_have_the_units_in_the_names_of_the_columns(tmp_path):
     path, rows = tmp_path / "curve.csv", "".join(f"{2.0**i},{1 + i},{1 + i}\n" for i in range(12))
     for header, units in (("f [Hz], E' [kPa], E'' [kPa]", ("rad/s", "kPa")), ("omega,G',G''", ("", ""))):
         path.write_text(f"{header}\n{rows}")
@@ -364,14 +352,14 @@ def test_the_axes_have_the_units_in_the_names_of_the_columns(tmp_path: Path) -> 
         assert labels == (f"$G'$, $G''${ends[1]}", rf"$\omega${ends[0]}")
 
 
-def test_moduli_in_other_units_than_G0_are_pointed_out(data: Path) -> None:
+def test_moduli_in_other_units_than_G0_are_pointed_out(data):
     assert (
         "warning: the moduli are in the unit of the data (G0 = 2e+06); give halfspace.shear_modulus"
         in fit_material(data)
     )
 
 
-def test_the_summary_warns_about_extrapolated_moduli(tmp_path: Path, data: Path) -> None:
+def test_the_summary_warns_about_extrapolated_moduli(tmp_path, data):
     curve = fractional_zener_modulus(np.geomspace(0.03, 3, 41), 0.5)
     lowest, highest = curve.moduli[0, [0, -1]]
     np.savetxt(data, np.column_stack([curve.abscissa, *curve.moduli]))
@@ -380,14 +368,14 @@ def test_the_summary_warns_about_extrapolated_moduli(tmp_path: Path, data: Path)
     assert f"is extrapolated: the highest measured modulus is {highest:.4g}" in report
 
 
-def test_rows_crowded_at_one_end_are_pointed_out(data: Path) -> None:
+def test_rows_crowded_at_one_end_are_pointed_out(data):
     t = np.linspace(1e-3, 100, 1000)
     np.savetxt(data, np.column_stack([t, KNOWN.relaxation_modulus(t)]))
     assert "and dominate the fit" in fit_material(data)
 
 
 @pytest.mark.parametrize("existing", ["rubber 1.yaml", "rubber 1.png"])
-def test_nothing_is_overwritten_unless_forced(data: Path, existing: str) -> None:
+def test_nothing_is_overwritten_unless_forced(data, existing):
     Path(existing).write_text("precious")
     with pytest.raises(ResultsError, match=f"{existing}: exists; .*--force"):
         fit_material(data)
@@ -397,7 +385,7 @@ def test_nothing_is_overwritten_unless_forced(data: Path, existing: str) -> None
     assert not Path(existing).read_bytes().startswith(b"precious")
 
 
-def test_the_data_are_never_overwritten(data: Path) -> None:
+def test_the_data_are_never_overwritten(data):
     data = data.rename("rubber.yaml")
     with pytest.raises(ResultsError, match=r"rubber.yaml: is the data; choose another --out"):
         fit_material(data, force=True)
@@ -411,9 +399,7 @@ def test_the_data_are_never_overwritten(data: Path) -> None:
         ("v1.2", "v1.2/rubber 1.yaml"),
     ],
 )
-def test_the_material_goes_to_the_file_or_folder_that_is_asked_for(
-    data: Path, out: str, material: str
-) -> None:
+def test_the_material_goes_to_the_file_or_folder_that_is_asked_for(data, out, material):
     report = fit_material(data, Path(out))
     assert report.splitlines()[-2:] == [
         f"material: {material}",
@@ -422,7 +408,7 @@ def test_the_material_goes_to_the_file_or_folder_that_is_asked_for(
     assert load(material).layer.material.model == "prony"
 
 
-def test_the_command_line_fits_with_its_options(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_fits_with_its_options(data, capsys):
     shift = ["--temperature", "30", "--reference", "25", "--wlf", "17.44", "51.6"]
     arguments = [
         *("fit-material", str(data), "--out", "out.yaml", "--branches", "2", "--normalise"),
@@ -447,9 +433,7 @@ def test_the_command_line_fits_with_its_options(data: Path, capsys: pytest.Captu
          "--temperature: got 0, where the wlf law has no value; must be above 9 degrees Celsius"),
     ],
 )  # fmt: skip
-def test_the_command_line_refuses_in_a_line(
-    data: Path, arguments: Callable[[str], list[str]], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_refuses_in_a_line(data, arguments, message, capsys):
     assert cli.main(["fit-material", *arguments(str(data))]) == 2
     error = capsys.readouterr().err
     assert error.startswith("gfmdlayer: ")

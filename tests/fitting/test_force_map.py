@@ -1,12 +1,9 @@
 """Fits of force maps: resumed with the same bits, failures named by curve, one file of maps."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -35,13 +32,13 @@ MODULI = np.linspace(1.0, 2.0, 6)
 
 
 @pytest.fixture(autouse=True)
-def curves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def curves(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_map(Path("map.h5"), MODULI)
     Path("model.yaml").write_text(YAML)
 
 
-def write_map(path: Path, moduli: np.ndarray, bad: int = BAD) -> None:
+def write_map(path, moduli, bad=BAD):
     """Write Hertz's forces with noise, on a grid of 3 by 2."""
     depth = np.linspace(0.0, 0.2, 60)
     hertz = 8 / 3 * 5.0**0.5 * depth**1.5 / 0.5
@@ -52,17 +49,17 @@ def write_map(path: Path, moduli: np.ndarray, bad: int = BAD) -> None:
         h5["x"], h5["y"] = np.arange(moduli.size) % 3 * 2.0, np.arange(moduli.size) // 3 * 1.0
 
 
-def force_map(out: str, path: str = "map.h5") -> ForceMap:
+def force_map(out, path="map.h5"):
     return ForceMap([Path(path)], Path(out), MODEL, ["layer.material.G0"], FitOptions())
 
 
-def fitted(out: str, path: str = "map.h5") -> None:
+def fitted(out, path="map.h5"):
     with assemble() as pool:
         assert pool is not None
         force_map(out, path).run(pool)
 
 
-def bits(folder: str) -> dict[str, bytes]:
+def bits(folder):
     """Return the bits of every variable of the map and of the fits."""
     found = {}
     for path in sorted(Path(folder).rglob("*.h5")):
@@ -74,7 +71,7 @@ def bits(folder: str) -> dict[str, bytes]:
     return found
 
 
-def test_a_map_holds_the_moduli_at_their_places_and_names_the_curve_that_failed() -> None:
+def test_a_map_holds_the_moduli_at_their_places_and_names_the_curve_that_failed():
     fitted("out")
     with open_results("out") as found:
         assert found["G0"].dims == ("y", "x")
@@ -88,7 +85,7 @@ def test_a_map_holds_the_moduli_at_their_places_and_names_the_curve_that_failed(
         assert found["name"].sel(x=4.0, y=0.0).item() == "map-2"
 
 
-def test_a_map_that_was_interrupted_goes_on_with_the_same_bits() -> None:
+def test_a_map_that_was_interrupted_goes_on_with_the_same_bits():
     fitted("whole")
     fitted("out")
     for lost in ("out/cases/0001.h5", "out/cases/0004.h5", "out/sweep.h5"):
@@ -106,7 +103,7 @@ def test_a_map_that_was_interrupted_goes_on_with_the_same_bits() -> None:
     assert bits("out") == bits("whole")
 
 
-def test_curves_that_have_changed_and_other_models_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_curves_that_have_changed_and_other_models_are_refused(capsys):
     arguments = ["fit-indentation", "map.h5", "--model", "model.yaml", "--each", "--out", "out"]
     assert cli.main(arguments) == 1  # a curve failed
     assert "curve map-3" in capsys.readouterr().out
@@ -123,7 +120,7 @@ def test_curves_that_have_changed_and_other_models_are_refused(capsys: pytest.Ca
     assert open_results("out")["G0"].max() > 3
 
 
-def test_status_and_plot_read_a_map(capsys: pytest.CaptureFixture[str]) -> None:
+def test_status_and_plot_read_a_map(capsys):
     fitted("out")
     assert cli.main(["status", "out"]) == 0
     shown = capsys.readouterr().out
@@ -134,7 +131,7 @@ def test_status_and_plot_read_a_map(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["plot", "out", "--kind", "curves"]) == 2
 
 
-def test_a_curve_whose_name_is_no_text_is_fitted_and_named() -> None:
+def test_a_curve_whose_name_is_no_text_is_fitted_and_named():
     depth = np.linspace(0.0, 0.2, 60)
     force = 8 / 3 * 5.0**0.5 * depth**1.5 / 0.5
     lines = "".join(f"{d},{d},{f}\n" for d, f in zip(depth, force, strict=True))
@@ -145,7 +142,7 @@ def test_a_curve_whose_name_is_no_text_is_fitted_and_named() -> None:
         assert found["name"].item() == "\\xff"
 
 
-def test_a_damaged_list_of_curves_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_damaged_list_of_curves_is_refused(capsys):
     fitted("out")
     written = Path("out/config.yaml").read_bytes()
     Path("out/config.yaml").write_bytes(written.replace(b"free:", b"fr\xffe:"))
@@ -154,7 +151,7 @@ def test_a_damaged_list_of_curves_is_refused(capsys: pytest.CaptureFixture[str])
     assert "contains results of another model or other curves" in capsys.readouterr().err
 
 
-def test_curves_without_places_are_in_a_row() -> None:
+def test_curves_without_places_are_in_a_row():
     with h5py.File("map.h5", "r+") as h5:
         del h5["x"]
     fitted("out")
@@ -162,7 +159,7 @@ def test_curves_without_places_are_in_a_row() -> None:
         assert found["G0"].dims == ("curve",)
 
 
-def test_a_map_has_the_stiffness_that_is_fitted_since_it_is_uncertain() -> None:
+def test_a_map_has_the_stiffness_that_is_fitted_since_it_is_uncertain():
     options = FitOptions(prescribed="base", stiffness=1e3, stiffness_error=0.1)
     with assemble() as pool:
         assert pool is not None
@@ -176,7 +173,7 @@ def test_a_map_has_the_stiffness_that_is_fitted_since_it_is_uncertain() -> None:
     assert (errors[is_good] < 0.11 * known[is_good]).all()
 
 
-def test_a_folder_of_something_else_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_of_something_else_is_left_alone(capsys):
     Path("out").mkdir()
     Path("out/notes.txt").write_text("mine")
     assert cli.main(["fit-indentation", "map.h5", "--model", "model.yaml", "--each", "--out", "out"]) == 2
@@ -190,14 +187,12 @@ def test_a_folder_of_something_else_is_left_alone(capsys: pytest.CaptureFixture[
         (["layers[0].thickness", "layers[1].thickness"], ["layers[0].thickness", "layers[1].thickness"]),
     ],
 )
-def test_parameters_are_named_by_their_last_parts_where_these_differ(
-    keys: list[str], names: list[str]
-) -> None:
+def test_parameters_are_named_by_their_last_parts_where_these_differ(keys, names):
     assert parameter_names(keys) == names
 
 
 @pytest.mark.slow
-def test_a_map_over_ranks_that_is_killed_twice_has_the_same_bits() -> None:
+def test_a_map_over_ranks_that_is_killed_twice_has_the_same_bits():
     moduli = np.linspace(1.0, 2.0, 36)
     write_map(Path("map.h5"), moduli, bad=35)
     fitted("whole")
@@ -212,7 +207,7 @@ def test_a_map_over_ranks_that_is_killed_twice_has_the_same_bits() -> None:
     assert bits("out") == bits("whole")
 
 
-def kill_after(command: list[str], reached: Callable[[], bool]) -> None:
+def kill_after(command, reached):
     """Start a run and kill all of its processes at once when it has come far enough."""
     run = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
@@ -224,7 +219,7 @@ def kill_after(command: list[str], reached: Callable[[], bool]) -> None:
     until(lambda: all(map(has_ended, at_work)))  # ranks have sessions of their own; the launcher ends first
 
 
-def processes_here() -> list[int]:
+def processes_here():
     """Return the other processes that work in this folder."""
     found = []
     for entry in Path("/proc").glob("[0-9]*/cwd"):
@@ -234,7 +229,7 @@ def processes_here() -> list[int]:
     return found
 
 
-def has_ended(process: int) -> bool:
+def has_ended(process):
     """Tell whether all threads of a process have ended: only then are its locks free."""
     for thread in Path(f"/proc/{process}/task").glob("*/stat"):
         with suppress(OSError):

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import h5py
 import numpy as np
@@ -30,7 +28,7 @@ MILLIMETRES = {"punch": {"shape": "parabola", "radius": 1e6 * RADIUS}}
 RAMP_HOLD = np.interp(TIME, [0, 1, 4], [0, 0.2, 0.2])
 
 
-def body(thickness: float = math.inf, base: float = math.inf, **material: float) -> dict[str, Any]:
+def body(thickness=math.inf, base=math.inf, **material):
     values = {"G0": 1.0, "Ginf": 4.0, "tau": 0.7} | material
     return {
         "layer": {"thickness": thickness, "poisson": 0.5, "material": {"model": "zener", **values}},
@@ -39,7 +37,7 @@ def body(thickness: float = math.inf, base: float = math.inf, **material: float)
     }
 
 
-def on_halfspace(time: np.ndarray, ramp: float = 0.2, **material: float) -> np.ndarray:
+def on_halfspace(time, ramp=0.2, **material):
     """F = (8/3) R^(1/2)/(1 - nu) int G(t - s) d(delta^(3/2)), as long as the contact does not shrink."""
     values = {"G0": 1.0, "Ginf": 4.0, "tau": 0.7} | material
     s = np.linspace(0, 1, 20001)  # of the ramp, of one second
@@ -56,16 +54,16 @@ def on_halfspace(time: np.ndarray, ramp: float = 0.2, **material: float) -> np.n
     return 8 / 3 * RADIUS**0.5 / 0.5 * np.array(force)
 
 
-def curve(force: np.ndarray, depth: np.ndarray = RAMP_HOLD, name: str = "a", **more: Any) -> ForceCurve:
+def curve(force, depth=RAMP_HOLD, name="a", **more):
     return ForceCurve(name, TIME, depth, force, **more)
 
 
-def noisy(seed: int, level: float = 0.01) -> np.ndarray:
+def noisy(seed, level=0.01):
     clean = on_halfspace(TIME)
     return clean + level * clean.max() * np.random.default_rng(seed).standard_normal(clean.size)
 
 
-def test_hertz_gives_the_shear_modulus() -> None:
+def test_hertz_gives_the_shear_modulus():
     # F = (8/3) G R^(1/2) delta^(3/2)/(1 - nu) to the precision of the solver's interpolation in time, 1e-3.
     ramp = np.linspace(0, 0.2, TIME.size)
     fit = fit_indentation(
@@ -74,14 +72,14 @@ def test_hertz_gives_the_shear_modulus() -> None:
     assert fit["G0"].value == pytest.approx(7.0, rel=1e-3)
 
 
-def test_the_hereditary_integral_gives_moduli_and_time() -> None:
+def test_the_hereditary_integral_gives_moduli_and_time():
     # On a halfspace with a growing contact, from starts a factor of 3 off.
     fit = fit_indentation(curve(on_halfspace(TIME)), body(G0=3.0, Ginf=5.0, tau=2.0), ZENER)
     found = [fit[key].value for key in ZENER]
     assert found == pytest.approx([1.0, 4.0, 0.7], rel=2e-3)
 
 
-def test_the_intervals_hold_the_truth_as_often_as_they_say() -> None:
+def test_the_intervals_hold_the_truth_as_often_as_they_say():
     # 12 draws of three parameters: fewer than 29 of 36 within 95 % has a probability below 1e-3.
     truth = np.array([1.0, 4.0, 0.7])
     held = 0
@@ -92,7 +90,7 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert held >= 29
 
 
-def test_profile_and_linear_intervals_agree_where_the_problem_is_nearly_linear() -> None:
+def test_profile_and_linear_intervals_agree_where_the_problem_is_nearly_linear():
     fit = fit_indentation(curve(noisy(1)), body(), ZENER, profile=True)
     for each in fit.parameters:
         assert each.profile is not None
@@ -101,7 +99,7 @@ def test_profile_and_linear_intervals_agree_where_the_problem_is_nearly_linear()
         assert each.profile == pytest.approx(each.interval, abs=0.1 * width)
 
 
-def test_the_last_modulus_follows_from_eulers_theorem() -> None:
+def test_the_last_modulus_follows_from_eulers_theorem():
     model = Model(body(thickness=1.0))
     parameters = free_parameters(model, ZENER, ["a"], {})
     problem = LeastSquares(model, parameters, [Prediction(curve(noisy(0)))])
@@ -114,7 +112,7 @@ def test_the_last_modulus_follows_from_eulers_theorem() -> None:
     assert np.abs(exact - by_differences).max() < 5e-3 * np.abs(exact).max()
 
 
-def test_a_fit_warns_that_the_data_do_not_determine_a_time_shorter_than_the_ramp() -> None:
+def test_a_fit_warns_that_the_data_do_not_determine_a_time_shorter_than_the_ramp():
     force = on_halfspace(TIME, tau=1e-4)
     force += 0.05 * force.max() * np.random.default_rng(3).standard_normal(force.size)
     fit = fit_indentation(
@@ -123,7 +121,7 @@ def test_a_fit_warns_that_the_data_do_not_determine_a_time_shorter_than_the_ramp
     assert any("determine" in warning or "limit" in warning for warning in fit.warnings)
 
 
-def test_a_thickness_and_a_modulus_that_a_small_contact_cannot_tell_apart() -> None:
+def test_a_thickness_and_a_modulus_that_a_small_contact_cannot_tell_apart():
     ramp = np.linspace(0, 0.002, TIME.size)
     force = 8 / 3 * RADIUS**0.5 * ramp**1.5 / 0.5
     force += 0.02 * force.max() * np.random.default_rng(0).standard_normal(force.size)
@@ -135,7 +133,7 @@ def test_a_thickness_and_a_modulus_that_a_small_contact_cannot_tell_apart() -> N
     assert any(warning.startswith("layer.thickness") for warning in fit.warnings)
 
 
-def test_curves_share_a_material_and_have_contact_points_of_their_own() -> None:
+def test_curves_share_a_material_and_have_contact_points_of_their_own():
     shifts = {"a": 0.01, "b": -0.02}
     curves = [
         ForceCurve(name, TIME, RAMP_HOLD + shift, on_halfspace(TIME) * (1 + 1e-4 * np.sin(40 * TIME)))
@@ -148,13 +146,13 @@ def test_curves_share_a_material_and_have_contact_points_of_their_own() -> None:
     assert [fit[key].value for key in ZENER] == pytest.approx([1.0, 4.0, 0.7], rel=1e-2)
 
 
-def test_a_drift_is_found_beside_the_moduli() -> None:
+def test_a_drift_is_found_beside_the_moduli():
     drifting = curve(on_halfspace(TIME), RAMP_HOLD + 0.004 * TIME)
     fit = fit_indentation(drifting, body(), [*ZENER, "drift"])
     assert fit["drift"].value == pytest.approx(0.004, abs=1e-4)
 
 
-def test_outliers_pull_a_robust_fit_less() -> None:
+def test_outliers_pull_a_robust_fit_less():
     force = noisy(5)
     force[::15] += 0.5 * force.max()
     plain = fit_indentation(curve(force), body(), ZENER)
@@ -162,7 +160,7 @@ def test_outliers_pull_a_robust_fit_less() -> None:
     assert abs(robust["Ginf"].value / 4 - 1) < 0.02 < abs(plain["Ginf"].value / 4 - 1)
 
 
-def test_information_criteria_prefer_the_law_that_made_the_curve() -> None:
+def test_information_criteria_prefer_the_law_that_made_the_curve():
     data = curve(noisy(2))
     fits = {
         "zener": fit_indentation(data, body(), ZENER),
@@ -172,7 +170,7 @@ def test_information_criteria_prefer_the_law_that_made_the_curve() -> None:
     assert fits["zener"].aic < fits["elastic"].aic
 
 
-def test_the_contact_point_of_a_noisy_curve_is_within_its_error() -> None:
+def test_the_contact_point_of_a_noisy_curve_is_within_its_error():
     depth = np.linspace(-0.1, 0.2, 600)
     rng = np.random.default_rng(4)
     force = 8 / 3 * RADIUS**0.5 * np.maximum(depth, 0.0) ** 1.5 / 0.5
@@ -183,7 +181,7 @@ def test_the_contact_point_of_a_noisy_curve_is_within_its_error() -> None:
     assert found.offset == pytest.approx(0.3, abs=0.01)
 
 
-def test_detection_carries_its_uncertainty_into_the_moduli() -> None:
+def test_detection_carries_its_uncertainty_into_the_moduli():
     time = np.concatenate((np.linspace(-0.5, 0, 50, endpoint=False), TIME))
     depth = np.concatenate((np.linspace(-0.1, 0, 50, endpoint=False), RAMP_HOLD))
     clean = np.concatenate((np.zeros(50), on_halfspace(TIME)))
@@ -194,7 +192,7 @@ def test_detection_carries_its_uncertainty_into_the_moduli() -> None:
     assert found["Ginf"].error > 1.2 * known["Ginf"].error
 
 
-def test_a_noisy_depth_is_reduced_to_its_straight_pieces() -> None:
+def test_a_noisy_depth_is_reduced_to_its_straight_pieces():
     depth = RAMP_HOLD + 1e-3 * np.random.default_rng(0).standard_normal(TIME.size)
     drive = Drive.of(TIME, depth)
     assert drive.time.size <= 6
@@ -215,8 +213,8 @@ def test_a_noisy_depth_is_reduced_to_its_straight_pieces() -> None:
         ({"depth": ["one"]}, "depth cannot be read as numbers"),
     ],
 )
-def test_columns_that_cannot_be_used_are_named(change: dict[str, Any], message: str) -> None:
-    given: dict[str, Any] = {"time": TIME, "depth": RAMP_HOLD, "force": on_halfspace(TIME)} | change
+def test_columns_that_cannot_be_used_are_named(change, message):
+    given = {"time": TIME, "depth": RAMP_HOLD, "force": on_halfspace(TIME)} | change
     with pytest.raises(FitError, match=message):
         ForceCurve("a", **given)
 
@@ -232,9 +230,7 @@ def test_columns_that_cannot_be_used_are_named(change: dict[str, Any], message: 
         ),
     ],
 )
-def test_curves_impossible_for_the_model_are_rejected(
-    make: Callable[[ForceCurve], ForceCurve], message: str
-) -> None:
+def test_curves_impossible_for_the_model_are_rejected(make, message):
     free = [*ZENER, "contact_point", "drift"]
     with pytest.raises(FitError, match=message):
         fit_indentation(make(curve(on_halfspace(TIME))), body(thickness=1.0), free)
@@ -250,7 +246,7 @@ def test_curves_impossible_for_the_model_are_rejected(
          "gap of 0.52 after row 20"),
     ],
 )  # fmt: skip
-def test_a_fit_warns_about_odd_curves(make: Callable[[ForceCurve], ForceCurve], message: str) -> None:
+def test_a_fit_warns_about_odd_curves(make, message):
     fit = fit_indentation(
         make(curve(on_halfspace(TIME))), body(), {ZENER[0]: [1e-3, 1e9], ZENER[1]: [1e-3, 1e9]}
     )
@@ -272,30 +268,30 @@ def test_a_fit_warns_about_odd_curves(make: Callable[[ForceCurve], ForceCurve], 
         ({"layer.material.G0": [1, math.inf]}, "give two finite numbers"),
     ],
 )
-def test_parameters_that_cannot_be_free_are_refused(free: Any, message: str) -> None:
+def test_parameters_that_cannot_be_free_are_refused(free, message):
     with pytest.raises(ConfigError, match=message):
         fit_indentation(curve(on_halfspace(TIME)), body(), free)
 
 
-def test_models_of_foreign_keys_are_refused() -> None:
+def test_models_of_foreign_keys_are_refused():
     with pytest.raises(ConfigError, match="trajectory: unknown key"):
         fit_indentation(curve(on_halfspace(TIME)), body() | {"trajectory": {}}, ZENER)
     with pytest.raises(ConfigError, match=r"fre: unknown key.*did you mean 'free'"):
         fit_indentation(curve(on_halfspace(TIME)), body() | {"fre": ZENER})
 
 
-def test_a_radius_in_other_units_than_the_thickness_is_refused() -> None:
+def test_a_radius_in_other_units_than_the_thickness_is_refused():
     with pytest.raises(FitError, match=r"1.*thicknesses of the layer.*all lengths in the same unit"):
         fit_indentation(curve(on_halfspace(TIME)), body(thickness=1.0) | MILLIMETRES, ZENER)
 
 
-def test_curves_of_the_same_name_are_refused() -> None:
+def test_curves_of_the_same_name_are_refused():
     data = curve(on_halfspace(TIME))
     with pytest.raises(FitError, match=f"curve {data.name}: this name is given twice"):
         fit_indentation([data, data], body(), [*ZENER, "contact_point"])
 
 
-def test_text_files_tell_their_units(tmp_path: Path) -> None:
+def test_text_files_tell_their_units(tmp_path):
     path = tmp_path / "gel.csv"
     rows = "\n".join(f"{5 * i},{i},{1000 * i * i}" for i in range(20))
     path.write_text(f"Force (pN),time [ms],Indentation / nm\n{rows}\n")
@@ -305,7 +301,7 @@ def test_text_files_tell_their_units(tmp_path: Path) -> None:
     assert found.depth[1] == pytest.approx(1e-6)
 
 
-def test_curves_are_read_into_the_units_of_the_model(tmp_path: Path) -> None:
+def test_curves_are_read_into_the_units_of_the_model(tmp_path):
     path = tmp_path / "gel.csv"
     rows = "\n".join(f"{i},{i},{i}" for i in range(20))
     path.write_text(f"time (ms),depth (nm),force (nN)\n{rows}\n")
@@ -325,16 +321,14 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path: Path) -> None:
         ("time,depth,force", ("s", "nm", "kg"), "got the unit 'kg' for force"),
     ],
 )
-def test_units_and_headings_that_are_unknown_are_refused(
-    tmp_path: Path, head: str, units: tuple[str, ...] | None, message: str
-) -> None:
+def test_units_and_headings_that_are_unknown_are_refused(tmp_path, head, units, message):
     path = tmp_path / "gel.csv"
     path.write_text(head + "\n" + "\n".join(f"{i},{i},{i}" for i in range(20)))
     with pytest.raises(TableError, match=message):
         read_curve(entries([path])[0], units)
 
 
-def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path: Path) -> None:
+def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path):
     with h5py.File(tmp_path / "rows.h5", "w") as h5:
         h5["time"], h5["depth"], h5["force"] = TIME, np.stack([RAMP_HOLD] * 3), np.stack([TIME] * 3)
         h5["force"][2, 150:] = np.nan
@@ -355,7 +349,7 @@ def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path: Path) -> None:
     assert read_curve(groups[0]).depth.max() == pytest.approx(0.2e-6)
 
 
-def test_curves_of_the_same_name_in_two_files_keep_their_places(tmp_path: Path) -> None:
+def test_curves_of_the_same_name_in_two_files_keep_their_places(tmp_path):
     for folder in ("left", "right"):
         (tmp_path / folder).mkdir()
         with h5py.File(tmp_path / folder / "map.h5", "w") as h5:
@@ -366,14 +360,14 @@ def test_curves_of_the_same_name_in_two_files_keep_their_places(tmp_path: Path) 
     assert [each.position for each in found] == [(0.0, 5.0), (1.0, 5.0)] * 2
 
 
-class AfmCurve(dict):  # type: ignore[type-arg]
+class AfmCurve(dict):
     """A curve as afmformats has it: columns by name, and metadata."""
 
     columns = property(lambda self: list(self))
     metadata: dict[str, float] = {"spring constant": 0.05, "position x": 1.0, "position y": 2.0, "enum": 3}  # noqa: RUF012
 
 
-def test_afm_formats_give_the_depth_of_the_tip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_afm_formats_give_the_depth_of_the_tip(tmp_path, monkeypatch):
     path = tmp_path / "map.jpk-force"
     path.touch()
     force = TIME * 1e-9
@@ -389,7 +383,7 @@ def test_afm_formats_give_the_depth_of_the_tip(tmp_path: Path, monkeypatch: pyte
         read_curve(entry)
 
 
-def test_newtons_for_nanonewtons_are_refused_with_a_free_offset_too() -> None:
+def test_newtons_for_nanonewtons_are_refused_with_a_free_offset_too():
     time = np.concatenate((np.linspace(-0.5, 0, 50, endpoint=False), TIME))
     depth = np.concatenate((np.linspace(-0.1, 0, 50, endpoint=False), RAMP_HOLD))
     force = np.concatenate((np.zeros(50), on_halfspace(TIME))) + 0.5
@@ -397,7 +391,7 @@ def test_newtons_for_nanonewtons_are_refused_with_a_free_offset_too() -> None:
         fit_indentation(ForceCurve("a", time, depth, 1e9 * force), body(), ZENER, contact="detect")
 
 
-def test_a_report_is_a_configuration_and_the_same_numbers(tmp_path: Path) -> None:
+def test_a_report_is_a_configuration_and_the_same_numbers(tmp_path):
     from gfmdlayer import load
 
     fit = fit_indentation(curve(noisy(1)), body(), ZENER)
@@ -410,9 +404,7 @@ def test_a_report_is_a_configuration_and_the_same_numbers(tmp_path: Path) -> Non
     assert any("layer.material.tau" in line for line in lines)
 
 
-def test_the_command_fits_a_file_and_refuses_what_it_cannot(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_fits_a_file_and_refuses_what_it_cannot(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("gel.csv").write_text(
         "time,depth,force\n"

@@ -1,11 +1,7 @@
 """Fits of instruments that prescribe depth, force, or the base of a cantilever."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -27,7 +23,7 @@ from gfmdlayer.indentation.solve import History, find_space, on_halved_steps
 TIME = np.linspace(0.0, 5.0, 201)
 ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")
 TRUTH = (1.0, 4.0, 0.7)
-MODEL: dict[str, Any] = {
+MODEL = {
     "layer": {
         "thickness": 1.0,
         "poisson": 0.5,
@@ -42,11 +38,11 @@ START = MODEL | {
 RAMP = np.interp(TIME, [0, 0.5, 1.5, 4, 5], [-0.1, 0.0, 0.2, 0.2, 0.0])
 
 
-def noise(seed: int, level: float) -> np.ndarray:
+def noise(seed, level):
     return level * np.random.default_rng(seed).standard_normal(TIME.size)
 
 
-def contact(**history: Any) -> Any:
+def contact(**history):
     """Return force and depth of the model under a history, at the rows."""
     config = Model(MODEL).config
     body = IsolatedContact(config).body
@@ -54,7 +50,7 @@ def contact(**history: Any) -> Any:
     return np.interp(TIME, found.time, found.force), np.interp(TIME, found.time, found.depth)
 
 
-def on_base(stiffness: float) -> ForceCurve:
+def on_base(stiffness):
     """Return a curve without noise of a cantilever whose base follows the ramp."""
     curve = ForceCurve("afm", TIME, RAMP, np.maximum(RAMP, 0), prescribed="base", stiffness=stiffness)
     curve = replace(curve, depth=RAMP - curve.force / stiffness)
@@ -64,7 +60,7 @@ def on_base(stiffness: float) -> ForceCurve:
     return replace(curve, force=force, depth=RAMP - force / stiffness)
 
 
-def test_creep_gives_the_thickness_of_a_layer_that_a_fit_of_relaxation_loses() -> None:
+def test_creep_gives_the_thickness_of_a_layer_that_a_fit_of_relaxation_loses():
     # A force held on 2 um of gel under a bead; 3 nm of noise, four parameters, a start 1.5 to 2 off.
     time = np.linspace(0.0, 10.0, 401)
     force = np.interp(time, [0, 0.5, 10], [0, 5e-9, 5e-9])
@@ -87,7 +83,7 @@ def test_creep_gives_the_thickness_of_a_layer_that_a_fit_of_relaxation_loses() -
     assert fit.curves[0].depth_noise == pytest.approx(3e-9, rel=0.15)  # four standard errors of 401 rows
 
 
-def test_a_spring_in_series_leaves_the_contact_under_its_own_depth() -> None:
+def test_a_spring_in_series_leaves_the_contact_under_its_own_depth():
     # The base follows a ramp; the depth that follows, prescribed on the same body, gives the same force. Both
     # have the error of 200 steps, some 1e-4; where contact is lost inside a step, its square root.
     body, profile = IsolatedContact(Model(MODEL).config).body, as_revolution(Model(MODEL).config.punch)
@@ -101,7 +97,7 @@ def test_a_spring_in_series_leaves_the_contact_under_its_own_depth() -> None:
     assert found.force.max() > 0.3 * 5.0 * RAMP.max()  # the spring takes a good part of the motion
 
 
-def test_the_base_of_a_cantilever_gives_moduli_and_an_uncertain_stiffness_widens_them() -> None:
+def test_the_base_of_a_cantilever_gives_moduli_and_an_uncertain_stiffness_widens_them():
     curve = on_base(stiffness=5.0)
     measured = curve.force + noise(1, 0.01 * curve.force.max())
     given = replace(curve, force=measured, depth=RAMP - measured / 5.0)
@@ -119,7 +115,7 @@ def test_the_base_of_a_cantilever_gives_moduli_and_an_uncertain_stiffness_widens
     assert unsure["G0"].error > 1.5 * sure["G0"].error
 
 
-def test_tilt_drift_and_offset_of_the_baseline_are_found_beside_the_moduli() -> None:
+def test_tilt_drift_and_offset_of_the_baseline_are_found_beside_the_moduli():
     force, depth = contact(depth=RAMP)
     position = RAMP - RAMP[0]
     baseline = 0.2 + 0.05 * TIME + 0.4 * position
@@ -131,7 +127,7 @@ def test_tilt_drift_and_offset_of_the_baseline_are_found_beside_the_moduli() -> 
         assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error + 1e-3 * truth)
 
 
-def test_noise_of_the_prescribed_quantity_widens_the_intervals_and_moves_no_corner_of_the_ramp() -> None:
+def test_noise_of_the_prescribed_quantity_widens_the_intervals_and_moves_no_corner_of_the_ramp():
     force, depth = contact(depth=RAMP)
     noisy = depth + noise(3, 0.02 * np.ptp(depth))
     drive = Drive.of(TIME, noisy)
@@ -146,7 +142,7 @@ def test_noise_of_the_prescribed_quantity_widens_the_intervals_and_moves_no_corn
 
 
 @pytest.mark.parametrize("prescribed", ["depth", "force", "base"])
-def test_the_prescribed_quantity_is_guessed_from_the_straight_column(prescribed: str) -> None:
+def test_the_prescribed_quantity_is_guessed_from_the_straight_column(prescribed):
     if prescribed == "force":
         force, depth = contact(force=np.interp(TIME, [0, 1, 4, 5], [0, 3.0, 3.0, 0.5]))
         curve = ForceCurve("a", TIME, depth, force)
@@ -165,7 +161,7 @@ def test_the_prescribed_quantity_is_guessed_from_the_straight_column(prescribed:
     assert found.guessed == "segments and prescribed quantities guessed"
 
 
-def test_a_pause_at_constant_force_between_motions_of_the_base() -> None:
+def test_a_pause_at_constant_force_between_motions_of_the_base():
     # Creep in the pause of an AFM: the base, the force, and the base again are prescribed.
     curve = on_base(5.0)
     top = int(np.searchsorted(TIME, 1.5))
@@ -189,7 +185,7 @@ def test_a_pause_at_constant_force_between_motions_of_the_base() -> None:
         assert fit[key].value == pytest.approx(truth, abs=4 * fit[key].standard_error + 3e-3 * truth)
 
 
-def test_only_the_rows_of_the_chosen_segments_count() -> None:
+def test_only_the_rows_of_the_chosen_segments_count():
     force, depth = contact(depth=RAMP)
     words = np.where(TIME < 1.5, "approach", np.where(TIME < 4, "hold", "retract"))
     spoilt = np.where(words == "retract", 3 * force, force)
@@ -203,7 +199,7 @@ def test_only_the_rows_of_the_chosen_segments_count() -> None:
         fit_indentation(curve, START, ZENER, segments=["pause"])
 
 
-def test_a_fit_does_not_depend_on_the_fits_before_it() -> None:
+def test_a_fit_does_not_depend_on_the_fits_before_it():
     force, depth = contact(depth=RAMP)
     first = ForceCurve("a", TIME, depth, force + noise(7, 0.02 * force.max()))
     second = ForceCurve("b", TIME, depth, 5 * force + noise(8, 0.1 * force.max()))
@@ -213,7 +209,7 @@ def test_a_fit_does_not_depend_on_the_fits_before_it() -> None:
         assert [each.value for each in one.parameters] == [each.value for each in other.parameters]
 
 
-def test_columns_of_a_file_name_segments_prescribed_quantity_and_base(tmp_path: Path) -> None:
+def test_columns_of_a_file_name_segments_prescribed_quantity_and_base(tmp_path):
     path = tmp_path / "afm.csv"
     rows = [
         f"{t!r},{'approach' if t < 2.5 else 'retract'},{b!r},base,{max(b, 0.0)!r}"
@@ -233,7 +229,7 @@ def test_columns_of_a_file_name_segments_prescribed_quantity_and_base(tmp_path: 
     assert len(str(curve.origin["sha256"])) == 64
 
 
-def test_a_stiffness_in_a_file_has_the_units_of_its_columns(tmp_path: Path) -> None:
+def test_a_stiffness_in_a_file_has_the_units_of_its_columns(tmp_path):
     path = tmp_path / "curve.h5"
     with h5py.File(path, "w") as file:
         group = file.create_group("a")
@@ -250,7 +246,7 @@ def test_a_stiffness_in_a_file_has_the_units_of_its_columns(tmp_path: Path) -> N
     assert curve.position_of_drive == pytest.approx(1e-9 * (1e3 + RAMP), rel=1e-12)
 
 
-def test_a_prescribed_depth_is_the_depth_with_a_known_stiffness_too() -> None:
+def test_a_prescribed_depth_is_the_depth_with_a_known_stiffness_too():
     found = [
         Prediction(ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0), prescribed="depth", stiffness=stiffness))
         for stiffness in (None, 0.5)
@@ -274,12 +270,12 @@ def test_a_prescribed_depth_is_the_depth_with_a_known_stiffness_too() -> None:
         ({"stiffness_error": 0.1}, "stiffness_error is given without a stiffness"),
     ],
 )
-def test_impossible_segments_and_springs_are_named(change: dict[str, Any], message: str) -> None:
+def test_impossible_segments_and_springs_are_named(change, message):
     with pytest.raises(FitError, match=message):
         ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0.0) ** 1.5, **change)
 
 
-def test_one_word_counts_for_all_rows_and_a_retraction_may_stand_alone() -> None:
+def test_one_word_counts_for_all_rows_and_a_retraction_may_stand_alone():
     down = np.linspace(0.2, 0.05, TIME.size)
     force = 16 / 3 * 5.0**0.5 * down**1.5  # Hertz's, G = 1, nu = 1/2
     columns = {"time": TIME, "depth": down, "force": force}
@@ -295,20 +291,20 @@ def test_one_word_counts_for_all_rows_and_a_retraction_may_stand_alone() -> None
         assert fit["G0"].value == pytest.approx(1.0, rel=1e-3)  # of the straight pieces
 
 
-def test_the_rows_of_the_chosen_segments_must_be_enough() -> None:
+def test_the_rows_of_the_chosen_segments_must_be_enough():
     names = ["approach"] * 196 + ["hold"] * 5
     curve = ForceCurve("a", TIME, 0.02 * TIME, TIME**1.5, prescribed="depth", segment=names)
     with pytest.raises(FitError, match="5 rows are too few for 3 free parameters"):
         fit_indentation(curve, START, ZENER, segments=["hold"])
 
 
-def test_a_free_stiffness_needs_a_prescribed_base() -> None:
+def test_a_free_stiffness_needs_a_prescribed_base():
     curve = ForceCurve("a", TIME, RAMP, np.maximum(RAMP, 0.0) ** 1.5, prescribed="depth")
     with pytest.raises(ConfigError, match="stiffness: got a curve without a prescribed base"):
         fit_indentation(curve, START, [*ZENER, "stiffness"])
 
 
-def test_swapped_columns_of_force_and_depth_are_named() -> None:
+def test_swapped_columns_of_force_and_depth_are_named():
     force, depth = contact(depth=RAMP)
     curve = ForceCurve("a", TIME, force, 0.2 * depth / depth.max(), prescribed="force")
     assert curve.looks_swapped()

@@ -1,18 +1,13 @@
 """Fits of laws with a continuous spectrum; columns by name; a fitted file as the material of a layer."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from gfmdlayer import Config, ConfigError, FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw, cli, load
-from gfmdlayer.body.materials import Law
 from gfmdlayer.config.model import digest
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.laws import MODELS, fit, fit_law
-from gfmdlayer.fitting.measurement import FitError, MasterCurve, Measurement, RelaxationCurve, read
+from gfmdlayer.fitting.measurement import FitError, MasterCurve, RelaxationCurve, read
 
 LAWS = [
     FractionalZener(1.0, 100.0, 0.5, 0.6),
@@ -23,43 +18,43 @@ LAWS = [
 KINDS = pytest.mark.parametrize("kind", [MasterCurve, RelaxationCurve])
 
 
-def measured(kind: type[Measurement], law: Law, rows: int = 40) -> Measurement:
+def measured(kind, law, rows=40):
     abscissa = np.geomspace(1e-3, 1e3, rows)
     return kind("measured.csv", abscissa, kind("", abscissa, np.empty(0)).predicted(law, abscissa))
 
 
-def parameters(law: Law) -> np.ndarray:
+def parameters(law):
     return np.array([*law.model_dump(exclude={"model", "shift", "tolerance"}).values()], dtype=float)
 
 
 @KINDS
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.model)
-def test_law_is_found_again_in_its_own_curve(kind: type[Measurement], law: Law) -> None:
+def test_law_is_found_again_in_its_own_curve(kind, law):
     # Without noise the least squares end at their tolerance of 1e-8 in the cost, 1e-4 in the parameters.
     found = fit_law(measured(kind, law), law.model)
     assert found.rms < 1e-5
     np.testing.assert_allclose(parameters(found.material), parameters(law), rtol=1e-3, atol=1e-12)
 
 
-def test_every_law_may_be_fitted_by_the_command() -> None:
+def test_every_law_may_be_fitted_by_the_command():
     from gfmdlayer.cli import fit_material
 
     assert {*fit_material.LAWS} == {"prony", *MODELS}
 
 
-def test_given_relaxed_modulus_is_kept() -> None:
+def test_given_relaxed_modulus_is_kept():
     curve = measured(MasterCurve, LAWS[0])
     assert fit_law(curve, "fractional_zener", 1.5).material.relaxed == 1.5
     with pytest.raises(FitError, match="relaxed modulus 1e"):
         fit_law(curve, "fractional_zener", 1e6)
 
 
-def test_curve_of_a_liquid_has_no_law_with_a_relaxed_modulus() -> None:
+def test_curve_of_a_liquid_has_no_law_with_a_relaxed_modulus():
     with pytest.raises(FitError, match="flows like a liquid"):
         fit_law(measured(MasterCurve, PowerLaw(1.0, 1.0, 0.6)), "fractional_zener")
 
 
-def written(path: Path, header: str, *columns: np.ndarray) -> Path:
+def written(path, header, *columns):
     rows = ("\t".join(f"{value:.17g}" for value in row) for row in zip(*columns, strict=True))
     path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
     return path
@@ -75,7 +70,7 @@ def written(path: Path, header: str, *columns: np.ndarray) -> Path:
         ("freq\tG''\ttan_delta", False, True),
     ],
 )
-def test_columns_are_known_by_their_names(tmp_path: Path, header: str, tension: bool, hertz: bool) -> None:
+def test_columns_are_known_by_their_names(tmp_path, header, tension, hertz):
     law, omega = LAWS[0], np.geomspace(1e-2, 1e2, 20)
     modulus = law.complex_modulus(omega)
     storage, loss = (part * (2 * 1.3 if tension else 1) for part in (modulus.real, modulus.imag))
@@ -93,14 +88,14 @@ def test_columns_are_known_by_their_names(tmp_path: Path, header: str, tension: 
 
 
 @pytest.mark.parametrize("header", ["tau [s],G [MPa]", "G, τ_k", "k  G  tau"])
-def test_a_prony_table_is_not_taken_for_a_curve(tmp_path: Path, header: str) -> None:
+def test_a_prony_table_is_not_taken_for_a_curve(tmp_path, header):
     rows = np.arange(1.0, 11.0)
     path = written(tmp_path / "prony.csv", header, *[rows] * (2 + header.startswith("k")))
     with pytest.raises(TableError, match="names the relaxation times of a Prony series"):
         read(path)
 
 
-def test_columns_without_names_are_named_by_the_user(tmp_path: Path) -> None:
+def test_columns_without_names_are_named_by_the_user(tmp_path):
     t = np.geomspace(1e-2, 1e2, 20)
     path = written(tmp_path / "data.txt", "# nothing", t, 3 * LAWS[0].relaxation_modulus(t))
     found = read(path, names="t, E")
@@ -111,7 +106,7 @@ def test_columns_without_names_are_named_by_the_user(tmp_path: Path) -> None:
         read(path, names="colour, E")
 
 
-def fitted_file(folder: Path, law: str, capsys: pytest.CaptureFixture[str]) -> Path:
+def fitted_file(folder, law, capsys):
     omega = np.geomspace(1e-2, 1e2, 20)
     modulus = LAWS[0].complex_modulus(omega)
     data = written(folder / "data.txt", "omega\tstorage\tloss", omega, modulus.real, modulus.imag)
@@ -121,9 +116,7 @@ def fitted_file(folder: Path, law: str, capsys: pytest.CaptureFixture[str]) -> P
 
 
 @pytest.mark.parametrize("law", ["prony", "fractional_zener"])
-def test_fitted_file_is_the_material_of_a_layer(
-    tmp_path: Path, law: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_fitted_file_is_the_material_of_a_layer(tmp_path, law, capsys):
     file = fitted_file(tmp_path, law, capsys)
     (tmp_path / "case.yaml").write_text("name: a\nlayer: {material: {file: data.yaml}}\n")
     config, itself = load(tmp_path / "case.yaml"), load(file)
@@ -148,9 +141,7 @@ def test_fitted_file_is_the_material_of_a_layer(
         ("layer: [\n", "wrong.yaml:2:1: not YAML"),
     ],
 )
-def test_file_without_a_sound_material_is_refused_at_both_places(
-    tmp_path: Path, content: str, words: str
-) -> None:
+def test_file_without_a_sound_material_is_refused_at_both_places(tmp_path, content, words):
     (tmp_path / "wrong.yaml").write_text(content)
     (tmp_path / "case.yaml").write_text("name: a\nlayer: {material: {file: wrong.yaml}}\n")
     with pytest.raises(ConfigError) as refused:
@@ -159,6 +150,6 @@ def test_file_without_a_sound_material_is_refused_at_both_places(
     assert words in str(refused.value)
 
 
-def test_law_of_few_parameters_does_as_well_as_a_series_of_many() -> None:
+def test_law_of_few_parameters_does_as_well_as_a_series_of_many():
     curve = measured(MasterCurve, LAWS[0])
     assert fit_law(curve, "fractional_zener").rms < fit(curve).rms

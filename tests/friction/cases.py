@@ -1,16 +1,20 @@
 """Random steps of frictional contact."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
 from gfmdlayer.friction.problem import Law, Problem
 from gfmdlayer.friction.response import Response
 from gfmdlayer.grid.grid import Grid
 
 
-def rough(grid: Grid, random: np.random.Generator, hurst: float) -> FloatArray:
+def halfspace(grid, modulus, poisson):
+    """Response of an elastic halfspace of fixed mean displacement."""
+    q = grid.wavenumbers
+    unit = np.divide(1, modulus * q, out=np.zeros(q.shape), where=q > 0)
+    return Response((1 - poisson) * unit, 0.5 * (1 - 2 * poisson) * unit, (1 - poisson) * unit, unit)
+
+
+def rough(grid, random, hurst):
     """Self-affine heights of rms 1."""
     axes = tuple(range(len(grid.points)))
     q = grid.wavenumbers
@@ -20,7 +24,7 @@ def rough(grid: Grid, random: np.random.Generator, hurst: float) -> FloatArray:
     return np.asarray(field / field.std())
 
 
-def random_problem(seed: int, axes: int) -> tuple[Grid, Problem]:
+def random_problem(seed, axes):
     """Return a step on a halfspace, by the numbers of a generator."""
     r = np.random.default_rng(seed)
     n = int(r.integers(32, 129)) * 2 if axes == 1 else 32
@@ -47,7 +51,7 @@ def random_problem(seed: int, axes: int) -> tuple[Grid, Problem]:
     path = r.standard_normal(axes) * 10 ** r.uniform(-4, -1.5)
     depth = float(h.mean()) * 10 ** r.uniform(-1, 0)
     return grid, Problem(
-        Response.of_halfspace(grid, 1.0, nu), h, Law(mu),
+        halfspace(grid, 1.0, nu), h, Law(mu),
         load=load if load_is_given or force_is_given else None, depth=depth,
         force=force if force_is_given else None, path=None if force_is_given else path, offset=offset,
     )  # fmt: skip

@@ -1,39 +1,33 @@
 """Frictional contact of one step: closed forms, symmetries, limits, Coulomb's conditions at each point."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gfmdlayer import Case, Config, Dugdale, Electrostatic, Exponential, LennardJones
-from gfmdlayer.friction.problem import Law, Problem, Solution, norms
+from gfmdlayer.friction.problem import Law, Problem, norms
 from gfmdlayer.friction.response import Operator, Response, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.grid.wisdom import planned
-from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL
-from tests.friction.cases import random_problem, rough
+from tests.friction.cases import halfspace, random_problem, rough
 
 
-def setting(
-    points: tuple[int, ...], period: float = 1.0, poisson: float = 0.5
-) -> tuple[Grid, Response, FrictionSolver]:
+def setting(points, period=1.0, poisson=0.5):
     grid = Grid(points, (period,) * len(points))
-    return grid, Response.of_halfspace(grid, 1.0, poisson), FrictionSolver(grid, Transforms(points))
+    return grid, halfspace(grid, 1.0, poisson), FrictionSolver(grid, Transforms(points))
 
 
-def parabola(grid: Grid, radius: float) -> np.ndarray:
+def parabola(grid, radius):
     return np.asarray(sum(x**2 for x in np.meshgrid(*grid.coordinates, indexing="ij")) / (2 * radius)).ravel()
 
 
-def obeys_coulomb(problem: Problem, found: Solution, tolerance: float) -> bool:
+def obeys_coulomb(problem, found, tolerance):
     """Whether each point separates, sticks, or slips against its traction, to the residual's meaning."""
     # Inequalities of the tractions hold to rounding. Gaps and slips hold to the tolerance in the largest
     # displacement, or where the traction can make up for it: |slip| <= 2 tolerance on a point that sticks.
@@ -56,7 +50,7 @@ def obeys_coulomb(problem: Problem, found: Solution, tolerance: float) -> bool:
 
 
 @pytest.mark.parametrize("shape", ["parabola", "rough"])
-def test_shear_of_a_line_is_the_difference_of_two_pressures(shape: str) -> None:
+def test_shear_of_a_line_is_the_difference_of_two_pressures(shape):
     """Cattaneo, Mindlin, Jaeger, Ciavarella: t = mu (p(P) - p(P - Q/mu)), where both responses are equal."""
     # Each solution has the residual 1e-9. The pressure between the points of a rough contact amplifies it by
     # some 100, since a displacement of the longest wave is n/2 times softer than one of the shortest.
@@ -77,7 +71,7 @@ def test_shear_of_a_line_is_the_difference_of_two_pressures(shape: str) -> None:
 
 
 @pytest.mark.parametrize("points", [(512,), (256, 128)])
-def test_a_window_responds_as_the_whole_surface(points: tuple[int, ...]) -> None:
+def test_a_window_responds_as_the_whole_surface(points):
     """Differences of a few points need no more transforms than twice their range; single precision."""
     grid = Grid(points, (1.0,) * len(points))
     r = np.random.default_rng(1)
@@ -85,7 +79,7 @@ def test_a_window_responds_as_the_whole_surface(points: tuple[int, ...]) -> None
     held[(slice(-20, None),) * len(points)] = held[(slice(0, 9),) * len(points)] = 1.0  # across the boundary
     near = np.flatnonzero(held.ravel() * (r.random(grid.size) < 0.7))
     spent = Spent()
-    response = Operator(grid, Response.of_halfspace(grid, 1.0, 0.1), Work(Transforms(points), spent, 1.0))
+    response = Operator(grid, halfspace(grid, 1.0, 0.1), Work(Transforms(points), spent, 1.0))
     x = np.zeros((1 + len(points), grid.size))
     x[:, near] = r.standard_normal((1 + len(points), near.size))
     whole = response(x)[:, near]
@@ -96,11 +90,11 @@ def test_a_window_responds_as_the_whole_surface(points: tuple[int, ...]) -> None
     assert spent.pairs - before == pytest.approx(0.5 * (1 + len(points)) / part ** len(points))
 
 
-def test_plans_beside_those_that_are_kept_are_always_the_same(tmp_path: Path) -> None:
+def test_plans_beside_those_that_are_kept_are_always_the_same(tmp_path):
     """So the bits of a run repeat: a plan that is measured in the run may round differently each time."""
     points, found = (48, 48), set()
     wisdom, grid = planned(points, tmp_path), Grid(points, (1.0, 1.0))
-    response = Response.of_halfspace(grid, 1.0, 0.3)
+    response = halfspace(grid, 1.0, 0.3)
     problem = Problem(response, parabola(grid, 0.25), Law(0.4), load=0.01, force=np.array([1e-3, 0.0]))
     for _ in range(3):
         forget_wisdom()
@@ -111,7 +105,7 @@ def test_plans_beside_those_that_are_kept_are_always_the_same(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("n", [512, 4096])
-def test_the_work_of_a_step_does_not_grow_with_the_points(n: int) -> None:
+def test_the_work_of_a_step_does_not_grow_with_the_points(n):
     """A cylinder: 40 pairs a twentieth of the tangential course, 80 from nothing."""
     grid, response, solver = setting((n,), poisson=0.3)
     mu, load, state, pairs = 0.4, 0.02, None, []
@@ -126,7 +120,7 @@ def test_the_work_of_a_step_does_not_grow_with_the_points(n: int) -> None:
     assert np.mean(pairs[2:]) < 40
 
 
-def test_many_small_contacts_take_no_more_pairs_than_one() -> None:
+def test_many_small_contacts_take_no_more_pairs_than_one():
     """A rough line with some 60 intervals of contact: as a cylinder, 80 pairs from nothing and 40 a step."""
     grid, response, solver = setting((4096,), poisson=0.3)
     h = rough(grid, np.random.default_rng(5), 0.8) * 0.003
@@ -137,11 +131,11 @@ def test_many_small_contacts_take_no_more_pairs_than_one() -> None:
     assert np.count_nonzero(touching[1:] & ~touching[:-1]) > 30
     assert found.pairs < 80
     assert obeys_coulomb(problem, found, 1e-7)
-    step = replace(problem, force=1.1 * problem.force, before=found.displacement[1:])  # type: ignore[operator]
+    step = replace(problem, force=1.1 * problem.force, before=found.displacement[1:])
     assert solver.solve(step, found.tractions).pairs < 40
 
 
-def test_a_sphere_has_the_numbers_of_contact() -> None:
+def test_a_sphere_has_the_numbers_of_contact():
     """Vollebregt's CONTACT: contact radius 1, stick radius 0.5, p_max 4.390, shift 8.172e-3."""
     # The two bodies are equal: their coupling cancels. The cell of 12 radii adds a uniform displacement,
     # 3.9003/(2 pi L) times the force and the mean of C_UU q and C_VV q; it is taken off. Its next term is
@@ -149,7 +143,7 @@ def test_a_sphere_has_the_numbers_of_contact() -> None:
     period, mu, radius, load = 12.0, 0.4, 50.0, 9.1954
     force = 7 / 8 * mu * load
     grid = Grid((128, 128), (period, period))
-    one = Response.of_halfspace(grid, 200.0, 0.42)
+    one = halfspace(grid, 200.0, 0.42)
     both = Response(2 * one.normal, 0 * one.coupling, 2 * one.along, 2 * one.across)
     given = {"load": load / period**2, "force": np.array([force, 0.0]) / period**2}
     solver = FrictionSolver(grid, Transforms(grid.points))
@@ -162,7 +156,7 @@ def test_a_sphere_has_the_numbers_of_contact() -> None:
     assert found.path[0] + images == pytest.approx(8.172e-3, rel=0.002)
 
 
-def test_a_sliding_cylinder_moves_its_contact_back() -> None:
+def test_a_sliding_cylinder_moves_its_contact_back():
     """The edges are -a - x0 and a - x0, x0 = 2 gamma a, tan(pi gamma) = mu (1 - 2 nu)/(2 (1 - nu)); Johnson.
 
     The cell is 55 half-widths wide; a spacing is 0.12 x0.
@@ -179,7 +173,7 @@ def test_a_sliding_cylinder_moves_its_contact_back() -> None:
 
 
 @pytest.fixture(scope="module")
-def on_a_surface() -> tuple[FrictionSolver, Problem, Solution]:
+def on_a_surface():
     grid, response, solver = setting((64, 64), poisson=0.2)
     h = rough(grid, np.random.default_rng(1), 0.8) * 0.01
     problem = Problem(response, h - h.min(), Law(0.6), load=0.02, force=np.array([0.006, 0.0]))
@@ -187,9 +181,7 @@ def on_a_surface() -> tuple[FrictionSolver, Problem, Solution]:
 
 
 @pytest.mark.parametrize("symmetry", ["mirror", "quarter turn"])
-def test_a_turned_surface_has_the_turned_solution(
-    symmetry: str, on_a_surface: tuple[FrictionSolver, Problem, Solution]
-) -> None:
+def test_a_turned_surface_has_the_turned_solution(symmetry, on_a_surface):
     """Both solutions have the residual 1e-9, which the pressures between points amplify by some 30."""
     solver, problem, found = on_a_surface
     assert found.converged
@@ -208,7 +200,7 @@ def test_a_turned_surface_has_the_turned_solution(
     )
 
 
-def test_a_surface_that_is_a_line_has_the_solution_of_the_line() -> None:
+def test_a_surface_that_is_a_line_has_the_solution_of_the_line():
     line, response, solver = setting((128,), poisson=0.1)
     h = rough(line, np.random.default_rng(3), 0.8) * 0.01
     problem = Problem(response, h - h.min(), Law(0.7), load=0.03, path=np.array([0.002]))
@@ -222,7 +214,7 @@ def test_a_surface_that_is_a_line_has_the_solution_of_the_line() -> None:
     np.testing.assert_allclose(other.tractions, expected, rtol=0, atol=1e-6 * found.pressure.max())
 
 
-def test_limits_of_the_coefficient(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
+def test_limits_of_the_coefficient(on_a_surface):
     """Without friction nothing depends on the path; with unlimited friction nothing slips."""
     # A step without slip need not have a solution if shear moves the surface up and down: here it does not.
     solver, problem, _ = on_a_surface
@@ -237,15 +229,15 @@ def test_limits_of_the_coefficient(on_a_surface: tuple[FrictionSolver, Problem, 
     assert np.abs(stuck.slip[:, stuck.contact]).max() < 1e-7 * stuck.displacement[0].max() * 2
 
 
-def test_the_critical_coefficient_of_a_halfspace_is_that_of_its_poisson_ratio() -> None:
+def test_the_critical_coefficient_of_a_halfspace_is_that_of_its_poisson_ratio():
     grid, *_ = setting((16, 16))
     for poisson in (0.0, 0.3):
-        critical = Response.of_halfspace(grid, 2.0, poisson).critical_coefficient
+        critical = halfspace(grid, 2.0, poisson).critical_coefficient
         assert critical == pytest.approx((2 - 2 * poisson) / (1 - 2 * poisson), rel=1e-14)
-    assert Response.of_halfspace(grid, 2.0, 0.5).critical_coefficient == np.inf
+    assert halfspace(grid, 2.0, 0.5).critical_coefficient == np.inf
 
 
-def test_a_shear_strength_ends_the_traction(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
+def test_a_shear_strength_ends_the_traction(on_a_surface):
     """At full slip the traction is min(mu p, tau_0) in the direction of the path."""
     solver, problem, _ = on_a_surface
     law = Law(0.6, 0.05)
@@ -259,7 +251,7 @@ def test_a_shear_strength_ends_the_traction(on_a_surface: tuple[FrictionSolver, 
 
 @pytest.mark.parametrize("axes", [1, 2])
 @pytest.mark.parametrize("seed", [10, 27, 144])
-def test_random_steps_obey_coulomb(axes: int, seed: int) -> None:
+def test_random_steps_obey_coulomb(axes, seed):
     """Rough, smooth and noisy punches, any past, coefficients up to 2, all four combinations of control."""
     # Case 10 of the surfaces is a point that carries nearly all of a light load.
     grid, problem = random_problem(seed, axes)
@@ -273,7 +265,7 @@ def test_random_steps_obey_coulomb(axes: int, seed: int) -> None:
         )
 
 
-def test_a_stiff_film_on_a_soft_layer_is_reached_from_the_frictionless_contact() -> None:
+def test_a_stiff_film_on_a_soft_layer_is_reached_from_the_frictionless_contact():
     """A film of half a spacing, 300 times stiffer than the layer below: Newton's method alone wanders."""
     layers = [
         {"thickness": 0.0035, "poisson": 0.3, "material": {"model": "elastic", "G": 50.0}},
@@ -281,7 +273,7 @@ def test_a_stiff_film_on_a_soft_layer_is_reached_from_the_frictionless_contact()
     ]
     body = Case(Config(name="film", layers=layers, halfspace={"shear_modulus": math.inf})).body
     grid, _, solver = setting((128,))
-    spectrum = body.traction_spectrum(grid.waves)  # type: ignore[attr-defined]
+    spectrum = body.traction_spectrum(grid.waves)
     response = Response.of_stiffness(spectrum.in_plane.relaxed, spectrum.across.relaxed)
     h = rough(grid, np.random.default_rng(3), 0.8) * 0.01
     problem = Problem(response, h - h.min(), Law(0.25), load=0.024, force=np.array([-0.004]))
@@ -290,12 +282,12 @@ def test_a_stiff_film_on_a_soft_layer_is_reached_from_the_frictionless_contact()
     assert obeys_coulomb(problem, found, 1e-7)
 
 
-def test_the_bound_of_friction_without_limit_stays() -> None:
+def test_the_bound_of_friction_without_limit_stays():
     assert Law(math.inf, 2.0).scaled(0.5) == Law(math.inf, 1.0)
     assert Law(0.4).scaled(0.5) == Law(0.2)
 
 
-def test_impossible_friction_is_refused(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
+def test_impossible_friction_is_refused(on_a_surface):
     solver, problem, _ = on_a_surface
     with pytest.raises(ValueError, match="slides away"):
         solver.solve(replace(problem, force=np.array([0.01, 0.0074])))  # 0.0124 > 0.6 * 0.02
@@ -304,7 +296,7 @@ def test_impossible_friction_is_refused(on_a_surface: tuple[FrictionSolver, Prob
 
 
 @pytest.mark.parametrize("where", ["heights", "offset", "before", "depth", "path"])
-def test_what_is_not_a_number_is_refused_and_as_a_guess_decides_nothing(where: str) -> None:
+def test_what_is_not_a_number_is_refused_and_as_a_guess_decides_nothing(where):
     grid, response, solver = setting((16, 16), poisson=0.3)
     problem = Problem(response, parabola(grid, 0.25), Law(0.4), depth=0.02, path=np.array([1e-3, 0.0]))
     given = {"heights": problem.heights, "path": problem.path, "depth": 0.02, "offset": np.zeros((3, 256))}
@@ -316,7 +308,7 @@ def test_what_is_not_a_number_is_refused_and_as_a_guess_decides_nothing(where: s
     np.testing.assert_array_equal(found.traction, solver.solve(problem).traction)
 
 
-def test_a_solve_that_does_not_end_says_so(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
+def test_a_solve_that_does_not_end_says_so(on_a_surface):
     solver, problem, _ = on_a_surface
     found = solver.solve(problem, limit=1)
     assert not found.converged
@@ -324,7 +316,7 @@ def test_a_solve_that_does_not_end_says_so(on_a_surface: tuple[FrictionSolver, P
     assert "residual" in found.reason
 
 
-def attracted(points: tuple[int, ...], poisson: float, law: Interface) -> tuple[FrictionSolver, Problem]:
+def attracted(points, poisson, law):
     """A parabola under a light load and a third of the largest tangential force, in the first step."""
     grid, response, _ = setting(points, poisson=poisson)
     force = np.array([0.1 * 0.004, 0.05 * 0.004])[: len(points)]
@@ -335,7 +327,7 @@ def attracted(points: tuple[int, ...], poisson: float, law: Interface) -> tuple[
 
 
 @pytest.mark.parametrize("shape", ["parabola", "rough"])
-def test_beside_attraction_shear_is_the_difference_of_two_pressures_of_the_wall(shape: str) -> None:
+def test_beside_attraction_shear_is_the_difference_of_two_pressures_of_the_wall(shape):
     """With the attraction tau kept, p - Q/mu solves the contact of a punch of the height h - C tau."""
     # t = mu (p - p*) then has the displacement D where p* > 0, as without attraction
     # (docs/theory/friction.md).
@@ -360,7 +352,7 @@ def test_beside_attraction_shear_is_the_difference_of_two_pressures_of_the_wall(
     )
     inner = FrictionSolver(grid, Transforms((512,))).solve(smaller, tolerance=1e-9).pressure
     assert found.converged
-    assert wall.mean() > 1.2 * whole.load  # type: ignore[operator]
+    assert wall.mean() > 1.2 * whole.load
     assert 0.1 < (inner > 0).sum() / (wall > 0).sum() < 0.9
     np.testing.assert_allclose(
         found.traction[0], 0.4 * (found.pressure - inner), rtol=0, atol=1e-6 * 0.4 * wall.max()
@@ -376,9 +368,7 @@ def test_beside_attraction_shear_is_the_difference_of_two_pressures_of_the_wall(
         ((48, 48), 0.2, Electrostatic(voltage=1.0, insulation=0.02, permittivity=1e-5)),
     ],
 )
-def test_friction_beside_attraction_obeys_all_conditions(
-    points: tuple[int, ...], poisson: float, law: Interface
-) -> None:
+def test_friction_beside_attraction_obeys_all_conditions(points, poisson, law):
     """Displacements by another transform; gap, attraction and Coulomb's conditions at each point."""
     solver, problem = attracted(points, poisson, law)
     found = solver.solve(problem)
@@ -403,17 +393,17 @@ def test_friction_beside_attraction_obeys_all_conditions(
     assert obeys_coulomb(problem, found, 1e-6)
 
 
-def test_a_punch_that_attracts_without_contact_is_solved_to_the_tolerance() -> None:
+def test_a_punch_that_attracts_without_contact_is_solved_to_the_tolerance():
     solver, problem = attracted((256,), 0.3, Exponential(work=1e-4, range=2e-3))
     apart = replace(problem, load=None, depth=-0.004, force=None, path=np.zeros(1))
     found = solver.solve(apart)
     assert found.converged
     assert not found.contact.any()
-    assert found.attraction.any()  # type: ignore[union-attr]
+    assert found.attraction.any()
     assert found.residual < 1e-7
 
 
-def test_limits_of_an_attraction_beside_friction() -> None:
+def test_limits_of_an_attraction_beside_friction():
     """Without work of adhesion the contact is that of the hard wall; without friction the adhesive one."""
     # Under no load friction is mu times the attraction, and with a shear strength its stress times the area.
     solver, problem = attracted((256,), 0.3, Exponential(work=1e-13, range=2e-3))

@@ -1,13 +1,10 @@
 """A surface over ranks: transforms, sums and halos agree with those of one process."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +13,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.modes import Modes, exponential
@@ -102,7 +100,7 @@ if ranks.first:
 """
 
 
-def test_a_grid_over_ranks_has_the_numbers_of_one_process() -> None:
+def test_a_grid_over_ranks_has_the_numbers_of_one_process():
     command = [str(MPIRUN), "-n", "3", sys.executable, "-m", "mpi4py", "-c", CHECKS]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.stdout == "all agree\n", done.stderr
@@ -114,7 +112,7 @@ EPS = np.finfo(float).eps
 
 
 @pytest.mark.parametrize("shape", [(16,), (15,), (8, 6), (7, 9)])
-def test_spectral_means_are_means_over_the_surface(shape: tuple[int, ...]) -> None:
+def test_spectral_means_are_means_over_the_surface(shape):
     grid, rng = Grid(shape, (1.0,) * len(shape)), np.random.default_rng(2)
     fields = rng.standard_normal((3, *shape))
     v, f, g = (np.fft.rfftn(field).ravel() for field in fields)
@@ -124,41 +122,40 @@ def test_spectral_means_are_means_over_the_surface(shape: tuple[int, ...]) -> No
     assert grid.sums.mean(fields[0]) == pytest.approx(fields[0].mean(), abs=EPS)
 
 
-class Divided(Sums):
-    """Sums over a grid with several holders, each of them in a thread."""
+class Divided(Ranks):
+    """Holders of a grid, each of them in a thread."""
 
-    def __init__(self, weights: Any, rank: int, values: list[Any], barrier: Barrier) -> None:
-        super().__init__(weights)
+    def __init__(self, rank, values, barrier):
         self._rank, self._values, self._barrier = rank, values, barrier
 
-    def _all(self, partial: Any) -> list[Any]:
+    def _all(self, partial):
         self._values[self._rank] = partial
         self._barrier.wait(timeout=300)
         values = list(self._values)
         self._barrier.wait(timeout=300)
         return values
 
-    def total(self, partial: Any) -> Any:
+    def total(self, partial):
         return sum(self._all(partial))
 
-    def maximum(self, partial: Any) -> Any:
+    def maximum(self, partial):
         return np.max(self._all(partial), axis=0)
 
-    def minimum(self, partial: Any) -> Any:
+    def minimum(self, partial):
         return np.min(self._all(partial), axis=0)
 
 
 @pytest.mark.parametrize("velocity", [None, 0.4])
-def test_modes_on_a_divided_grid_have_the_energy_and_the_error_of_the_whole(velocity: float | None) -> None:
+def test_modes_on_a_divided_grid_have_the_energy_and_the_error_of_the_whole(velocity):
     grid, rng = Grid((32,), (1.0,)), np.random.default_rng(4)
     body, material = LayeredHalfspace(0.1, 0.4, 2.0), Prony(1.0, ((2.0, 0.1), (3.0, 1.0)))
     q, size = grid.wavenumbers, grid.wavenumbers.size
     spectrum = relaxation_spectrum(body, material, q)
     displacements = (rng.standard_normal((4, size)) + 1j * rng.standard_normal((4, size))) / (1 + q)
 
-    def numbers(waves: slice, sums: Sums) -> list[float]:
+    def numbers(waves, sums):
         mine = Spectrum(spectrum.relaxed[waves], spectrum.weights[:, waves], spectrum.times[:, waves])
-        modes: Any = Modes(mine, exponential, sums)
+        modes = Modes(mine, exponential, sums)
         if velocity is not None:
             motion = {"wavenumbers_x": grid.wavenumbers_x[:, waves], "velocity": Constant(velocity)}
             modes = SlidingModes(mine, sums, **motion)
@@ -174,7 +171,8 @@ def test_modes_on_a_divided_grid_have_the_energy_and_the_error_of_the_whole(velo
 
     values, barrier = [None, None], Barrier(2)
     halves = slice(0, 7), slice(7, size)  # of different size
-    divided = [Divided(grid.parseval_weights[waves], i, values, barrier) for i, waves in enumerate(halves)]
+    weights = grid.parseval_weights
+    divided = [Sums(weights[waves], Divided(i, values, barrier)) for i, waves in enumerate(halves)]
     with ThreadPoolExecutor(2) as threads:
         parts = list(threads.map(numbers, halves, divided))
     assert parts[0] == parts[1]

@@ -1,17 +1,11 @@
 """Adaptive steps: their error, their number, and the times that they land on."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from gfmdlayer import model
@@ -20,21 +14,14 @@ from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.time_points import stops
 
-Floats = NDArray[np.float64]
-Run = Callable[[dict[str, object]], Any]
-
-ADAPTIVE: dict[str, object] = {
-    "grid.points": 1024,
-    "time.step": "adaptive",
-    "solver.tolerance": 1e-7,
-}
+ADAPTIVE = {"grid.points": 1024, "time.step": "adaptive", "solver.tolerance": 1e-7}
 
 
-def prony(*branches: tuple[float, float]) -> dict[str, object]:
+def prony(*branches):
     return {"layer.material": {"model": "prony", "branches": [{"G": G, "tau": tau} for G, tau in branches]}}
 
 
-BODIES: dict[str, dict[str, object]] = {
+BODIES = {
     "Ginf 2": {"layer.material.Ginf": 2.0}, "default": {}, "Ginf 100": {"layer.material.Ginf": 100.0},
     "bulk 10": {"halfspace.shear_modulus": 10.0}, "rigid base": {"halfspace.shear_modulus": math.inf},
     "three branches": prony((3.0, 0.1), (3.0, 1.0), (3.0, 10.0)),
@@ -43,11 +30,11 @@ BODIES: dict[str, dict[str, object]] = {
 
 
 @pytest.fixture(scope="module")
-def reference(run: Run) -> Callable[[str], Callable[[Floats], Floats]]:
+def reference(run):
     """Mean pressure of a body up to 8 tau by fixed steps, whose error is below 2e-6 of the largest."""
 
     @cache
-    def of(body: str) -> Callable[[Floats], Floats]:
+    def of(body):
         fine = run(BODIES[body] | {"grid.points": 1024, "time.step": 0.005, "solver.tolerance": 1e-7})
         time, pressure = fine["time"], fine["mean_pressure"]
         ramp = CubicSpline(time[time <= 1], pressure[time <= 1])
@@ -59,9 +46,7 @@ def reference(run: Run) -> Callable[[str], Callable[[Floats], Floats]]:
 
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5])
-def test_the_error_is_of_the_size_of_the_tolerance(
-    run: Run, reference: Any, body: str, tolerance: float
-) -> None:
+def test_the_error_is_of_the_size_of_the_tolerance(run, reference, body, tolerance):
     recording = run(ADAPTIVE | BODIES[body] | {"time.tolerance": tolerance})
     known = recording["time"] > 0.01  # where the steps of the reference resolve the first touch
     time, pressure = recording["time"][known], recording["mean_pressure"][known]
@@ -72,7 +57,7 @@ def test_the_error_is_of_the_size_of_the_tolerance(
     assert np.abs(recording["energy_residual"]).max() < 5 * tolerance * recording["work"].max()
 
 
-def test_a_ramp_and_a_thousand_relaxation_times_of_hold_take_few_steps(run: Run, reference: Any) -> None:
+def test_a_ramp_and_a_thousand_relaxation_times_of_hold_take_few_steps(run, reference):
     recording = run(ADAPTIVE | {"time.end": 1000.0, "time.tolerance": 1e-4})
     close = run(ADAPTIVE | {"time.end": 1000.0, "time.tolerance": 1e-6, "output.times": (10.0, 30.0, 100.0)})
     there = run(ADAPTIVE | {"time.end": 1000.0, "time.tolerance": 1e-4, "output.times": (10.0, 30.0, 100.0)})
@@ -86,7 +71,7 @@ def test_a_ramp_and_a_thousand_relaxation_times_of_hold_take_few_steps(run: Run,
     assert time.size - 1 <= 60
 
 
-def test_a_jump_is_followed_from_a_millionth_of_the_relaxation_time_on(run: Run, tmp_path: Path) -> None:
+def test_a_jump_is_followed_from_a_millionth_of_the_relaxation_time_on(run, tmp_path):
     (tmp_path / "jump.txt").write_text("time depth\n0 0.01\n1000 0.01\n")
     jump = ADAPTIVE | {
         "time.end": 1000.0,
@@ -101,7 +86,7 @@ def test_a_jump_is_followed_from_a_millionth_of_the_relaxation_time_on(run: Run,
     assert np.abs(coarse - close).max() <= 1e-4 * recording["mean_pressure"].max()
 
 
-def test_rows_fall_on_every_output_time_snapshot_and_breakpoint(run: Run) -> None:
+def test_rows_fall_on_every_output_time_snapshot_and_breakpoint(run):
     asked = {"time.end": 3.0, "output.times": 0.3, "output.snapshots": [0.0, 0.7, 3.0]}
     recording = run(ADAPTIVE | {"grid.points": 256, "trajectory.ramp_time": 0.95} | asked)
     for time in [0.0, *(0.3 * np.arange(1, 11)), 0.7, 0.95, 3.0]:
@@ -110,7 +95,7 @@ def test_rows_fall_on_every_output_time_snapshot_and_breakpoint(run: Run) -> Non
     assert (np.diff(recording["time"]) > 1e-6).all()  # 0.3 * 10 and 3.0 are one
 
 
-def test_the_displacement_is_within_the_tolerance_too(run: Run) -> None:
+def test_the_displacement_is_within_the_tolerance_too(run):
     shown = {"time.end": 4.0, "output.snapshots": [0.5, 2.0, 4.0], "layer.material.Ginf": 100.0}
     close = run({"grid.points": 1024, "time.step": 0.005, "solver.tolerance": 1e-7} | shown)
     for tolerance in (1e-3, 1e-4):
@@ -119,9 +104,9 @@ def test_the_displacement_is_within_the_tolerance_too(run: Run) -> None:
             assert math.sqrt(np.mean((u - exact) ** 2)) < 1.5 * tolerance * 0.01
 
 
-def test_the_effort_of_a_rejected_step_is_in_the_next_row(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
-    solutions: list[Any] = []
-    seen: list[float] = []
+def test_the_effort_of_a_rejected_step_is_in_the_next_row(monkeypatch, run):
+    solutions = []
+    seen = []
     solve = ActiveSet.solve
     monkeypatch.setattr(ActiveSet, "solve", lambda *given: solutions.append(solve(*given)) or solutions[-1])
     # An abrupt load on a body that creeps: too long a step is tried.
@@ -140,26 +125,21 @@ class CubicControl:
 
     shortest_time, tolerance = 1.0, 1e-4
 
-    def __init__(self, steps: list[float], size: float) -> None:
+    def __init__(self, steps, size):
         self.steps, self.size, self.breakpoints = steps, size, 0
 
-    def error(self, _spectrum: Any, **_moving: bool) -> tuple[float, float]:
+    def error(self, _spectrum, **_moving):
         return self.size * self.steps[-1] ** 3, 0.0
 
-    def discard_velocity(self) -> None:
+    def discard_velocity(self):
         self.breakpoints += 1
 
 
-def accepted_steps(
-    size: float,
-    end: float,
-    snapshots: Sequence[float] = (),
-    breakpoints: Sequence[float] = (),
-) -> tuple[list[Any], int, CubicControl]:
+def accepted_steps(size, end, snapshots=(), breakpoints=()):
     """Accepted time points, number of attempts, and the error control."""
-    tried: list[float] = []
+    tried = []
     control = CubicControl(tried, size)
-    steps: Any = AdaptiveSteps(control, stops(end, snapshots, breakpoints))  # type: ignore[arg-type]
+    steps = AdaptiveSteps(control, stops(end, snapshots, breakpoints))
     accepted = []
     for instant in steps:
         tried.append(instant.step)
@@ -168,14 +148,14 @@ def accepted_steps(
     return accepted, len(tried), control
 
 
-def test_steps_converge_to_just_below_the_tolerance() -> None:
+def test_steps_converge_to_just_below_the_tolerance():
     accepted, attempts, _ = accepted_steps(size=1.0, end=100.0)
     longest = (1e-4) ** (1 / 3)
     assert 0.9 * longest < np.median([instant.step for instant in accepted]) < longest
     assert attempts - len(accepted) <= 2
 
 
-def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts() -> None:
+def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts():
     accepted, _, control = accepted_steps(
         size=1e-12, end=1e4, breakpoints=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7]
     )
@@ -187,7 +167,7 @@ def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts
     assert len(accepted) < 50
 
 
-def test_a_punch_at_rest_between_grid_points_is_not_in_contact(run) -> None:  # type: ignore[no-untyped-def]
+def test_a_punch_at_rest_between_grid_points_is_not_in_contact(run):
     # Its depth at rest is not zero. After a first step as short as after a jump the load would be so small
     # that the heights of the punch are equal to rounding relative to it.
     recording = run({
@@ -200,7 +180,7 @@ def test_a_punch_at_rest_between_grid_points_is_not_in_contact(run) -> None:  # 
     np.testing.assert_allclose(recording["mean_pressure"][-1], 0.005, rtol=1e-12)
 
 
-def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path: Path) -> None:
+def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run, tmp_path):
     # At depth zero the punch does no work on the surface that recovers: the displacement is not proportional
     # to the derivative with respect to the depth.
     (tmp_path / "back.txt").write_text("time depth\n0 0\n1 0.01\n2 0\n400 0\n")
@@ -219,22 +199,22 @@ def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path
     assert abs(coarse["mean_pressure"][-1]) < 1e-8
 
 
-def test_a_retracted_punch_is_not_deep() -> None:
-    seen: list[bool] = []
+def test_a_retracted_punch_is_not_deep():
+    seen = []
 
     class RecordsDeep(CubicControl):
-        def error(self, _spectrum: Any, **known: bool) -> tuple[float, float]:
+        def error(self, _spectrum, **known):
             seen.append(known["deep"])
             return 0.0, 0.0
 
-    steps: Any = AdaptiveSteps(RecordsDeep([], 0.0), stops(5.0, [], []))  # type: ignore[arg-type]
+    steps = AdaptiveSteps(RecordsDeep([], 0.0), stops(5.0, [], []))
     depths = (-1.0, 0.005, 0.004, 4e-5, -1.0)
     for _, depth in zip(steps, depths, strict=False):
         assert steps.accepts(np.zeros(1, dtype=complex), 1.0, depth)
     assert seen == [True, True, False, False]
 
 
-def test_under_a_stiff_glass_contact_is_solved_as_steps_need(run: Run) -> None:
+def test_under_a_stiff_glass_contact_is_solved_as_steps_need(run):
     """What a solver leaves open, times the glassy over the relaxed modulus, is kept below their tolerance."""
     branches = [(3.4e8, 0.22), (4.4, 4.7e4), (12.6, 65.0)]
     stiff = {

@@ -4,11 +4,7 @@ Most of it on a flat punch over a compressible layer on a rigid base: its surfac
 K = 2 G (1 - nu)/((1 - 2 nu) d) per area, so that jumps are those of one spring.
 """
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,34 +16,34 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.status import overview
 from gfmdlayer.model import simulate
-from gfmdlayer.observables.folds import Row, work_over_fold
+from gfmdlayer.observables.adhesion import Row, work_over_fold
 from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 K = 2 * 0.7 / (0.4 * 0.1)
 WORK = RANGE = 5e-3
-FILM: dict[str, object] = {
+FILM = {
     "grid.points": 8,
     "layer": {"thickness": 0.1, "poisson": 0.3, "material": {"model": "elastic", "G": 1.0}},
     "halfspace.shear_modulus": math.inf,
     "interface": {"law": "exponential", "work": WORK, "range": RANGE},
 }
 CYCLE = {"kind": "approach_retract", "start": -0.05, "depth": 0.005, "approach_speed": 0.01}
-ADAPTIVE: dict[str, object] = {"time.step": "adaptive", "time.tolerance": 1e-4}
+ADAPTIVE = {"time.step": "adaptive", "time.tolerance": 1e-4}
 
 
 class Noted(Recording):
     """Keeps the attributes too."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
-        self.noted: dict[str, Any] = {}
+        self.noted = {}
 
-    def note(self, **attributes: Any) -> None:
+    def note(self, **attributes):
         self.noted |= attributes
 
 
-def film(*values: dict[str, object]) -> Noted:
+def film(*values):
     config, recording = Config(name="film"), Noted()
     for each in (FILM, ADAPTIVE, *values):
         config = config.with_values(each)
@@ -55,11 +51,11 @@ def film(*values: dict[str, object]) -> Noted:
     return recording
 
 
-def traction(gap: float) -> float:
+def traction(gap):
     return WORK / RANGE * math.exp(-gap / RANGE)
 
 
-def energy(displacement: float, height: float) -> float:
+def energy(displacement, height):
     return K * displacement**2 / 2 - RANGE * traction(height - displacement)
 
 
@@ -75,7 +71,7 @@ LOST_OUT = energy(HEIGHT_OUT, HEIGHT_OUT) - energy(LIFT_AFTER, HEIGHT_OUT)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
-def test_an_elastic_film_jumps_in_and_out_and_loses_the_area_of_its_loop(tolerance: float) -> None:
+def test_an_elastic_film_jumps_in_and_out_and_loses_the_area_of_its_loop(tolerance):
     # A wave of ten thicknesses is softer than K by 2 %: in a cell as long as that the surface is uneven a
     # little before it jumps, which short steps find.
     recording = film({"trajectory": CYCLE, "time.tolerance": tolerance, "grid.period": 0.1})
@@ -103,7 +99,7 @@ def test_an_elastic_film_jumps_in_and_out_and_loses_the_area_of_its_loop(toleran
 
 
 @pytest.mark.parametrize("step", [0.02, 0.01])
-def test_fixed_steps_find_the_loss_without_looking_for_the_jump(step: float) -> None:
+def test_fixed_steps_find_the_loss_without_looking_for_the_jump(step):
     recording = film({"trajectory": CYCLE | {"depth": 0.0}, "time": {"step": step}})
     found = recording.noted
     assert found["instabilities"] == 2
@@ -121,8 +117,8 @@ def test_fixed_steps_find_the_loss_without_looking_for_the_jump(step: float) -> 
 
 
 @pytest.mark.parametrize("depth_given", [True, False])
-def test_work_over_the_end_of_a_branch_is_exact_for_its_leading_terms(*, depth_given: bool) -> None:
-    def row(time: float) -> Row:
+def test_work_over_the_end_of_a_branch_is_exact_for_its_leading_terms(*, depth_given):
+    def row(time):
         """With the root of the time to the end at 1: y = 3 + 4 root, m = 5 root, then y = 7; x = -2 t."""
         root = math.sqrt(1 - time) if time < 1 else math.nan
         point = -2 * time, 3 + 4 * root if time < 1 else 7.0
@@ -145,13 +141,13 @@ def test_work_over_the_end_of_a_branch_is_exact_for_its_leading_terms(*, depth_g
     assert work_over_fold(begin, begin, end, depth_given=depth_given) is None
 
 
-def table(tmp_path: Path, name: str, text: str) -> str:
+def table(tmp_path, name, text):
     path = tmp_path / name
     path.write_text(text)
     return str(path)
 
 
-def test_a_film_under_a_rising_voltage_is_pulled_in_when_theory_says(tmp_path: Path) -> None:
+def test_a_film_under_a_rising_voltage_is_pulled_in_when_theory_says(tmp_path):
     gap, insulation, rate, tolerance = 0.05, 0.01, 2.0, 1e-4
     electrostatic = {"law": "electrostatic", "insulation": insulation, "permittivity": 1e-3}
     at_rest = {"kind": "table", "file": table(tmp_path, "depth.txt", f"0 {-gap}\n9 {-gap}\n")}
@@ -174,7 +170,7 @@ def test_a_film_under_a_rising_voltage_is_pulled_in_when_theory_says(tmp_path: P
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
-def test_a_relaxing_film_is_pulled_in_late(tolerance: float, tmp_path: Path) -> None:
+def test_a_relaxing_film_is_pulled_in_late(tolerance, tmp_path):
     """Between the glassy and the relaxed threshold the film creeps to its fold and jumps there."""
     # K u + w y = tau(h - u) with dy/dt + y/tau_r = du/dt, w = (Ginf/G0 - 1) K: the film is stable as long as
     # its glassy stiffness exceeds -tau', and moves by du/dt = (tau - K u)/(K + w + tau')/tau_r.
@@ -183,7 +179,7 @@ def test_a_relaxing_film_is_pulled_in_late(tolerance: float, tmp_path: Path) -> 
     height = (fold + traction(fold) / glassy + HEIGHT_IN) / 2  # between the two thresholds
     start = brentq(lambda u: glassy * u - traction(height - u), 0.0, height - fold, xtol=1e-16)
 
-    def slowness(u: float) -> float:
+    def slowness(u):
         slope = -traction(height - u) / RANGE
         return (glassy + slope) / (traction(height - u) - K * u)
 
@@ -198,7 +194,7 @@ def test_a_relaxing_film_is_pulled_in_late(tolerance: float, tmp_path: Path) -> 
     assert found["instability_time"][0] == pytest.approx(expected, rel=20 * tolerance)
 
 
-SOFT: dict[str, Any] = {
+SOFT = {
     "grid": {"points": 64},
     "layer": {"thickness": math.inf, "poisson": 0.5, "material": {"model": "elastic", "G": 1.0}},
     "halfspace": {"shear_modulus": 1.0},
@@ -209,7 +205,7 @@ PULL = {"control": "load", "kind": "approach_retract", "load": 0.02, "retract_sp
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_load_that_nothing_holds_ends_its_case_which_is_a_result(tmp_path: Path) -> None:
+def test_a_load_that_nothing_holds_ends_its_case_which_is_a_result(tmp_path):
     held = gfmdlayer.run(SOFT, trajectory=CYCLE | {"final": -0.05})
     strongest = float(held["mean_pressure"].min())
     pulled = gfmdlayer.run(SOFT | {"trajectory": PULL})
@@ -234,7 +230,7 @@ def test_a_load_that_nothing_holds_ends_its_case_which_is_a_result(tmp_path: Pat
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_punch_that_is_pulled_off_rests_until_its_load_presses_again() -> None:
+def test_a_punch_that_is_pulled_off_rests_until_its_load_presses_again():
     relaxing = {"material": {"model": "zener", "G0": 1.0, "Ginf": 2.0, "tau": 1.0}}
     layer = {"layer": SOFT["layer"] | relaxing}
     found = gfmdlayer.run(SOFT | layer | {"trajectory": PULL | {"cycles": 2}})

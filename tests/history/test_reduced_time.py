@@ -1,11 +1,7 @@
 """Temperature: reduced time against its closed form, runs at a temperature against shifted ones, a jump."""
 
-from __future__ import annotations
-
 import itertools
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +10,7 @@ from scipy.special import exp1
 from gfmdlayer import Config, ConfigError, load
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import Spectrum
-from gfmdlayer.body.shifts import WLF, Arrhenius, Shift
+from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.model import simulate
@@ -26,23 +22,23 @@ ROUNDING = 1e-14
 LAWS = [WLF(C1=17.44, C2=51.6, reference=20.0), Arrhenius(activation_energy=8e4, reference=20.0)]
 
 
-def identity(shift: Shift) -> str:
+def identity(shift):
     return shift.law
 
 
-def table(*rows: tuple[float, float]) -> Table:
+def table(*rows):
     times, values = np.array(rows).T
     return Table(times, values)
 
 
 @pytest.mark.parametrize("shift", LAWS, ids=identity)
 @pytest.mark.parametrize(("first", "last"), [(10.0, 25.0), (40.0, -20.0), (-10.0, 90.0)])
-def test_step_of_reduced_time_is_the_exponential_integral(shift: Shift, first: float, last: float) -> None:
+def test_step_of_reduced_time_is_the_exponential_integral(shift, first, last):
     # 1/aT = exp(k/y0 - k/y) with y = T - pole linear in t; the primitive is y exp(-k/y) - k E1(k/y). Its
     # difference loses no more than two digits at these ranges of temperature.
     k, y0 = shift.slope, shift.reference - shift.pole
 
-    def primitive(temperature: float) -> float:
+    def primitive(temperature):
         y = temperature - shift.pole
         return y * math.exp(k / y0 - k / y) - k * math.exp(k / y0) * float(exp1(k / y))
 
@@ -52,7 +48,7 @@ def test_step_of_reduced_time_is_the_exponential_integral(shift: Shift, first: f
 
 
 @pytest.mark.parametrize("shift", LAWS, ids=identity)
-def test_steps_add_up_across_the_rows_of_a_table_and_its_ends(shift: Shift) -> None:
+def test_steps_add_up_across_the_rows_of_a_table_and_its_ends(shift):
     reduced = ReducedTime(shift, table((0.0, 10.0), (1.0, 30.0), (2.5, 25.0)))
     edges = [-0.5, 0.0, 0.3, 1.7, 2.5, 4.0]
     parts = [reduced.step(a, b - a) for a, b in itertools.pairwise(edges)]
@@ -62,13 +58,13 @@ def test_steps_add_up_across_the_rows_of_a_table_and_its_ends(shift: Shift) -> N
 
 
 @pytest.mark.parametrize("shift", LAWS, ids=identity)
-def test_times_do_not_change_at_the_reference_and_are_longer_below_it(shift: Shift) -> None:
+def test_times_do_not_change_at_the_reference_and_are_longer_below_it(shift):
     assert shift.factor(shift.reference) == 1.0
     assert shift.factor(shift.reference - 5) > 1 > shift.factor(shift.reference + 5)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_modes_in_reduced_time_equal_modes_of_shifted_times(scheme: str) -> None:
+def test_modes_in_reduced_time_equal_modes_of_shifted_times(scheme):
     # Stresses, energies and heat of all modes, over steps of different lengths: to rounding.
     rng = np.random.default_rng(1)
     weights, times = rng.random((3, 5)) + 0.1, rng.random((3, 5)) + 0.1
@@ -91,7 +87,7 @@ def test_modes_in_reduced_time_equal_modes_of_shifted_times(scheme: str) -> None
 SHIFT = {"law": "wlf", "C1": 17.44, "C2": 51.6, "reference": 20.0}
 
 
-def recorded(**values: Any) -> Recording:
+def recorded(**values):
     keys = {key.replace("__", "."): value for key, value in values.items()}
     recording = Recording()
     simulate(
@@ -110,9 +106,7 @@ def recorded(**values: Any) -> Recording:
         ({"step": "adaptive", "tolerance": 1e-3, "end": 2.0}, 0.1),
     ],
 )
-def test_a_run_at_a_temperature_equals_a_run_at_shifted_times(
-    time: dict[str, object], velocity: float | None
-) -> None:
+def test_a_run_at_a_temperature_equals_a_run_at_shifted_times(time, velocity):
     shift, values = WLF(**SHIFT), {"time": time} | ({"trajectory__velocity": velocity} if velocity else {})
     warm = recorded(layer__material=Zener(shift=SHIFT), temperature={"value": 22.0}, **values)
     shifted = recorded(layer__material=Zener(tau=shift.factor(22.0)), **values)
@@ -130,7 +124,7 @@ FLAT = {
 }
 
 
-def test_pressure_after_a_jump_of_temperature_follows_boltzmanns_integral(tmp_path: Path) -> None:
+def test_pressure_after_a_jump_of_temperature_follows_boltzmanns_integral(tmp_path):
     """p(t) = p_0 int G(xi(t) - xi(s)) dh(s)/G0, under a flat punch on the material alone."""
     # The contact does not change, so that the displacement is linear in the depth and over each step, for
     # which the exponential scheme is exact: the bound is a hundred times the tolerance of the solver.
@@ -166,9 +160,7 @@ def test_pressure_after_a_jump_of_temperature_follows_boltzmanns_integral(tmp_pa
         ("1 20\n9 20\n", "the first time is 1; must be 0"),
     ],
 )
-def test_table_that_does_not_cover_the_run_or_leaves_the_law_is_refused(
-    tmp_path: Path, rows: str, words: str
-) -> None:
+def test_table_that_does_not_cover_the_run_or_leaves_the_law_is_refused(tmp_path, rows, words):
     from gfmdlayer.execution.sweep import input_errors
 
     (tmp_path / "degrees.txt").write_text(rows)

@@ -1,15 +1,10 @@
 """The relaxing modes and the contact problem in the frame of a moving punch, against their equations."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from gfmdlayer.body.layer import LayeredHalfspace
@@ -27,13 +22,11 @@ from gfmdlayer.history.modes import Modes, exponential
 from gfmdlayer.history.sliding_modes import SlidingModes, phi_functions
 from gfmdlayer.time_functions import Constant, Table, distance
 
-Floats = NDArray[np.float64]
-
 
 @pytest.mark.parametrize(
     "z", [0, 1e-9, 1e-3 + 1e-3j, 0.7 - 0.7j, 0.99j, 1.01, 1 - 3j, 30j, 50 + 1j, 1e6 + 1e9j]
 )
-def test_phi_functions_keep_their_digits(z: complex) -> None:
+def test_phi_functions_keep_their_digits(z):
     found = phi_functions(np.array([z], dtype=complex))[:, 0]
     for n in range(6):
         with mpmath.workdps(60):
@@ -46,7 +39,7 @@ def test_phi_functions_keep_their_digits(z: complex) -> None:
         assert found[n] == pytest.approx(complex(series), rel=1e-13, abs=1e-300 + 1e-13 / max(abs(z), 1.0))
 
 
-def one_mode(theta: float, q: float, velocity: Any) -> SlidingModes:
+def one_mode(theta, q, velocity):
     spectrum = Spectrum(np.array([0.3]), np.array([[1.7]]), np.array([[theta]]))
     return SlidingModes(spectrum, Sums(np.ones(1)), wavenumbers_x=np.full((2, 1), q), velocity=velocity)
 
@@ -54,16 +47,16 @@ def one_mode(theta: float, q: float, velocity: Any) -> SlidingModes:
 @pytest.mark.parametrize("theta", [1e-3, 0.4, 50.0])
 @pytest.mark.parametrize("q", [0.0, 0.3, 8.0, 900.0])
 @pytest.mark.parametrize("c", [0.0, 0.3 - 0.2j])
-def test_stretch_and_heat_of_a_mode_solve_its_equation(theta: float, q: float, c: complex) -> None:
+def test_stretch_and_heat_of_a_mode_solve_its_equation(theta, q, c):
     step, v, u_0, u_1 = 0.2, 0.5, 0.6 + 0.1j, 0.2 - 0.4j
     modes = one_mode(theta, q, Constant(v))
     modes.terms(0.0)
     modes.advance(np.array([u_0]))  # y = u_0 at once
 
-    def surface(s: float) -> tuple[complex, complex]:
+    def surface(s):
         return u_0 + (u_1 - u_0) * s + c * (s * s - s), (u_1 - u_0) + c * (2 * s - 1)
 
-    def rate(s: float, state: Any) -> list[complex]:
+    def rate(s, state):
         u, change = surface(s)
         y = state[0]
         motion = change - 1j * q * v * step * u
@@ -80,7 +73,7 @@ def test_stretch_and_heat_of_a_mode_solve_its_equation(theta: float, q: float, c
     assert modes.stored == pytest.approx((0.3 * abs(u_1) ** 2 + 1.7 * abs(exact[0]) ** 2) / 2, rel=1e-8)
 
 
-def test_the_steady_state_is_the_kernel_of_steady_sliding_for_any_step() -> None:
+def test_the_steady_state_is_the_kernel_of_steady_sliding_for_any_step():
     layer, material = LayeredHalfspace(0.05, 0.4, 3.0), Prony(1.0, ((2.0, 0.01), (3.0, 1.0)))
     grid, v = Grid((16,), (1.0,)), 0.7
     q = grid.wavenumbers
@@ -97,7 +90,7 @@ def test_the_steady_state_is_the_kernel_of_steady_sliding_for_any_step() -> None
     np.testing.assert_allclose(stress, expected, rtol=1e-12)
 
 
-def test_sliding_modes_agree_with_modes_in_the_frame_of_the_body() -> None:
+def test_sliding_modes_agree_with_modes_in_the_frame_of_the_body():
     # In the frame of the body u = U exp(-i q x0); both agree in the limit of small steps.
     theta, q, v, end, errors = 0.4, 3.0, 0.8, 1.0, []
     for count in (50, 100):
@@ -120,18 +113,14 @@ def test_sliding_modes_agree_with_modes_in_the_frame_of_the_body() -> None:
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)  # second order of linear interpolation
 
 
-def test_a_table_of_velocities_is_integrated_exactly() -> None:
+def test_a_table_of_velocities_is_integrated_exactly():
     table = Table(np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, -2.0]))
     assert [distance(table, t) for t in (0.0, 0.5, 1.0, 2.0, 3.0, 4.0)] == pytest.approx(
         [0, 0.25, 1, 2, 1, -1]
     )
 
 
-SOLVERS: dict[str, Callable[[Transforms], Any]] = {
-    "active_set": ActiveSet,
-    "conjugate_gradient": ConjugateGradient,
-    "fire": Fire,
-}
+SOLVERS = {"active_set": ActiveSet, "conjugate_gradient": ConjugateGradient, "fire": Fire}
 
 
 @pytest.mark.parametrize("condition", ["depth", "load"])
@@ -143,9 +132,7 @@ SOLVERS: dict[str, Callable[[Transforms], Any]] = {
         ("fire", 1e2),
     ],
 )
-def test_contact_with_loss_stiffness_is_solved_for_any_loss(
-    method: str, condition: str, contrast: float
-) -> None:
+def test_contact_with_loss_stiffness_is_solved_for_any_loss(method, condition, contrast):
     # A halfspace of Ginf/G0 = contrast at the speed of most loss for waves of a tenth of the period, where
     # tan delta is (Ginf/G0)^(1/2)/2, up to 50; from nothing, and with several contacts.
     grid, tolerance = Grid((64,), (1.0,)), 1e-9

@@ -1,15 +1,10 @@
 """Layers with different shifts: against shifted times, reduced time, and direct integration."""
 
-from __future__ import annotations
-
 import itertools
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from gfmdlayer import Config
@@ -25,8 +20,6 @@ from gfmdlayer.model import simulate
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
-
-Floats = NDArray[np.float64]
 
 SHIFTS = (
     WLF(C1=17.44, C2=51.6, reference=20.0),
@@ -44,7 +37,7 @@ Q = np.array([0.0, 0.3, 4.0, 4.0, 20.0, 1e3])
 SUMS = Sums(np.ones(Q.size))
 
 
-def shifted(stack: LayerStack, factors: tuple[float, ...]) -> LayerStack:
+def shifted(stack, factors):
     """Multiply the times of each layer by its factor."""
     return LayerStack(
         tuple(
@@ -59,18 +52,16 @@ def shifted(stack: LayerStack, factors: tuple[float, ...]) -> LayerStack:
     )
 
 
-def stack_modes(stack: LayerStack, times: list[ReducedTime], scheme: str, q: Floats = Q) -> StackModes:
+def stack_modes(stack, times, scheme, q=Q):
     internal = stack.internal_variables(q)
     return StackModes(internal, SCHEMES[scheme], Sums(np.ones(q.size)), reduced_times=times)
 
 
-def reduced_times(temperature: Constant | Table, stack: LayerStack = STACK) -> list[ReducedTime]:
+def reduced_times(temperature, stack=STACK):
     return [ReducedTime(shift, temperature) for shift in SHIFTS[: len(stack.layers)]]
 
 
-def assert_same_history(
-    found: Any, expected: Any, steps: list[tuple[float, float]], stack: LayerStack = STACK
-) -> None:
+def assert_same_history(found, expected, steps, stack=STACK):
     """Advance both with the same random displacements, over the steps of each."""
     rng = np.random.default_rng(1)
     scale = stack.stiffness(Q, 1e9).real + 1.0
@@ -86,7 +77,7 @@ def assert_same_history(
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("stack", [STACK, RIGID], ids=["halfspace", "rigid"])
-def test_constant_temperature_gives_the_stack_of_shifted_times(stack: LayerStack, scheme: str) -> None:
+def test_constant_temperature_gives_the_stack_of_shifted_times(stack, scheme):
     found = stack_modes(stack, reduced_times(Constant(26.0), stack), scheme)
     factors = tuple(shift.factor(26.0) for shift in SHIFTS)
     expected = Modes(shifted(stack, factors).spectrum(Q), SCHEMES[scheme], SUMS)
@@ -94,7 +85,7 @@ def test_constant_temperature_gives_the_stack_of_shifted_times(stack: LayerStack
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_equal_shifts_give_the_modes_in_reduced_time(scheme: str) -> None:
+def test_equal_shifts_give_the_modes_in_reduced_time(scheme):
     reduced = ReducedTime(SHIFTS[0], Table(np.array([0.0, 1.0, 2.0]), np.array([15.0, 30.0, 22.0])))
     found = stack_modes(STACK, [reduced] * 3, scheme)
     times = np.array([0.0, 0.0, 0.2, 0.7, 1.0, 1.4, 3.0])
@@ -102,7 +93,7 @@ def test_equal_shifts_give_the_modes_in_reduced_time(scheme: str) -> None:
     assert_same_history(found, Modes(STACK.spectrum(Q), SCHEMES[scheme], SUMS), steps)
 
 
-def test_the_poles_give_the_exponential_step_of_a_mode_for_any_length() -> None:
+def test_the_poles_give_the_exponential_step_of_a_mode_for_any_length():
     """The bound is the largest error over all x, 3e-12; that heat is not negative is checked at each x."""
     rule, x = EXPONENTIAL, np.append(0.0, np.logspace(-9, 9, 4001))
     gain = (rule.residues / (x[:, np.newaxis] + rule.poles)).real.sum(axis=1)
@@ -115,7 +106,7 @@ def test_the_poles_give_the_exponential_step_of_a_mode_for_any_length() -> None:
     assert (remaining * (2 - x * gain)[1:] > gain[1:] ** 2 * (1 - 1e-9))[x[1:] > 1e-3].all()
 
 
-def test_a_jump_of_temperature_within_a_step_costs_no_energy_and_gives_off_heat() -> None:
+def test_a_jump_of_temperature_within_a_step_costs_no_energy_and_gives_off_heat():
     """20 degrees within a thousandth of the step, over times of six decades; displacements at random."""
     law = Prony(1.0, [(1.0, 10.0**k) for k in range(-3, 3)])
     stack = LayerStack(tuple(Layer(d, 0.4, law) for d in (0.02, 0.1, math.inf)))
@@ -145,11 +136,11 @@ def test_a_jump_of_temperature_within_a_step_costs_no_energy_and_gives_off_heat(
 HEATING = Table(np.array([0.0, 1.0, 2.0]), np.array([15.0, 30.0, 22.0]))
 
 
-def displacement(t: float) -> float:
+def displacement(t):
     return math.sin(2 * t) + t
 
 
-def direct(q: float, end: float) -> tuple[float, float, float]:
+def direct(q, end):
     """Stress, stored energy and heat at the end by integration of the equations of the internal variables."""
     network = STACK.network(np.array([q]))
     g, B, free = network.force[0], network.coupling[0], float(network.free[0])
@@ -157,7 +148,7 @@ def direct(q: float, end: float) -> tuple[float, float, float]:
     moduli, times = top.branch_moduli, top.branch_times
     system, m = np.eye(network.times.size) + B.T @ B, network.times.size
 
-    def rates(t: float, y: Any) -> Any:
+    def rates(t, y):
         a = np.array([shift.factor(HEATING(t)) for shift in SHIFTS])
         u, du = displacement(t), 2 * math.cos(2 * t) + 1
         theta = network.times * a[network.layer]
@@ -175,7 +166,7 @@ def direct(q: float, end: float) -> tuple[float, float, float]:
     return stress, (springs + elongation @ elongation + y[:m] @ y[:m]) / 2, float(y[-1])
 
 
-def by_steps(q: float, end: float, dt: float) -> tuple[float, float, float]:
+def by_steps(q, end, dt):
     modes = stack_modes(STACK, reduced_times(HEATING), "exponential", np.array([q]))
     for k in range(round(end / dt)):
         kappa, b = modes.terms(dt)
@@ -183,7 +174,7 @@ def by_steps(q: float, end: float, dt: float) -> tuple[float, float, float]:
     return float((kappa * modes.u - b).real[0]), modes.stored, modes.dissipated
 
 
-def test_stress_and_energies_converge_to_direct_integration_with_second_order() -> None:
+def test_stress_and_energies_converge_to_direct_integration_with_second_order():
     """Errors at dt/2 are a quarter: between 1/3 and 1/5 where the next order is a tenth of the second."""
     exact = np.array(direct(10.0, 1.5))
     coarse, fine, finest = (np.array(by_steps(10.0, 1.5, dt)) / exact - 1 for dt in (0.05, 0.025, 0.0125))
@@ -193,7 +184,7 @@ def test_stress_and_energies_converge_to_direct_integration_with_second_order() 
         assert (np.abs(other) > np.abs(one) / 5).all()
 
 
-BODY: dict[str, Any] = {
+BODY = {
     "layers": [
         {
             "thickness": each.thickness,
@@ -212,7 +203,7 @@ BODY: dict[str, Any] = {
 
 
 @pytest.fixture
-def heated(tmp_path: Path) -> dict[str, Any]:
+def heated(tmp_path):
     """A rise of the temperature by 12 degrees, while the punch is pressed in and after it."""
     (tmp_path / "rise.txt").write_text("0 18\n0.5 18\n1.5 30\n4 30\n")
     return {
@@ -221,7 +212,7 @@ def heated(tmp_path: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def run(values: dict[str, Any], time: dict[str, Any]) -> Recording:
+def run(values, time):
     """Run a case with all modes of its stack."""
     found, config = Recording(), Config(name="a").with_values(values | {"time": {"end": 2.5} | time})
     body = Case(config).body
@@ -230,7 +221,7 @@ def run(values: dict[str, Any], time: dict[str, Any]) -> Recording:
     return found
 
 
-def test_runs_under_a_ramp_of_temperature_are_of_second_order_and_balance(heated: dict[str, Any]) -> None:
+def test_runs_under_a_ramp_of_temperature_are_of_second_order_and_balance(heated):
     """Under a flat punch, whose contact does not change; the bounds are those of the order, 1/4, as above."""
     times, steps = np.arange(1, 26) * 0.1, (0.1, 0.05, 0.025)
     flat = heated | {"punch": {"shape": "flat", "width": 0.25, "edge_radius": 1e-6}}
@@ -244,7 +235,7 @@ def test_runs_under_a_ramp_of_temperature_are_of_second_order_and_balance(heated
         assert each[2] < each[1] / 3
 
 
-def test_adaptive_steps_meet_the_tolerance_in_a_ramp_of_temperature(heated: dict[str, Any]) -> None:
+def test_adaptive_steps_meet_the_tolerance_in_a_ramp_of_temperature(heated):
     times = np.arange(1, 26) * 0.1
     landing = heated | {"output": {"times": times.tolist()}}
     exact = run(landing, {"step": "adaptive", "tolerance": 1e-5}).at("mean_pressure", times)
@@ -253,13 +244,13 @@ def test_adaptive_steps_meet_the_tolerance_in_a_ramp_of_temperature(heated: dict
         assert np.abs(found.at("mean_pressure", times) - exact).max() < tolerance * exact.max()
 
 
-def test_a_body_of_one_reduced_time_is_refused_where_shifts_differ(heated: dict[str, Any]) -> None:
+def test_a_body_of_one_reduced_time_is_refused_where_shifts_differ(heated):
     config = Config(name="a").with_values(heated | {"time.end": 2.5})
     with pytest.raises(TypeError, match="a ViscoelasticLayer has one reduced time; must be a body with"):
         Case(config, body=halfspace(1.0)).integrator  # noqa: B018
 
 
-def test_an_elastic_skin_needs_no_shift(heated: dict[str, Any]) -> None:
+def test_an_elastic_skin_needs_no_shift(heated):
     """Two relaxing layers of different shifts below it, at constant temperature, against shifted times."""
     factors = [shift.factor(26.0) for shift in SHIFTS]
     skin = {"thickness": 0.01, "material": {"model": "elastic", "G": 5.0}}

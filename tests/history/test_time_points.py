@@ -1,11 +1,7 @@
 """The time points of a run, and its rows and progress at each."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,21 +18,21 @@ from gfmdlayer.punch.simple_shapes import Parabola
 times = st.floats(1e-3, 10.0)
 
 
-def test_equal_steps_start_with_a_step_from_rest_to_zero_and_stop_at_the_end() -> None:
+def test_equal_steps_start_with_a_step_from_rest_to_zero_and_stop_at_the_end():
     steps = list(equal_steps(1.0, 0.1, [], []))
     assert [round(instant.time / 0.1, 9) for instant in steps] == list(range(11))
     assert {instant.step for instant in steps} == {0.1}
     assert not any(instant.snapshot or instant.breakpoint for instant in steps)
 
 
-def test_equal_steps_mark_the_snapshots_and_the_last_time_before_each_breakpoint() -> None:
+def test_equal_steps_mark_the_snapshots_and_the_last_time_before_each_breakpoint():
     steps = list(equal_steps(2.0, 0.05, [0.0, 0.3, 2.0], [0.15, 1.02]))
     assert [i.time for i in steps if i.snapshot] == pytest.approx([0.0, 0.3, 2.0], rel=1e-12, abs=0)
     assert [i.time for i in steps if i.breakpoint] == pytest.approx([0.15, 1.0], rel=1e-12)
 
 
 @pytest.mark.parametrize(("time", "whole"), [(0.3, True), (0.0, True), (0.33, False), (0.1 * 3, True)])
-def test_a_whole_number_of_steps_may_be_off_by_rounding_only(time: float, whole: bool) -> None:
+def test_a_whole_number_of_steps_may_be_off_by_rounding_only(time, whole):
     assert whole_steps(time, 0.1) is whole
     assert whole_steps(time + 1e-6, 0.1) is False
 
@@ -51,9 +47,7 @@ def test_a_whole_number_of_steps_may_be_off_by_rounding_only(time: float, whole:
 @example(end=1.0, step=0.05, snapshots=[0.1 * 3 / 1.0], breakpoints=[0.3])
 @example(end=8.0, step=0.005, snapshots=[0.125 * (1 + 1e-12)], breakpoints=[1.0])
 @example(end=0.1, step=0.1, snapshots=[0.0, 1.0], breakpoints=[0.1])
-def test_steps_land_on_every_snapshot_and_breakpoint(
-    end: float, step: float, snapshots: list[float], breakpoints: list[float]
-) -> None:
+def test_steps_land_on_every_snapshot_and_breakpoint(end, step, snapshots, breakpoints):
     asked = [fraction * end for fraction in snapshots]
     steps = list(landing_steps(end, step, asked, breakpoints))
     assert steps[0] == Instant(0.0, 0.0, snapshot=0.0 in asked)
@@ -70,12 +64,11 @@ def test_steps_land_on_every_snapshot_and_breakpoint(
             assert any(math.isclose(time, t, rel_tol=1e-9, abs_tol=2e-6 * step) for t in found)
 
 
-Run = Callable[[dict[str, object]], Any]
-SMALL: dict[str, object] = {"grid.points": 256, "time.end": 1.5, "time.step": 0.125}
+SMALL = {"grid.points": 256, "time.end": 1.5, "time.step": 0.125}
 
 
 @pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
-def test_every_step_from_rest_on_has_a_row(integrator: str, run: Run) -> None:
+def test_every_step_from_rest_on_has_a_row(integrator, run):
     found = run(SMALL | {"time.integrator": integrator, "output.snapshots": [0.0, 0.5, 1.5]})
     np.testing.assert_allclose(found["time"], np.arange(13) * 0.125, rtol=1e-12)
     np.testing.assert_allclose(found["depth"], 0.01 * np.minimum(found["time"], 1), rtol=1e-12)
@@ -91,7 +84,7 @@ def test_every_step_from_rest_on_has_a_row(integrator: str, run: Run) -> None:
         assert abs(u.mean()) <= 1e-15
 
 
-def test_a_step_that_does_not_converge_ends_the_run(recorder: Any) -> None:
+def test_a_step_that_does_not_converge_ends_the_run(recorder):
     config = Config(name="hopeless").with_values(SMALL | {"solver.max_iterations": 3})
     with pytest.raises(
         ConvergenceError, match=r"t = 0\.125: residual .* after 3 iterations of active_set; the tolerance"
@@ -99,10 +92,10 @@ def test_a_step_that_does_not_converge_ends_the_run(recorder: Any) -> None:
         simulate(config, recorder())
 
 
-def test_progress_is_called_after_every_step_and_may_stop_the_run(recorder: Any) -> None:
-    times: list[float] = []
+def test_progress_is_called_after_every_step_and_may_stop_the_run(recorder):
+    times = []
 
-    def stop(time: float) -> None:
+    def stop(time):
         times.append(time)
         if time >= 0.5:
             raise KeyboardInterrupt

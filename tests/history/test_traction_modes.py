@@ -1,25 +1,20 @@
 """History under tractions in all directions: creep, rolling, energy; partial slip on a layer that relaxes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer import Layer, LayerStack, Prony, Zener
 from gfmdlayer.body.relaxation import VectorSpectrum
 from gfmdlayer.friction.problem import Law, Problem
-from gfmdlayer.friction.response import Operator, Response, Spent, Work
+from gfmdlayer.friction.response import Operator, Spent, Work
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.traction_modes import TractionModes, VectorModes
-
-Floats = NDArray[np.float64]
-Spectra = NDArray[np.complex128]
+from tests.friction.cases import halfspace
 
 SOLID = Zener(G0=1.0, Ginf=10.0, tau=1.0)
 HALFSPACE = LayerStack((Layer(math.inf, 0.3, SOLID),))
@@ -27,22 +22,22 @@ STACK = LayerStack((Layer(0.05, 0.5, SOLID), Layer(0.1, 0.2, Prony(2.0, [(5.0, 0
 GRIDS = {"line": Grid((16,), (1.0,)), "surface": Grid((8, 6), (1.0, 0.7)), "odd": Grid((7, 9), (1.0, 1.0))}
 
 
-def transformed(fields: Floats, grid: Grid) -> Spectra:
+def transformed(fields, grid):
     return np.array([np.fft.rfftn(field.reshape(grid.points)).ravel() for field in fields])
 
 
-def fields_of(spectra: Spectra, grid: Grid) -> Floats:
+def fields_of(spectra, grid):
     shape, axes = grid.spectral_shape, range(len(grid.points))
     found = [np.fft.irfftn(each.reshape(shape), s=grid.points, axes=axes) for each in spectra]
     return np.array(found).reshape(len(spectra), -1)
 
 
-def random_tractions(grid: Grid) -> Floats:
+def random_tractions(grid):
     return np.random.default_rng(1).standard_normal((1 + len(grid.points), grid.size))
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_modes_of_one_component_are_the_normal_ones(scheme: str) -> None:
+def test_modes_of_one_component_are_the_normal_ones(scheme):
     q, random = np.array([0.5, 3.0, 40.0]), np.random.default_rng(0)
     spectrum = STACK.spectrum(q)
     one, other = Modes(spectrum, SCHEMES[scheme]), VectorModes(VectorSpectrum.of(spectrum), SCHEMES[scheme])
@@ -61,7 +56,7 @@ def test_modes_of_one_component_are_the_normal_ones(scheme: str) -> None:
     assert other.shortest_time == one.shortest_time
 
 
-def crept(body: LayerStack, grid: Grid, steps: int, *, end: float = 1.0) -> TractionModes:
+def crept(body, grid, steps, *, end=1.0):
     """Put tractions on the surface at t = 0, and hold them."""
     history = TractionModes(grid, body.traction_spectrum(grid.wavenumbers))
     tractions = transformed(random_tractions(grid), grid)
@@ -72,12 +67,12 @@ def crept(body: LayerStack, grid: Grid, steps: int, *, end: float = 1.0) -> Trac
 
 
 @pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS)
-def test_creep_of_a_halfspace_under_tractions_in_all_directions(grid: Grid) -> None:
+def test_creep_of_a_halfspace_under_tractions_in_all_directions(grid):
     """All compliances of a homogeneous halfspace are proportional to the creep of its material."""
     # The solver's own operator has the elastic response. The scheme is of second order; the error that is
     # left after extrapolation is of the fourth: (dt/theta)^4 < 1e-6 with the smallest time, tau = 1.
     work = Work(Transforms(grid.points), Spent(), 1.0)
-    elastic = Operator(grid, Response.of_halfspace(grid, 1.0, 0.3), work)
+    elastic = Operator(grid, halfspace(grid, 1.0, 0.3), work)
     creep = 1 / SOLID.G0 - (1 / SOLID.G0 - 1 / SOLID.Ginf) * math.exp(-SOLID.G0 / (SOLID.tau * SOLID.Ginf))
     expected = creep * elastic(random_tractions(grid))
     found = [fields_of(crept(HALFSPACE, grid, steps).displacement, grid) for steps in (20, 40)]
@@ -87,7 +82,7 @@ def test_creep_of_a_halfspace_under_tractions_in_all_directions(grid: Grid) -> N
 
 
 @pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS)
-def test_work_is_stored_or_turns_into_heat(grid: Grid) -> None:
+def test_work_is_stored_or_turns_into_heat(grid):
     """A sudden load does half of traction times displacement as work, a held one all of it."""
     history = TractionModes(grid, STACK.traction_spectrum(grid.wavenumbers))
     tractions = random_tractions(grid)
@@ -105,7 +100,7 @@ def test_work_is_stored_or_turns_into_heat(grid: Grid) -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_moving_load_meets_the_complex_stiffness(axis: int) -> None:
+def test_a_moving_load_meets_the_complex_stiffness(axis):
     """Tractions at rest on a material that moves by V dt a step: each wave sees s = -i q.V, for dt -> 0."""
     # Under held tractions this body creeps no longer than 3 tau = 0.9: the start is forgotten to exp(-24).
     solid = Zener(G0=1.0, Ginf=3.0, tau=0.3)
@@ -136,7 +131,7 @@ def test_a_moving_load_meets_the_complex_stiffness(axis: int) -> None:
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.05)  # of second order
 
 
-def test_a_carried_surface_is_the_surface_elsewhere() -> None:
+def test_a_carried_surface_is_the_surface_elsewhere():
     grid = GRIDS["surface"]
     history = crept(STACK, grid, 3)
     before = fields_of(history.displacement, grid).reshape(3, *grid.points)
@@ -146,7 +141,7 @@ def test_a_carried_surface_is_the_surface_elsewhere() -> None:
     np.testing.assert_allclose(after, expected, rtol=0, atol=1e-14 * np.abs(before).max())
 
 
-def test_a_restored_history_continues_bit_for_bit() -> None:
+def test_a_restored_history_continues_bit_for_bit():
     grid = GRIDS["surface"]
     one = crept(STACK, grid, 3)
     other = TractionModes(grid, STACK.traction_spectrum(grid.wavenumbers))
@@ -159,11 +154,11 @@ def test_a_restored_history_continues_bit_for_bit() -> None:
     assert (one.stored, one.dissipated) == (other.stored, other.dissipated)
 
 
-def displaced(t: float) -> float:
+def displaced(t):
     return float(np.interp(t, [0, 2, 4, 8], [0, 0, 0.004, -0.004]))
 
 
-def test_partial_slip_on_a_relaxing_layer() -> None:
+def test_partial_slip_on_a_relaxing_layer():
     """A punch is pressed on a layer on a halfspace, and moved to and fro: a dense solution of 1024 points."""
     # Here 30 points are in contact. The width of the stick zone, and with it force and heat, is known to half
     # of one; the depth to second order. The work of the punch is stored, relaxed, or slipped, to (dt/tau)^2.

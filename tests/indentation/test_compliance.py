@@ -1,7 +1,5 @@
 """The compliance in creep form, from the relaxing modes of a body."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -30,7 +28,7 @@ WIDE = Prony(1.0, [(1, 0.01), (2, 0.1), (3, 1.0), (1, 1.0), (4, 100.0)])
     ],
     ids=str,
 )
-def test_modes_sum_to_the_direct_compliance(layer: LayeredHalfspace, material: Zener | Prony) -> None:
+def test_modes_sum_to_the_direct_compliance(layer, material):
     """To the rounding of q/K, of which C is the small difference from (1 - nu)/G."""
     body = ViscoelasticLayer(layer, material)
     found = make_space(find_features(body, 1.0), 1.0).compliance(body)
@@ -49,9 +47,7 @@ def test_modes_sum_to_the_direct_compliance(layer: LayeredHalfspace, material: Z
     st.lists(st.tuples(st.floats(1e-6, 1e6), st.floats(1e-6, 1e6)), min_size=1, max_size=8),
     st.floats(1e-6, 1e6),
 )
-def test_retardation_inverts_any_relaxing_stiffness(
-    branches: list[tuple[float, float]], relaxed: float
-) -> None:
+def test_retardation_inverts_any_relaxing_stiffness(branches, relaxed):
     """K(s) times its compliance is 1, for branches of any weights and times, equal ones too."""
     weights, times = np.array(branches).T[:, :, np.newaxis]
     J, T = retardation(weights, times, np.array([relaxed]))
@@ -64,7 +60,7 @@ def test_retardation_inverts_any_relaxing_stiffness(
     assert (T > 0).all()
 
 
-def test_a_contact_too_wide_beside_a_layer_is_refused_before_its_nodes_are_made() -> None:
+def test_a_contact_too_wide_beside_a_layer_is_refused_before_its_nodes_are_made():
     features = Features(surface=1e14, first=1e3, last=2e6)  # of a film of some micrometres
     assert make_space(features, 1e-6).nodes.cosines.size < 1e6
     with pytest.raises(

@@ -1,7 +1,5 @@
 """Elastic contacts: closed forms on a halfspace, published factors of layers, JKR."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,15 +7,14 @@ import pytest
 
 from gfmdlayer import Elastic, FlatPunch, Layer, LayeredHalfspace, LayerStack, Prony, indent
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.indentation.solve import Edge, History, Indentation, follow
+from gfmdlayer.indentation.solve import Edge, History, follow
 from gfmdlayer.punch import revolution
-from gfmdlayer.punch.revolution import Revolution
 
 NU = 0.3
 INF = math.inf
 
 
-def layer(thickness: float, poisson: float, base: float, base_poisson: float = 0.5) -> ViscoelasticLayer:
+def layer(thickness, poisson, base, base_poisson=0.5):
     """Return an elastic layer of unit modulus."""
     return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, base_poisson), Prony(1.0))
 
@@ -25,14 +22,12 @@ def layer(thickness: float, poisson: float, base: float, base_poisson: float = 0
 HALFSPACE = layer(INF, NU, 1.0)
 
 
-def press(
-    body: ViscoelasticLayer, indenter: Revolution, value: float, *, by_force: bool = False
-) -> Indentation:
+def press(body, indenter, value, *, by_force=False):
     """Press to a depth or with a force."""
     return follow(body, indenter, History(np.array([0.0, 1.0]), np.array([0.0, value]), by_force))
 
 
-def closed_form(name: str, a: float) -> tuple[Revolution, float, float]:
+def closed_form(name, a):
     """Return indenter, depth and force of a contact of radius a on the halfspace (Sneddon 1965)."""
     stiff = 2 / (1 - NU)
     match name:
@@ -49,7 +44,7 @@ def closed_form(name: str, a: float) -> tuple[Revolution, float, float]:
 
 @pytest.mark.parametrize("name", ["paraboloid", "cone", "sphere", "flat"])
 @pytest.mark.parametrize("a", [1e-6, 0.4, 1.2])
-def test_depth_and_force_on_a_halfspace_are_those_of_sneddon(name: str, a: float) -> None:
+def test_depth_and_force_on_a_halfspace_are_those_of_sneddon(name, a):
     indenter, depth, force = closed_form(name, a)
     by_depth = press(HALFSPACE, indenter, depth)
     assert by_depth.force[-1] == pytest.approx(force, rel=1e-10)
@@ -65,13 +60,13 @@ def test_depth_and_force_on_a_halfspace_are_those_of_sneddon(name: str, a: float
         (0.3, (1.2066, 1.4726, 1.7848, 2.1260, 2.4835, 3.4090, 4.3532, 6.2613)),
     ],
 )
-def test_flat_punch_on_a_bonded_layer(poisson: float, factors: tuple[float, ...]) -> None:
+def test_flat_punch_on_a_bonded_layer(poisson, factors):
     for a, factor in zip((0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0), factors, strict=True):
         force = press(layer(1.0, poisson, INF), revolution.flat(a), 0.1).force[-1]
         assert force * (1 - poisson) / (4 * a * 0.1) == pytest.approx(factor, abs=5.1e-5)
 
 
-def test_layer_of_the_base_s_material_is_a_halfspace() -> None:
+def test_layer_of_the_base_s_material_is_a_halfspace():
     bare = ViscoelasticLayer(LayeredHalfspace(0.0, 0.2, 1.0, 0.4), Prony(7.0))
     alone, bonded, base = (
         press(body, revolution.cone(0.5), 0.3).force[-1]
@@ -81,7 +76,7 @@ def test_layer_of_the_base_s_material_is_a_halfspace() -> None:
     assert base == pytest.approx(alone, rel=1e-12)
 
 
-def test_table_of_a_sphere_converges_to_it_with_the_square_of_its_spacing() -> None:
+def test_table_of_a_sphere_converges_to_it_with_the_square_of_its_spacing():
     exact = press(layer(1.0, 0.45, INF), revolution.sphere(2.0), 0.2).force[-1]
     errors = []
     for rows in (41, 81):
@@ -92,7 +87,7 @@ def test_table_of_a_sphere_converges_to_it_with_the_square_of_its_spacing() -> N
     assert 3.5 < errors[0] / errors[1] < 4.6
 
 
-def test_heights_and_abel_transforms_belong_together() -> None:
+def test_heights_and_abel_transforms_belong_together():
     """H(x) = x int_0^{pi/2} h'(x sin t) dt, by the midpoint rule, to its square at the kinks of h'."""
     blunted = revolution.of_pieces([0.0, 0.4], [0.0, 0.2], [0.5, 0.0])
     table = revolution.of_table([0.0, 0.3, 0.7, 1.0, 2.0], [0.0, 0.01, 0.2, 0.5, 2.0])
@@ -106,7 +101,7 @@ def test_heights_and_abel_transforms_belong_together() -> None:
             )
 
 
-def test_jkr_sphere_on_a_halfspace() -> None:
+def test_jkr_sphere_on_a_halfspace():
     """Depth = a^2/R - (2 pi a w/E*)^(1/2) and F = 4 E* a^3/(3 R) - (8 pi w E* a^3)^(1/2) on either path."""
     R, w, E = 1.0, 1e-3, 2 / (1 - NU)
     history = History(np.array([0.0, 1.0, 3.0]), np.array([-0.01, 0.02, -0.05]))
@@ -126,7 +121,7 @@ def test_jkr_sphere_on_a_halfspace() -> None:
     assert run.force.min() == pytest.approx(-1.5 * np.pi * w * R, rel=5e-3)
 
 
-def test_adhesive_contact_under_a_tensile_force() -> None:
+def test_adhesive_contact_under_a_tensile_force():
     R, w, E = 1.0, 1e-3, 2 / (1 - NU)
     history = History(
         np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.02, -0.99 * 1.5 * np.pi * w * R]), by_force=True
@@ -147,12 +142,12 @@ def test_adhesive_contact_under_a_tensile_force() -> None:
         ([0, 1], [0, 1], ">= 3"),
     ],
 )
-def test_tables_that_are_no_convex_profile_are_refused(r: list[float], h: list[float], said: str) -> None:
+def test_tables_that_are_no_convex_profile_are_refused(r, h, said):
     with pytest.raises(ValueError, match=said):
         revolution.of_table(r, h)
 
 
-def test_a_body_without_a_base_is_refused() -> None:
+def test_a_body_without_a_base_is_refused():
     with pytest.raises(ValueError, match="no base"):
         press(layer(1.0, 0.5, 0.0), revolution.cone(1.0), 0.1)
 
@@ -164,9 +159,7 @@ def test_a_body_without_a_base_is_refused() -> None:
     ("modulus", "radius", "stiffening"),
     [(10, 0.5, 1.7281), (10, 1, 2.7278), (10, 2, 4.4881), (2, 0.5, 1.2450), (2, 1, 1.4163), (2, 2, 1.5311)],
 )
-def test_a_flat_punch_on_a_layer_is_stiffer_by_the_tabulated_factor(
-    modulus: float, radius: float, stiffening: float
-) -> None:
+def test_a_flat_punch_on_a_layer_is_stiffer_by_the_tabulated_factor(modulus, radius, stiffening):
     # Force over 4 G a depth/(1 - nu), that on a halfspace of the layer's material; thickness 1, nu = 1/2 on
     # nu = 0.3. The table is rounded to 5e-5; 1e-5 is left for the quadrature.
     body = LayerStack((Layer(1.0, 0.5, Elastic(1.0)), Layer(np.inf, 0.3, Elastic(float(modulus)))))

@@ -1,7 +1,5 @@
 """Equilibria of elastic contacts: closed forms, the equation over time, and energy."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,7 +11,6 @@ from gfmdlayer.indentation.equilibrium import (
     BY_DEPTH,
     BY_FORCE,
     Adhesion,
-    Equilibria,
     by_base,
     equilibria,
     find_nodes,
@@ -21,22 +18,21 @@ from gfmdlayer.indentation.equilibrium import (
 )
 from gfmdlayer.indentation.solve import Edge, History, find_space, on_steps
 from gfmdlayer.punch import revolution
-from gfmdlayer.punch.revolution import Revolution
 
 R, WORK, NU = 2.0, 1e-3, 0.3
 E = 2 / (1 - NU)
 
 
-def layer(thickness: float, poisson: float, base: float) -> ViscoelasticLayer:
+def layer(thickness, poisson, base):
     return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, 0.5), Prony(1.0))
 
 
-def contacts(body: ViscoelasticLayer, punch: Revolution, reach: float) -> Equilibria:
+def contacts(body, punch, reach):
     nodes = find_nodes(body, reach)
     return equilibria(*nodes.compliance(body), nodes, punch)
 
 
-def test_pull_off_of_a_paraboloid_from_a_halfspace_has_its_closed_forms() -> None:
+def test_pull_off_of_a_paraboloid_from_a_halfspace_has_its_closed_forms():
     # Johnson, Kendall & Roberts, Proc. R. Soc. A 324 (1971) 301: -3/2 pi w R, whatever the modulus; at a
     # prescribed depth -5/6 pi w R and -(3/4) (pi^2 w^2 R/E^2)^(1/3). A minimum is found to rounding.
     made = halfspace((1 - NU) / 1.0, revolution.paraboloid(R), 0.5)
@@ -47,7 +43,7 @@ def test_pull_off_of_a_paraboloid_from_a_halfspace_has_its_closed_forms() -> Non
     assert by_depth(np.array([by_depth.end]))[1] == pytest.approx(-5 / 6 * math.pi * WORK * R, rel=1e-6)
 
 
-def test_pull_off_of_a_flat_punch_from_a_halfspace_is_kendall_s() -> None:
+def test_pull_off_of_a_flat_punch_from_a_halfspace_is_kendall_s():
     made = halfspace((1 - NU) / 1.0, revolution.flat(0.3), 1.0)  # J. Phys. D 4 (1971) 1186
     for control in (BY_FORCE, BY_DEPTH, by_base(0.7)):
         branch = made.branch(control, Adhesion(WORK))
@@ -59,7 +55,7 @@ def test_pull_off_of_a_flat_punch_from_a_halfspace_is_kendall_s() -> None:
 
 @pytest.mark.parametrize(("base", "poisson"), [(math.inf, 0.5), (0.1, 0.3)])
 @pytest.mark.parametrize("punch", [revolution.sphere(5.0), revolution.cone(0.2), revolution.flat(1.0)])
-def test_contacts_are_those_of_the_equation_over_time(punch: Revolution, base: float, poisson: float) -> None:
+def test_contacts_are_those_of_the_equation_over_time(punch, base, poisson):
     body = layer(1.0, poisson, base)
     made = contacts(body, punch, 2.5)
     end = made.branch(BY_DEPTH, Adhesion(WORK)).end
@@ -75,7 +71,7 @@ def test_contacts_are_those_of_the_equation_over_time(punch: Revolution, base: f
         assert radius[1:] == pytest.approx(found.radius[1:], rel=1e-5)
 
 
-def test_force_and_depth_belong_together_under_a_profile_with_a_kink() -> None:
+def test_force_and_depth_belong_together_under_a_profile_with_a_kink():
     # Without adhesion dF = k d(depth) along the contacts; k' = 4 pi a/lift^2 is Griffith's balance.
     blunted = revolution.of_pieces([0.0, 0.3], [0.0, 0.2], [0.5, 0.0])
     made = contacts(layer(1.0, 0.3, 0.1), blunted, 1.5)
@@ -86,7 +82,7 @@ def test_force_and_depth_belong_together_under_a_profile_with_a_kink() -> None:
     assert at.stiffness_slope == pytest.approx(4 * math.pi * a / at.lift**2, rel=1e-5)
 
 
-def test_a_cantilever_holds_the_contact_between_prescribed_depth_and_force() -> None:
+def test_a_cantilever_holds_the_contact_between_prescribed_depth_and_force():
     made = contacts(layer(1.0, 0.45, math.inf), revolution.paraboloid(5.0), 1.5)
     ends = {}
     for k in (1e-6, 5.0, 1e9):
@@ -102,7 +98,7 @@ def test_a_cantilever_holds_the_contact_between_prescribed_depth_and_force() -> 
     assert ends[1e-6] < ends[5.0] < ends[1e9] < 0
 
 
-def test_dmt_s_attraction_only_shifts_the_force() -> None:
+def test_dmt_s_attraction_only_shifts_the_force():
     made = contacts(layer(1.0, 0.5, math.inf), revolution.paraboloid(5.0), 1.5)
     bare, pulled = (made.branch(BY_DEPTH, each) for each in (Adhesion(), Adhesion(force=0.02)))
     depths = np.linspace(0.0, 0.1, 7)

@@ -1,9 +1,5 @@
 """`gfmdlayer.indent`: ways to give an indenter, and what is refused."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -12,18 +8,14 @@ import gfmdlayer
 BODY = gfmdlayer.bonded_layer(1.0, gfmdlayer.Zener(1.0, 10.0, 1.0))
 
 
-def test_an_indenter_is_a_shape_its_keys_or_a_table() -> None:
+def test_an_indenter_is_a_shape_its_keys_or_a_table():
     r = np.linspace(0.0, 1.5, 301)
-    given: tuple[Any, ...] = (
-        gfmdlayer.Parabola(radius=2.0),
-        {"shape": "parabola", "radius": 2.0},
-        (r, r**2 / 4),
-    )
+    given = (gfmdlayer.Parabola(radius=2.0), {"shape": "parabola", "radius": 2.0}, (r, r**2 / 4))
     forces = [float(gfmdlayer.indent(BODY, each, [0, 1], depth=[0, 0.1]).force[-1]) for each in given]
     np.testing.assert_allclose(forces, forces[0], rtol=1e-9)
 
 
-def test_every_variable_has_a_meaning_and_units() -> None:
+def test_every_variable_has_a_meaning_and_units():
     found = gfmdlayer.indent(BODY, {"radius": 2.0}, [0, 1], depth=[0, 0.1], snapshots=[1.0])
     assert all(each.attrs.keys() == {"long_name", "units"} for each in found.variables.values())
     assert {name: found[name].attrs["units"] for name in ("force", "r", "pressure", "snapshot")} == {
@@ -50,6 +42,6 @@ def test_every_variable_has_a_meaning_and_units() -> None:
         ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "snapshots": [2.0]}, "between the first and the last"),
     ],
 )
-def test_impossible_input_is_refused(indenter: Any, time: Any, values: Any, said: str) -> None:
+def test_impossible_input_is_refused(indenter, time, values, said):
     with pytest.raises(ValueError, match=said):
         gfmdlayer.indent(BODY, indenter, time, **values)

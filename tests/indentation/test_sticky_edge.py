@@ -1,7 +1,5 @@
 """JKR's edge on viscoelastic bodies: closed forms, an ODE, the elastic limits, the energy balance."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -25,7 +23,7 @@ PRESS_AND_RETRACT = History(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.05, -0.4
 
 
 @pytest.mark.parametrize("indenter", [paraboloid(1.0), cone(0.3)], ids=["sphere", "cone"])
-def test_growing_contact_has_the_jump_of_the_displacement_and_relaxes_behind_it(indenter: object) -> None:
+def test_growing_contact_has_the_jump_of_the_displacement_and_relaxes_behind_it(indenter):
     """Depth = H(a) - (pi a w_h D)^(1/2), chi(x) = G(t - t_x) u(t_x) + int G(t - s) du(s), touch at t_x."""
     healing = WORK * (SLOW / FAST) ** 2
     grow = History(np.array([0.0, 1.0]), np.array([0.0, 0.05]))
@@ -48,12 +46,12 @@ def test_growing_contact_has_the_jump_of_the_displacement_and_relaxes_behind_it(
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0])
-def test_elastic_edge_recedes_as_the_ordinary_differential_equation(exponent: float) -> None:
+def test_elastic_edge_recedes_as_the_ordinary_differential_equation(exponent):
     """da/dt = -v ((G/w) - 1)^(1/n), with JKR's energy release rate G(a, depth) of a halfspace."""
     body, R, speed = ViscoelasticLayer(LayeredHalfspace(math.inf, 0.5, 1.0, 0.5), Prony(1.0)), 1.0, 0.02
     found = follow(body, paraboloid(R), PRESS_AND_RETRACT, adhesion=Edge(WORK, speed, exponent))
 
-    def rate(t: float, a: list[float]) -> list[float]:
+    def rate(t, a):
         depth = 0.05 - 0.45 * (t - 1.0)
         release = (a[0] ** 2 / R - depth) ** 2 / (math.pi * a[0] * D)
         return [-speed * max(release / WORK - 1, 0.0) ** (1 / exponent)]
@@ -67,7 +65,7 @@ def test_elastic_edge_recedes_as_the_ordinary_differential_equation(exponent: fl
 
 
 @pytest.mark.parametrize("duration", [1e-9, 1e9])
-def test_sudden_and_slow_retractions_are_those_of_the_elastic_limits(duration: float) -> None:
+def test_sudden_and_slow_retractions_are_those_of_the_elastic_limits(duration):
     """Sudden: JKR of the glassy body with the work J0/D; slow: JKR of the relaxed body."""
     times = np.array([0.0, 0.1, 1.0, 1.0 + duration])
     history = History(times, np.array([0.05, 0.05, 0.05, -0.1]))
@@ -92,7 +90,7 @@ def test_sudden_and_slow_retractions_are_those_of_the_elastic_limits(duration: f
     np.testing.assert_allclose(found.force[rows], force, atol=1e-5 * np.abs(found.force).max())
 
 
-def test_work_of_the_punch_is_stored_dissipated_and_taken_by_the_edge() -> None:
+def test_work_of_the_punch_is_stored_dissipated_and_taken_by_the_edge():
     """Between the jumps; of second order in the step, of first order where the past jumps at an edge."""
     edge, indenter, residuals = Edge(WORK, 0.3, 0.6, WORK / 100), paraboloid(1.0), []
     space = find_space(LAYER, indenter, PRESS_AND_RETRACT, adhesion=edge)
@@ -108,7 +106,7 @@ def test_work_of_the_punch_is_stored_dissipated_and_taken_by_the_edge() -> None:
     assert residuals[1] < 0.35 * residuals[0]
 
 
-def test_indent_reports_the_pull_off_and_the_work_of_the_edge() -> None:
+def test_indent_reports_the_pull_off_and_the_work_of_the_edge():
     given = {"depth": [0, 0.05, -0.4], "work_of_adhesion": WORK, "edge_speed": 0.3}
     slow, fast = (
         gfmdlayer.indent(HALFSPACE, gfmdlayer.Parabola(radius=1.0), [0.0, 1.0, 1.0 + each], **given)
@@ -128,7 +126,7 @@ def test_indent_reports_the_pull_off_and_the_work_of_the_edge() -> None:
         ({"work_of_adhesion": 1.0, "healing_work": 0.05}, "healing_work: got 0.05; must be <= 0.04"),
     ],
 )
-def test_impossible_edges_are_refused(given: dict[str, float], said: str) -> None:
+def test_impossible_edges_are_refused(given, said):
     with pytest.raises(ValueError, match=said):
         gfmdlayer.indent(
             HALFSPACE, {"shape": "parabola", "radius": 1.0}, [0.0, 1.0], depth=[0.0, 0.1], **given

@@ -1,7 +1,5 @@
 """Viscoelastic contacts: Ting's solution, the hereditary integral, orders, energy, contact lost and found."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from itertools import pairwise
@@ -13,11 +11,9 @@ from scipy.optimize import brentq
 import gfmdlayer
 from gfmdlayer import LayeredHalfspace, Prony, Zener, bonded_layer
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.body.materials import Material
 from gfmdlayer.indentation.isolated import IsolatedIndentation
 from gfmdlayer.indentation.solve import (
     History,
-    Indentation,
     find_space,
     follow,
     make_space,
@@ -26,7 +22,7 @@ from gfmdlayer.indentation.solve import (
     work_done,
 )
 from gfmdlayer.punch import revolution
-from gfmdlayer.punch.revolution import Revolution, sphere
+from gfmdlayer.punch.revolution import sphere
 
 ZENER = Zener(1.0, 10.0, 1.0)
 # G(t) ~ t^-0.3 from 1e-3 to 1e3, one branch a decade.
@@ -34,7 +30,7 @@ POWER_LAW = Prony(0.01, [(0.5 * 10 ** (-0.3 * k), 10.0 ** (k - 3)) for k in rang
 NU = 0.3
 
 
-def layer(material: Material, thickness: float, poisson: float, base: float) -> ViscoelasticLayer:
+def layer(material, thickness, poisson, base):
     """Return a layer on a base of Poisson's ratio 0.3."""
     return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, 0.3), material)
 
@@ -48,7 +44,7 @@ LOST_AND_FOUND = History(np.array([0, 1, 1.2, 2.2, 3.2]), np.array([0, 0.1, -0.0
 RAMP_HOLD_RETRACT = History(np.array([0.0, 1.0, 4.0, 5.0]), np.array([0.0, 0.2, 0.2, -0.02]))
 
 
-def ting(material: Material, coefficient: float, power: float, t: np.ndarray) -> np.ndarray:
+def ting(material, coefficient, power, t):
     """Force of a triangle of depth to t = 1 and back to t = 2, by Ting (J. Appl. Mech. 33 (1966) 845).
 
     F = C int_0^{t1} G(t - s) d(depth^p), where the contact is as large at t1 as at t:
@@ -56,7 +52,7 @@ def ting(material: Material, coefficient: float, power: float, t: np.ndarray) ->
     """
     G, tau = material.branch_moduli, material.branch_times
 
-    def integral(u: float) -> float:
+    def integral(u):
         return material.relaxed * u - float(G @ (tau * np.expm1(-u / tau)))
 
     x, w = np.polynomial.legendre.leggauss(12)
@@ -80,7 +76,7 @@ def ting(material: Material, coefficient: float, power: float, t: np.ndarray) ->
 
 @pytest.mark.parametrize("material", [ZENER, POWER_LAW], ids=["Zener", "power law"])
 @pytest.mark.parametrize("shape", ["paraboloid", "cone"])
-def test_loading_and_unloading_of_a_halfspace_is_ting_s(shape: str, material: Material) -> None:
+def test_loading_and_unloading_of_a_halfspace_is_ting_s(shape, material):
     indenter = revolution.paraboloid(2.0) if shape == "paraboloid" else revolution.cone(0.3)
     elastic = 8 / 3 * 2**0.5 * 0.1**1.5 if shape == "paraboloid" else 4 / (math.pi * 0.3) * 0.1**2
     history = History(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.1, 0.0]))
@@ -90,7 +86,7 @@ def test_loading_and_unloading_of_a_halfspace_is_ting_s(shape: str, material: Ma
     np.testing.assert_allclose(run.force[1:], expected, rtol=0, atol=1e-4 * expected.max())
 
 
-def test_depth_creeps_under_a_sudden_force() -> None:
+def test_depth_creeps_under_a_sudden_force():
     """On a halfspace a^3 = (3 (1 - nu) R/8) F J(t) while the contact grows."""
     force = 1.0
     run = follow(
@@ -105,7 +101,7 @@ def test_depth_creeps_under_a_sudden_force() -> None:
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_order_in_time_is_two_and_more_after_extrapolation(name: str) -> None:
+def test_order_in_time_is_two_and_more_after_extrapolation(name):
     body, indenter = BODIES[name], revolution.sphere(5.0)
     history = History(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.2, 0.195]))
     space = find_space(body, indenter, history, 1e-6)
@@ -126,7 +122,7 @@ def test_order_in_time_is_two_and_more_after_extrapolation(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_energy_balance_closes(name: str) -> None:
+def test_energy_balance_closes(name):
     columns = IsolatedIndentation(BODIES[name], revolution.sphere(5.0), RAMP_HOLD_RETRACT).columns()
     assert columns["dissipated"][-1] > 0.5 * columns["work"][-1] > 0
     assert (np.diff(columns["dissipated"]) > -1e-6 * columns["work"].max()).all()
@@ -135,7 +131,7 @@ def test_energy_balance_closes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_contact_is_lost_and_found_again_to_the_tolerance(name: str) -> None:
+def test_contact_is_lost_and_found_again_to_the_tolerance(name):
     run = follow(BODIES[name], revolution.sphere(2.0), LOST_AND_FOUND)
     apart = run.radius == 0
     assert np.count_nonzero(np.diff(apart.astype(int))) == 4  # begins, is lost, is found again, is lost
@@ -149,12 +145,12 @@ def test_contact_is_lost_and_found_again_to_the_tolerance(name: str) -> None:
     np.testing.assert_allclose(run.force, finer.force[at], rtol=0, atol=1e-4 * run.force.max())
 
 
-def test_flat_punch_leaves_a_halfspace_at_once_at_the_time_when_its_force_vanishes() -> None:
+def test_flat_punch_leaves_a_halfspace_at_once_at_the_time_when_its_force_vanishes():
     """F = (4 a/(1 - nu)) int G(t - s) d(depth) as long as it is positive."""
     history = History(np.array([0.0, 0.13, 1.13, 2.0]), np.array([-0.013, 0.0, 0.1, -0.05]))
     run = follow(BODIES["halfspace"], revolution.flat(0.5), history)
 
-    def integral(u: np.ndarray) -> np.ndarray:
+    def integral(u):
         u = np.maximum(u, 0.0)
         return u - 9 * np.expm1(-u)
 
@@ -168,7 +164,7 @@ def test_flat_punch_leaves_a_halfspace_at_once_at_the_time_when_its_force_vanish
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_prescribing_the_force_that_was_found_gives_the_depth_back(name: str) -> None:
+def test_prescribing_the_force_that_was_found_gives_the_depth_back(name):
     indenter = revolution.cone(0.4)
     history = History(np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.15, 0.15]))
     forward = follow(BODIES[name], indenter, history, tolerance=1e-5)
@@ -180,7 +176,7 @@ def test_prescribing_the_force_that_was_found_gives_the_depth_back(name: str) ->
 
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("kind", ["sphere", "cone", "blunted", "flat"])
-def test_pressure_and_gap_are_not_negative(name: str, kind: str) -> None:
+def test_pressure_and_gap_are_not_negative(name, kind):
     """Within 1e-6 of the largest pressure and of the depth, at all stages of a history."""
     indenter = made(kind)
     times = (0.5, 1.0, 1.1, 1.7, 2.4, 3.0)
@@ -202,7 +198,7 @@ def test_pressure_and_gap_are_not_negative(name: str, kind: str) -> None:
 
 
 @cache
-def made(kind: str) -> Revolution:
+def made(kind):
     """Return an indenter."""
     if kind == "sphere":
         return revolution.sphere(2.0)
@@ -213,27 +209,23 @@ def made(kind: str) -> Revolution:
     return revolution.of_pieces([0.0, 0.2], [0.0, 0.4], [2.0, 0.0])
 
 
-def test_pressure_integrates_to_the_force() -> None:
+def test_pressure_integrates_to_the_force():
     """By the trapezoidal rule, to (dr/a)^(3/2) where the pressure falls like a root."""
     run = IsolatedIndentation(
-        BODIES["soft base"],
-        revolution.sphere(5.0),
-        RAMP_HOLD_RETRACT,
-        snapshots=(1.0,),
-        points=4001,
+        BODIES["soft base"], revolution.sphere(5.0), RAMP_HOLD_RETRACT, snapshots=(1.0,), points=4001,
         extent=1.0,
-    )
+    )  # fmt: skip
     kept = run.profiles()
     force = np.trapezoid(2 * np.pi * kept.r * kept.pressure[0], kept.r)
     assert force == pytest.approx(run.solved.force[run.solved.time == 1.0][0], rel=1e-3)
 
 
-def test_work_is_exact_for_a_parabola() -> None:
+def test_work_is_exact_for_a_parabola():
     depth = np.array([0.0, 0.1, 0.25, 0.6, 1.0])
     np.testing.assert_allclose(work_done(depth**2, depth, 0.5), 0.5 + depth**3 / 3, atol=1e-15)
 
 
-def test_nodes_may_be_reused_for_other_moduli() -> None:
+def test_nodes_may_be_reused_for_other_moduli():
     sphere, soft = revolution.sphere(5.0), BODIES["soft base"]
     space = make_space(find_space(soft, sphere, RAMP_HOLD_RETRACT).features, 1.0)
     other = layer(Zener(1.3, 7.0, 0.6), 1.0, 0.45, 0.3)
@@ -243,14 +235,14 @@ def test_nodes_may_be_reused_for_other_moduli() -> None:
     np.testing.assert_allclose(reused.force[at], own.force, atol=1e-4 * own.force.max())
 
 
-def _creeping(tolerance: float, stops: list[float] | None = None) -> Indentation:
+def _creeping(tolerance, stops=None):
     """A steel ball on 1 mm of rubber bonded to steel: 2 N within 0.1 s, held for 10 s."""
     body = gfmdlayer.bonded_layer(1e-3, Zener(1e6, 10e6, 0.1))
     held = History(np.array([0.0, 0.1, 10.1]), np.array([0.0, 2.0, 2.0]), True)
     return follow(body, revolution.sphere(5e-3), held, tolerance=tolerance, stops=stops or ())
 
 
-def test_depth_and_radius_creep_under_a_held_force_to_the_tolerance_in_a_hundred_steps() -> None:
+def test_depth_and_radius_creep_under_a_held_force_to_the_tolerance_in_a_hundred_steps():
     """The edge moves less in a step than the grid in x is fine: the radius must not see the grid."""
     run = _creeping(1e-4)
     finer = _creeping(1e-4 / 30, run.time.tolist())
@@ -266,7 +258,7 @@ def test_depth_and_radius_creep_under_a_held_force_to_the_tolerance_in_a_hundred
     assert (np.diff(growth[: growth.size // 2]) < 0).all()
 
 
-def test_steps_of_any_length_have_ting_s_force_without_extrapolation() -> None:
+def test_steps_of_any_length_have_ting_s_force_without_extrapolation():
     """In the contact of a halfspace the displacement is linear over a step: the relaxing form is exact."""
     body, t = layer(ZENER, math.inf, NU, 1.0), np.array([0, 3e-4, 0.2, 0.6, 1, 1.0002, 1.1, 1.35, 1.5])
     history = History(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.1, 0.0]))
@@ -277,7 +269,7 @@ def test_steps_of_any_length_have_ting_s_force_without_extrapolation() -> None:
 
 
 @pytest.mark.parametrize("name", ["held twice", "half taken back"])
-def test_a_force_that_is_held_or_taken_back_gives_depth_and_radius_to_the_tolerance(name: str) -> None:
+def test_a_force_that_is_held_or_taken_back_gives_depth_and_radius_to_the_tolerance(name):
     """Against a thirtieth of the tolerance. The edge turns, rests, and passes radii again."""
     body, indenter, time, force = {
         "held twice": (
@@ -300,7 +292,7 @@ def test_a_force_that_is_held_or_taken_back_gives_depth_and_radius_to_the_tolera
         np.testing.assert_allclose(found, exact[at], rtol=0, atol=1e-4 * exact.max(), err_msg=column)
 
 
-def test_depth_creeps_evenly_while_the_contact_passes_the_end_of_a_blunted_cone() -> None:
+def test_depth_creeps_evenly_while_the_contact_passes_the_end_of_a_blunted_cone():
     """The nodes change where the edge leaves behind the radius of the last turn. The depth must not jump.
 
     The rate of creep changes by a part h/tau = 1e-2 in a step; a jump J changes it by J/h.
@@ -317,7 +309,7 @@ def test_depth_creeps_evenly_while_the_contact_passes_the_end_of_a_blunted_cone(
 # --- histories whose control changes between depth and force ---
 
 
-def test_force_in_place_of_depth_in_the_middle_of_a_history_gives_the_same_contact() -> None:
+def test_force_in_place_of_depth_in_the_middle_of_a_history_gives_the_same_contact():
     # The forces of a run under depth are prescribed between 0.5 and 2.5. Both are extrapolated in the step,
     # to some 1e-5 of the largest values with these 60 steps.
     body, profile = bonded_layer(thickness=2.0, material=Zener(1.5, 6.0, 0.8), base=np.inf), sphere(5.0)

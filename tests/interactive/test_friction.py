@@ -1,18 +1,14 @@
 """`gfmdlayer.solve` with friction: labelled fields, steps one after the other, and bad input."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
 from gfmdlayer import ConfigError, Pair, Parabola, Zener, bonded_layer, halfspace, solve
 
-PRESS: dict[str, Any] = {"punch": Parabola(radius=0.25), "force": 0.002, "points": 256, "friction": 0.4}
+PRESS = {"punch": Parabola(radius=0.25), "force": 0.002, "points": 256, "friction": 0.4}
 
 
-def test_a_step_back_is_mindlins_superposition() -> None:
+def test_a_step_back_is_mindlins_superposition():
     """From Q_1 back to Q_2: t = mu (p(P) - p(P - Q_1/mu) - 2 (p(P) - p(P - (Q_1 - Q_2)/(2 mu)))).
 
     Mindlin and Deresiewicz; both responses are equal. Residuals are 1e-7, pressures amplify them by 10.
@@ -34,7 +30,7 @@ def test_a_step_back_is_mindlins_superposition() -> None:
     np.testing.assert_allclose(again.shear_x, back.shear_x, atol=3e-6 * mu * float(p.max()))
 
 
-def test_fields_are_labelled_and_frictionless_contact_is_that_without_friction() -> None:
+def test_fields_are_labelled_and_frictionless_contact_is_that_without_friction():
     body = halfspace(1.0, poisson=0.2)
     given = PRESS | {"points": (64, 64), "force": 0.01}
     found = solve(body, **(given | {"friction": 0.0}))
@@ -68,15 +64,17 @@ def test_fields_are_labelled_and_frictionless_contact_is_that_without_friction()
         ({"tangential_force": 0.0, "tangential_displacement": 0.0}, "must be one of the two"),
         ({"isolated": True}, "friction: not with isolated=True"),
         ({"method": "fire"}, "method: not with friction"),
-        ({"previous": solve(halfspace(1.0), Parabola(radius=0.25), force=0.002, points=256)}, "has no displ"),
+        ({"previous": "without friction"}, "has no displ"),
     ],
 )
-def test_bad_input_is_named(given: dict[str, Any], message: str) -> None:
+def test_bad_input_is_named(given, message):
+    if "previous" in given:
+        given = {"previous": solve(halfspace(1.0), Parabola(radius=0.25), force=0.002, points=256)}
     with pytest.raises(ConfigError, match=message):
         solve(halfspace(1.0), **(PRESS | given))
 
 
-def test_a_layer_like_the_halfspace_below_it_vanishes() -> None:
+def test_a_layer_like_the_halfspace_below_it_vanishes():
     """The two responses are equal to 1e-11, so the solutions differ by the residual 1e-7 times the points."""
     given = PRESS | {"tangential_force": 0.0006}
     for poisson in (0.5, 0.3):
@@ -86,13 +84,13 @@ def test_a_layer_like_the_halfspace_below_it_vanishes() -> None:
             np.testing.assert_allclose(layered[name], bare[name], atol=2e-5 * float(abs(bare[name]).max()))
 
 
-def test_a_thin_layer_that_sticks_is_sheared_evenly() -> None:
+def test_a_thin_layer_that_sticks_is_sheared_evenly():
     """Q = G D 2a/d; the edges add a length of the order of d to the contact, here less than 2 d to 80 d."""
     G, d, D = 2.0, 0.005, 1e-4
     body = bonded_layer(d, Zener(G0=G, Ginf=10 * G, tau=1.0), poisson=0.4)
-    given: dict[str, Any] = {"friction": np.inf, "tangential_displacement": D, "points": 2048}
+    given = {"friction": np.inf, "tangential_displacement": D, "points": 2048}
 
-    def flat(x: Any) -> Any:
+    def flat(x):
         return np.where(np.abs(x) < 0.2, 0.0, -1.0)
 
     found = solve(body, flat, depth=1e-4, **given)
@@ -106,7 +104,7 @@ def test_a_thin_layer_that_sticks_is_sheared_evenly() -> None:
     assert float(sudden.tangential_force_x) == pytest.approx(10 * float(found.tangential_force_x), rel=1e-5)
 
 
-def test_friction_needs_its_coefficient_and_a_body_that_responds_to_shear() -> None:
+def test_friction_needs_its_coefficient_and_a_body_that_responds_to_shear():
     alone = {name: value for name, value in PRESS.items() if name != "friction"}
     with pytest.raises(ConfigError, match="tangential_force: only with friction"):
         solve(halfspace(1.0), **alone, tangential_force=0.1)

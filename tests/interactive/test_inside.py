@@ -1,9 +1,5 @@
 """Stresses below the surface of runs and solutions: Hertz, histories, files, and bad input."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -12,7 +8,7 @@ import gfmdlayer
 from gfmdlayer import ConfigError, Elastic, Layer, LayerStack, Zener
 
 
-def test_hertz_line_has_its_largest_shear_below_the_surface() -> None:
+def test_hertz_line_has_its_largest_shear_below_the_surface():
     x = (np.arange(16384) - 8192) / 64
     p = np.sqrt(np.maximum(1 - x**2, 0.0))
     data = xr.Dataset({"pressure": ("x", p), "displacement": ("x", 0 * p)}, {"x": x})
@@ -23,7 +19,7 @@ def test_hertz_line_has_its_largest_shear_below_the_surface() -> None:
     assert abs(float(found.von_mises.sel(x=0.0).item()) - 0.520106) < 4e-3
 
 
-def test_hertz_sphere_by_huber_off_the_axis() -> None:
+def test_hertz_sphere_by_huber_off_the_axis():
     n, period, nu = 384, 24.0, 0.3
     x = (np.arange(n) - n // 2) * period / n
     p = np.sqrt(np.maximum(1 - x[:, None] ** 2 - x**2, 0.0))
@@ -44,7 +40,7 @@ def test_hertz_sphere_by_huber_off_the_axis() -> None:
         assert abs(stress - value) < 2e-3, name  # spacing^1.5 at the rim over the distance to it
 
 
-def test_von_mises_and_largest_shear_are_those_of_the_principal_stresses() -> None:
+def test_von_mises_and_largest_shear_are_those_of_the_principal_stresses():
     draw = np.random.default_rng(1)
     x = np.arange(16) / 16
     p = draw.uniform(0, 1, (16, 16))
@@ -61,7 +57,7 @@ def test_von_mises_and_largest_shear_are_those_of_the_principal_stresses() -> No
         np.testing.assert_allclose(found.von_mises, known, rtol=1e-12)
 
 
-def test_snapshots_have_both_sides_of_an_interface_and_the_surface() -> None:
+def test_snapshots_have_both_sides_of_an_interface_and_the_surface():
     soft = {"G0": 1.0, "Ginf": 1.0, "tau": 1.0, "model": "zener"}
     data = gfmdlayer.run(
         {"layer": {"thickness": 0.1, "material": soft}, "halfspace": {"shear_modulus": 9.0, "poisson": 0.3},
@@ -76,7 +72,7 @@ def test_snapshots_have_both_sides_of_an_interface_and_the_surface() -> None:
     assert float(abs(up.stress_xx - low.stress_xx).max()) > 1e-3
 
 
-def zener(G0: float, Ginf: float, tau: float, C1: float = 0.0) -> dict[str, Any]:
+def zener(G0, Ginf, tau, C1=0.0):
     """A law, with a shift where C1 is given."""
     shift = {"shift": {"law": "wlf", "C1": C1, "C2": 50.0, "reference": 20.0}}
     return {"model": "zener", "G0": G0, "Ginf": Ginf, "tau": tau} | (shift if C1 else {})
@@ -84,7 +80,7 @@ def zener(G0: float, Ginf: float, tau: float, C1: float = 0.0) -> dict[str, Any]
 
 DEPTHS = [0.0, 0.01, 0.02, 0.1, 0.3]
 BRANCHES = {"model": "prony", "G0": 0.2, "branches": [{"G": 4.0, "tau": 0.1}, {"G": 5.0, "tau": 10.0}]}
-RUN: dict[str, Any] = {
+RUN = {
     "grid": {"points": 128},
     "time": {"end": 1.0, "step": 0.1},
     "trajectory": {"depth": 0.01, "ramp_time": 0.5},
@@ -92,7 +88,7 @@ RUN: dict[str, Any] = {
 }
 
 
-def laws(*C1: float) -> dict[str, Any]:
+def laws(*C1):
     """Three different laws in a stack, with shifts where they are given."""
     first, second, base = [*C1, 0.0, 0.0, 0.0][:3]
     middle = BRANCHES | {"shift": zener(1, 2, 1, second)["shift"]} if second else BRANCHES
@@ -103,7 +99,7 @@ def laws(*C1: float) -> dict[str, Any]:
     }
 
 
-def test_the_history_of_different_laws_gives_the_pressure_at_the_surface_and_equal_tractions() -> None:
+def test_the_history_of_different_laws_gives_the_pressure_at_the_surface_and_equal_tractions():
     """The pressure is computed by the contact solver, not from the forces inside.
 
     Fixed steps are exact for u linear over a step, so that both agree to rounding.
@@ -134,13 +130,13 @@ def test_the_history_of_different_laws_gives_the_pressure_at_the_surface_and_equ
         ({**laws(), "trajectory.velocity": 1e-9}, 1e-5),
     ],
 )
-def test_all_histories_give_the_same_fields(keys: dict[str, Any], bound: float) -> None:
+def test_all_histories_give_the_same_fields(keys, bound):
     known, found = (gfmdlayer.inside(gfmdlayer.run(RUN, **each), DEPTHS) for each in (laws(), keys))
     for name in known:
         assert float(abs(known[name] - found[name]).max()) < bound * float(abs(known[name]).max()), name
 
 
-def test_fields_under_a_relaxed_contact_are_those_of_the_relaxed_moduli() -> None:
+def test_fields_under_a_relaxed_contact_are_those_of_the_relaxed_moduli():
     data = gfmdlayer.run(RUN | {"time": {"end": 2000.0, "step": "adaptive"}}, **laws(),
                          **{"output.snapshots": [2000.0]})  # fmt: skip
     found = gfmdlayer.inside(data, DEPTHS)
@@ -151,7 +147,7 @@ def test_fields_under_a_relaxed_contact_are_those_of_the_relaxed_moduli() -> Non
         assert float(abs(known[name] - found[name]).max()) < 1e-4 * float(abs(known[name]).max()), name
 
 
-def test_a_compressible_stack_on_a_rigid_base_sinks_layer_by_layer() -> None:
+def test_a_compressible_stack_on_a_rigid_base_sinks_layer_by_layer():
     keys = laws() | {"halfspace": {"shear_modulus": np.inf}, "layers.1.poisson": 0.3}
     keys |= {"output.inside.depths": [0.05]}
     data = gfmdlayer.run(RUN, **keys)
@@ -163,7 +159,7 @@ def test_a_compressible_stack_on_a_rigid_base_sinks_layer_by_layer() -> None:
     assert mean[0] > mean[1] > 0.999 * mean[2] > mean[3]
 
 
-def test_a_file_holds_the_fields_of_the_chosen_snapshots(tmp_path: Any) -> None:
+def test_a_file_holds_the_fields_of_the_chosen_snapshots(tmp_path):
     keys = {"output.inside": {"points": 3, "times": [1.0]}, **laws()}
     memory = gfmdlayer.run(RUN, **keys)
     gfmdlayer.run(RUN, out=tmp_path / "run", **keys)
@@ -178,9 +174,7 @@ def test_a_file_holds_the_fields_of_the_chosen_snapshots(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize("in_files", [False, True])
-def test_a_sweep_has_fields_below_the_surface_where_all_cases_have_their_depths(
-    tmp_path: Any, in_files: bool
-) -> None:
+def test_a_sweep_has_fields_below_the_surface_where_all_cases_have_their_depths(tmp_path, in_files):
     keys = {"grid.points": 64, "output.inside": {"points": 3}, "time.end": 0.5, "output.snapshots": [0.5]}
     plain = {"layer": {"material": zener(1, 5, 1)}, "halfspace": {"shear_modulus": 2.0}}
     for key, values, below in (("layer.thickness", [0.03, 0.05], False), ("layer.poisson", [0.3, 0.5], True)):
@@ -196,11 +190,7 @@ def test_a_sweep_has_fields_below_the_surface_where_all_cases_have_their_depths(
 @pytest.mark.parametrize(
     ("body", "depths", "said"),
     [
-        (
-            LayerStack((Layer(0.1, 0.5, Zener()), Layer(0.1, 0.5, Elastic(1.0)))),
-            [0.1],
-            "set output.inside",
-        ),
+        (LayerStack((Layer(0.1, 0.5, Zener()), Layer(0.1, 0.5, Elastic(1.0)))), [0.1], "set output.inside"),
         (LayerStack((Layer(0.1, 0.5, Elastic(1.0)),), rigid=True), [0.05, 0.2], "at most 0.1"),
         (gfmdlayer.halfspace(1.0), [-0.1], "numbers >= 0"),
         (gfmdlayer.halfspace(1.0), [0.2, 0.1], "must increase"),
@@ -208,16 +198,16 @@ def test_a_sweep_has_fields_below_the_surface_where_all_cases_have_their_depths(
         (None, [0.1], "body: missing"),
     ],
 )
-def test_what_cannot_be_used_is_refused(body: Any, depths: list[float], said: str) -> None:
+def test_what_cannot_be_used_is_refused(body, depths, said):
     x = np.arange(8) / 8
     data = xr.Dataset({"pressure": ("x", x), "displacement": ("x", x)}, {"x": x})
     with pytest.raises(ConfigError, match=said):
         gfmdlayer.inside(data, depths, body=body)
 
 
-def test_isolated_contacts_and_unknown_displacements_are_refused() -> None:
+def test_isolated_contacts_and_unknown_displacements_are_refused():
     body = gfmdlayer.halfspace(1.0)
-    given: dict[str, Any] = {"punch": gfmdlayer.Parabola(radius=1.0), "points": (32, 32)}
+    given = {"punch": gfmdlayer.Parabola(radius=1.0), "points": (32, 32)}
     isolated = gfmdlayer.solve(body, **given, force=0.005, isolated=True)
     with pytest.raises(ConfigError, match="is an isolated contact; must have a periodic grid"):
         gfmdlayer.inside(isolated, [0.1], body=body)

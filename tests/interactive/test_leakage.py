@@ -1,11 +1,7 @@
 """`gfmdlayer.leakage`: leak rates of stored snapshots, their doubts, and bad input."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +19,7 @@ ROUGH = {
     "rms_slope": 0.1,
     "seed": 1,
 }
-SEAL: dict[str, Any] = {
+SEAL = {
     "grid": {"points": [64, 64]},
     "layer": {"thickness": float("inf")},
     "punch": ROUGH,
@@ -34,17 +30,17 @@ SEAL: dict[str, Any] = {
 
 
 @cache
-def seal() -> xr.Dataset:
+def seal():
     return gfmdlayer.run(SEAL)
 
 
-def quiet(data: xr.Dataset, **options: Any) -> xr.Dataset:
+def quiet(data, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         return gfmdlayer.leakage(data, **options)
 
 
-def test_a_seal_leaks_less_when_it_has_relaxed() -> None:
+def test_a_seal_leaks_less_when_it_has_relaxed():
     found = quiet(seal(), viscosity=2.0, pressure_drop=24.0, length=3.0, width=5.0, along="y")
     assert found.flow_xx.dims == ("snapshot",)
     assert (found.flow_xx.diff("snapshot") < 0).all()
@@ -59,21 +55,21 @@ def test_a_seal_leaks_less_when_it_has_relaxed() -> None:
         assert float(found.flow_error_x[i]) == pytest.approx(linear[0, 0] / K[0, 0] - 1)
 
 
-def test_the_mean_of_the_flow_at_the_points_is_the_tensor() -> None:
+def test_the_mean_of_the_flow_at_the_points_is_the_tensor():
     found = quiet(seal(), fields=True, along="y")
     np.testing.assert_allclose(found.flow_y.mean(("x", "y")), found.flow_yy, rtol=1e-8)
     np.testing.assert_allclose(found.flow_x.mean(("x", "y")), found.flow_xy, rtol=1e-6)
     assert bool((found.fluid_pressure.isnull() | (seal().gap > 0)).all())
 
 
-def test_names_of_units_are_those_of_the_run() -> None:
+def test_names_of_units_are_those_of_the_run():
     data = seal().assign_attrs(units="length: um, stress: MPa, time: s")
     found = quiet(data, viscosity=1e-9, pressure_drop=0.1)
     assert (found.flow_xx.attrs["units"], found.leak_rate.attrs["units"]) == ("um^3", "um^3/s")
     assert quiet(seal()).flow_xx.attrs["units"] == "length^3"
 
 
-def test_a_sweep_has_a_flow_for_each_case_and_none_for_a_failed_one() -> None:
+def test_a_sweep_has_a_flow_for_each_case_and_none_for_a_failed_one():
     both = xr.concat([seal(), seal() * np.nan], dim="load")
     found = quiet(both)
     assert found.flow_xx.dims == ("load", "snapshot")
@@ -81,7 +77,7 @@ def test_a_sweep_has_a_flow_for_each_case_and_none_for_a_failed_one() -> None:
     assert found.flow_xx[1].isnull().all()
 
 
-def test_a_stored_sweep_of_adaptive_steps_has_the_flow_of_each_case(tmp_path: Path) -> None:
+def test_a_stored_sweep_of_adaptive_steps_has_the_flow_of_each_case(tmp_path):
     """Each case has its own time steps; the loads differ by 1 %, so do the flows by little."""
     every = {**SEAL, "sweep": {"trajectory.load": [0.03, 0.0303]}}
     sweep = gfmdlayer.run(every, out=tmp_path / "sweep")
@@ -92,7 +88,7 @@ def test_a_stored_sweep_of_adaptive_steps_has_the_flow_of_each_case(tmp_path: Pa
     assert (found.flow_xx[1] > 0.8 * found.flow_xx[0]).all()
 
 
-def test_a_line_leaks_in_closed_form() -> None:
+def test_a_line_leaks_in_closed_form():
     body = gfmdlayer.halfspace(1.0)
     found = gfmdlayer.solve(body, lambda x: 0.01 * np.cos(2 * np.pi * x), mean_pressure=0.03, points=256)
     flow = gfmdlayer.leakage(found, along="y", viscosity=1.0, pressure_drop=1.0, length=2.0)
@@ -102,7 +98,7 @@ def test_a_line_leaks_in_closed_form() -> None:
     assert "throat_points_x" not in flow
 
 
-def test_a_coarse_throat_is_doubted() -> None:
+def test_a_coarse_throat_is_doubted():
     with pytest.warns(
         UserWarning, match=r"t = 10: the throat along . has [\d.]+ points .*take more grid.points"
     ):
@@ -110,16 +106,14 @@ def test_a_coarse_throat_is_doubted() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
-def test_a_loosely_solved_contact_is_doubted_and_the_tolerance_that_is_named_will_do(
-    tolerance: float,
-) -> None:
+def test_a_loosely_solved_contact_is_doubted_and_the_tolerance_that_is_named_will_do(tolerance):
     """At a load where the critical gap is some hundredths of the depth, against a contact solved to 1e-10."""
     body, punch = (
         gfmdlayer.halfspace(1.0),
         gfmdlayer.SelfAffine(hurst=0.8, roll_off=0.25, short_cutoff=1 / 32, rms_slope=0.1, seed=1),
     )
 
-    def solved(residual: float) -> xr.Dataset:
+    def solved(residual):
         return gfmdlayer.solve(body, punch, mean_pressure=0.07, points=(128, 128), tolerance=residual)
 
     exact = quiet(solved(1e-10))
@@ -135,7 +129,7 @@ def test_a_loosely_solved_contact_is_doubted_and_the_tolerance_that_is_named_wil
     assert abs(float(loose.flow_xx / exact.flow_xx) - 1) > abs(float(fine.flow_xx / exact.flow_xx) - 1)
 
 
-def test_a_fluid_that_lifts_the_surface_is_doubted() -> None:
+def test_a_fluid_that_lifts_the_surface_is_doubted():
     gentle = quiet(seal(), viscosity=1.0, pressure_drop=1e-6)
     assert (gentle.lift < 0.1).all()
     with pytest.warns(UserWarning, match="drop should be below") as caught:
@@ -155,19 +149,19 @@ def test_a_fluid_that_lifts_the_surface_is_doubted() -> None:
         ({"along": "z"}, "along: got the text 'z'; must be x or y"),
     ],
 )
-def test_arguments_that_cannot_be_used_are_refused(options: dict[str, Any], message: str) -> None:
+def test_arguments_that_cannot_be_used_are_refused(options, message):
     with pytest.raises(ConfigError, match=message):
         gfmdlayer.leakage(seal(), **options)
 
 
-def test_data_without_gaps_are_refused() -> None:
+def test_data_without_gaps_are_refused():
     with pytest.raises(ConfigError, match=r"has no gap along x; set output\.snapshots"):
         gfmdlayer.leakage(seal().drop_vars("gap"))
     with pytest.raises(ConfigError, match="has no snapshot"):
         gfmdlayer.leakage(seal().isel(snapshot=[]))
 
 
-def test_an_isolated_contact_is_refused() -> None:
+def test_an_isolated_contact_is_refused():
     tip = {"grid": {"geometry": "axisymmetric"}, "punch": {"shape": "sphere", "radius": 8.0}}
     data = gfmdlayer.run({**tip, "time": {"end": 1.0, "step": 0.5}, "output": {"snapshots": [1.0]}})
     with pytest.raises(ConfigError, match="an isolated contact has no cell"):

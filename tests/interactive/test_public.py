@@ -1,9 +1,6 @@
 """Every public name is documented with an example that runs."""
 
-from __future__ import annotations
-
 import doctest
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +9,7 @@ import gfmdlayer
 
 
 @pytest.mark.parametrize("name", gfmdlayer.__all__)
-def test_the_example_of_a_public_name_runs(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_example_of_a_public_name_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     globs = {"gfmdlayer": gfmdlayer, "np": np}
     found = doctest.DocTestFinder(recurse=False).find(getattr(gfmdlayer, name), name, globs=globs)
@@ -25,7 +20,7 @@ def test_the_example_of_a_public_name_runs(
     assert runner.summarize(verbose=False).failed == 0
 
 
-def test_all_names_what_the_table_imports() -> None:
+def test_all_names_what_the_table_imports():
     assert sorted(gfmdlayer.__all__) == sorted(set(gfmdlayer.__all__))
     assert set(gfmdlayer._HOME) == set(gfmdlayer.__all__)
     with pytest.raises(AttributeError, match="'gfmdlayer' has no attribute 'solv'"):

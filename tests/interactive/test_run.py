@@ -1,13 +1,10 @@
 """`gfmdlayer.run`: data in memory are those of the files, bit for bit; arrays are files of their contents."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys
 import warnings
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -21,18 +18,18 @@ from gfmdlayer.execution.folder import FolderError
 from gfmdlayer.execution.interrupts import STOP_SIGNALS
 
 X = np.arange(256) / 256 - 0.5
-SHORT: dict[str, Any] = {"time": {"end": 1.0, "step": 0.25}, "output": {"snapshots": [0.5, 1.0]}}
+SHORT = {"time": {"end": 1.0, "step": 0.25}, "output": {"snapshots": [0.5, 1.0]}}
 LINE = SHORT | {"grid": {"points": 256}}
 SURFACE = SHORT | {"grid": {"points": [16, 12]}, "output": {"snapshots": [1.0], "patches": True}}
 OF_A_RUN = ("started", "finished", "wall_seconds")
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def same(found: xarray.Dataset, wanted: xarray.Dataset) -> None:
+def same(found, wanted):
     """Assert that two datasets have the same bits, names, types and attributes."""
     for each in (found, wanted):
         for name in OF_A_RUN:
@@ -55,7 +52,7 @@ def same(found: xarray.Dataset, wanted: xarray.Dataset) -> None:
     ],
     ids=["line", "no snapshots", "surface", "histograms", "units", "adaptive"],
 )
-def test_a_case_in_memory_is_that_of_its_file(config: dict[str, Any]) -> None:
+def test_a_case_in_memory_is_that_of_its_file(config):
     with gfmdlayer.run(config, out="out") as written:
         same(gfmdlayer.run(config), written.load())
 
@@ -77,18 +74,18 @@ def test_a_case_in_memory_is_that_of_its_file(config: dict[str, Any]) -> None:
     ],
     ids=["product", "list", "a column of one", "other bins", "grids", "named as a column"],
 )
-def test_a_sweep_in_memory_is_that_of_its_file(sweep: dict[str, Any]) -> None:
+def test_a_sweep_in_memory_is_that_of_its_file(sweep):
     config = SURFACE | {"sweep": sweep}
     with gfmdlayer.run(config, out="out") as written:
         same(gfmdlayer.run(config), written.load())
 
 
-def test_a_notebook_runs_an_array_in_a_loop_and_plots_without_a_file(tmp_path: Path) -> None:
+def test_a_notebook_runs_an_array_in_a_loop_and_plots_without_a_file(tmp_path):
     mpl.use("agg")
     x = np.arange(512) / 512 - 0.5
     for d in (0.05, 0.1, 0.2):
         data = gfmdlayer.run({"time": {"end": 2.0, "step": 0.1}}, punch=-(x**2) / 0.5, layer__thickness=d)
-        (line,) = data.contact_area.plot()  # type: ignore[call-arg]
+        (line,) = data.contact_area.plot()
     assert line.get_xdata().size == 21
     assert data.sizes["x"] == 512
     assert list(tmp_path.iterdir()) == []
@@ -97,7 +94,7 @@ def test_a_notebook_runs_an_array_in_a_loop_and_plots_without_a_file(tmp_path: P
 # --- arrays ---
 
 
-def test_heights_count_outward_from_the_punch() -> None:
+def test_heights_count_outward_from_the_punch():
     """The parabola of a configuration is -x^2/(2 R), wherever its top is; a bump touches first."""
     wanted = gfmdlayer.run(LINE, punch={"radius": 0.25})
     for given in (-(X**2) / 0.5, 3.0 - X**2 / 0.5, lambda x: -(x**2) / 0.5):
@@ -108,7 +105,7 @@ def test_heights_count_outward_from_the_punch() -> None:
     assert gfmdlayer.run(LINE, punch=bump).pressure[0].to_numpy().argmax() == 40
 
 
-def test_an_array_of_a_surface_has_x_first() -> None:
+def test_an_array_of_a_surface_has_x_first():
     x, y = np.meshgrid(np.arange(16) / 16 - 0.5, np.arange(12) / 12 - 0.5, indexing="ij")
     wanted = gfmdlayer.run(SURFACE, punch={"radius": [0.25, 1.0]})
     array = gfmdlayer.run(SURFACE, punch=-(x**2) / 0.5 - y**2 / 2)
@@ -117,17 +114,17 @@ def test_an_array_of_a_surface_has_x_first() -> None:
     np.testing.assert_allclose(function.pressure, wanted.pressure, rtol=0, atol=1e-9)
 
 
-def test_a_punch_is_also_an_object() -> None:
+def test_a_punch_is_also_an_object():
     same(gfmdlayer.run(LINE, punch=Sphere(radius=2.0)), gfmdlayer.run(LINE | {"punch": Sphere(radius=2.0)}))
 
 
 @pytest.mark.parametrize("control", ["depth", "load", "force"])
-def test_a_history_is_the_table_of_a_file(control: str) -> None:
+def test_a_history_is_the_table_of_a_file(control):
     rows = np.array([[0.0, 0.0], [0.4, 0.02], [1.0, 1 / 300]])
     Path("table.txt").write_text("\n".join(f"{t!r} {v!r}" for t, v in rows.tolist()) + "\n")
     table = {"control": control, "kind": "table", "file": "table.txt"}
     wanted = gfmdlayer.run(LINE | {"trajectory": table})
-    before: dict[str, Any] = {"control": control, control: 0.01, "ramp_time": 1.0}
+    before = {"control": control, control: 0.01, "ramp_time": 1.0}
     for given in (rows, rows.tolist(), (rows[:, 0], rows[:, 1])):
         for trajectory in ({"control": control}, before, table):
             found = gfmdlayer.run(LINE | {"trajectory": trajectory}, history=given)
@@ -135,7 +132,7 @@ def test_a_history_is_the_table_of_a_file(control: str) -> None:
             assert found.attrs["digest"] == wanted.attrs["digest"]
 
 
-def test_a_voltage_over_time_is_the_table_of_a_file() -> None:
+def test_a_voltage_over_time_is_the_table_of_a_file():
     rows = np.array([[0.0, 0.0], [0.4, 0.3], [1.0, 0.1]])
     Path("volts.txt").write_text("0 0\n0.4 0.3\n1 0.1\n")
     law = {"law": "electrostatic", "insulation": 0.01, "permittivity": 1e-3}
@@ -148,25 +145,25 @@ def test_a_voltage_over_time_is_the_table_of_a_file() -> None:
             xarray.testing.assert_equal(found, wanted)
 
 
-def test_arrays_lie_with_the_results_that_are_run_again_from_them() -> None:
+def test_arrays_lie_with_the_results_that_are_run_again_from_them():
     given = {"punch": -(X**2) / 0.5, "history": [(0.0, 0.0), (1.0, 0.01)]}
-    found = gfmdlayer.run(SHORT, **given)  # type: ignore[arg-type]
-    with gfmdlayer.run(SHORT, out="out", **given) as written:  # type: ignore[arg-type]
+    found = gfmdlayer.run(SHORT, **given)
+    with gfmdlayer.run(SHORT, out="out", **given) as written:
         assert written.attrs["digest"] == found.attrs["digest"]
         xarray.testing.assert_equal(found, written)
     assert sorted(path.suffix for path in Path("out/arrays").iterdir()) == [".npy", ".txt"]
     assert digest(gfmdlayer.load("out/config.yaml")) == found.attrs["digest"]
     begun = Path("out/cases/0000.h5").stat().st_mtime_ns
-    gfmdlayer.run(SHORT, out="out", **given).close()  # type: ignore[arg-type]
+    gfmdlayer.run(SHORT, out="out", **given).close()
     gfmdlayer.run("out/config.yaml", out="out").close()
     assert Path("out/cases/0000.h5").stat().st_mtime_ns == begun
     other = given | {"punch": -(X**2)}
-    gfmdlayer.run(SHORT, out="other", **other).close()  # type: ignore[arg-type]
+    gfmdlayer.run(SHORT, out="other", **other).close()
     with pytest.raises(FolderError, match=r"punch\.file"):
-        gfmdlayer.run(SHORT, out="out", name="run", **other, trajectory__velocity=1.0)  # type: ignore[arg-type]
+        gfmdlayer.run(SHORT, out="out", name="run", **other, trajectory__velocity=1.0)
 
 
-def test_a_folder_of_something_else_is_left_alone() -> None:
+def test_a_folder_of_something_else_is_left_alone():
     Path("mine").mkdir()
     Path("mine/thesis.tex").touch()
     with pytest.raises(FolderError, match="not a results folder"):
@@ -176,7 +173,7 @@ def test_a_folder_of_something_else_is_left_alone() -> None:
 
 # --- what is refused ---
 
-REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+REFUSED = {
     "a misspelt key": ({"layer__thicknes": 1}, "layer.thicknes: unknown key; allowed: thickness, "),
     "a value": ({"layer__thickness": -1}, "layer.thickness: got -1; must be a number >= 0 or .inf"),
     "a list": ({"layer__thickness": [1, 2]}, "layer.thickness: got [1, 2]; must be a number"),
@@ -217,7 +214,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_impossible_input_is_refused_in_words(name: str) -> None:
+def test_impossible_input_is_refused_in_words(name):
     values, words = REFUSED[name]
     with pytest.raises(ConfigError) as caught:
         gfmdlayer.run(SHORT, **values)
@@ -225,7 +222,7 @@ def test_impossible_input_is_refused_in_words(name: str) -> None:
     assert len(caught.value.problems) == 1
 
 
-def test_errors_of_a_mapping_are_those_of_its_file_without_the_place() -> None:
+def test_errors_of_a_mapping_are_those_of_its_file_without_the_place():
     text = (
         "name: a\nlayer: {thickness: -1, poison: 0.3}\nsolver: {method: fir}\npunch: {shape: cube, side: 1}\n"
     )
@@ -249,7 +246,7 @@ def test_errors_of_a_mapping_are_those_of_its_file_without_the_place() -> None:
         assert set(caught.value.problems) == wanted
 
 
-def test_values_replace_those_of_a_file_and_keep_its_places() -> None:
+def test_values_replace_those_of_a_file_and_keep_its_places():
     Path("a.yaml").write_text(
         "name: a\nlayer: {thickness: -1}\ntime: {end: 1, step: 0.5}\ngrid: {points: 64}\n"
     )
@@ -259,13 +256,13 @@ def test_values_replace_those_of_a_file_and_keep_its_places() -> None:
         ["a.yaml", "2", "20"],
         ["solver.tolerance", " got 2; must be a number >= 1e-13 and < 1"],
     ] or [line.split(":")[0] for line in caught.value.problems] == ["solver.tolerance", "a.yaml"]
-    by_dots = gfmdlayer.run("a.yaml", **{"layer.thickness": 0.2})  # type: ignore[arg-type]
+    by_dots = gfmdlayer.run("a.yaml", **{"layer.thickness": 0.2})
     same(gfmdlayer.run("a.yaml", layer__thickness=np.float64(0.2)), by_dots)
     with pytest.raises(ConfigError, match=r"trajectory\.load: missing"):
         gfmdlayer.run("a.yaml", layer__thickness=0.2, trajectory__control="load")
 
 
-def test_materials_and_shapes_are_objects_in_a_configuration() -> None:
+def test_materials_and_shapes_are_objects_in_a_configuration():
     material = Prony(1.0, [(2.0, 0.5), (3.0, 5.0)])
     config = Config(name="a", layer={"material": material}, punch=Sphere(radius=2.0), **SHORT)
     assert config.layer.material == material
@@ -279,10 +276,10 @@ def test_materials_and_shapes_are_objects_in_a_configuration() -> None:
 
 # --- failures ---
 
-HARD: dict[str, Any] = LINE | {"solver": {"method": "fire", "max_iterations": 25}}
+HARD = LINE | {"solver": {"method": "fire", "max_iterations": 25}}
 
 
-def test_a_case_that_does_not_converge_raises_with_its_state() -> None:
+def test_a_case_that_does_not_converge_raises_with_its_state():
     with pytest.raises(
         ConvergenceError, match=r"t = 0\.25: residual .* after 25 iterations of fire"
     ) as caught:
@@ -299,7 +296,7 @@ def test_a_case_that_does_not_converge_raises_with_its_state() -> None:
         gfmdlayer.run(HARD, out="out")
 
 
-def test_a_case_of_a_sweep_that_fails_is_nan_and_named_wherever_it_runs() -> None:
+def test_a_case_of_a_sweep_that_fails_is_nan_and_named_wherever_it_runs():
     config = HARD | {"sweep": {"solver.max_iterations": [25, 20000]}}
     found = []
     for options in ({}, {"jobs": 2}, {"out": "out"}):
@@ -316,18 +313,18 @@ def test_a_case_of_a_sweep_that_fails_is_nan_and_named_wherever_it_runs() -> Non
 
 
 @pytest.mark.parametrize("options", [{}, {"out": "out"}], ids=["here", "folder"])
-def test_a_sweep_without_a_complete_case_raises(options: dict[str, Any]) -> None:
+def test_a_sweep_without_a_complete_case_raises(options):
     with pytest.raises(ConvergenceError):
         gfmdlayer.run(HARD, sweep={"solver.max_iterations": [24, 25]}, **options)
 
 
-def test_signals_have_their_effect_again_after_a_run() -> None:
+def test_signals_have_their_effect_again_after_a_run():
     before = [signal.getsignal(each) for each in STOP_SIGNALS]
     gfmdlayer.run(LINE, out="out").close()
     assert [signal.getsignal(each) for each in STOP_SIGNALS] == before
 
 
-def test_a_dimension_is_not_named_as_an_argument_of_sel() -> None:
+def test_a_dimension_is_not_named_as_an_argument_of_sel():
     found = gfmdlayer.run(LINE, sweep={"solver.method": ["fire", "active_set"], "layer.thickness": [0.1]})
     assert found.contact_area.dims == ("solver.method", "thickness", "time")
     assert found.contact_area.sel({"solver.method": "fire"}).dims == ("thickness", "time")
@@ -360,7 +357,7 @@ for options in ({}, {"out": "out"}):
 """
 
 
-def test_an_interrupted_run_raises_and_one_in_a_folder_goes_on() -> None:
+def test_an_interrupted_run_raises_and_one_in_a_folder_goes_on():
     wanted = gfmdlayer.run(LINE)
     code = f"LINE = {LINE!r}\n{INTERRUPTED}"
     said = subprocess.run(
@@ -378,23 +375,23 @@ def test_an_interrupted_run_raises_and_one_in_a_folder_goes_on() -> None:
 class _Spy:
     lists_complete = False
 
-    def __init__(self) -> None:
-        self.fractions: list[float] = []
-        self.notes: list[str] = []
+    def __init__(self):
+        self.fractions = []
+        self.notes = []
         self.closed = False
 
-    def note(self, line: str) -> None:
+    def note(self, line):
         self.notes.append(line)
 
-    def advance(self, progress: Any) -> None:
+    def advance(self, progress):
         self.fractions.append(progress.fraction)
 
-    def close(self) -> None:
+    def close(self):
         self.closed = True
 
 
 @pytest.mark.parametrize("options", [{}, {"sweep": {"layer.thickness": [0.1, 0.2]}}, {"out": "out"}])
-def test_doubts_about_a_configuration_are_warnings_at_the_line_of_the_call(options: dict[str, Any]) -> None:
+def test_doubts_about_a_configuration_are_warnings_at_the_line_of_the_call(options):
     config = {"grid": {"points": 64}, "time": {"end": 1.0, "step": 0.5}, "trajectory": {"ramp_time": 2.0}}
     with pytest.warns(UserWarning, match="the ramp is not completed") as caught:
         gfmdlayer.run(config, **options)
@@ -405,7 +402,7 @@ def test_doubts_about_a_configuration_are_warnings_at_the_line_of_the_call(optio
 
 
 @pytest.mark.parametrize("sweep", [{}, {"layer.thickness": [0.1, 0.2, 0.3]}], ids=["case", "sweep"])
-def test_progress_grows_to_its_end(monkeypatch: pytest.MonkeyPatch, sweep: dict[str, Any]) -> None:
+def test_progress_grows_to_its_end(monkeypatch, sweep):
     spy = _Spy()
     monkeypatch.setattr("gfmdlayer.interactive.run.chosen_display", lambda _: spy)
     monkeypatch.setattr("gfmdlayer.interactive.progress.INTERVAL", -1.0)
@@ -416,13 +413,13 @@ def test_progress_grows_to_its_end(monkeypatch: pytest.MonkeyPatch, sweep: dict[
     assert spy.closed
 
 
-def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch):
     from gfmdlayer.execution.schedule import Progress
     from gfmdlayer.interactive import progress
 
-    made: list[_Spy] = []
+    made = []
 
-    def make() -> _Spy:
+    def make():
         made.append(_Spy())
         return made[-1]
 
@@ -436,23 +433,23 @@ def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch: pytest.Monk
     assert (made[0].notes, made[0].fractions, made[0].closed) == (["first"], [0.5], True)
 
 
-def test_a_notebook_has_a_bar_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_notebook_has_a_bar_of_its_own(monkeypatch):
     """The kernel of a notebook is recognised by IPython's shell; IPython itself need not be there."""
     from types import ModuleType, SimpleNamespace
 
-    shown: list[str] = []
+    shown = []
     handle = SimpleNamespace(update=shown.append)
     ipython, display = ModuleType("IPython"), ModuleType("IPython.display")
-    ipython.get_ipython = lambda: SimpleNamespace(kernel=None)  # type: ignore[attr-defined]
-    display.HTML = str  # type: ignore[attr-defined]
-    display.display = lambda _html, **_options: handle  # type: ignore[attr-defined]
+    ipython.get_ipython = lambda: SimpleNamespace(kernel=None)
+    display.HTML = str
+    display.display = lambda _html, **_options: handle
     monkeypatch.setitem(sys.modules, "IPython", ipython)
     monkeypatch.setitem(sys.modules, "IPython.display", display)
     gfmdlayer.run(LINE, progress=True)
     assert shown[-1] == '<progress value="1.0000" max="1"></progress> 1 of 1 complete'
 
 
-def test_nothing_is_said_where_nobody_watches(capfd: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_said_where_nobody_watches(capfd):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         gfmdlayer.run(LINE, grid__points=1024)
@@ -464,10 +461,10 @@ ROUND = -(np.linspace(-0.5, 0.5, 12, endpoint=False)[:, np.newaxis] ** 2 + (X[::
 
 
 @pytest.mark.parametrize("given", ["mapping", "keyword", "file"])
-def test_an_array_gives_the_points_before_the_rest_of_the_grid_is_checked(given: str) -> None:
+def test_an_array_gives_the_points_before_the_rest_of_the_grid_is_checked(given):
     """The configuration's own punch, which needs a surface, is not looked at either."""
     own = SHORT | {"output": {}, "punch": {"shape": "pyramid", "faces": 4}}
-    grid: dict[str, Any] = {"period": [1.0, 2.0]}
+    grid = {"period": [1.0, 2.0]}
     if given == "file":
         Path("a.yaml").write_text(
             "name: a\ngrid: {period: [1, 2]}\ntime: {end: 1, step: 0.25}\npunch: {shape: pyramid}\n"
@@ -482,7 +479,7 @@ def test_an_array_gives_the_points_before_the_rest_of_the_grid_is_checked(given:
 
 
 @pytest.mark.parametrize("points", [(64,), (16, 16)])
-def test_a_run_on_few_points_asks_whether_a_round_punch_is_upside_down(points: tuple[int, ...]) -> None:
+def test_a_run_on_few_points_asks_whether_a_round_punch_is_upside_down(points):
     """Not of the right sign, nor of a cone, whose heights have a cusp wherever the cell begins."""
     few = SHORT | {"output": {}, "trajectory": {"depth": 1e-4}}
     axes = [np.arange(n) / n - 0.5 for n in points]
@@ -498,19 +495,19 @@ def test_a_run_on_few_points_asks_whether_a_round_punch_is_upside_down(points: t
         assert ["upside down" in str(each.message) for each in caught] == [True] * asked
 
 
-def test_a_file_with_the_heights_of_an_array_is_the_same_punch() -> None:
+def test_a_file_with_the_heights_of_an_array_is_the_same_punch():
     np.save("heights.npy", -(X**2))
     profile = {"shape": "profile", "file": "heights.npy", "touches_first": "highest"}
     found = gfmdlayer.run(LINE, punch=profile)
     np.testing.assert_array_equal(found.pressure, gfmdlayer.run(LINE, punch=-(X**2)).pressure)
 
 
-def test_a_body_that_is_no_key_is_refused_by_its_type() -> None:
+def test_a_body_that_is_no_key_is_refused_by_its_type():
     with pytest.raises(ConfigError, match="body: got ViscoelasticLayer; must be a Solid, or its keys"):
         gfmdlayer.run(LINE, body=gfmdlayer.halfspace(1.0))
 
 
-def test_a_punch_that_is_a_word_gets_the_keys_of_its_shape() -> None:
+def test_a_punch_that_is_a_word_gets_the_keys_of_its_shape():
     with pytest.raises(ConfigError, match=r"such as \{shape: sphere, radius: ...\}"):
         gfmdlayer.run(LINE, punch="sphere")
     with pytest.raises(ConfigError, match=r"such as \{shape: sphere, radius: ...\}"):

@@ -1,9 +1,5 @@
 """`gfmdlayer.solve`: one elastic contact against closed forms, and as the first step of a run."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -22,7 +18,7 @@ from gfmdlayer import (
 
 
 @pytest.mark.parametrize("poisson", [0.5, 0.3, 0.0])
-def test_a_sphere_on_a_halfspace_is_hertz(poisson: float) -> None:
+def test_a_sphere_on_a_halfspace_is_hertz(poisson):
     """Radius, largest pressure and approach; the cell of 12 contact widths adds (a/L)^3 at most.
 
     The radius is known to half a spacing, L/256/2 = 0.023 a.
@@ -40,7 +36,7 @@ def test_a_sphere_on_a_halfspace_is_hertz(poisson: float) -> None:
 
 
 @pytest.mark.parametrize("area", [0.1, 0.5, 0.9])
-def test_a_wave_on_a_halfspace_is_westergaards(area: float) -> None:
+def test_a_wave_on_a_halfspace_is_westergaards(area):
     """Johnson, Contact Mechanics, section 13.2, with psi = pi x/L.
 
     The pressure is 2 p cos(psi) (sin^2 psi_a - sin^2 psi)^(1/2) / sin^2 psi_a; at its edge, the root of a
@@ -60,7 +56,7 @@ def test_a_wave_on_a_halfspace_is_westergaards(area: float) -> None:
     )
 
 
-def test_a_parabola_on_a_thin_bonded_layer_presses_springs() -> None:
+def test_a_parabola_on_a_thin_bonded_layer_presses_springs():
     """Each point carries its own spring, 2 G (1 - nu)/((1 - 2 nu) d), but for terms in (d/a)^2."""
     G, nu, d, R, depth = 3.0, 0.3, 0.0005, 1.0, 0.005
     spring, a = 2 * G * (1 - nu) / ((1 - 2 * nu) * d), np.sqrt(2 * R * depth)
@@ -72,7 +68,7 @@ def test_a_parabola_on_a_thin_bonded_layer_presses_springs() -> None:
     np.testing.assert_allclose(found.pressure[middle], exact[middle], rtol=(d / a) ** 2)
 
 
-def test_a_free_layer_is_softer_than_a_halfspace_and_a_bonded_one_stiffer() -> None:
+def test_a_free_layer_is_softer_than_a_halfspace_and_a_bonded_one_stiffer():
     forces = [
         float(solve(bonded_layer(0.05, 1.0, base=base), Parabola(radius=0.25), depth=0.005).force)
         for base in (0.0, 0.5, 1.0, 2.0, np.inf)
@@ -82,11 +78,11 @@ def test_a_free_layer_is_softer_than_a_halfspace_and_a_bonded_one_stiffer() -> N
     assert forces[2] == pytest.approx(same, rel=1e-5)  # ten times the solver's tolerance
 
 
-def test_depth_mean_pressure_and_force_give_the_same_contact() -> None:
+def test_depth_mean_pressure_and_force_give_the_same_contact():
     body, punch = bonded_layer(0.1, 2.0, poisson=0.4), Sphere(radius=2.0)
     by_depth = solve(body, punch, depth=0.01, period=(2.0, 1.0), points=(64, 32))
     for name in ("mean_pressure", "force"):
-        value: dict[str, Any] = {name: by_depth[name]}
+        value = {name: by_depth[name]}
         found = solve(body, punch, **value, period=(2.0, 1.0), points=(64, 32), tolerance=1e-9)
         np.testing.assert_allclose(
             found.pressure, by_depth.pressure, atol=1e-4 * float(by_depth.pressure.max())
@@ -97,7 +93,7 @@ def test_depth_mean_pressure_and_force_give_the_same_contact() -> None:
     assert (by_depth.gap.to_numpy()[~by_depth.contact.to_numpy()] > 0).all()
 
 
-def test_a_viscoelastic_body_is_relaxed_or_glassy() -> None:
+def test_a_viscoelastic_body_is_relaxed_or_glassy():
     """As a run that ends late, or that begins at once."""
     body, punch = bonded_layer(0.1, Zener(1.0, 5.0, 1.0), base=1.0), Parabola(radius=0.25)
     slow, fast = (
@@ -114,7 +110,7 @@ def test_a_viscoelastic_body_is_relaxed_or_glassy() -> None:
     assert fast == pytest.approx(2 * float(once.mean_pressure[-1]), rel=1e-5)
 
 
-def test_the_punch_is_an_array_a_function_or_a_shape() -> None:
+def test_the_punch_is_an_array_a_function_or_a_shape():
     x = np.arange(128) / 128 - 0.5
     found = [
         solve(halfspace(1.0), punch, depth=0.005, points=points)
@@ -125,7 +121,7 @@ def test_the_punch_is_an_array_a_function_or_a_shape() -> None:
     assert solve(halfspace(1.0), lambda x: -2 * x**2, depth=0.0).sizes == {"x": 1024}
 
 
-REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+REFUSED = {
     "nothing prescribed": ({}, "solve: got nothing; must be one of depth, mean_pressure and force"),
     "two prescribed": ({"depth": 1, "force": 1}, "solve: got depth and force; must be one of"),
     "a negative force": ({"force": -1}, "force: got -1; must be a number >= 0, finite"),
@@ -150,21 +146,21 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_impossible_arguments_are_refused_in_words(name: str) -> None:
+def test_impossible_arguments_are_refused_in_words(name):
     values, words = REFUSED[name]
     with pytest.raises(ConfigError) as caught:
         solve(halfspace(1.0), **({"punch": Parabola(radius=0.25)} | values))
     assert str(caught.value).startswith(words)
 
 
-def test_a_body_without_a_modulus_is_refused() -> None:
+def test_a_body_without_a_modulus_is_refused():
     with pytest.raises(TypeError, match=r"LayeredHalfspace has no spectrum.*must be a body"):
-        solve(gfmdlayer.LayeredHalfspace(0.1, 0.5, 1.0), Parabola(), depth=0.01)  # type: ignore[arg-type]
+        solve(gfmdlayer.LayeredHalfspace(0.1, 0.5, 1.0), Parabola(), depth=0.01)
     with pytest.raises(ConfigError, match=r"poisson: got 0\.6; must be above -1 and at most 0\.5"):
         bonded_layer(0.1, 1.0, poisson=0.6)
 
 
-def test_a_contact_that_does_not_converge_raises_with_its_state() -> None:
+def test_a_contact_that_does_not_converge_raises_with_its_state():
     with pytest.raises(
         ConvergenceError, match=r"after 3 iterations of fire; the tolerance is 1\.00e-06"
     ) as caught:
@@ -173,7 +169,7 @@ def test_a_contact_that_does_not_converge_raises_with_its_state() -> None:
     assert caught.value.solution.residual > 1e-6
 
 
-def test_an_attraction_pulls_the_surface_up() -> None:
+def test_an_attraction_pulls_the_surface_up():
     punch = Parabola(radius=0.25)
     alone, pulled = (
         solve(halfspace(1.0), punch, depth=0.005, points=256, **given)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +30,7 @@ E = 4.0  # 2 G/(1 - nu) of an incompressible halfspace with G = 1
 DEPTH = 0.01
 
 
-def test_a_sphere_is_hertz_in_a_cell_of_six_radii() -> None:
+def test_a_sphere_is_hertz_in_a_cell_of_six_radii():
     """Force at given depth and depth at given force: with images they are 0.8 and 0.27 off."""
     a, F = math.sqrt(DEPTH), 4 / 3 * E * DEPTH**1.5
     cell = {"period": 6 * a, "points": (128, 128), "isolated": True}
@@ -44,7 +43,7 @@ def test_a_sphere_is_hertz_in_a_cell_of_six_radii() -> None:
     assert not {"contact_area", "mean_pressure"} & set(found)
 
 
-def ellipse() -> tuple[float, float, float]:
+def ellipse():
     """Hertz for z = x^2/4 + y^2/2 at the depth: force and semi-axes (m is the squared eccentricity)."""
     m = brentq(lambda m: (ellipk(m) - ellipe(m)) / (ellipe(m) / (1 - m) - ellipk(m)) - 0.5, 1e-9, 1 - 1e-9)
     a = math.sqrt(DEPTH * (1 - ellipe(m) / ellipk(m)) / (m / 4))
@@ -53,7 +52,7 @@ def ellipse() -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize("points", [(128, 128), (192, 128)], ids=["square", "rectangle"])
-def test_an_ellipse_is_hertz(points: tuple[int, int]) -> None:
+def test_an_ellipse_is_hertz(points):
     F, a, b = ellipse()
     period = 6 * a if points == (128, 128) else (6 * a, 6 * b)
     found = solve(
@@ -63,7 +62,7 @@ def test_an_ellipse_is_hertz(points: tuple[int, int]) -> None:
     assert float(found.force) == pytest.approx(F, rel=1e-4)
 
 
-def test_a_square_punch_has_the_capacitance_of_the_square() -> None:
+def test_a_square_punch_has_the_capacitance_of_the_square():
     """F = pi 0.3667874 E* s depth (Read, J. Comput. Phys. 133 (1997) 1), by extrapolation."""
     found = []
     for points in (16, 32):
@@ -76,7 +75,7 @@ def test_a_square_punch_has_the_capacitance_of_the_square() -> None:
     assert 2 * found[1] - found[0] == pytest.approx(1, abs=2 * error**2)
 
 
-def test_a_cylinder_is_hertz_with_its_depth_from_the_datum() -> None:
+def test_a_cylinder_is_hertz_with_its_depth_from_the_datum():
     """Johnson, Contact Mechanics, section 5.6: a surface point at the distance B >> a counts as at rest."""
     a, B = 0.1, 3.0
     F, depth = math.pi * E * a**2 / 4, a**2 / 2 * (math.log(2 * B / a) + 0.5)
@@ -88,7 +87,7 @@ def test_a_cylinder_is_hertz_with_its_depth_from_the_datum() -> None:
     assert float(found.area_interpolated) == pytest.approx(2 * a, rel=1e-3)
 
 
-def test_displacement_is_that_of_a_wider_cell_and_nan_beyond_reach() -> None:
+def test_displacement_is_that_of_a_wider_cell_and_nan_beyond_reach():
     a = math.sqrt(DEPTH)
     body = bonded_layer(0.1, 1.0, poisson=0.4, base=0.3)
     narrow, wide = (
@@ -102,7 +101,7 @@ def test_displacement_is_that_of_a_wider_cell_and_nan_beyond_reach() -> None:
     assert float(np.abs(narrow.displacement - inner.to_numpy()).max()) < 1e-3 * DEPTH  # the fit's tolerance
 
 
-def test_a_contact_wider_than_the_reach_is_an_error_that_names_a_period_that_does() -> None:
+def test_a_contact_wider_than_the_reach_is_an_error_that_names_a_period_that_does():
     body, punch = halfspace(1.0), Parabola(radius=1.0)
     with pytest.raises(ConvergenceError, match=r"periods apart.*; a period of \S+ would do") as refused:
         solve(body, punch, depth=DEPTH, period=0.4, points=(64, 64), isolated=True)
@@ -118,7 +117,7 @@ def test_a_contact_wider_than_the_reach_is_an_error_that_names_a_period_that_doe
         ({"depth": 0.01, "datum": 2.0}, "only with isolated=True"),
     ],
 )
-def test_options_that_do_not_go_together_are_refused(options: dict[str, Any], words: str) -> None:
+def test_options_that_do_not_go_together_are_refused(options, words):
     with pytest.raises(ConfigError, match=words):
         solve(halfspace(1.0), Parabola(radius=1.0), **options)
 
@@ -126,7 +125,7 @@ def test_options_that_do_not_go_together_are_refused(options: dict[str, Any], wo
 MATERIAL = {"model": "zener", "G0": 1.0, "Ginf": 10.0, "tau": 1.0}
 
 
-def loaded(boundary: str, period: float, layer: dict[str, Any], base: float, **keys: Any) -> dict[str, Any]:
+def loaded(boundary, period, layer, base, **keys):
     """A sphere that approaches, holds and retracts."""
     path = {"kind": "approach_retract", "start": 0.0, "depth": DEPTH, "approach_speed": DEPTH, "dwell": 3.0}
     return {
@@ -145,9 +144,7 @@ def loaded(boundary: str, period: float, layer: dict[str, Any], base: float, **k
     [({"poisson": 0.5}, math.inf, 2e-4), ({"poisson": 0.45}, 5.0, 2e-4), ({"poisson": 0.45}, 0.2, 2.5e-4)],
     ids=["rigid base", "stiff base", "soft base"],
 )
-def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(
-    layer: dict[str, float], base: float, most: float
-) -> None:
+def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(layer, base, most):
     """In a cell of five contact radii, where images change the force by 0.02 to 1 and more."""
     body = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=layer["poisson"], base=base)
     exact = indent(body, Parabola(radius=1.0), [0, 1, 4, 5], depth=[0, DEPTH, DEPTH, 0], tolerance=1e-5)
@@ -164,7 +161,7 @@ def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(
         assert found.transforms.sum() <= 1.1 * periodic.transforms.sum()
 
 
-def test_adhesion_does_not_depend_on_the_cell() -> None:
+def test_adhesion_does_not_depend_on_the_cell():
     """Of points at equal spacings."""
     law = {"law": "exponential", "work": 5e-5, "range": 5e-4}
     body = bonded_layer(0.1, 1.0, poisson=0.4, base=0.3)
@@ -185,17 +182,17 @@ class Bed(Solid):
     k: float
 
     @property
-    def mean_stiffness(self) -> float:
+    def mean_stiffness(self):
         return self.k
 
-    def stiffness(self, waves: Any, s: Any) -> Any:
+    def stiffness(self, waves, s):
         return self.spectrum(waves).stiffness(s)
 
-    def spectrum(self, waves: Any) -> Spectrum:
+    def spectrum(self, waves):
         return Spectrum.of_material(self.k + 0 * np.asarray(waves, dtype=float), Zener(1.0, 10.0, 1.0))
 
 
-def test_an_own_body_of_springs_has_the_force_of_the_overlap() -> None:
+def test_an_own_body_of_springs_has_the_force_of_the_overlap():
     """F = k pi R depth^2 of the relaxed springs, on a grid of 50 points in a diameter."""
     body = Bed(k=3.0)
     found = solve(body, Parabola(radius=1.0), depth=DEPTH, period=0.8, points=(144, 144), isolated=True)
@@ -203,7 +200,7 @@ def test_an_own_body_of_springs_has_the_force_of_the_overlap() -> None:
 
 
 @pytest.mark.parametrize("points", [64, [64, 64]], ids=["line", "surface"])
-def test_no_column_is_a_mean_over_the_cell(points: Any) -> None:
+def test_no_column_is_a_mean_over_the_cell(points):
     config = Config(
         name="a",
         grid={"points": points, "boundary": "isolated"},
@@ -221,7 +218,7 @@ def test_no_column_is_a_mean_over_the_cell(points: Any) -> None:
     assert config.unit(found["area"].units) == ("length" if points == 64 else "length^2")
 
 
-def test_a_force_beyond_reach_ends_the_run_at_the_step_and_keeps_those_before() -> None:
+def test_a_force_beyond_reach_ends_the_run_at_the_step_and_keeps_those_before():
     config = loaded("isolated", 0.5, {"poisson": 0.45}, 5.0, time={"step": 0.25, "end": 2.0})
     config["grid"]["points"] = [64, 64]
     config["trajectory"] = {"control": "force", "force": 0.06, "ramp_time": 2.0}  # within reach where glassy
@@ -234,9 +231,7 @@ def test_a_force_beyond_reach_ends_the_run_at_the_step_and_keeps_those_before() 
 
 
 @pytest.mark.parametrize(("control", "fits", "too_much"), [("depth", 0.01, 0.02), ("force", 0.02, 0.12)])
-def test_a_contact_that_will_be_too_wide_is_known_before_the_run(
-    control: str, fits: float, too_much: float
-) -> None:
+def test_a_contact_that_will_be_too_wide_is_known_before_the_run(control, fits, too_much):
     """The larger value is refused where the layer is glassy too; the widest radius would be 0.105."""
     config = loaded("isolated", 0.5, {"poisson": 0.45}, 5.0)
     config["grid"]["points"] = [64, 64]

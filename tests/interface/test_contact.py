@@ -1,9 +1,5 @@
 """Contact under an interface law: the solver, and a whole case, against closed forms."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -21,7 +17,7 @@ from gfmdlayer.results.journal import Recording
 LAW = Exponential(work=1e-3, range=4e-3).interaction()
 
 
-def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_balance() -> None:
+def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_balance():
     # kappa_0 u = tau(g0 - u) for a uniform surface; of the two roots the one nearer to rest is stable.
     stiffness, gap = 100.0, 0.01
     kappa = stiffness + Grid((32,), (1.0,)).wavenumbers
@@ -36,14 +32,14 @@ def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_ba
     assert found.contact_area == 0
 
 
-def run(config: Config, **values: object) -> list[dict[str, float]]:
+def run(config, **values):
     recording = Recording()
     simulate(config.with_values(values), recording)
     return recording.rows
 
 
 @pytest.mark.parametrize("control", ["depth", "load"])
-def test_a_case_takes_an_interface_law_and_its_energy_balances(control: str) -> None:
+def test_a_case_takes_an_interface_law_and_its_energy_balances(control):
     config = Config(name="adhesion").with_values({
         "grid.points": 512, "halfspace.shear_modulus": 1.0,
         "layer.material": {"model": "zener", "G0": 1.0, "Ginf": 3.0, "tau": 1.0},
@@ -66,7 +62,7 @@ def test_a_case_takes_an_interface_law_and_its_energy_balances(control: str) -> 
     assert np.abs(change).max() < 0.02**2 / 12 * after[-1]["dissipated"] + 1e-9 * abs(after[-1]["work"])
 
 
-def test_an_adhesive_cylinder_rolls_and_its_energy_balances() -> None:
+def test_an_adhesive_cylinder_rolls_and_its_energy_balances():
     config = Config(name="rolling").with_values(
         {
             "grid.points": 256,
@@ -93,14 +89,14 @@ THICKNESS, POISSON = 0.05, 0.3
 STIFFNESS = 2 * (1 - POISSON) / ((1 - 2 * POISSON) * THICKNESS)  # of a bonded layer of G = 1, per area
 GAP, H0 = 0.004, 0.001
 PULL_IN = (8 * STIFFNESS * (GAP + H0) ** 3 / 27) ** 0.5  # with a permittivity of 1
-FILM: dict[str, Any] = {
+FILM = {
     "grid": {"points": 32},
     "layer": {"thickness": THICKNESS, "poisson": POISSON, "material": {"model": "elastic", "G": 1.0}},
     "halfspace": {"shear_modulus": np.inf},
 }
 
 
-def under(volts: Any, **keys: Any) -> Any:
+def under(volts, **keys):
     """Run a flat plate at a gap under a voltage."""
     law = {"law": "electrostatic", "voltage": volts, "insulation": H0, "permittivity": 1.0}
     rest = [(0.0, -GAP), (1.0, -GAP)]
@@ -108,7 +104,7 @@ def under(volts: Any, **keys: Any) -> Any:
 
 
 @pytest.mark.parametrize("part", [0.3, 0.9, -0.9])
-def test_below_it_stress_and_field_balance(part: float) -> None:
+def test_below_it_stress_and_field_balance(part):
     volts = part * PULL_IN
     found = under(volts, time={"end": 1.0, "step": 1.0})
     lifted = float(GAP - found.mean_gap[-1])
@@ -119,7 +115,7 @@ def test_below_it_stress_and_field_balance(part: float) -> None:
     assert float(found.mean_stress[-1]) == pytest.approx(-field, abs=bound)
 
 
-def test_before_the_voltage_a_film_in_metres_rests() -> None:
+def test_before_the_voltage_a_film_in_metres_rests():
     # Rounding of the gap is 1e-21 m here: its squares are below single precision.
     waves = {"shape": "sinusoid", "amplitude": 1e-6, "wavelength": 2.5e-4}
     law = {"law": "electrostatic", "insulation": 1e-5, "voltage": [(0.0, 0.0), (0.1, 0.0), (0.2, 100.0)]}
@@ -140,14 +136,14 @@ def test_before_the_voltage_a_film_in_metres_rests() -> None:
 
 # --- a cylinder that rolls over a layer to which it sticks ---
 
-ROLLING: dict[str, Any] = {
+ROLLING = {
     "grid": {"points": 512}, "layer": {"thickness": 0.1}, "punch": {"shape": "cylinder", "radius": 0.5},
     "interface": {"law": "exponential", "work": 1e-3, "range": 2e-3},
     "trajectory": {"control": "load", "load": 0.005, "ramp_time": 1.0}, "output": {"snapshots": "every"},
 }  # fmt: skip
 
 
-def edges(speed: float, **values: Any) -> tuple[float, float, float]:
+def edges(speed, **values):
     """Pull on the surface behind and in front of the highest pressure, and friction, in the steady state."""
     time = {"end": max(100.0, 3 / speed), "step": "adaptive", "tolerance": 1e-3, "steady": 1e-3}
     found = gfmdlayer.run(ROLLING | values, time=time, trajectory__velocity=speed)
@@ -159,7 +155,7 @@ def edges(speed: float, **values: Any) -> tuple[float, float, float]:
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_the_opening_edge_is_pulled_more_than_the_closing_one_unless_the_layer_is_elastic() -> None:
+def test_the_opening_edge_is_pulled_more_than_the_closing_one_unless_the_layer_is_elastic():
     elastic = {"thickness": 0.1, "material": {"model": "elastic", "G": 1.0}}
     # A relaxed layer is alike on both sides to the tolerance of the steps. A glassy one relaxes by a part
     # a/(v tau) of its contrast, 9, over the half-width a = 0.03: 3e-3 at v = 100, of which a part is uneven.

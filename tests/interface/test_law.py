@@ -1,20 +1,16 @@
 """Interface laws: energy, traction and curvature against each other, works and strengths, sums, voltages."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from gfmdlayer.interface.adhesion import Dugdale, Exponential, HardWall, LennardJones
-from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
 from gfmdlayer.interface.forms import interact
-from gfmdlayer.interface.friction import Friction
-from gfmdlayer.interface.law import HARD_WALL, Driven, Interaction, total
+from gfmdlayer.interface.interface import Friction, HardWall
+from gfmdlayer.interface.law import HARD_WALL, Driven, total
 from gfmdlayer.interface.laws import LAWS
 
 WORK, RANGE = 1e-3, 4e-3
@@ -32,12 +28,12 @@ LAWS_AND_SUM = {name: law.interaction() for name, law in EXAMPLES.items()} | {"s
 each_law = pytest.mark.parametrize("law", LAWS_AND_SUM.values(), ids=LAWS_AND_SUM.keys())
 
 
-def test_every_law_of_the_table_is_tested() -> None:
+def test_every_law_of_the_table_is_tested():
     assert EXAMPLES.keys() == {name for name, law in LAWS.items() if not issubclass(law, Friction)}
 
 
 @each_law
-def test_traction_and_curvature_are_derivatives_of_the_energy(law: Interaction) -> None:
+def test_traction_and_curvature_are_derivatives_of_the_energy(law):
     gap, step = np.linspace(1e-4, 0.02, 201), 1e-7
     # Central differences: truncation (step/width)^2 with the shortest width of 2e-3, 3e-9; rounding of the
     # energy, 1e-16 work/step, and of the traction, beside the largest traction and curvature.
@@ -50,7 +46,7 @@ def test_traction_and_curvature_are_derivatives_of_the_energy(law: Interaction) 
 
 
 @each_law
-def test_laws_attract_and_fade(law: Interaction) -> None:
+def test_laws_attract_and_fade(law):
     gap = np.geomspace(1e-6, 10, 100)
     assert (law.traction(gap) >= 0).all()
     assert (law.energy(gap) <= 0).all()
@@ -62,12 +58,12 @@ def test_laws_attract_and_fade(law: Interaction) -> None:
 
 
 @pytest.mark.parametrize("name", ADHESIVE)
-def test_the_work_is_the_integral_of_the_traction_and_the_strength_its_maximum(name: str) -> None:
+def test_the_work_is_the_integral_of_the_traction_and_the_strength_its_maximum(name):
     law = EXAMPLES[name].interaction()
     assert law.work == pytest.approx(WORK, rel=1e-12)
     assert law.energy(np.zeros(1))[0] == pytest.approx(-WORK, rel=1e-12)
 
-    def traction(gap: float) -> float:
+    def traction(gap):
         return float(law.traction(np.array([gap]))[0])
 
     edges = [0.0, 0.75 * RANGE, 1.25 * RANGE, 1.0]
@@ -81,7 +77,7 @@ def test_the_work_is_the_integral_of_the_traction_and_the_strength_its_maximum(n
     assert law.range * law.strength == pytest.approx(WORK, rel=1e-12)
 
 
-def test_the_compiled_exponential_is_the_one_of_numpy() -> None:
+def test_the_compiled_exponential_is_the_one_of_numpy():
     # Seven squarings double the rounding of a power series each: 2^7 times 2e-16 at most.
     gap = np.linspace(0, 63.9 * RANGE, 20_001)
     expected = WORK / RANGE * np.exp(-gap / RANGE)
@@ -89,13 +85,13 @@ def test_the_compiled_exponential_is_the_one_of_numpy() -> None:
     assert EXAMPLES["exponential"].traction([64 * RANGE, 1.0, math.inf]).tolist() == [0, 0, 0]
 
 
-def test_dugdales_traction_tends_to_a_step_as_its_end_narrows() -> None:
+def test_dugdales_traction_tends_to_a_step_as_its_end_narrows():
     law = Dugdale(work=WORK, stress=0.25, smoothing=0.01)
     np.testing.assert_array_equal(law.traction([0.0, 0.994 * RANGE, 1.006 * RANGE]), [0.25, 0.25, 0.0])
     assert law.traction(RANGE) == pytest.approx(0.125, rel=1e-12)
 
 
-def test_the_9_3_law_is_in_equilibrium_at_its_wall() -> None:
+def test_the_9_3_law_is_in_equilibrium_at_its_wall():
     law = EXAMPLES["lennard_jones"]
     assert law.traction(0.0) == pytest.approx(0, abs=1e-15)
     # A spring of 16 work/separation^2 there: the slope of (8/3)(x^3 - x^9) is 16.
@@ -103,7 +99,7 @@ def test_the_9_3_law_is_in_equilibrium_at_its_wall() -> None:
     assert law.traction((3 ** (1 / 6) - 1) * RANGE) == pytest.approx(16 / (9 * math.sqrt(3)) * WORK / RANGE)
 
 
-def test_the_electrostatic_traction_is_the_stress_of_the_field() -> None:
+def test_the_electrostatic_traction_is_the_stress_of_the_field():
     # eps0 E^2/2 in the gap, E = D/eps0 with the voltage over gap and layers: V = D/eps0 (g + t1/e1 + t2/e2).
     eps0, volts, gap = 8.8541878128e-12, 300.0, 2e-6
     layers = [{"thickness": 1e-6, "permittivity": 3.0}, {"thickness": 5e-6, "permittivity": 2.5}]
@@ -112,7 +108,7 @@ def test_the_electrostatic_traction_is_the_stress_of_the_field() -> None:
     assert law.traction(gap) == pytest.approx(0.5 * eps0 * field**2, rel=1e-12)
 
 
-def test_laws_add_and_the_hard_wall_adds_nothing() -> None:
+def test_laws_add_and_the_hard_wall_adds_nothing():
     gap = np.linspace(0, 0.01, 11)
     np.testing.assert_allclose(SUM.traction(gap), sum(law.traction(gap) for law in EXAMPLES.values()))
     assert total([HARD_WALL, HARD_WALL]) is HARD_WALL
@@ -121,7 +117,7 @@ def test_laws_add_and_the_hard_wall_adds_nothing() -> None:
     assert not HARD_WALL.traction(gap).any()
 
 
-def test_a_voltage_over_time_drives_the_attraction(tmp_path: Path) -> None:
+def test_a_voltage_over_time_drives_the_attraction(tmp_path):
     file = tmp_path / "voltage.txt"
     file.write_text("0 0\n1 10\n3 -20\n")
     law = Electrostatic(voltage=file, insulation=0.1, permittivity=1.0).interaction()

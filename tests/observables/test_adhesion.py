@@ -1,10 +1,6 @@
 """Observables of an interface that attracts, against the surfaces and curves that they come from."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +13,7 @@ from gfmdlayer.observables.adhesion import PART, Adhesion
 from gfmdlayer.results.journal import Journal, Recording
 
 LAW = {"law": "exponential", "work": 1e-3, "range": 4e-3}
-PULL: dict[str, Any] = {
+PULL = {
     "grid": {"points": 256},
     "layer": {"thickness": 0},
     "interface": LAW,
@@ -33,11 +29,11 @@ PULL: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def pulled() -> xarray.Dataset:
+def pulled():
     return gfmdlayer.run(PULL | {"output": {"snapshots": [1.2, 1.6]}})
 
 
-def test_energy_tension_and_attractive_area_follow_from_the_surface(pulled: xarray.Dataset) -> None:
+def test_energy_tension_and_attractive_area_follow_from_the_surface(pulled):
     law = gfmdlayer.Exponential(work=1e-3, range=4e-3)
     for time in (1.2, 1.6):
         row, surface = pulled.sel(time=time, method="nearest"), pulled.sel(snapshot=time)
@@ -49,7 +45,7 @@ def test_energy_tension_and_attractive_area_follow_from_the_surface(pulled: xarr
         assert float(row.largest_tension) == -float(surface.pressure.min()) > 0
 
 
-def test_pull_off_and_work_of_separation_follow_from_the_curve(pulled: xarray.Dataset) -> None:
+def test_pull_off_and_work_of_separation_follow_from_the_curve(pulled):
     force, depth = pulled.force.to_numpy(), pulled.depth.to_numpy()
     back = np.append(False, np.diff(depth) <= 0)
     assert pulled.attrs["pull_off_force"] == -force[back].min() > 0.01
@@ -62,7 +58,7 @@ def test_pull_off_and_work_of_separation_follow_from_the_curve(pulled: xarray.Da
     assert pulled.attrs["work_of_separation"] == pytest.approx(work, rel=1e-4)
 
 
-def test_a_sweep_holds_the_numbers_of_its_cases(tmp_path: Path) -> None:
+def test_a_sweep_holds_the_numbers_of_its_cases(tmp_path):
     short = PULL | {"time": {"step": 0.1}}
     swept = {"interface.work": [5e-4, 1e-3], "trajectory.retract_speed": [0.01, 0.02]}
     memory = gfmdlayer.run(short, sweep=swept)
@@ -77,27 +73,25 @@ def test_a_sweep_holds_the_numbers_of_its_cases(tmp_path: Path) -> None:
     assert case.attrs["pull_off_force"] == float(folder.pull_off_force[1, 1])
 
 
-def test_the_hard_wall_has_no_columns_of_adhesion() -> None:
+def test_the_hard_wall_has_no_columns_of_adhesion():
     names = {column.name for column in columns(Config(name="a", interface={"law": "hard_wall"}))}
     assert names.isdisjoint(column.name for column in Adhesion.COLUMNS)
     assert names == {column.name for column in columns(Config(name="a"))}
 
 
-def test_the_work_counts_only_the_pull_in_retraction() -> None:
-    def step(depth: float, pressure: float) -> Any:
+def test_the_work_counts_only_the_pull_in_retraction():
+    def step(depth, pressure):
         solution = SimpleNamespace(mean_pressure=pressure)
         return depth, solution.mean_pressure, 2 * pressure
 
-    found = Adhesion(SimpleNamespace(grid=SimpleNamespace(sums=None)))  # type: ignore[arg-type]
+    found = Adhesion(SimpleNamespace(grid=SimpleNamespace(sums=None)))
     for values in (step(0, -3), step(1, -3), step(2, -1), step(1, 1), step(0, -1), step(-1, -1), step(-2, 0)):
         found._pull(*values)
     # From 2 to 1 and from 1 to 0 half a step each pulls, 1/4; then a whole one, 1, and a triangle, 1/2.
     assert found.attributes == {"pull_off_force": 2, "pull_off_stress": 1, "work_of_separation": 2.0}
 
 
-def test_snapshots_hold_the_traction_in_memory_in_files_and_after_a_resume(
-    pulled: xarray.Dataset, tmp_path: Path
-) -> None:
+def test_snapshots_hold_the_traction_in_memory_in_files_and_after_a_resume(pulled, tmp_path):
     law = gfmdlayer.Exponential(work=1e-3, range=4e-3)
     np.testing.assert_allclose(pulled.traction, law.traction(pulled.gap), rtol=1e-14)
     keys = PULL | {"name": "a", "output": {"snapshots": [1.2, 1.6]}}

@@ -1,24 +1,16 @@
 """Statistics of a rough contact: distributions, patches and the mean gap."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numpy.typing import NDArray
 
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.observables import contact_statistics
 from gfmdlayer.observables.contact_statistics import histogram
 
-Run = Callable[[dict[str, object]], Any]
-
-BUMPS: dict[str, object] = {
+BUMPS = {
     "punch": {"shape": "sinusoid", "amplitude": 0.01, "wavelength": 0.25}, "solver": {"method": "active_set"},
     "trajectory.depth": 0.005, "time.end": 2.0, "time.step": 0.5, "output.patches": True,
     "output.histograms.pressure": {"max": 8.0, "bins": 40},
@@ -26,11 +18,11 @@ BUMPS: dict[str, object] = {
 }  # fmt: skip
 
 
-def count_patches(touching: NDArray[np.bool_]) -> int:
+def count_patches(touching):
     return contact_statistics.count_patches(touching, Grid(touching.shape, (1.0,) * touching.ndim))
 
 
-def flooded(touching: NDArray[np.bool_]) -> int:
+def flooded(touching):
     """Count patches by walking from point to point around the cell."""
     left, count = {tuple(place) for place in np.argwhere(touching).tolist()}, 0
     while left:
@@ -49,11 +41,11 @@ def flooded(touching: NDArray[np.bool_]) -> int:
 @given(
     hnp.arrays(np.bool_, st.one_of(st.tuples(st.integers(8, 20)), st.tuples(st.just(8), st.integers(8, 9))))
 )
-def test_a_walk_around_the_cell_finds_the_same_patches(touching: NDArray[np.bool_]) -> None:
+def test_a_walk_around_the_cell_finds_the_same_patches(touching):
     assert count_patches(touching) == flooded(touching)
 
 
-def test_patches_are_whole_across_the_edges_of_the_cell() -> None:
+def test_patches_are_whole_across_the_edges_of_the_cell():
     corner = np.zeros((8, 8), bool)
     corner[[0, 0, -1, -1], [0, -1, 0, -1]] = True
     assert count_patches(corner) == 1
@@ -62,7 +54,7 @@ def test_patches_are_whole_across_the_edges_of_the_cell() -> None:
     assert count_patches(np.zeros(8, bool)) == 0
 
 
-def test_histogram_counts_every_chosen_value_once() -> None:
+def test_histogram_counts_every_chosen_value_once():
     values = np.random.default_rng(1).exponential(1.0, 10_000)
     values[:3] = (-1e-18, 0.5, 2.0)  # rounding below zero, and edges, which belong to the bin above them
     edges = np.array([0.0, 0.5, 1.0, 2.0, np.inf])
@@ -73,7 +65,7 @@ def test_histogram_counts_every_chosen_value_once() -> None:
 
 
 @pytest.mark.parametrize(("points", "waves"), [(512, 4), ([64, 48], 16)])
-def test_each_wave_makes_a_patch_and_distributions_carry_the_means(run: Run, points: Any, waves: int) -> None:
+def test_each_wave_makes_a_patch_and_distributions_carry_the_means(run, points, waves):
     found = run(BUMPS | {"grid.points": points, "grid.period": 1.0})
     assert found["patches"].tolist() == [0, *[waves] * 4]
     if waves == 4:  # the mean height of A (1 - cos) is A; an incompressible layer keeps its mean height
@@ -100,7 +92,7 @@ def test_each_wave_makes_a_patch_and_distributions_carry_the_means(run: Run, poi
         assert (mean - slack <= counts[:, :-1] @ edges[1:]).all()
 
 
-def test_pressures_of_full_contact_with_a_wave_follow_the_arcsine_law(run: Run) -> None:
+def test_pressures_of_full_contact_with_a_wave_follow_the_arcsine_law(run):
     n, amplitude = 4096, 0.01
     star = 4.0 * np.pi * amplitude  # p* = E* q A/2 with E* = 4 G, on a punch A (1 - cos q x), q = 2 pi
     load = 1.5 * star

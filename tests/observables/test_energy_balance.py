@@ -1,11 +1,6 @@
 """Energy balance: work = stored + dissipated, and the signs and limits of each."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,22 +12,16 @@ from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.simulation import Case
 
-Run = Callable[[dict[str, object]], Any]
-
-SHORT: dict[str, object] = {"time.end": 2.0, "solver.tolerance": 1e-8}
-COMPRESSIBLE: dict[str, object] = {
-    "layer.poisson": 0.3,
-    "halfspace.shear_modulus": float("inf"),
-    "grid.points": 512,
-}
+SHORT = {"time.end": 2.0, "solver.tolerance": 1e-8}
+COMPRESSIBLE = {"layer.poisson": 0.3, "halfspace.shear_modulus": float("inf"), "grid.points": 512}
 CYCLE = "time depth\n0 0\n1 0.01\n2 0.002\n3 0.01\n"
 
 
-def order(errors: list[float], steps: list[float]) -> float:
+def order(errors, steps):
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
-def imbalance(recording: Any) -> float:
+def imbalance(recording):
     return float(np.abs(recording["energy_residual"]).max() / recording["work"].max())
 
 
@@ -41,9 +30,7 @@ def imbalance(recording: Any) -> float:
     # The bound on backward Euler: it loses w |du|^2/2 a step, which is a fraction dt/tau/2 of the heat.
     [("exponential", 2.0, 1e-4), ("backward_euler", 1.0, 5e-3)],
 )
-def test_the_balance_closes_with_the_order_of_the_integrator(
-    run: Run, integrator: str, expected: float, largest: float
-) -> None:
+def test_the_balance_closes_with_the_order_of_the_integrator(run, integrator, expected, largest):
     steps = [0.04, 0.02, 0.01]
     errors = [imbalance(run(SHORT | {"time.integrator": integrator, "time.step": step})) for step in steps]
     assert order(errors, steps) == pytest.approx(expected, abs=0.25)  # contact grows by whole grid points
@@ -54,9 +41,7 @@ def test_the_balance_closes_with_the_order_of_the_integrator(
     "time", [{"step": 0.05}, {"step": 0.05, "integrator": "backward_euler"}, {"step": "adaptive"}]
 )
 @pytest.mark.parametrize("body", [{}, COMPRESSIBLE], ids=["default", "compressible"])
-def test_heat_only_grows_and_no_spring_stores_less_than_nothing(
-    run: Run, tmp_path: Path, time: dict[str, object], body: dict[str, object]
-) -> None:
+def test_heat_only_grows_and_no_spring_stores_less_than_nothing(run, tmp_path, time, body):
     (tmp_path / "cycle.txt").write_text(CYCLE)
     trajectory = {"kind": "table", "file": str(tmp_path / "cycle.txt")}
     times = {f"time.{key}": value for key, value in time.items()}
@@ -69,7 +54,7 @@ def test_heat_only_grows_and_no_spring_stores_less_than_nothing(
 
 
 @pytest.mark.parametrize("Ginf", [1.0, 10.0])
-def test_a_cycle_costs_work_unless_the_body_is_elastic(run: Run, tmp_path: Path, Ginf: float) -> None:
+def test_a_cycle_costs_work_unless_the_body_is_elastic(run, tmp_path, Ginf):
     (tmp_path / "cycle.txt").write_text("time depth\n0 0\n1 0.01\n1.4 0.006\n")
     recording = run({
         "grid.points": 1024, "time.end": 1.4, "time.step": 0.01, "solver.tolerance": 1e-8,
@@ -85,9 +70,7 @@ def test_a_cycle_costs_work_unless_the_body_is_elastic(run: Run, tmp_path: Path,
 
 
 @pytest.mark.parametrize("points", [(256,), (255,), (24, 16), (21, 15)])
-def test_the_stored_energy_is_that_of_the_pressure_on_the_surface(
-    run: Run, points: tuple[int, ...], tmp_path: Path
-) -> None:
+def test_the_stored_energy_is_that_of_the_pressure_on_the_surface(run, points, tmp_path):
     (tmp_path / "jump.txt").write_text("time depth\n0 0.004\n1 0.004\n")
     recording = run({
         "grid.points": points, "grid.period": 1.0, "time.end": 0.05,
@@ -101,10 +84,10 @@ def test_the_stored_energy_is_that_of_the_pressure_on_the_surface(
 
 @pytest.mark.parametrize("x", [1e-3, 0.05, 0.099, 0.101, 1.0, 8.0, 60.0])
 @pytest.mark.parametrize("c", [0.0, 0.3])
-def test_a_mode_moves_and_heats_as_its_equation_says(x: float, c: float) -> None:
+def test_a_mode_moves_and_heats_as_its_equation_says(x, c):
     before, change = 0.7, -0.4
 
-    def rate(s: float, state: Any) -> list[float]:  # in units of theta: u'' = 2 c/x^2
+    def rate(s, state):  # in units of theta: u'' = 2 c/x^2
         return [change / x + c * (2 * s / x**2 - 1 / x) - state[0], state[0] ** 2]
 
     exact = solve_ivp(rate, (0, x), [before, 0.0], rtol=1e-11, atol=1e-14, method="LSODA").y[:, -1]
@@ -116,7 +99,7 @@ def test_a_mode_moves_and_heats_as_its_equation_says(x: float, c: float) -> None
 
 
 @pytest.mark.parametrize("scheme", SCHEMES.values(), ids=list(SCHEMES))
-def test_the_factors_of_heat_cannot_be_negative(scheme: Any) -> None:
+def test_the_factors_of_heat_cannot_be_negative(scheme):
     x = np.concatenate(([0.0], np.logspace(-12, 12, 400)))
     factors = scheme(x)
     assert (factors.loss >= 0).all()
@@ -124,14 +107,14 @@ def test_the_factors_of_heat_cannot_be_negative(scheme: Any) -> None:
     assert all(np.isfinite(factor).all() for factor in factors)
 
 
-def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth() -> None:
+def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth():
     balance, energy = EnergyBalance(Case(Config(name="x"))), SimpleNamespace(stored=2.0, dissipated=0.5)
     problem = SimpleNamespace(interface=HARD_WALL)
 
-    def work_at(depth: float) -> float:
+    def work_at(depth):
         surface = SimpleNamespace(depth=depth)
         solution = SimpleNamespace(mean_pressure=depth**2, margin=1.0)
-        step: Any = SimpleNamespace(
+        step = SimpleNamespace(
             time=0.0, row={}, energy=energy, surface=surface, solution=solution, problem=problem, shear=None
         )
         return balance.measure(step)["work"]

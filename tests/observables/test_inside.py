@@ -1,16 +1,12 @@
 """Columns of the largest stresses below the surface, and what `output.inside` refuses."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
 import gfmdlayer
 from gfmdlayer import ConfigError
 
-RUN: dict[str, Any] = {
+RUN = {
     "layer": {"thickness": 0.03, "poisson": 0.3},
     "halfspace": {"shear_modulus": 0.2, "poisson": 0.4},
     "time": {"end": 0.4, "step": 0.1},
@@ -21,7 +17,7 @@ LINE, SURFACE = {"grid": {"points": 128}}, {"grid": {"points": [32, 24]}}
 
 
 @pytest.mark.parametrize("grid", [LINE, SURFACE])
-def test_columns_are_the_extremes_of_the_fields(grid: dict[str, Any]) -> None:
+def test_columns_are_the_extremes_of_the_fields(grid):
     data = gfmdlayer.run(RUN | grid)
     fields = gfmdlayer.inside(data, RUN["output"]["inside"]["depths"])
     assert np.isnan(data.largest_von_mises.values[[1, 3]]).all()
@@ -40,7 +36,7 @@ def test_columns_are_the_extremes_of_the_fields(grid: dict[str, Any]) -> None:
         assert np.isclose(row.interface_shear.item(), interface.shear_on_plane.max(), rtol=1e-12)
 
 
-def test_the_bond_to_a_rigid_base_is_an_interface() -> None:
+def test_the_bond_to_a_rigid_base_is_an_interface():
     base = {"halfspace": {"shear_modulus": np.inf}, "output.inside": {"points": 2, "every": 1}}
     assert gfmdlayer.run(RUN | LINE, **base).interface.values.tolist() == [0]
     free = gfmdlayer.run(RUN | LINE, **base | {"halfspace": {"shear_modulus": 0.0}})
@@ -67,12 +63,12 @@ def test_the_bond_to_a_rigid_base_is_an_interface() -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_cannot_be_used_is_refused_with_its_place(keys: dict[str, Any], said: str) -> None:
+def test_what_cannot_be_used_is_refused_with_its_place(keys, said):
     with pytest.raises(ConfigError, match=said):
         gfmdlayer.run(RUN | LINE, **keys)
 
 
-def test_a_sweep_has_fields_only_where_its_cases_have_the_same_layers_at_their_depths() -> None:
+def test_a_sweep_has_fields_only_where_its_cases_have_the_same_layers_at_their_depths():
     keys = {"output.inside": {"depths": [0.0, 0.03]}, "time.end": 0.2, "output.snapshots": [0.2]}
     for thicknesses, known in (([0.04, 0.05], True), ([0.02, 0.05], False)):
         found = gfmdlayer.run(RUN | LINE, sweep={"layer.thickness": thicknesses}, **keys)
@@ -80,7 +76,7 @@ def test_a_sweep_has_fields_only_where_its_cases_have_the_same_layers_at_their_d
         assert "pressure" in found
 
 
-def test_modes_are_not_merged_where_fields_are_asked_for() -> None:
+def test_modes_are_not_merged_where_fields_are_asked_for():
     law = {"model": "prony", "G0": 1.0, "branches": [{"G": 1.0, "tau": 10.0**k} for k in range(-3, 3)]}
     stack = {"layers": [{"thickness": 0.05, "material": law}], "halfspace": {"material": law | {"G0": 3.0}}}
     given = {key: value for key, value in RUN.items() if key not in ("layer", "halfspace", "output")}

@@ -1,20 +1,15 @@
 """The contact area between the points of the grid, against closed forms, symmetries and irregular edges."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.special import spence
 
 import gfmdlayer
 from gfmdlayer.config import Config
 from gfmdlayer.contact.bounded import ConjugateGradient
-from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate
@@ -22,17 +17,16 @@ from gfmdlayer.observables import contact_statistics
 from gfmdlayer.observables.contact_statistics import T0, closed_gap, in_contact
 from gfmdlayer.verification.runs import Recording
 
-Floats = NDArray[np.float64]
 MODULUS = 4.0  # E*
 RADIUS = 0.25
 
 
-def interpolated_area(touching: Any, pressure: Floats, gap: Floats) -> float:
+def interpolated_area(touching, pressure, gap):
     grid = Grid(touching.shape, (1.0,) * touching.ndim)
     return contact_statistics.interpolated_area(touching, pressure, gap, grid)
 
 
-def pressed(punch: Floats, load: float) -> tuple[Problem, Solution]:
+def pressed(punch, load):
     """A halfspace of period 1 under a punch and a mean pressure."""
     grid = Grid(punch.shape, (1.0,) * punch.ndim)
     stiffness = MODULUS / 2 * grid.wavenumbers.ravel()
@@ -44,29 +38,29 @@ def pressed(punch: Floats, load: float) -> tuple[Problem, Solution]:
     return problem, solution
 
 
-def area(punch: Floats, load: float) -> float:
+def area(punch, load):
     """Contact area in points."""
     problem, solution = pressed(punch, load)
     fields = (in_contact(problem, solution), solution.pressure, solution.gap)
     return punch.size * interpolated_area(*(field.reshape(punch.shape) for field in fields))
 
 
-def from_middle(n: int, shift: float) -> Floats:
+def from_middle(n, shift):
     """Distances from a place between two points, on a periodic line."""
     return (np.arange(n) / n - shift / n + 0.5) % 1.0 - 0.5
 
 
-def parabola(n: int, shift: float) -> Floats:
+def parabola(n, shift):
     return from_middle(n, shift) ** 2 / (2 * RADIUS)
 
 
-def load_of(width: float) -> float:
+def load_of(width):
     """Mean pressure under a periodic parabola, from the part of the line in contact."""
     return -MODULUS / (2 * math.pi * RADIUS) * math.log(math.cos(math.pi * width / 2))
 
 
 @pytest.mark.parametrize(("n", "width"), [(256, 20.0), (255, 33.3), (512, 60.7), (512, 171.9)])
-def test_a_line_contact_is_as_wide_as_the_closed_form(n: int, width: float) -> None:
+def test_a_line_contact_is_as_wide_as_the_closed_form(n, width):
     # A twentieth of a cell is asked for. The estimates of both edges are good to 0.002 each and 0.007 at the
     # widest; places of the edges between two points are all passed.
     errors = [area(parabola(n, shift), load_of(width / n)) - width for shift in np.linspace(0, 1, 9)]
@@ -74,7 +68,7 @@ def test_a_line_contact_is_as_wide_as_the_closed_form(n: int, width: float) -> N
 
 
 @pytest.mark.parametrize("radius", [10.0, 17.3])
-def test_a_sphere_makes_a_circle_of_the_radius_of_hertz(radius: float) -> None:
+def test_a_sphere_makes_a_circle_of_the_radius_of_hertz(radius):
     n = 128
     x, y = from_middle(n, 0.3)[:, None], from_middle(n, 0.85)
     hertz = 4 * MODULUS * (radius / n) ** 3 / 3  # the force on a sphere of radius 1
@@ -84,7 +78,7 @@ def test_a_sphere_makes_a_circle_of_the_radius_of_hertz(radius: float) -> None:
     assert found == pytest.approx(radius, abs=0.015 + 5 / 3 * radius * (radius / n) ** 3)
 
 
-def test_the_error_of_the_area_is_of_first_order_in_the_spacing_or_better() -> None:
+def test_the_error_of_the_area_is_of_first_order_in_the_spacing_or_better():
     errors = []
     for n in (64, 256):
         width = 20 * n / 64
@@ -94,7 +88,7 @@ def test_the_error_of_the_area_is_of_first_order_in_the_spacing_or_better() -> N
     assert errors[0] < 0.05 / 64
 
 
-def test_the_area_does_not_depend_on_place_or_direction() -> None:
+def test_the_area_does_not_depend_on_place_or_direction():
     rng, n = np.random.default_rng(5), 48
     waves = rng.normal(size=(n, n))
     q = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n)) * n
@@ -115,26 +109,26 @@ def test_the_area_does_not_depend_on_place_or_direction() -> None:
 
 
 @pytest.mark.parametrize("shape", [(9,), (8, 9)])
-def test_full_contact_and_none_are_exact(shape: tuple[int, ...]) -> None:
+def test_full_contact_and_none_are_exact(shape):
     none, ones = np.zeros(shape, bool), np.ones(shape)
     assert interpolated_area(none, 0 * ones, ones) == 0.0
     assert interpolated_area(~none, ones, 0 * ones) == 1.0
 
 
 @pytest.mark.parametrize("width", [1.0, 2.0, 3.0])
-def test_contacts_of_one_to_three_points_have_a_width(width: float) -> None:
+def test_contacts_of_one_to_three_points_have_a_width(width):
     # Where the count is wrong by up to a cell; the fields are no longer those of a wide contact.
     errors = [area(parabola(128, shift), load_of(width / 128)) - width for shift in (0, 0.25, 0.5, 0.75)]
     assert np.max(np.abs(errors)) < 0.1
 
 
-def test_the_edge_of_a_flat_punch_lies_between_the_points() -> None:
+def test_the_edge_of_a_flat_punch_lies_between_the_points():
     x = from_middle(64, 0.5)
     found = area(np.where(np.abs(x) < 10 / 64, 0.0, 0.1), 0.05)
     assert found == 20.0
 
 
-def test_a_curve_rises_without_stairs_and_agrees_with_a_finer_grid() -> None:
+def test_a_curve_rises_without_stairs_and_agrees_with_a_finer_grid():
     # The edge creeps by less than a point in many steps while the layer relaxes.
     values = {"time": {"end": 3.0, "step": 0.05}, "layer.thickness": 0.1}
     curves = []
@@ -149,7 +143,7 @@ def test_a_curve_rises_without_stairs_and_agrees_with_a_finer_grid() -> None:
     np.testing.assert_allclose(coarse, fine, atol=0.1 / 256)
 
 
-def test_the_depth_gives_the_same_width_while_a_halfspace_relaxes() -> None:
+def test_the_depth_gives_the_same_width_while_a_halfspace_relaxes():
     # Contact that does not shrink is as wide as an elastic one at the same depth, whatever the history.
     recording = Recording()
     n = 512
@@ -164,7 +158,7 @@ def test_the_depth_gives_the_same_width_while_a_halfspace_relaxes() -> None:
 
 
 @pytest.mark.parametrize("method", ["fire", "conjugate_gradient", "active_set"])
-def test_the_gap_is_zero_exactly_where_there_is_contact(method: str, run: Callable[..., Any]) -> None:
+def test_the_gap_is_zero_exactly_where_there_is_contact(method, run):
     values = {"grid.points": 64, "time": {"end": 1.0, "step": 0.25}, "solver.method": method}
     recording = run(values | {"output.snapshots": [1.0]})
     (gap,) = recording.gaps
@@ -172,7 +166,7 @@ def test_the_gap_is_zero_exactly_where_there_is_contact(method: str, run: Callab
     assert gap.min() == 0
 
 
-def test_an_open_gap_keeps_its_value() -> None:
+def test_an_open_gap_keeps_its_value():
     problem, solution = pressed(parabola(64, 0.0), 0.05)
     closed = closed_gap(problem, solution)
     touching = in_contact(problem, solution)
@@ -181,7 +175,7 @@ def test_an_open_gap_keeps_its_value() -> None:
 
 
 @pytest.mark.parametrize("force", [4e-4, 4e-3])
-def test_the_estimated_error_bounds_the_error_on_a_sphere_and_is_not_far_from_it(force: float) -> None:
+def test_the_estimated_error_bounds_the_error_on_a_sphere_and_is_not_far_from_it(force):
     """Hertz, on 8 to 40 points across; the finer grid is off by a sixteenth of the coarser one's estimate."""
     body, punch = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=8.0)
     found = [gfmdlayer.solve(body, punch, force=force, points=(n, n)) for n in (64, 256)]
@@ -191,7 +185,7 @@ def test_the_estimated_error_bounds_the_error_on_a_sphere_and_is_not_far_from_it
     assert estimate < abs(float(found[0].contact_area) - fine)  # less than that of counting
 
 
-def test_the_estimated_error_bounds_the_error_on_a_rough_surface() -> None:
+def test_the_estimated_error_bounds_the_error_on_a_rough_surface():
     """Eight points for the shortest wave, against 32."""
     rough = gfmdlayer.SelfAffine(hurst=0.8, short_cutoff=1 / 8, seed=1, rms_slope=0.1)
     found = [

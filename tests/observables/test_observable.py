@@ -1,11 +1,7 @@
 """An observable is one class and one line in the table: files, sweep, checkpoints and costs follow."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,13 +13,10 @@ from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.model import simulate
-from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
-from gfmdlayer.observables.observable import Parts
+from gfmdlayer.observables import OBSERVABLES, Column, Observable, columns
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import open_case, open_results
-from gfmdlayer.resumable import State
 from gfmdlayer.verification.runs import Recording
-from tests.observables.conftest import RunUpTo
 
 CONFIG = Config(name="rms").with_values(
     {"grid.points": 32, "time": {"end": 1.5, "step": 0.125}, "output.snapshots": [0.5, 1.0, 1.5]}
@@ -38,24 +31,24 @@ class RmsPressure(Observable):
         Column("largest_rms", "largest rms pressure so far", "pressure"),
     )
 
-    def __init__(self, _case: Parts) -> None:
+    def __init__(self, _case):
         self._largest = 0.0
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step):
         rms = float(np.sqrt(np.mean(step.solution.pressure**2)))
         self._largest = max(self._largest, rms)
         return {"pressure_rms": rms, "largest_rms": self._largest}
 
-    def state(self) -> State:
+    def state(self):
         return {"largest": self._largest}
 
-    def restore(self, state: State) -> None:
+    def restore(self, state):
         self._largest = float(state["largest"])
 
 
 def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_up_to: RunUpTo
-) -> None:
+    tmp_path, monkeypatch, run_up_to
+):
     before = estimate(CONFIG).storage
     monkeypatch.setitem(OBSERVABLES, "pressure_rms", RmsPressure)
     assert estimate(CONFIG).storage - before == 2 * 8 * 512  # a block of rows for each column
@@ -81,7 +74,7 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
         np.testing.assert_array_equal(sweep["largest_rms"], np.maximum.accumulate(rows))
 
 
-def test_columns_are_known_without_compiled_code() -> None:
+def test_columns_are_known_without_compiled_code():
     program = "import sys, gfmdlayer.observables; print({'numba', 'numpy'} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
@@ -97,9 +90,7 @@ def test_columns_are_known_without_compiled_code() -> None:
     ],
     ids=["plain", "velocity", "patches", "histogram"],
 )
-def test_a_configuration_has_the_columns_of_its_options(
-    values: dict[str, object], expected: set[str]
-) -> None:
+def test_a_configuration_has_the_columns_of_its_options(values, expected):
     always = {column.name for column in columns(CONFIG)}
     asked = {column.name: column for column in columns(CONFIG.with_values(values))}
     assert asked.keys() - always == expected
@@ -118,14 +109,14 @@ LINE = Config(name="line").with_values(
 SURFACE = LINE.with_values({"grid": {"points": [16, 8], "period": [2.0, 1.5]}})
 
 
-def rows(config: Config) -> dict[str, np.ndarray]:
+def rows(config):
     recording = Recording()
     simulate(config, recording)
     return {name: np.asarray(recording[name]) for name in ("mean_pressure", "mean_stress", "force", "depth")}
 
 
 @pytest.mark.parametrize(("config", "cell"), [(LINE, 2.0), (SURFACE, 3.0)], ids=["line", "surface"])
-def test_force_and_mean_stress_follow_from_ptilde(config: Config, cell: float) -> None:
+def test_force_and_mean_stress_follow_from_ptilde(config, cell):
     found = rows(config)
     assert found["force"][-1] > 0
     np.testing.assert_allclose(found["mean_stress"], 2 * 3.0 * found["mean_pressure"], rtol=1e-14)
@@ -133,7 +124,7 @@ def test_force_and_mean_stress_follow_from_ptilde(config: Config, cell: float) -
 
 
 @pytest.mark.parametrize(("config", "cell"), [(LINE, 2.0), (SURFACE, 3.0)], ids=["line", "surface"])
-def test_a_prescribed_force_is_the_load_times_the_cell(config: Config, cell: float, tmp_path: Path) -> None:
+def test_a_prescribed_force_is_the_load_times_the_cell(config, cell, tmp_path):
     by_load = rows(config.with_values({"trajectory": {"control": "load", "load": 0.5}}))
     by_force = rows(config.with_values({"trajectory": {"control": "force", "force": 0.5 * cell}}))
     for name, values in by_load.items():
@@ -146,7 +137,7 @@ def test_a_prescribed_force_is_the_load_times_the_cell(config: Config, cell: flo
     np.testing.assert_allclose(by_table["depth"], by_load["depth"], rtol=1e-12)
 
 
-def test_files_of_cases_and_sweeps_name_units_and_modulus(tmp_path: Path) -> None:
+def test_files_of_cases_and_sweeps_name_units_and_modulus(tmp_path):
     folder, records = Folder(tmp_path), []
     folder.cases.mkdir()
     histogram = {"max": 1.0, "bins": 2}

@@ -1,16 +1,12 @@
 """Columns of seals, switches and joints: against the functions of the fields, over ranks, after a stop."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import gfmdlayer
 from gfmdlayer import ConfigError
@@ -24,11 +20,10 @@ from gfmdlayer.results.reader import open_case
 from gfmdlayer.transport.leakage import bruggeman, flow_through
 from gfmdlayer.transport.percolation import throats
 from gfmdlayer.transport.spots import Spots, impedance, inverse
-from tests.observables.conftest import RunUpTo
 
 MPIRUN = Path(sys.executable).parent / "mpirun"
 FREQUENCIES = [0.0, 0.5, float("inf")]
-OUTPUT: dict[str, Any] = {
+OUTPUT = {
     "observables": ["critical_gap_x", "critical_gap_y", "flow_bruggeman", "spot_radius"],
     "leakage": {"every": 4},
     "conductance": {
@@ -38,7 +33,7 @@ OUTPUT: dict[str, Any] = {
     "stiffness": {"frequencies": FREQUENCIES, "every": 3},
     "snapshots": [0.1, 0.5, 1.0],
 }
-CASE: dict[str, Any] = {
+CASE = {
     "name": "seal",
     "grid": {"points": [64, 32], "period": [1.0, 0.5]},
     "layer": {"thickness": 0.2, "poisson": 0.4},
@@ -54,17 +49,17 @@ CASE: dict[str, Any] = {
 
 
 @cache
-def run() -> xr.Dataset:
+def run():
     return gfmdlayer.run(CASE)
 
 
-def at_the_snapshots() -> tuple[xr.Dataset, list[np.ndarray[Any, Any]]]:
+def at_the_snapshots():
     """Return the rows at the snapshots, and their gaps."""
     data = run()
     return data.sel(time=data.snapshot.values, method="nearest"), [each.to_numpy() for each in data.gap]
 
 
-def test_flow_and_its_estimates_are_those_of_the_gap() -> None:
+def test_flow_and_its_estimates_are_those_of_the_gap():
     rows, gaps = at_the_snapshots()
     for i, gap in enumerate(gaps):
         K = flow_through(gap, (1.0, 0.5)).tensor
@@ -80,7 +75,7 @@ def test_flow_and_its_estimates_are_those_of_the_gap() -> None:
     assert rows.flow_xx[0] > rows.flow_xx[-1]  # the layer relaxes
 
 
-def test_resistance_and_spot_radius_are_those_of_the_contact() -> None:
+def test_resistance_and_spot_radius_are_those_of_the_contact():
     rows, gaps = at_the_snapshots()
     q = Grid((64, 32), (1.0, 0.5)).wavenumbers
     both = impedance(q, [(0.02, 0.2)], 0.5) + impedance(q, [], 1.0)
@@ -93,7 +88,7 @@ def test_resistance_and_spot_radius_are_those_of_the_contact() -> None:
     assert (float(first.spot_radius), float(first.resistance)) == (0.0, float("inf"))  # no contact yet
 
 
-def test_the_dynamic_stiffness_is_that_of_the_body_at_each_frequency() -> None:
+def test_the_dynamic_stiffness_is_that_of_the_body_at_each_frequency():
     rows, gaps = at_the_snapshots()
     body, waves = Config(**CASE).solid, Grid((64, 32), (1.0, 0.5)).waves
     np.testing.assert_array_equal(rows.frequency, FREQUENCIES)
@@ -104,7 +99,7 @@ def test_the_dynamic_stiffness_is_that_of_the_body_at_each_frequency() -> None:
             assert float(rows.loss_stiffness[i, k]) == pytest.approx(np.imag(S), rel=1e-6, abs=1e-12)
 
 
-def test_of_one_material_the_stiffness_is_proportional_to_its_modulus() -> None:
+def test_of_one_material_the_stiffness_is_proportional_to_its_modulus():
     found = gfmdlayer.run(CASE, layer={"thickness": float("inf")}).isel(time=-1)
     material = Config(**{**CASE, "layer": {"thickness": float("inf")}}).layer
     assert material is not None
@@ -114,7 +109,7 @@ def test_of_one_material_the_stiffness_is_proportional_to_its_modulus() -> None:
     np.testing.assert_allclose(S[2] / S[0], 10.0, rtol=1e-9)  # Ginf/G0
 
 
-def test_columns_of_every_nth_row_are_nan_in_the_others_but_for_snapshots_and_the_end() -> None:
+def test_columns_of_every_nth_row_are_nan_in_the_others_but_for_snapshots_and_the_end():
     data = run()
     rows = np.arange(data.sizes["time"])
     shots = np.isclose(data.time.to_numpy()[:, None], data.snapshot.to_numpy()).any(axis=1)
@@ -123,7 +118,7 @@ def test_columns_of_every_nth_row_are_nan_in_the_others_but_for_snapshots_and_th
     assert data.critical_gap_x.notnull().all()
 
 
-def test_a_stopped_run_continues_with_the_same_bits(tmp_path: Path, run_up_to: RunUpTo) -> None:
+def test_a_stopped_run_continues_with_the_same_bits(tmp_path, run_up_to):
     config = Config(**CASE).with_values({"trajectory.load": 0.12})
     found, said = [], []
     for name in ("once", "twice"):
@@ -143,7 +138,7 @@ def test_a_stopped_run_continues_with_the_same_bits(tmp_path: Path, run_up_to: R
     assert "points across it" in said[0]
 
 
-def test_a_sweep_has_the_columns_and_the_frequencies() -> None:
+def test_a_sweep_has_the_columns_and_the_frequencies():
     both = gfmdlayer.run(
         CASE, sweep={"trajectory.load": [0.02, 0.04]}, **{"time.end": 0.2, "output.snapshots": [0.1]}
     )
@@ -152,7 +147,7 @@ def test_a_sweep_has_the_columns_and_the_frequencies() -> None:
     assert (both.flow_xx.isel(time=-1).diff("load") < 0).all()
 
 
-def test_over_ranks_the_first_computes_the_columns_for_all(tmp_path: Path) -> None:
+def test_over_ranks_the_first_computes_the_columns_for_all(tmp_path):
     config = Config(**CASE).with_values(
         {"time.end": 0.2, "output.snapshots": [0.1], "solver.method": "nested_gradient"}
     )
@@ -177,7 +172,7 @@ def test_over_ranks_the_first_computes_the_columns_for_all(tmp_path: Path) -> No
             np.testing.assert_allclose(data[name], alone[name], rtol=1e-4, atol=1e-12, err_msg=name)
 
 
-def test_the_conductance_of_a_creeping_sphere_follows_the_area() -> None:
+def test_the_conductance_of_a_creeping_sphere_follows_the_area():
     """4 a with images while the modulus falls tenfold; the edge of the points is 0.13 spacings inside."""
     n = 128
     data = gfmdlayer.run(
@@ -196,7 +191,7 @@ def test_the_conductance_of_a_creeping_sphere_follows_the_area() -> None:
     assert a[-1] / a[0] > 1.5
 
 
-def test_a_line_leaks_in_closed_form_and_has_a_resistance_per_length() -> None:
+def test_a_line_leaks_in_closed_form_and_has_a_resistance_per_length():
     line = {"grid": {"points": 256}, "time": {"end": 1.0, "step": 0.5}}
     output = {"leakage": {}, "conductance": {"body": {"resistivity": 2.0}}, "snapshots": [1.0]}
     data = gfmdlayer.run({**line, "output": output})
@@ -209,7 +204,7 @@ def test_a_line_leaks_in_closed_form_and_has_a_resistance_per_length() -> None:
     assert last.resistance.attrs["units"] == "ohm length"
 
 
-def test_check_knows_the_memory_of_the_flow_and_the_time_of_the_spots() -> None:
+def test_check_knows_the_memory_of_the_flow_and_the_time_of_the_spots():
     config = Config(name="large", grid={"points": [1024, 1024]})
     plain = estimate(config)
     flow = estimate(config.with_values({"output.leakage": {"every": 5}}))
@@ -218,7 +213,7 @@ def test_check_knows_the_memory_of_the_flow_and_the_time_of_the_spots() -> None:
     assert spots.pairs - plain.pairs > 20 * plain.steps
 
 
-def test_a_coarse_throat_is_said_at_the_end() -> None:
+def test_a_coarse_throat_is_said_at_the_end():
     with pytest.warns(UserWarning, match="t = .*points across it"):
         gfmdlayer.run(CASE, trajectory__load=0.2, output={"leakage": {"every": 5}})
 
@@ -240,6 +235,6 @@ def test_a_coarse_throat_is_said_at_the_end() -> None:
         ({"grid": {"geometry": "axisymmetric"}, "output": {"leakage": {}}}, "not used with grid.geometry"),
     ],
 )  # fmt: skip
-def test_settings_that_cannot_be_used_are_refused(values: dict[str, Any], message: str) -> None:
+def test_settings_that_cannot_be_used_are_refused(values, message):
     with pytest.raises(ConfigError, match=message):
         Config(**{"name": "a", "grid": {"points": [32, 32]}, **values})

@@ -1,31 +1,27 @@
 """Self-affine surfaces: their spectrum, their rms, and that the grid does not change them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.self_affine import SelfAffine
 from gfmdlayer.punch.shape import Cell
 
-Floats = NDArray[np.float64]
 SHAPES = [(128,), (129,), (64, 64), (63, 64), (64, 63), (65, 67)]
 shapes = pytest.mark.parametrize("points", SHAPES, ids=lambda points: "x".join(map(str, points)))
 
 
-def period(points: tuple[int, ...]) -> tuple[float, ...]:
+def period(points):
     return (1.5, 1.0)[: len(points)]
 
 
-def surface(points: tuple[int, ...], seed: int = 3, **keys: float) -> Floats:
+def surface(points, seed=3, **keys):
     keys = {"hurst": 0.7, "short_cutoff": 0.06, "rms_height": 0.01} | keys
     return SelfAffine(seed=seed, **keys).heights(Grid(points, period(points)))
 
 
-def waves(heights: Floats) -> tuple[Floats, NDArray[np.complex128]]:
+def waves(heights):
     """Wavenumbers and amplitudes of all waves, both halves of the spectrum, referred to the cell's corner."""
     steps = [
         2 * np.pi * np.fft.fftfreq(n, length / n)
@@ -36,7 +32,7 @@ def waves(heights: Floats) -> tuple[Floats, NDArray[np.complex128]]:
 
 
 @shapes
-def test_the_rms_height_and_slope_are_those_asked(points: tuple[int, ...]) -> None:
+def test_the_rms_height_and_slope_are_those_asked(points):
     assert surface(points, rms_height=0.02).std() == pytest.approx(0.02, rel=1e-12)
     rough = SelfAffine(hurst=0.7, short_cutoff=0.06, seed=3, rms_slope=0.1)
     heights = rough.heights(Grid(points, period(points)))
@@ -46,7 +42,7 @@ def test_the_rms_height_and_slope_are_those_asked(points: tuple[int, ...]) -> No
 
 
 @shapes
-def test_the_spectrum_falls_as_the_hurst_exponent_says_between_its_cut_offs(points: tuple[int, ...]) -> None:
+def test_the_spectrum_falls_as_the_hurst_exponent_says_between_its_cut_offs(points):
     q, amplitude = waves(surface(points, roll_off=0.3, long_cutoff=0.8))
     power, inside = np.abs(amplitude) ** 2, (q >= 2 * np.pi / 0.8) & (q <= 2 * np.pi / 0.06)
     flat, falling = inside & (q < 2 * np.pi / 0.3), inside & (q >= 2 * np.pi / 0.3)
@@ -59,17 +55,16 @@ def test_the_spectrum_falls_as_the_hurst_exponent_says_between_its_cut_offs(poin
 
 
 @pytest.mark.parametrize(
-    ("coarse", "fine"),
-    [((64,), (128,)), ((54, 44), (108, 88)), ((53, 41), (159, 123)), ((64, 48), (64, 96))],
+    ("coarse", "fine"), [((64,), (128,)), ((54, 44), (108, 88)), ((53, 41), (159, 123)), ((64, 48), (64, 96))]
 )
-def test_a_finer_grid_samples_the_same_surface(coarse: tuple[int, ...], fine: tuple[int, ...]) -> None:
+def test_a_finer_grid_samples_the_same_surface(coarse, fine):
     every = tuple(slice(None, None, m // n) for n, m in zip(coarse, fine, strict=True))
     a, b = surface(coarse, hurst=0.9), surface(fine, hurst=0.9)[every]
     # The grids count from the same corner; only the lowest point between the coarse ones may lie lower.
     np.testing.assert_allclose(a - a.mean(), b - b.mean(), atol=1e-14)
 
 
-def test_a_shorter_cut_off_adds_waves_and_leaves_the_others_their_phases() -> None:
+def test_a_shorter_cut_off_adds_waves_and_leaves_the_others_their_phases():
     q, rough = waves(surface((96, 96), short_cutoff=0.05))
     _, smooth = waves(surface((96, 96), short_cutoff=0.2))
     both = (q > 0) & (q < 2 * np.pi / 0.2)
@@ -78,7 +73,7 @@ def test_a_shorter_cut_off_adds_waves_and_leaves_the_others_their_phases() -> No
     assert 0 < ratio[0].real < 1
 
 
-def test_the_phases_are_uniform_and_follow_from_the_seed() -> None:
+def test_the_phases_are_uniform_and_follow_from_the_seed():
     q, amplitude = waves(surface((128, 128), short_cutoff=0.03))
     half = (q > 0) & (np.abs(amplitude) > 1e-12)
     half[:, 65:] = False
@@ -93,7 +88,7 @@ def test_the_phases_are_uniform_and_follow_from_the_seed() -> None:
     assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.5
 
 
-def test_a_wave_that_the_grid_does_not_resolve_is_refused() -> None:
+def test_a_wave_that_the_grid_does_not_resolve_is_refused():
     rough = SelfAffine(hurst=0.7, short_cutoff=0.06, seed=3, rms_height=0.01)
     (problem,) = rough.misfits(Cell((48,), (1.5,)))
     assert str(problem) == "short_cutoff: got 0.06; must be > 0.0625, two spacings of the grid"

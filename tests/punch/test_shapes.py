@@ -1,22 +1,15 @@
 """The punch: closed forms of its shapes, and heights from files."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.measured import Profile
 from gfmdlayer.punch.revolution import heights
-from gfmdlayer.punch.shape import Analytic, Shape
+from gfmdlayer.punch.shape import Analytic
 from gfmdlayer.punch.shapes import ELEMENTS, SHAPES, Array
 from gfmdlayer.punch.simple_shapes import (
     Cone,
@@ -34,7 +27,7 @@ from gfmdlayer.punch.simple_shapes import (
 LINE = Grid((16,), (1.0,))
 ISOLATED = {FlatPunch, RadialProfile}
 SQUARE = Grid((16, 16), (1.0, 1.0))
-ROUND: dict[str, tuple[Shape, Callable[[FloatArray], FloatArray]]] = {
+ROUND = {
     "parabola": (Parabola(radius=0.25), lambda r: r**2 / 0.5),
     "sphere": (Sphere(radius=0.5), lambda r: 0.5 - np.sqrt(0.25 - np.minimum(r, 0.5) ** 2)),
     "cone": (Cone(slope=0.3), lambda r: 0.3 * r),
@@ -43,7 +36,7 @@ ROUND: dict[str, tuple[Shape, Callable[[FloatArray], FloatArray]]] = {
 
 
 @pytest.mark.parametrize("name", ROUND)
-def test_round_shapes_follow_their_closed_form_about_their_apex_in_the_middle(name: str) -> None:
+def test_round_shapes_follow_their_closed_form_about_their_apex_in_the_middle(name):
     (shape, closed_form), x = ROUND[name], np.arange(16) / 16 - 0.5
     heights = shape.heights(SQUARE)
     for found, r in ((shape.heights(LINE), np.abs(x)), (heights, np.hypot(x[:, np.newaxis], x))):
@@ -54,7 +47,7 @@ def test_round_shapes_follow_their_closed_form_about_their_apex_in_the_middle(na
     np.testing.assert_array_equal(inner, inner[::-1])
 
 
-def test_a_large_cylinder_keeps_its_digits() -> None:
+def test_a_large_cylinder_keeps_its_digits():
     # R - (R^2 - x^2)^(1/2) = x^2/2R (1 + x^2/4R^2 + ...), which the difference itself would lose at R = 1e8.
     x = LINE.coordinates[0]
     np.testing.assert_allclose(Cylinder(radius=1e8).heights(LINE), x**2 / 2e8, rtol=1e-14)
@@ -81,16 +74,14 @@ def test_a_large_cylinder_keeps_its_digits() -> None:
          lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0.01 * (1 - np.cos(4 * np.pi / 3 * y))),
     ],
 )  # fmt: skip
-def test_shapes_of_two_directions_follow_their_closed_form(
-    shape: Shape, closed_form: Callable[[FloatArray, FloatArray], FloatArray]
-) -> None:
+def test_shapes_of_two_directions_follow_their_closed_form(shape, closed_form):
     grid = Grid((16, 15), (1.0, 1.5))
     x, y = np.arange(16)[:, np.newaxis] / 16 - 0.5, np.arange(15) / 10 - 0.75
     np.testing.assert_allclose(shape.heights(grid), closed_form(x, y), rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize(("angle", "faces", "area"), [(65.27, 3, 24.5), (68.0, 4, 24.5)])
-def test_a_pyramid_has_equal_faces_and_the_area_of_vickers(angle: float, faces: int, area: float) -> None:
+def test_a_pyramid_has_equal_faces_and_the_area_of_vickers(angle, faces, area):
     grid = Grid((400, 400), (8.0, 8.0))
     heights = Pyramid(angle=angle, faces=faces).heights(grid)
     x, y = np.meshgrid(*grid.coordinates, indexing="ij")
@@ -109,7 +100,7 @@ def test_a_pyramid_has_equal_faces_and_the_area_of_vickers(angle: float, faces: 
 
 @pytest.mark.parametrize("counts", [(1,), (2,), (3, 2)])
 @pytest.mark.parametrize("name", ["parabola", "cone", "flat", "pyramid"])
-def test_an_array_repeats_its_element(name: str, counts: tuple[int, ...]) -> None:
+def test_an_array_repeats_its_element(name, counts):
     keys = {"parabola": {"radius": 0.2}, "cone": {"slope": 0.4}, "flat": {"width": 0.1, "edge_radius": 0.05}}
     keys["pyramid"] = {"angle": 65.27, "faces": 3}
     nx, ny = counts if len(counts) == 2 else counts * 2
@@ -119,7 +110,7 @@ def test_an_array_repeats_its_element(name: str, counts: tuple[int, ...]) -> Non
     np.testing.assert_allclose(many, np.tile(one, (nx, ny)), atol=1e-14)
 
 
-def test_sinusoid_is_lowest_in_the_middle_and_repeats() -> None:
+def test_sinusoid_is_lowest_in_the_middle_and_repeats():
     x = np.arange(64) / 64 - 0.5
     heights = Sinusoid(amplitude=0.02, wavelength=0.25).heights(Grid((64,), (1.0,)))
     np.testing.assert_allclose(heights, 0.02 * (1 - np.cos(8 * np.pi * x)), atol=1e-16)
@@ -129,9 +120,7 @@ def test_sinusoid_is_lowest_in_the_middle_and_repeats() -> None:
 
 @pytest.mark.parametrize("grid", [LINE, SQUARE], ids=["line", "square"])
 @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64])
-def test_an_array_file_gives_its_heights_above_the_lowest(
-    grid: Grid, dtype: type[np.generic], tmp_path: Path
-) -> None:
+def test_an_array_file_gives_its_heights_above_the_lowest(grid, dtype, tmp_path):
     heights = np.random.default_rng(0).integers(-50, 50, grid.shape).astype(dtype)
     np.save(tmp_path / "h.npy", heights)
     np.testing.assert_array_equal(
@@ -140,7 +129,7 @@ def test_an_array_file_gives_its_heights_above_the_lowest(
 
 
 @pytest.mark.parametrize("separator", [" ", "\t", ", ", ";"])
-def test_a_text_file_gives_its_heights_bit_by_bit(separator: str, tmp_path: Path) -> None:
+def test_a_text_file_gives_its_heights_bit_by_bit(separator, tmp_path):
     x, heights = LINE.coordinates[0], np.random.default_rng(0).random(16)
     heights[5] = 0.0
     rows = [f"{float(a)!r}{separator}{float(b)!r}" for a, b in zip(x, heights, strict=True)]
@@ -149,23 +138,23 @@ def test_a_text_file_gives_its_heights_bit_by_bit(separator: str, tmp_path: Path
     np.testing.assert_array_equal(Profile(file=file).heights(LINE), heights)
 
 
-def test_the_origin_of_a_text_profile_is_free(tmp_path: Path) -> None:
+def test_the_origin_of_a_text_profile_is_free(tmp_path):
     file = tmp_path / "h.txt"
     x, heights = LINE.coordinates[0], Parabola().heights(LINE)
     np.savetxt(file, np.column_stack((x + 7.5, heights - 3)))
     np.testing.assert_allclose(Profile(file=file).heights(LINE), heights, atol=1e-14)
 
 
-def text_rows(count: int = 16, spacing: float = 1 / 16) -> list[str]:
+def text_rows(count=16, spacing=1 / 16):
     return [f"{i * spacing:.10f} {0.1 * i:.3f}" for i in range(count)]
 
 
-def replaced(row: str, at: int = 3) -> list[str]:
+def replaced(row, at=3):
     rows = text_rows()
     return [*rows[:at], row, *rows[at + 1 :]]
 
 
-def stretched(at: int) -> list[str]:
+def stretched(at):
     return [*text_rows()[:at], *(f"{(i + 0.5) / 16} 1.0" for i in range(at, 16))]
 
 
@@ -184,15 +173,13 @@ def stretched(at: int) -> list[str]:
         ([], r"h\.txt(:\d+)?: holds 0 rows of numbers; must be at least 2"),
     ],
 )
-def test_a_text_file_that_cannot_be_used_is_refused_by_its_line(
-    rows: list[str], message: str, tmp_path: Path
-) -> None:
+def test_a_text_file_that_cannot_be_used_is_refused_by_its_line(rows, message, tmp_path):
     (tmp_path / "h.txt").write_text("\n".join(rows))
     with pytest.raises(TableError, match=message):
         Profile(file=tmp_path / "h.txt").heights(LINE)
 
 
-def test_a_text_file_does_not_describe_a_surface_in_two_dimensions(tmp_path: Path) -> None:
+def test_a_text_file_does_not_describe_a_surface_in_two_dimensions(tmp_path):
     (tmp_path / "h.txt").write_text("\n".join(text_rows()))
     with pytest.raises(TableError, match=r"h\.txt: .*needs an array \(\.npy\)"):
         Profile(file=tmp_path / "h.txt").heights(SQUARE)
@@ -215,7 +202,7 @@ NO_ARRAY = r"h\.npy: is not a NumPy array file"
         (b"0 1\n1 2\n", NO_ARRAY),
     ],
 )
-def test_an_array_file_that_cannot_be_used_is_refused(heights: Any, message: str, tmp_path: Path) -> None:
+def test_an_array_file_that_cannot_be_used_is_refused(heights, message, tmp_path):
     if isinstance(heights, bytes):
         (tmp_path / "h.npy").write_bytes(heights)
     else:
@@ -225,7 +212,7 @@ def test_an_array_file_that_cannot_be_used_is_refused(heights: Any, message: str
 
 
 @pytest.mark.parametrize("name", ["h.npy", "h.txt"])
-def test_a_file_that_is_gone_is_named(name: str, tmp_path: Path) -> None:
+def test_a_file_that_is_gone_is_named(name, tmp_path):
     (tmp_path / name).touch()
     punch = Profile(file=tmp_path / name)
     (tmp_path / name).unlink()
@@ -234,10 +221,10 @@ def test_a_file_that_is_gone_is_named(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name, shape in SHAPES.items() if shape not in ISOLATED])
-def test_every_shape_is_chosen_by_its_word_and_touches_at_height_zero(name: str, tmp_path: Path) -> None:
+def test_every_shape_is_chosen_by_its_word_and_touches_at_height_zero(name, tmp_path):
     np.save(tmp_path / "h.npy", np.random.default_rng(0).random((16, 16)))
     file = {"file": str(tmp_path / "h.npy")}
-    keys: dict[str, dict[str, object]] = {
+    keys = {
         "sphere": {"radius": 1}, "cylinder": {"radius": 1}, "cone": {"slope": 1}, "wedge": {"slope": 1},
         "flat": {"width": 0.1, "edge_radius": 0.1}, "sinusoid": {"amplitude": 0.1, "wavelength": 0.5},
         "blunted_cone": {"slope": 1, "tip_radius": 0.1},
@@ -252,7 +239,7 @@ def test_every_shape_is_chosen_by_its_word_and_touches_at_height_zero(name: str,
     assert heights.min() == 0 < heights.max()
 
 
-def of_revolution(tmp_path: Path) -> dict[str, dict[str, object]]:
+def of_revolution(tmp_path):
     """Return keys of each shape that may be a body of revolution."""
     (tmp_path / "tip.txt").write_text("radius height\n0 0\n0.5 0.1\n1 0.4\n2 1.6\n")
     return {
@@ -262,12 +249,12 @@ def of_revolution(tmp_path: Path) -> dict[str, dict[str, object]]:
     }  # fmt: skip
 
 
-def test_profiles_of_revolution_have_the_heights_of_their_shapes(tmp_path: Path) -> None:
+def test_profiles_of_revolution_have_the_heights_of_their_shapes(tmp_path):
     r = np.linspace(0.0, 0.6, 13)
     for name, keys in of_revolution(tmp_path).items():
         grid = {"geometry": "axisymmetric"}
         punch = Config.model_validate({"name": "x", "grid": grid, "punch": {"shape": name, **keys}}).punch
-        profile = heights(punch.revolution(), r)  # type: ignore[attr-defined]
+        profile = heights(punch.revolution(), r)
         expected = punch.height([r]) if isinstance(punch, Analytic) else 0 * r
         if name != "radial_profile":
             np.testing.assert_allclose(profile, expected, atol=1e-15)
@@ -277,6 +264,6 @@ def test_profiles_of_revolution_have_the_heights_of_their_shapes(tmp_path: Path)
 
 
 @pytest.mark.parametrize("name", ["flat_punch", "radial_profile"])
-def test_an_indenter_with_a_rim_is_refused_in_a_periodic_cell(name: str, tmp_path: Path) -> None:
+def test_an_indenter_with_a_rim_is_refused_in_a_periodic_cell(name, tmp_path):
     with pytest.raises(ValidationError, match="has a rim; must be another shape"):
         Config.model_validate({"name": "x", "punch": {"shape": name, **of_revolution(tmp_path)[name]}})

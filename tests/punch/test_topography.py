@@ -1,17 +1,12 @@
 """Measured surfaces: files that are read or refused, and the steps to a periodic surface."""
 
-from __future__ import annotations
-
 import sys
-from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 import xarray as xr
-from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
@@ -21,19 +16,18 @@ from gfmdlayer.punch.measured import Topography
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.punch.topography import membrane, without_trend
 
-Floats = NDArray[np.float64]
 GRID = Grid((12, 16), (3.0, 4.0))
 LINE = Grid((16,), (4.0,))
 X, Y = np.meshgrid(*(np.arange(n) / n for n in GRID.points), indexing="ij")
 WAVES = 0.1 * np.cos(2 * np.pi * X) + 0.2 * np.sin(2 * np.pi * (2 * X - Y))
 
 
-def saved(tmp_path: Path, heights: Floats, name: str = "h.npy") -> Path:
+def saved(tmp_path, heights, name="h.npy"):
     np.save(tmp_path / name, heights)
     return tmp_path / name
 
 
-def labelled(heights: Floats, spacing: float = 0.25, **names: str) -> xr.Dataset:
+def labelled(heights, spacing=0.25, **names):
     x, y = (spacing * np.arange(n) for n in heights.shape)
     found = xr.Dataset({"height": (("x", "y"), heights)}, coords={"x": x, "y": y})
     return found.rename(names) if names else found
@@ -42,14 +36,14 @@ def labelled(heights: Floats, spacing: float = 0.25, **names: str) -> xr.Dataset
 # --- files that are read ---
 
 
-def test_the_summits_of_a_measured_surface_touch_first(tmp_path: Path) -> None:
+def test_the_summits_of_a_measured_surface_touch_first(tmp_path):
     heights = Topography(file=saved(tmp_path, WAVES)).heights(GRID)
     np.testing.assert_allclose(heights, WAVES.max() - WAVES, atol=1e-15)
     assert heights.flat[np.argmax(WAVES)] == 0
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-3])
-def test_arrays_text_hdf5_and_netcdf_hold_the_same(unit: float, tmp_path: Path) -> None:
+def test_arrays_text_hdf5_and_netcdf_hold_the_same(unit, tmp_path):
     expected = WAVES.max() - WAVES
     files = [saved(tmp_path, WAVES / unit), tmp_path / "h.txt", tmp_path / "h.h5"]
     np.savetxt(files[1], WAVES / unit, header="rows are x")
@@ -66,26 +60,26 @@ def test_arrays_text_hdf5_and_netcdf_hold_the_same(unit: float, tmp_path: Path) 
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15, err_msg=file.name)
 
 
-def linked(h5: h5py.File, other: Path) -> None:
+def linked(h5, other):
     h5["height"] = h5py.ExternalLink(other.name, "/height")
 
 
-def linked_group(h5: h5py.File, other: Path) -> None:
+def linked_group(h5, other):
     h5["scan"] = h5py.ExternalLink(other.name, "/")
 
 
-def stored(h5: h5py.File, other: Path) -> None:
+def stored(h5, other):
     h5.create_dataset("height", WAVES.shape, "f8", external=[(str(other), 0, WAVES.nbytes)])
 
 
-def virtual(h5: h5py.File, other: Path) -> None:
+def virtual(h5, other):
     layout = h5py.VirtualLayout(WAVES.shape, "f8")
     layout[...] = h5py.VirtualSource(other.name, "height", WAVES.shape)
     h5.create_virtual_dataset("height", layout)
 
 
 @pytest.mark.parametrize("way", [linked, linked_group, stored, virtual])
-def test_heights_in_other_files_are_refused(way: Callable[[h5py.File, Path], None], tmp_path: Path) -> None:
+def test_heights_in_other_files_are_refused(way, tmp_path):
     """The digest of a case knows the contents of the files that its configuration names, and of no others."""
     file = tmp_path / "h.h5"
     with h5py.File(tmp_path / "other.h5", "w") as h5:
@@ -97,7 +91,7 @@ def test_heights_in_other_files_are_refused(way: Callable[[h5py.File, Path], Non
         Topography(file=file, **named).heights(GRID)
 
 
-def test_one_of_several_datasets_is_chosen_by_name(tmp_path: Path) -> None:
+def test_one_of_several_datasets_is_chosen_by_name(tmp_path):
     file = tmp_path / "h.h5"
     with h5py.File(file, "w") as h5:
         h5["phase"] = 7 * WAVES
@@ -113,15 +107,13 @@ def test_one_of_several_datasets_is_chosen_by_name(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, WAVES.max() - WAVES, atol=1e-15)
 
 
-def test_a_line_is_read_with_its_coordinate(tmp_path: Path) -> None:
+def test_a_line_is_read_with_its_coordinate(tmp_path):
     file, heights = tmp_path / "h.txt", np.cos(2 * np.pi * np.arange(16) / 16)
     np.savetxt(file, np.column_stack((7 + 0.25 * np.arange(16), heights)))
     np.testing.assert_allclose(Topography(file=file).heights(LINE), 1 - heights, atol=1e-15)
 
 
-def test_instruments_formats_come_through_surface_topography(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_instruments_formats_come_through_surface_topography(tmp_path, monkeypatch):
     file = tmp_path / "scan.opd"
     file.write_bytes(b"\x01\x00")
     with monkeypatch.context() as absent:
@@ -130,16 +122,16 @@ def test_instruments_formats_come_through_surface_topography(
             Topography(file=file).heights(GRID)
 
     class Reader:
-        def __init__(self, name: str) -> None:
+        def __init__(self, name):
             assert name == str(file)
 
-        def __enter__(self) -> Reader:
+        def __enter__(self):
             return self
 
-        def __exit__(self, *_: object) -> None:
+        def __exit__(self, *_):
             pass
 
-        def topography(self) -> SimpleNamespace:
+        def topography(self):
             heights = np.ma.masked_array(WAVES, np.zeros(WAVES.shape, bool))
             heights.mask[3, 4] = True
             return SimpleNamespace(heights=lambda: heights, physical_sizes=(3.0, 4.0))
@@ -155,13 +147,13 @@ def test_instruments_formats_come_through_surface_topography(
 # --- files that are refused ---
 
 
-def holed() -> Floats:
+def holed():
     heights = WAVES.copy()
     heights[5, 7:9] = np.nan
     return heights
 
 
-def infinite() -> Floats:
+def infinite():
     heights = WAVES.copy()
     heights[2, 3] = -np.inf
     return heights
@@ -182,12 +174,12 @@ def infinite() -> Floats:
         (WAVES.astype(complex), "must hold one array of real numbers"),
     ],
 )
-def test_an_array_that_cannot_be_used_is_refused(heights: Floats, said: str, tmp_path: Path) -> None:
+def test_an_array_that_cannot_be_used_is_refused(heights, said, tmp_path):
     with pytest.raises(TableError, match=r"h\.npy: " + said):
         Topography(file=saved(tmp_path, heights)).heights(GRID)
 
 
-def test_a_surface_without_any_height_cannot_be_filled(tmp_path: Path) -> None:
+def test_a_surface_without_any_height_cannot_be_filled(tmp_path):
     with pytest.raises(TableError, match="192 of 192 points have no height"):
         Topography(file=saved(tmp_path, np.full(GRID.shape, np.nan)), fill="membrane").heights(GRID)
 
@@ -201,14 +193,14 @@ def test_a_surface_without_any_height_cannot_be_filled(tmp_path: Path) -> None:
         (["1 2 3"], ": holds a single row of 3 heights"),
     ],
 )
-def test_text_that_cannot_be_used_is_refused_by_its_line(rows: list[str], said: str, tmp_path: Path) -> None:
+def test_text_that_cannot_be_used_is_refused_by_its_line(rows, said, tmp_path):
     (tmp_path / "h.txt").write_text("\n".join(rows))
     with pytest.raises(TableError, match=r"h\.txt" + said):
         Topography(file=tmp_path / "h.txt").heights(GRID)
 
 
 @pytest.mark.parametrize("spacing", [0.26, 0.125])
-def test_a_file_of_another_period_is_refused(spacing: float, tmp_path: Path) -> None:
+def test_a_file_of_another_period_is_refused(spacing, tmp_path):
     labelled(WAVES, spacing).to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
     long = f"{12 * spacing:g} x {16 * spacing:g}"
     with pytest.raises(TableError, match=rf"is {long} long \(with unit = 1\), but grid.period is 3 x 4"):
@@ -220,7 +212,7 @@ def test_a_file_of_another_period_is_refused(spacing: float, tmp_path: Path) -> 
     )
 
 
-def test_unequal_spacing_is_refused(tmp_path: Path) -> None:
+def test_unequal_spacing_is_refused(tmp_path):
     uneven = labelled(WAVES).assign_coords(y=0.25 * np.arange(16) ** 1.1)
     uneven.to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
     with pytest.raises(TableError, match=r"h\.nc: y is not equally spaced"):
@@ -228,7 +220,7 @@ def test_unequal_spacing_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["h.npy", "h.txt", "h.h5", "h.nc"])
-def test_a_file_that_is_something_else_is_refused(name: str, tmp_path: Path) -> None:
+def test_a_file_that_is_something_else_is_refused(name, tmp_path):
     (tmp_path / name).write_bytes(b"\x89HD\xffnothing of the kind")
     with pytest.raises(TableError, match=name.replace(".", r"\.")):
         Topography(file=tmp_path / name).heights(GRID)
@@ -237,7 +229,7 @@ def test_a_file_that_is_something_else_is_refused(name: str, tmp_path: Path) -> 
 # --- steps to a periodic surface ---
 
 
-def test_a_membrane_is_linear_between_the_ends_of_a_line_and_exact_for_a_plane() -> None:
+def test_a_membrane_is_linear_between_the_ends_of_a_line_and_exact_for_a_plane():
     line = np.array([0.0, np.nan, np.nan, 6.0, 1.0, np.nan])
     np.testing.assert_allclose(membrane(line, np.isnan(line)), [0, 2, 4, 6, 1, 1], atol=1e-13)
     plane = 0.3 * np.arange(20)[:, np.newaxis] - 0.7 * np.arange(15)
@@ -247,7 +239,7 @@ def test_a_membrane_is_linear_between_the_ends_of_a_line_and_exact_for_a_plane()
     np.testing.assert_allclose(found, plane, atol=1e-12)
 
 
-def test_a_membrane_stays_between_the_heights_around_it() -> None:
+def test_a_membrane_stays_between_the_heights_around_it():
     rng = np.random.default_rng(0)
     heights, holes = rng.random((40, 30)), rng.random((40, 30)) < 0.3
     found = membrane(np.where(holes, np.nan, heights), holes)
@@ -257,7 +249,7 @@ def test_a_membrane_stays_between_the_heights_around_it() -> None:
 
 @pytest.mark.parametrize("shape", [(17,), (16,), (12, 17)])
 @pytest.mark.parametrize("curved", [False, True])
-def test_the_trend_is_that_of_least_squares(shape: tuple[int, ...], curved: bool) -> None:
+def test_the_trend_is_that_of_least_squares(shape, curved):
     heights = np.random.default_rng(1).random(shape)
     axes = [np.broadcast_to(x, shape).ravel() for x in np.indices(shape, dtype=float)]
     columns = [np.ones(heights.size), *axes]
@@ -269,7 +261,7 @@ def test_the_trend_is_that_of_least_squares(shape: tuple[int, ...], curved: bool
     np.testing.assert_allclose(rest.ravel(), heights.ravel() - matrix @ fit, atol=1e-12)
 
 
-def test_a_tilted_surface_is_detrended_with_a_note(tmp_path: Path) -> None:
+def test_a_tilted_surface_is_detrended_with_a_note(tmp_path):
     tilted = WAVES + 3 * X + 0.5 * Y
     raw = Topography(file=saved(tmp_path, tilted))
     before = raw.notes(Cell(GRID.points, GRID.period))
@@ -283,7 +275,7 @@ def test_a_tilted_surface_is_detrended_with_a_note(tmp_path: Path) -> None:
     np.testing.assert_allclose(heights, expected.max() - expected, atol=1e-12)
 
 
-def test_a_taper_joins_the_edges_and_leaves_the_middle(tmp_path: Path) -> None:
+def test_a_taper_joins_the_edges_and_leaves_the_middle(tmp_path):
     grid = Grid((64, 48), (1.0, 1.0))
     rough = np.cumsum(np.random.default_rng(2).normal(size=grid.shape), axis=0)
     file = saved(tmp_path, rough)
@@ -299,7 +291,7 @@ def test_a_taper_joins_the_edges_and_leaves_the_middle(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("points", [(24, 32), (36, 20), (13, 17)])
-def test_resampling_keeps_waves_that_both_grids_resolve(points: tuple[int, int], tmp_path: Path) -> None:
+def test_resampling_keeps_waves_that_both_grids_resolve(points, tmp_path):
     grid = Grid(points, GRID.period)
     x, y = np.meshgrid(*(np.arange(n) / n for n in points), indexing="ij")
     waves = 0.1 * np.cos(2 * np.pi * x) + 0.2 * np.sin(2 * np.pi * (2 * x - y))
@@ -309,7 +301,7 @@ def test_resampling_keeps_waves_that_both_grids_resolve(points: tuple[int, int],
     assert f"resampled from 12 x 16 to {points[0]} x {points[1]} points by the Fourier series" in said[0]
 
 
-def test_changes_are_noted_for_each_surface_once(tmp_path: Path) -> None:
+def test_changes_are_noted_for_each_surface_once(tmp_path):
     file = saved(tmp_path, holed())
     punch = {"shape": "topography", "file": str(file), "fill": "membrane"}
     config = Config(name="x").with_values({"grid.points": [12, 16], "punch": punch})

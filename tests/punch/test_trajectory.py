@@ -1,9 +1,6 @@
 """What is prescribed over time, and the tables that it is read from."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,13 +12,13 @@ from gfmdlayer.programme import Programme
 from gfmdlayer.time_functions import RampHold, Table
 
 
-def written(tmp_path: Path, text: str) -> Path:
+def written(tmp_path, text):
     file = tmp_path / "path.csv"
     file.write_text(text)
     return file
 
 
-def test_the_punch_of_eq_30_goes_down_and_stays_and_its_slope_jumps_at_the_end_of_the_ramp() -> None:
+def test_the_punch_of_eq_30_goes_down_and_stays_and_its_slope_jumps_at_the_end_of_the_ramp():
     at = (0.0, 0.25, 0.5, 1.0, 1.5, 1e9, math.inf)
     expected = [0.0, 0.0025, 0.005, 0.01, 0.01, 0.01, 0.01]
     assert [RampHold(0.01, 1.0)(time) for time in at] == pytest.approx(expected, rel=1e-15)
@@ -29,7 +26,7 @@ def test_the_punch_of_eq_30_goes_down_and_stays_and_its_slope_jumps_at_the_end_o
     assert RampHold(0.02, 0.5)(0.25) == pytest.approx(0.01, rel=1e-15)
 
 
-def test_a_table_is_linear_between_its_rows_and_constant_after_them(tmp_path: Path) -> None:
+def test_a_table_is_linear_between_its_rows_and_constant_after_them(tmp_path):
     file = written(tmp_path, "time,depth\n0,0\n1, 0.01 # down\n\n3,0.004\n")
     trajectory = Table.read(file, "depth")
     assert trajectory.breakpoints == (1.0, 3.0)
@@ -37,7 +34,7 @@ def test_a_table_is_linear_between_its_rows_and_constant_after_them(tmp_path: Pa
     np.testing.assert_allclose([trajectory(t) for t in (0, 0.5, 1, 2, 3, 99)], expected, rtol=1e-14)
 
 
-def test_the_ramp_as_a_table_is_the_ramp(tmp_path: Path) -> None:
+def test_the_ramp_as_a_table_is_the_ramp(tmp_path):
     table, ramp = Table.read(written(tmp_path, "0 0\n1 0.01"), "depth"), RampHold(0.01, 1.0)
     assert table.breakpoints == ramp.breakpoints
     for time in np.linspace(0, 2, 21).tolist():
@@ -49,7 +46,7 @@ BACK = {
 }  # fmt: skip
 
 
-def test_a_punch_approaches_dwells_and_retracts() -> None:
+def test_a_punch_approaches_dwells_and_retracts():
     config = Config(name="back", trajectory=BACK | {"depth": 0.01, "final": -0.03})
     trajectory = Programme(config).drive
     # Way over speed: 0.02/0.02, a dwell of 0.5, 0.04/0.1.
@@ -60,7 +57,7 @@ def test_a_punch_approaches_dwells_and_retracts() -> None:
     np.testing.assert_allclose([trajectory(t) for t in at], expected, atol=1e-16)
 
 
-def test_cycles_begin_where_the_one_before_ends() -> None:
+def test_cycles_begin_where_the_one_before_ends():
     config = Config(name="cycles", trajectory=BACK | {"dwell": 0.0, "final": 0.0, "cycles": 3})
     trajectory = Programme(config).drive
     np.testing.assert_allclose(
@@ -70,7 +67,7 @@ def test_cycles_begin_where_the_one_before_ends() -> None:
     np.testing.assert_allclose(values, [-0.01, *[0.01, 0.0] * 3], atol=1e-16)
 
 
-def test_a_force_is_one_over_the_cell_with_rates_of_its_own() -> None:
+def test_a_force_is_one_over_the_cell_with_rates_of_its_own():
     there = {"control": "force", "kind": "approach_retract", "force": 3.0, "retract_speed": 6.0}
     config = Config(name="force", grid={"points": 8, "period": 2.0}, trajectory=there)
     trajectory = Programme(config).drive
@@ -78,7 +75,7 @@ def test_a_force_is_one_over_the_cell_with_rates_of_its_own() -> None:
     assert trajectory(1.0) == 1.5
 
 
-def test_the_run_ends_with_the_trajectory_unless_its_end_is_given() -> None:
+def test_the_run_ends_with_the_trajectory_unless_its_end_is_given():
     swept = Config(name="speeds", trajectory=BACK, sweep={"trajectory.retract_speed": [0.1, 1.0]})
     assert [case.config.time.end for case in cases(swept)] == [1.7, 1.52]
     assert "end:" not in swept.dump()
@@ -99,7 +96,7 @@ def test_the_run_ends_with_the_trajectory_unless_its_end_is_given() -> None:
         ({"kind": "ramp_hold"}, "trajectory.start: only for kind: approach_retract"),
     ],
 )
-def test_a_cycle_that_cannot_be_is_refused(wrong: dict[str, object], said: str) -> None:
+def test_a_cycle_that_cannot_be_is_refused(wrong, said):
     with pytest.raises(ConfigError) as error:
         Config(name="wrong", trajectory=BACK | wrong)
     assert said in str(error.value)
@@ -122,18 +119,18 @@ def test_a_cycle_that_cannot_be_is_refused(wrong: dict[str, object], said: str) 
         ("time,depth\nthen,deeper\n0,zero\n", r"path\.csv:3: cannot read '0,zero'"),
     ],
 )
-def test_a_table_that_cannot_be_used_is_refused_by_its_line(text: str, said: str, tmp_path: Path) -> None:
+def test_a_table_that_cannot_be_used_is_refused_by_its_line(text, said, tmp_path):
     with pytest.raises(TableError, match=said):
         Table.read(written(tmp_path, text), "depth")
 
 
-def test_words_are_passed_over_before_the_numbers_and_not_among_them(tmp_path: Path) -> None:
+def test_words_are_passed_over_before_the_numbers_and_not_among_them(tmp_path):
     assert Table.read(written(tmp_path, "time,depth\ns,mm\n0,0\n1,1\n"), "depth")(0.5) == 0.5
     with pytest.raises(TableError, match=r"path\.csv:3: cannot read 'nought,nought'"):
         Table.read(written(tmp_path, "time,depth\n0,0\nnought,nought\n1,1\n"), "depth")
 
 
-def test_a_table_that_is_not_there_or_not_text_is_named(tmp_path: Path) -> None:
+def test_a_table_that_is_not_there_or_not_text_is_named(tmp_path):
     with pytest.raises(TableError, match=r"missing\.csv: cannot be read"):
         Table.read(tmp_path / "missing.csv", "depth")
     (tmp_path / "path.csv").write_bytes(b"\xff\xfe\x00\x81")
@@ -143,7 +140,7 @@ def test_a_table_that_is_not_there_or_not_text_is_named(tmp_path: Path) -> None:
         Table.read(tmp_path, "depth")
 
 
-def test_what_spreadsheets_write_is_read(tmp_path: Path) -> None:
+def test_what_spreadsheets_write_is_read(tmp_path):
     file = tmp_path / "path.csv"
     file.write_bytes("\ufefftime;depth\r\n0;0\r\n1;1e-2\r\n".encode())
     np.testing.assert_array_equal(read_columns(file, ("time", "depth")), [[0, 0], [1, 0.01]])

@@ -1,9 +1,7 @@
 """A sweep of which cases are not complete yet is opened and drawn, and these cases are named."""
 
-from __future__ import annotations
-
+import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 
-KEYS: dict[str, Any] = {
+KEYS = {
     "name": "half",
     "units": {"length": "mm", "stress": "MPa", "time": "s"},
     "grid": {"points": 64},
@@ -26,13 +24,19 @@ KEYS: dict[str, Any] = {
 }
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole") / "half"
+    gfmdlayer.run(KEYS, out=folder).close()
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    gfmdlayer.run(KEYS, out=tmp_path / "half")
-    return tmp_path / "half"
+def folder(whole, tmp_path):
+    return Path(shutil.copytree(whole, tmp_path / "half"))
 
 
-def test_the_complete_cases_of_a_half_finished_sweep_are_those_of_the_whole_one(folder: Path) -> None:
+def test_the_complete_cases_of_a_half_finished_sweep_are_those_of_the_whole_one(folder):
     with open_results(folder) as data:
         whole = data.load()
     (folder / "sweep.h5").unlink()
@@ -52,16 +56,14 @@ def test_the_complete_cases_of_a_half_finished_sweep_are_those_of_the_whole_one(
 
 
 @pytest.mark.parametrize("verb", ["plot", "report"])
-def test_pictures_and_report_of_a_half_finished_sweep_name_its_cases(
-    folder: Path, verb: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pictures_and_report_of_a_half_finished_sweep_name_its_cases(folder, verb, capsys):
     (folder / "sweep.h5").unlink()
     case_path(folder, 3).unlink()
     assert main([verb, str(folder)]) == 0
     assert capsys.readouterr().err == "note: 1 of 4 cases not complete yet: 0003\n"
 
 
-def test_a_sweep_that_grows_is_not_taken_for_the_one_before(folder: Path) -> None:
+def test_a_sweep_that_grows_is_not_taken_for_the_one_before(folder):
     sweep = KEYS["sweep"] | {"trajectory.depth": [0.01, 0.02, 0.03]}
     Folder(folder).store(gfmdlayer.load(folder / "config.yaml", {"sweep": sweep}), [0, 1, 4, 2, 3, 5])
     data = open_results(folder)
@@ -69,7 +71,7 @@ def test_a_sweep_that_grows_is_not_taken_for_the_one_before(folder: Path) -> Non
     np.testing.assert_array_equal(data.case, [[0, 1, 4], [2, 3, 5]])
 
 
-def test_a_sweep_without_a_complete_case_is_refused(folder: Path) -> None:
+def test_a_sweep_without_a_complete_case_is_refused(folder):
     (folder / "sweep.h5").unlink()
     for index in range(4):
         case_path(folder, index).unlink()
@@ -77,7 +79,7 @@ def test_a_sweep_without_a_complete_case_is_refused(folder: Path) -> None:
         open_results(folder)
 
 
-def test_cases_carry_the_swept_values_as_coordinates(folder: Path) -> None:
+def test_cases_carry_the_swept_values_as_coordinates(folder):
     """So xarray puts them together; `depth` is a column, and the swept key has its whole name."""
     cases = [open_case(case_path(folder, index)) for index in (0, 2)]
     found = xr.concat(cases, "thickness", data_vars="all", coords="different", compat="equals", join="outer")
@@ -89,7 +91,7 @@ def test_cases_carry_the_swept_values_as_coordinates(folder: Path) -> None:
 
 
 @pytest.mark.filterwarnings("error::FutureWarning", "error::DeprecationWarning")
-def test_nothing_that_xarray_will_change_is_used(folder: Path, tmp_path: Path) -> None:
+def test_nothing_that_xarray_will_change_is_used(folder, tmp_path):
     with open_results(folder) as data:
         data.load().to_netcdf(tmp_path / "copy.nc", engine="h5netcdf")
         curves_figure(data, x="thickness", time=0.1)

@@ -1,16 +1,11 @@
 """The description for ParaView: every array that it names is in the file, point by point where it belongs."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import h5py
 import numpy as np
-import pytest
-from numpy.typing import NDArray
 
-from gfmdlayer.body.depths import Place
+from gfmdlayer.body.solid import Place
 from gfmdlayer.results import paraview
 from gfmdlayer.results.reader import is_complete, open_case
 from gfmdlayer.results.schema import in_order
@@ -22,14 +17,14 @@ FIELDS = np.random.default_rng(1).random((3, len(TIMES), X.size, Y.size))
 NAMES = ("displacement", "pressure", "gap")
 
 
-def write_case(folder: Path) -> Path:
+def write_case(folder):
     with CaseWriter(folder / "0000.h5", {"x": X, "y": Y}) as case:
         for time, *fields in zip(TIMES, *FIELDS, strict=True):
             case.snapshot(time, *fields)
     return folder / "0000.xdmf"
 
 
-def values(item: ET.Element, folder: Path) -> NDArray[np.float64]:
+def values(item, folder):
     """Read an array as XDMF says, in the order in which it runs over the points."""
     shape = tuple(map(int, item.attrib["Dimensions"].split()))
     if item.attrib.get("ItemType") == "HyperSlab":
@@ -45,7 +40,7 @@ def values(item: ET.Element, folder: Path) -> NDArray[np.float64]:
         return np.asarray(h5[dataset][()])
 
 
-def test_fields_lie_on_their_points_at_their_times(tmp_path: Path) -> None:
+def test_fields_lie_on_their_points_at_their_times(tmp_path):
     grids = ET.parse(write_case(tmp_path)).findall("Domain/Grid[@CollectionType='Temporal']/Grid")
     assert [float(time.attrib["Value"]) for grid in grids for time in grid.findall("Time")] == list(TIMES)
     for place, grid in enumerate(grids):
@@ -64,7 +59,7 @@ def test_fields_lie_on_their_points_at_their_times(tmp_path: Path) -> None:
             np.testing.assert_array_equal(found[name], field[place][i, j])
 
 
-def test_fields_below_the_surface_lie_on_points_at_their_depths_at_their_times(tmp_path: Path) -> None:
+def test_fields_below_the_surface_lie_on_points_at_their_depths_at_their_times(tmp_path):
     places = [Place(0.0, 0), Place(0.1, 0), Place(0.1, 1)]
     below = np.random.default_rng(2).random((len(places), X.size, Y.size)).astype("f4")
     with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": Y}, places=places) as case:
@@ -83,25 +78,25 @@ def test_fields_below_the_surface_lie_on_points_at_their_depths_at_their_times(t
     assert is_complete(tmp_path / "0000.h5")
 
 
-def test_points_are_written_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_points_are_written_in_blocks(tmp_path, monkeypatch):
     whole = values_of_points(write_case(tmp_path))
     monkeypatch.setattr(paraview, "BLOCK", 35)  # 4 rows of 12
     np.testing.assert_array_equal(values_of_points(write_case(tmp_path)), whole)
 
 
-def values_of_points(described: Path) -> NDArray[np.float64]:
+def values_of_points(described):
     with h5py.File(described.with_suffix(".h5")) as h5:
         return np.asarray(h5[paraview.POINTS][()])
 
 
-def test_described_case_stays_a_complete_case_for_xarray(tmp_path: Path) -> None:
+def test_described_case_stays_a_complete_case_for_xarray(tmp_path):
     path = write_case(tmp_path).with_suffix(".h5")
     assert is_complete(path)
     with open_case(path) as case:
         assert set(case.data_vars) == {"displacement", "pressure", "gap"}
 
 
-def test_lines_and_cases_without_snapshots_are_not_described(tmp_path: Path) -> None:
+def test_lines_and_cases_without_snapshots_are_not_described(tmp_path):
     with CaseWriter(tmp_path / "0000.h5", {"x": X}) as case:
         case.snapshot(1.0, X, X, X)
     with CaseWriter(tmp_path / "0001.h5", {"x": X, "y": Y}):

@@ -1,15 +1,10 @@
 """Result files are read back labelled, and a file under its final name is complete."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 import tracemalloc
-from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -29,7 +24,7 @@ X = np.linspace(-0.5, 0.5, 16, endpoint=False)
 TIMES = np.array([0.0, 0.5, 1.0])
 
 
-def write_case(path: Path, times: Sequence[float] = tuple(TIMES), level: float = 1.0, **about: float) -> Path:
+def write_case(path, times=tuple(TIMES), level=1.0, **about):
     with CaseWriter(path, {"x": X}, {"name": "demo", "digest": "abc", "tau": 1.0, **about}) as case:
         for time in times:
             case.row(time=time, contact_area=level * time, mean_pressure=-level * time, transforms=7)
@@ -37,13 +32,13 @@ def write_case(path: Path, times: Sequence[float] = tuple(TIMES), level: float =
     return path
 
 
-def write_sweep(folder: Path, values: Sequence[dict[str, object]]) -> list[CaseRecord]:
+def write_sweep(folder, values):
     """Write cases whose contact area at time 1 is their number plus one."""
     paths = [write_case(case_path(folder, index), level=index + 1.0) for index in range(len(values))]
     return [CaseRecord(i, path, v) for i, (path, v) in enumerate(zip(paths, values, strict=True))]
 
 
-def damage(path: Path, variable: str = "contact_area") -> None:
+def damage(path, variable="contact_area"):
     """Change a bit of a variable on the disk."""
     with h5py.File(path) as h5:
         chunk = h5[variable].id.get_chunk_info(0)
@@ -52,7 +47,7 @@ def damage(path: Path, variable: str = "contact_area") -> None:
     path.write_bytes(contents)
 
 
-def test_case_is_read_by_xarray_with_names_coordinates_and_units(tmp_path: Path) -> None:
+def test_case_is_read_by_xarray_with_names_coordinates_and_units(tmp_path):
     path = write_case(tmp_path / "0000.h5")
     with xr.open_dataset(path, engine="h5netcdf") as data:
         assert data["contact_area"].dims == data["transforms"].dims == ("time",)
@@ -69,7 +64,7 @@ def test_case_is_read_by_xarray_with_names_coordinates_and_units(tmp_path: Path)
             assert array.attrs["long_name"] == declared.long_name
 
 
-def test_two_dimensional_surface_keeps_its_axes(tmp_path: Path) -> None:
+def test_two_dimensional_surface_keeps_its_axes(tmp_path):
     field = np.arange(16.0 * 4).reshape(16, 4)
     with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:4]}) as case:
         case.snapshot(0.5, field, -field)
@@ -80,7 +75,7 @@ def test_two_dimensional_surface_keeps_its_axes(tmp_path: Path) -> None:
         np.testing.assert_array_equal(data["pressure"].sel(snapshot=0.5), -field)
 
 
-def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
+def test_histograms_stand_along_their_bins(tmp_path):
     edges, path = np.array([0.0, 1.0, 2.0, np.inf]), tmp_path / "0000.h5"
     parts = np.random.default_rng(1).random((2 * writer.ROWS_HELD + 1, 3))
     bins = Bins("gap_bin", "the gap", "length", tuple(edges))
@@ -98,7 +93,7 @@ def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
     assert not is_complete(path)
 
 
-def test_snapshots_are_compressed_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_snapshots_are_compressed_in_blocks(tmp_path, monkeypatch):
     monkeypatch.setattr(writer, "BLOCK", 24)
     monkeypatch.setattr(writer, "case_template", writer.case_template.__wrapped__)  # not a cached one
     field = np.arange(16.0 * 10).reshape(16, 10)
@@ -111,7 +106,7 @@ def test_snapshots_are_compressed_in_blocks(tmp_path: Path, monkeypatch: pytest.
         np.testing.assert_array_equal(h5["gap"][0], 2 * field)
 
 
-def test_gap_is_kept_with_every_snapshot_or_with_none(tmp_path: Path) -> None:
+def test_gap_is_kept_with_every_snapshot_or_with_none(tmp_path):
     for first, then in (((X, X), (X, X, X)), ((X, X, X), (X, X))):
         with CaseWriter(tmp_path / "0.h5", {"x": X}) as case:
             case.snapshot(0.0, *first)
@@ -119,7 +114,7 @@ def test_gap_is_kept_with_every_snapshot_or_with_none(tmp_path: Path) -> None:
                 case.snapshot(1.0, *then)
 
 
-def test_no_rows_and_no_snapshots_still_open(tmp_path: Path) -> None:
+def test_no_rows_and_no_snapshots_still_open(tmp_path):
     with CaseWriter(tmp_path / "0000.h5", {"x": X}):
         pass
     assert is_complete(tmp_path / "0000.h5")
@@ -127,28 +122,28 @@ def test_no_rows_and_no_snapshots_still_open(tmp_path: Path) -> None:
         assert data.sizes == {"time": 0, "x": 16, "snapshot": 0}
 
 
-def test_rows_beyond_what_is_held_keep_their_order(tmp_path: Path) -> None:
+def test_rows_beyond_what_is_held_keep_their_order(tmp_path):
     times = np.arange(2.5 * writer.ROWS_HELD)
     path = write_case(tmp_path / "0000.h5", tuple(times))
     with open_case(path) as data:
         np.testing.assert_array_equal(data["contact_area"], times)
 
 
-def test_provenance_is_stored(tmp_path: Path) -> None:
+def test_provenance_is_stored(tmp_path):
     about = attributes(write_case(tmp_path / "0000.h5"))
     expected = {"gfmdlayer_version", "git_commit", "python_version", "numpy_version", "h5py_version"}
     assert expected | {"hostname", "started", "finished", "wall_seconds", "digest"} <= about.keys()
     assert about["rows"] == 3
 
 
-def test_long_attributes_are_kept_whole(tmp_path: Path) -> None:
+def test_long_attributes_are_kept_whole(tmp_path):
     # HDF5 limits an attribute stored in the header to 64 KiB.
     with CaseWriter(tmp_path / "0000.h5", {"x": X}, {"config": "k: v\n" * 40_000}):
         pass
     assert attributes(tmp_path / "0000.h5")["config"] == "k: v\n" * 40_000
 
 
-def test_folder_below_a_repository_has_no_commit(tmp_path: Path) -> None:
+def test_folder_below_a_repository_has_no_commit(tmp_path):
     (tmp_path / ".git").mkdir()
     (tmp_path / "below").mkdir()
     assert git_commit(tmp_path / "below") == "unknown"
@@ -156,9 +151,7 @@ def test_folder_below_a_repository_has_no_commit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["TERM", "INT", "USR1"])
-def test_a_request_to_stop_does_not_make_the_commit_unknown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_a_request_to_stop_does_not_make_the_commit_unknown(tmp_path, monkeypatch, name):
     # mpirun, scancel and terminals send the signal to git too, while it runs.
     (tmp_path / ".git").mkdir()
     git = tmp_path / "git"
@@ -168,7 +161,7 @@ def test_a_request_to_stop_does_not_make_the_commit_unknown(
     assert git_commit(tmp_path) == "1f2e3d"
 
 
-def test_unknown_variable_is_refused(tmp_path: Path) -> None:
+def test_unknown_variable_is_refused(tmp_path):
     with (
         pytest.raises(KeyError, match="no variable 'contact_aera'"),
         CaseWriter(tmp_path / "0.h5", {"x": X}) as c,
@@ -187,7 +180,7 @@ def test_unknown_variable_is_refused(tmp_path: Path) -> None:
         ([{"time": float("nan")}], "follows"),
     ],
 )
-def test_wrong_rows_are_refused(tmp_path: Path, rows: list[dict[str, float]], message: str) -> None:
+def test_wrong_rows_are_refused(tmp_path, rows, message):
     *before, wrong = rows
     with CaseWriter(tmp_path / "0.h5", {"x": X}) as case:
         for row in before:
@@ -196,7 +189,7 @@ def test_wrong_rows_are_refused(tmp_path: Path, rows: list[dict[str, float]], me
             case.row(**wrong)
 
 
-def test_snapshot_of_another_shape_is_refused(tmp_path: Path) -> None:
+def test_snapshot_of_another_shape_is_refused(tmp_path):
     with (
         pytest.raises(ValueError, match="pressure of shape"),
         CaseWriter(tmp_path / "0.h5", {"x": X}) as case,
@@ -204,7 +197,7 @@ def test_snapshot_of_another_shape_is_refused(tmp_path: Path) -> None:
         case.snapshot(0.0, X, X[:4])
 
 
-def test_exception_leaves_the_earlier_result_and_nothing_else(tmp_path: Path) -> None:
+def test_exception_leaves_the_earlier_result_and_nothing_else(tmp_path):
     path = write_case(tmp_path / "0000.h5", level=2.0)
     with pytest.raises(ZeroDivisionError), CaseWriter(path, {"x": X}) as case:
         case.row(time=1.0 / 0)
@@ -213,7 +206,7 @@ def test_exception_leaves_the_earlier_result_and_nothing_else(tmp_path: Path) ->
         assert data["contact_area"][-1] == 2.0
 
 
-def test_two_writers_of_one_case_write_to_different_files(tmp_path: Path) -> None:
+def test_two_writers_of_one_case_write_to_different_files(tmp_path):
     path = tmp_path / "0000.h5"
     with CaseWriter(path, {"x": X}) as one, CaseWriter(path, {"x": X}) as other:
         one.row(time=0.0)
@@ -222,12 +215,12 @@ def test_two_writers_of_one_case_write_to_different_files(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == [path]
 
 
-def run_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+def run_python(code, *arguments):
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 
 
-def test_killed_process_leaves_nothing_under_the_final_name(tmp_path: Path) -> None:
+def test_killed_process_leaves_nothing_under_the_final_name(tmp_path):
     code = """
 import os, sys
 import numpy as np
@@ -244,7 +237,7 @@ with CaseWriter(sys.argv[1], {"x": np.arange(8.0)}) as case:
     assert not is_complete(left)
 
 
-def test_full_disk_is_a_clear_error_at_any_byte(tmp_path: Path) -> None:
+def test_full_disk_is_a_clear_error_at_any_byte(tmp_path):
     # The whole file takes about 200 kB; HDF5 alone would end some of these in a segmentation fault.
     code = """
 import resource, signal, sys
@@ -270,7 +263,7 @@ for limit in range(0, 180_000, 9973):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_only_complete_cases_count_as_complete(tmp_path: Path) -> None:
+def test_only_complete_cases_count_as_complete(tmp_path):
     whole = write_case(tmp_path / "whole.h5")
     contents = whole.read_bytes()
     (tmp_path / "truncated.h5").write_bytes(contents[: len(contents) // 2])
@@ -289,7 +282,7 @@ def test_only_complete_cases_count_as_complete(tmp_path: Path) -> None:
     assert not is_complete(tmp_path)
 
 
-def test_any_changed_bit_is_found(tmp_path: Path) -> None:
+def test_any_changed_bit_is_found(tmp_path):
     """In attributes, coordinates and the structure of the file too, where HDF5 has no checksums."""
     path = write_case(tmp_path / "0000.h5")
     whole = path.read_bytes()
@@ -304,9 +297,7 @@ def test_any_changed_bit_is_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("variable", ["contact_area", "pressure"])
-def test_damage_is_found_by_hdf5_where_another_program_has_changed_the_file(
-    variable: str, tmp_path: Path
-) -> None:
+def test_damage_is_found_by_hdf5_where_another_program_has_changed_the_file(variable, tmp_path):
     path = write_case(tmp_path / "0000.h5")
     with h5py.File(path, "r+") as h5:
         h5.attrs["remark"] = "mine " * 100
@@ -317,14 +308,14 @@ def test_damage_is_found_by_hdf5_where_another_program_has_changed_the_file(
         open_case(path)
 
 
-def test_a_damaged_sweep_file_is_refused(tmp_path: Path) -> None:
+def test_a_damaged_sweep_file_is_refused(tmp_path):
     collect(tmp_path, write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}]), Swept(["a.b"]))
     damage(tmp_path / "sweep.h5")
     with pytest.raises(ResultsError, match=r"sweep\.h5: is damaged: it holds other bytes than were written"):
         open_results(tmp_path)
 
 
-def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path: Path) -> None:
+def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path):
     thick, moduli = [0, 0.25, float("inf")], [1.0, 10.0]
     keys = ["layer.thickness", "halfspace.shear_modulus"]
     records = write_sweep(tmp_path, [dict(zip(keys, (d, g), strict=True)) for d in thick for g in moduli])
@@ -343,7 +334,7 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path: Path) -> None:
         assert data.attrs["tau"] == 1.0
 
 
-def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path: Path) -> None:
+def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path):
     keys = ["layer.thickness", "halfspace.shear_modulus"]
     records = write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in product((0.1, 0.2), (1, 2, 3))])
     collect(tmp_path, records, Swept(keys))
@@ -358,7 +349,7 @@ def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path: Path) -> None:
         np.testing.assert_array_equal(some, expected[:, [2, 0], 0, ::-3])
 
 
-def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path: Path) -> None:
+def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path):
     records = write_sweep(tmp_path, [{"a.b": value} for value in range(4)])
     collect(tmp_path, records, Swept(["a.b"]))
     records[1].source.write_text("damaged")
@@ -370,7 +361,7 @@ def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path: Path) -> None:
             data["displacement"].sel(b=1).load()
 
 
-def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> None:
+def test_snapshots_on_different_grids_are_not_put_together(tmp_path):
     records = write_sweep(tmp_path, [{"grid.period": 1.0}, {"grid.period": 2.0}])
     collect(tmp_path, records, Swept(["grid.period"]))
     with open_results(tmp_path) as data:
@@ -392,7 +383,7 @@ def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> No
         data["displacement"].load()
 
 
-def test_cases_that_ended_in_a_steady_state_keep_their_last_row(tmp_path: Path) -> None:
+def test_cases_that_ended_in_a_steady_state_keep_their_last_row(tmp_path):
     records, ends = [], (3, 2, 4)
     for index, end in enumerate(ends):
         path = case_path(tmp_path, index)
@@ -414,13 +405,13 @@ def test_cases_that_ended_in_a_steady_state_keep_their_last_row(tmp_path: Path) 
     assert attributes(records[0].source)["settled"] == 1
 
 
-def test_shared_last_parts_take_the_whole_key() -> None:
+def test_shared_last_parts_take_the_whole_key():
     keys = ["layer.poisson", "halfspace.poisson", "layer.thickness"]
     assert dimension_names(keys) == ["layer.poisson", "halfspace.poisson", "thickness"]
     assert dimension_names(["some.time"]) == ["some.time"]
 
 
-def test_list_of_combinations_has_one_dimension(tmp_path: Path) -> None:
+def test_list_of_combinations_has_one_dimension(tmp_path):
     keys = ["layer.thickness", "layer.material.Ginf"]
     pairs = [(0.1, 10.0), (0.2, 20.0), (0.1, 30.0)]
     collect(tmp_path, write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in pairs]), Swept(keys))
@@ -442,16 +433,14 @@ def test_list_of_combinations_has_one_dimension(tmp_path: Path) -> None:
         ("a.b", [{"model": "zener", "G0": 1.0}, {"model": "prony"}], ["model=zener, G0=1.0", "model=prony"]),
     ],
 )
-def test_values_that_are_no_numbers_become_text(
-    tmp_path: Path, key: str, values: list[object], labels: list[str]
-) -> None:
+def test_values_that_are_no_numbers_become_text(tmp_path, key, values, labels):
     collect(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), Swept([key]))
     with open_results(tmp_path) as data:
         assert data["b"].to_numpy().tolist() == labels
         assert data["contact_area"].sel(b=labels[1], time=1.0) == 2.0
 
 
-def test_failed_and_missing_cases_are_nan_and_named(tmp_path: Path) -> None:
+def test_failed_and_missing_cases_are_nan_and_named(tmp_path):
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2, 0.3)])
     records[0] = CaseRecord(0, records[0].source, records[0].values, "did not converge at time 0.2")
     records[2].source.unlink()
@@ -462,14 +451,14 @@ def test_failed_and_missing_cases_are_nan_and_named(tmp_path: Path) -> None:
         assert data.attrs["failed"].splitlines() == expected
 
 
-def test_sweep_where_every_case_failed_opens(tmp_path: Path) -> None:
+def test_sweep_where_every_case_failed_opens(tmp_path):
     records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, "no") for i in range(2)]
     collect(tmp_path, records, Swept(["a.b"]))
     with open_results(tmp_path) as data:
         assert data.sizes == {"b": 2, "time": 0}
 
 
-def collect_steps(folder: Path, steps: Sequence[Sequence[float]], **how: Any) -> None:
+def collect_steps(folder, steps, **how):
     """Collect cases whose rows are at these times; their contact area is the time."""
     paths = [write_case(case_path(folder, i), times) for i, times in enumerate(steps)]
     records = [CaseRecord(i, path, {"a.b": i}) for i, path in enumerate(paths)]
@@ -477,7 +466,7 @@ def collect_steps(folder: Path, steps: Sequence[Sequence[float]], **how: Any) ->
     collect(folder, records, Swept(["a.b"], **how))
 
 
-def test_cases_with_steps_of_their_own_keep_all_of_their_rows(tmp_path: Path) -> None:
+def test_cases_with_steps_of_their_own_keep_all_of_their_rows(tmp_path):
     steps, nan = [(0.0, 0.2, 1.0), (0.0, 0.2, 0.3, 0.7, 1.5)], np.nan
     collect_steps(tmp_path, steps)
     with open_results(tmp_path) as data:
@@ -490,7 +479,7 @@ def test_cases_with_steps_of_their_own_keep_all_of_their_rows(tmp_path: Path) ->
         assert float(one.sel(time=0.2)) == 0.2
 
 
-def test_cases_of_equal_steps_share_time_and_are_nan_behind_their_ends(tmp_path: Path) -> None:
+def test_cases_of_equal_steps_share_time_and_are_nan_behind_their_ends(tmp_path):
     # 3 * 0.1 differs from 0.3 by rounding and is the same time.
     collect_steps(tmp_path, [(0.0, 0.2, 3 * 0.1), (0.0, 0.2, 0.3, 1.0)])
     with open_results(tmp_path) as data:
@@ -502,9 +491,7 @@ def test_cases_of_equal_steps_share_time_and_are_nan_behind_their_ends(tmp_path:
 
 
 @pytest.mark.parametrize("asked", [0.4, (0.4, 3 * 0.4)])
-def test_output_times_are_a_common_axis_to_the_end_of_the_longest_case(
-    tmp_path: Path, asked: float | tuple[float, ...]
-) -> None:
+def test_output_times_are_a_common_axis_to_the_end_of_the_longest_case(tmp_path, asked):
     collect_steps(tmp_path, [(0.0, 0.1, 0.4, 0.5), (0.0, 0.1, 0.3, 0.4, 0.8, 1.0, 1.2)], asked=asked)
     with open_results(tmp_path) as data:
         times = [0.0, 0.1, 0.4, *([0.8] if asked == 0.4 else []), 1.2]  # 0 and 0.1 are in both cases
@@ -514,7 +501,7 @@ def test_output_times_are_a_common_axis_to_the_end_of_the_longest_case(
         assert data["contact_area"].sel(b=0)[3:].isnull().all()
 
 
-def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path: Path) -> None:
+def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path):
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2)])
     collect(tmp_path, records, Swept(["layer.thickness"], listed=True))
     with open_results(tmp_path) as data:
@@ -522,7 +509,7 @@ def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path: P
         np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2])
 
 
-def test_a_thousand_failures_are_named(tmp_path: Path) -> None:
+def test_a_thousand_failures_are_named(tmp_path):
     # Beyond the 64 kB that HDF5 allows an attribute of fixed length.
     reason = "ConvergenceError: t = 0.1: residual 1e-3 after 20000 iterations of fire; the tolerance is 1e-6"
     records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, reason) for i in range(1000)]
@@ -532,7 +519,7 @@ def test_a_thousand_failures_are_named(tmp_path: Path) -> None:
         assert data.attrs["failed"].splitlines() == [f"{i:04d}: {reason}" for i in range(1000)]
 
 
-def test_a_damaged_case_is_left_out_of_the_sweep_and_no_other(tmp_path: Path) -> None:
+def test_a_damaged_case_is_left_out_of_the_sweep_and_no_other(tmp_path):
     records = write_sweep(tmp_path, [{"a.b": i} for i in range(3)])
     damage(records[1].source)
     collect(tmp_path, records, Swept(["a.b"]))
@@ -541,7 +528,7 @@ def test_a_damaged_case_is_left_out_of_the_sweep_and_no_other(tmp_path: Path) ->
         assert data.attrs["failed"] == "0001: no complete result file"
 
 
-def test_collecting_holds_one_case_at_a_time(tmp_path: Path) -> None:
+def test_collecting_holds_one_case_at_a_time(tmp_path):
     # A curve of 20 000 rows takes 160 kB, the record of a case and its labels less than 1 kB.
     path = write_case(case_path(tmp_path, 0), np.linspace(0, 1, 20_000))
     peaks = []
@@ -555,7 +542,7 @@ def test_collecting_holds_one_case_at_a_time(tmp_path: Path) -> None:
     assert peaks[1] < 10 * 160_000
 
 
-def test_single_case_is_opened_itself(tmp_path: Path) -> None:
+def test_single_case_is_opened_itself(tmp_path):
     records = write_sweep(tmp_path, [{}])
     for with_sweep_file in (False, True):
         if with_sweep_file:
@@ -564,7 +551,7 @@ def test_single_case_is_opened_itself(tmp_path: Path) -> None:
             assert data["displacement"].dims == ("snapshot", "x")
 
 
-def test_folders_without_results_are_refused_by_name(tmp_path: Path) -> None:
+def test_folders_without_results_are_refused_by_name(tmp_path):
     with pytest.raises(ResultsError, match="nowhere: no such folder"):
         open_results(tmp_path / "nowhere")
     with pytest.raises(ResultsError, match="not a folder of results"):

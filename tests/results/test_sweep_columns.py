@@ -1,12 +1,6 @@
 """The sweep file has every column that the cases have; what a case lacks is NaN, with a word about it."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
-import pytest
 
 from gfmdlayer.observables import Column
 from gfmdlayer.observables.observable import Bins
@@ -19,11 +13,11 @@ TIMES = (0.0, 1.0, 3.0)
 PLAIN = (Column("time", "time", "time"), Column("depth", "indentation depth", "length"))
 
 
-def gap_histogram(*edges: float) -> Column:
+def gap_histogram(*edges):
     return Column("gap_histogram", "part of the surface", along=Bins("gap_bin", "the gap", "length", edges))
 
 
-def write(folder: Path, index: int, *further: Column) -> CaseRecord:
+def write(folder, index, *further):
     """Write a case whose columns are its number plus one times the time."""
     path = case_path(folder, index)
     with CaseWriter(path, {"x": np.arange(8.0)}, {"name": "demo"}, (*PLAIN, *further)) as case:
@@ -34,7 +28,7 @@ def write(folder: Path, index: int, *further: Column) -> CaseRecord:
     return CaseRecord(index, path, {"trajectory.depth": 0.1 * (index + 1), "punch.radius": 2.0})
 
 
-def test_numbers_and_distributions_of_all_cases_are_labelled(tmp_path: Path) -> None:
+def test_numbers_and_distributions_of_all_cases_are_labelled(tmp_path):
     of_gap, count = gap_histogram(0.0, 1.0, np.inf), Column("patches", "number of patches", dtype="i8")
     records = [write(tmp_path, index, of_gap, count) for index in range(3)]
     collect(tmp_path, records, Swept(["trajectory.depth", "punch.radius"]))
@@ -55,9 +49,7 @@ def test_numbers_and_distributions_of_all_cases_are_labelled(tmp_path: Path) -> 
         assert data.attrs["notes"] == ""
 
 
-def test_a_column_that_some_cases_lack_is_nan_there_and_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_column_that_some_cases_lack_is_nan_there_and_said(tmp_path, monkeypatch):
     records = [write(tmp_path, 0, gap_histogram(0.0, 1.0, np.inf), Column("work", "work"))]
     records += [write(tmp_path, 1, gap_histogram(0.0, 2.0, np.inf), Column("work", "work"))]
     monkeypatch.setattr(provenance, "git_commit", lambda _: "an earlier one")
@@ -78,5 +70,5 @@ def test_a_column_that_some_cases_lack_is_nan_there_and_said(
     assert of_work == "work: NaN in cases 0002, 0003, 0004, 0005, 0006 and 2 more"
 
 
-def _fresh_template(*layout: Any) -> bytes:
+def _fresh_template(*layout):
     return case_template.__wrapped__(*layout)

@@ -1,22 +1,17 @@
 """The benchmark: its tables are there, and its counts are possible. No time is asserted."""
 
-from __future__ import annotations
-
 import json
 import runpy
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 SOLVERS = {"active_set", "conjugate_gradient", "fire"}
-Tables = dict[str, list[dict[str, Any]]]
 
 
 @pytest.fixture
-def benchmark(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+def benchmark(monkeypatch):
     """Run the benchmark in this process."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
     main = runpy.run_path(str(SCRIPTS / "benchmark.py"))["main"]
@@ -24,12 +19,10 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
 
 
 @pytest.fixture
-def tables(
-    benchmark: Callable[[str], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> Callable[[str], Tables]:
+def tables(benchmark, tmp_path, capsys):
     """Run the benchmark and return the rows of each of its tables."""
 
-    def tables(arguments: str) -> Tables:
+    def tables(arguments):
         benchmark(f"{arguments} --json {tmp_path}/found.json --markdown {tmp_path}/found.md")
         found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
         assert found["machine"].keys() >= {"cpu", "fftw", "numba_version", "git_commit"}
@@ -41,9 +34,7 @@ def tables(
     return tables
 
 
-def test_counts_of_each_solver_lie_between_the_floor_and_the_iteration_limit(
-    tables: Callable[[str], Tables],
-) -> None:
+def test_counts_of_each_solver_lie_between_the_floor_and_the_iteration_limit(tables):
     found = tables("--only iteration pairs whole_run --points 128 256 --steps 10 --repetitions 1")
 
     assert {(row["inertia"], row["n"]) for row in found["iteration"]} == {
@@ -76,14 +67,14 @@ def test_counts_of_each_solver_lie_between_the_floor_and_the_iteration_limit(
         assert row["run / bare pairs"] > 0
 
 
-def test_contacts_with_friction_are_counted_on_grids_of_their_own(tables: Callable[[str], Tables]) -> None:
+def test_contacts_with_friction_are_counted_on_grids_of_their_own(tables):
     (row,) = tables("--only pairs --points 1024 --steps 1")["friction"]
     assert row["contact"] == "rolling cylinder"
     assert row["converged"] == "True"
     assert 0 < row["step"] <= row["most"] < row["first solve"]
 
 
-def test_a_rough_surface_is_run_on_each_grid(tables: Callable[[str], Tables]) -> None:
+def test_a_rough_surface_is_run_on_each_grid(tables):
     found = tables("--only rough --points 32 64 --steps 3 --repetitions 1")
     assert [row["grid"] for row in found["rough-layer"]] == ["32 x 32", "64 x 64"]
     for row in found["rough-layer"]:
@@ -92,7 +83,7 @@ def test_a_rough_surface_is_run_on_each_grid(tables: Callable[[str], Tables]) ->
 
 
 @pytest.mark.slow  # loops are compiled anew
-def test_ablation_compares_each_ingredient_with_the_full_method(tables: Callable[[str], Tables]) -> None:
+def test_ablation_compares_each_ingredient_with_the_full_method(tables):
     found = tables("--only ablation --points 512 --steps 4 --repetitions 1")
     for name in ("ablation", "ablation-nested", "ablation-fire", "ablation-adaptive"):
         full, *without = found[f"{name}-pairs"]
@@ -108,7 +99,7 @@ def test_ablation_compares_each_ingredient_with_the_full_method(tables: Callable
     assert 0 < exact["figure2"] < linear["figure2"]
 
 
-def test_overhead_counts_every_case_on_one_rank_and_two(tables: Callable[[str], Tables]) -> None:
+def test_overhead_counts_every_case_on_one_rank_and_two(tables):
     rows = tables("--only overhead --cases 12")["overhead"]
     assert [(row["ranks"], row["cases"]) for row in rows] == [(1, 12), (2, 12)]
     for row in rows:
@@ -125,12 +116,7 @@ def test_overhead_counts_every_case_on_one_rank_and_two(tables: Callable[[str], 
         ("--json nowhere/found.json", "no folder nowhere"),
     ],
 )
-def test_bad_arguments_are_refused_before_anything_is_measured(
-    arguments: str,
-    complaint: str,
-    benchmark: Callable[[str], None],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_arguments_are_refused_before_anything_is_measured(arguments, complaint, benchmark, capsys):
     with pytest.raises(SystemExit, match="2"):
         benchmark(arguments)
     errors = capsys.readouterr().err
@@ -138,9 +124,7 @@ def test_bad_arguments_are_refused_before_anything_is_measured(
     assert "measuring" not in errors
 
 
-def test_help_lists_every_section(
-    benchmark: Callable[[str], None], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_lists_every_section(benchmark, capsys):
     with pytest.raises(SystemExit, match="0"):
         benchmark("--help")
     shown = capsys.readouterr().out
@@ -150,11 +134,8 @@ def test_help_lists_every_section(
 
 
 def test_tables_that_are_done_are_printed_and_written_when_a_later_one_fails(
-    benchmark: Callable[[str], None],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    benchmark, monkeypatch, tmp_path, capsys
+):
     monkeypatch.setattr("benchmarks.rough._cold", lambda _points: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         benchmark(f"--only rough --points 32 --steps 1 --repetitions 1 --json {tmp_path}/found.json")

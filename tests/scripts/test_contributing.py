@@ -3,8 +3,6 @@
 What is added is run, checked, swept, offered by the schema and the templates, listed and drawn.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -14,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import gfmdlayer
 from gfmdlayer import open_case
@@ -91,13 +88,13 @@ VERBS = (
 )
 
 
-def sections() -> dict[str, str]:
+def sections():
     """Return the sections "a ..." of the page by title."""
     parts = re.split(r"^### (.*)\n", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
     return dict(zip(parts[::2], parts[1::2], strict=True))
 
 
-def add(section: str, copy: Path, method: str = "") -> None:
+def add(section, copy, method=""):
     """Write the file of a section, with a further method, into a copy of the package, and its line."""
     code = FILE.search(section)
     assert code is not None
@@ -119,7 +116,7 @@ def add(section: str, copy: Path, method: str = "") -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """Return a folder where one copy with all examples in it ran a small study for each section."""
     folder = tmp_path_factory.mktemp("contributor")
     copy = folder / "copy"
@@ -148,12 +145,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def case(folder: Path, title: str, number: int = 0) -> xr.Dataset:
+def case(folder, title, number=0):
     """Return a case of the study of a section."""
     return open_case(folder / "results" / title.replace(" ", "-") / f"cases/{number:04d}.h5").load()
 
 
-def test_the_examples_have_the_style_of_the_package(tmp_path: Path) -> None:
+def test_the_examples_have_the_style_of_the_package(tmp_path):
     for code, path in FILE.findall(PAGE.read_text(encoding="utf-8")):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(code, encoding="utf-8")
@@ -163,7 +160,7 @@ def test_the_examples_have_the_style_of_the_package(tmp_path: Path) -> None:
         assert found.returncode == 0, found.stdout
 
 
-def test_a_frustum_is_a_wedge_or_a_flat_punch_and_an_element_of_an_array(folder: Path) -> None:
+def test_a_frustum_is_a_wedge_or_a_flat_punch_and_an_element_of_an_array(folder):
     wedge, tip, top, two = (case(folder, "a punch shape", number) for number in range(4))
     # Without a flat end it is a wedge; the solver's tolerance is 1e-6.
     np.testing.assert_allclose(tip["mean_pressure"], wedge["mean_pressure"], rtol=1e-5, atol=1e-9)
@@ -177,11 +174,11 @@ def test_a_frustum_is_a_wedge_or_a_flat_punch_and_an_element_of_an_array(folder:
 
 
 @pytest.mark.parametrize("title", REFUSALS)
-def test_what_an_addition_refuses_is_named_with_its_place(folder: Path, title: str) -> None:
+def test_what_an_addition_refuses_is_named_with_its_place(folder, title):
     assert f"{title.replace(' ', '-')}.bad{REFUSALS[title][2]}" in (folder / "said").read_text()
 
 
-def test_templates_and_the_schema_offer_what_is_added(folder: Path) -> None:
+def test_templates_and_the_schema_offer_what_is_added(folder):
     template = (folder / "indentation.yaml").read_text()
     assert ", frustum" in template
     assert ", rouse" in template
@@ -189,7 +186,7 @@ def test_templates_and_the_schema_offer_what_is_added(folder: Path) -> None:
     assert all(f'"const": "{name}"' in said for name in ("frustum", "rouse", "winkler", "two_ranges"))
 
 
-def test_the_pressure_under_a_flat_punch_follows_the_modulus_of_a_rouse_chain(folder: Path) -> None:
+def test_the_pressure_under_a_flat_punch_follows_the_modulus_of_a_rouse_chain(folder):
     """The contact does not change, so the pressure is the mean of G(t - s) over the ramp, 0 <= s <= 1/2."""
     law = case(folder, "a material law").sel(time=slice(0.5, None))
     t, pressure = law["time"].to_numpy(), law["mean_pressure"].to_numpy()
@@ -198,7 +195,7 @@ def test_the_pressure_under_a_flat_punch_follows_the_modulus_of_a_rouse_chain(fo
     np.testing.assert_allclose(pressure / pressure[-1], modulus / modulus[-1], rtol=1e-7)
 
 
-def test_each_point_of_a_winkler_bed_carries_its_own_overlap(folder: Path) -> None:
+def test_each_point_of_a_winkler_bed_carries_its_own_overlap(folder):
     """In contact from t0 on a point moves at v, and p = k v (t - t0) + k v tau (1 - exp(-(t - t0)/tau))."""
     last = case(folder, "a body").isel(snapshot=-1)
     speed, x = 0.01, last["x"].to_numpy()
@@ -209,21 +206,21 @@ def test_each_point_of_a_winkler_bed_carries_its_own_overlap(folder: Path) -> No
     assert exact.max() > 10 * 5 * speed * 0.25**2
 
 
-def test_a_sum_of_two_ranges_attracts(folder: Path) -> None:
+def test_a_sum_of_two_ranges_attracts(folder):
     assert float(case(folder, "an interface law")["largest_tension"].max()) > 0
 
 
-def test_projected_gradients_solve_each_step(folder: Path) -> None:
+def test_projected_gradients_solve_each_step(folder):
     assert float(case(folder, "a solver")["residual"].max()) <= 1e-6
 
 
-def test_the_column_of_an_observable_is_in_each_file(folder: Path) -> None:
+def test_the_column_of_an_observable_is_in_each_file(folder):
     found = case(folder, "an observable")
     pressure = found["pressure"].isel(snapshot=-1)
     assert float(found["rms_pressure"][-1]) == pytest.approx(float((pressure**2).mean()) ** 0.5, rel=1e-12)
 
 
-def test_a_spring_is_a_geometry_that_is_swept_listed_and_drawn(folder: Path) -> None:
+def test_a_spring_is_a_geometry_that_is_swept_listed_and_drawn(folder):
     found = gfmdlayer.open_results(folder / "results/a-geometry")
     np.testing.assert_allclose(found["force"], found["depth"] * found["G0"], rtol=1e-15)
     assert (found["depth"].isel(time=-1) == 0.01).all()

@@ -1,13 +1,9 @@
 """The examples under scripts/examples run on a sweep, and find what the sweep holds."""
 
-from __future__ import annotations
-
 import csv
 import runpy
-from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +18,7 @@ from gfmdlayer.results.reader import case_path
 from gfmdlayer.results.writer import CaseWriter
 
 EXAMPLES = Path(__file__).parents[2] / "scripts" / "examples"
-TINY: dict[str, Any] = {
+TINY = {
     "name": "tiny",
     "grid": {"points": 1024},
     "time": {"end": 4.0, "step": 0.1},
@@ -32,14 +28,14 @@ TINY: dict[str, Any] = {
 }
 
 
-def example(monkeypatch: pytest.MonkeyPatch, name: str, *arguments: Path) -> dict[str, Any]:
+def example(monkeypatch, name, *arguments):
     """Run an example as a user would; return its variables."""
     monkeypatch.setattr("sys.argv", [name, *map(str, arguments)])
     return runpy.run_path(str(EXAMPLES / f"{name}.py"))
 
 
 @pytest.fixture(scope="module")
-def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def tiny(tmp_path_factory):
     """Return the folder of a sweep over two keys."""
     folder = tmp_path_factory.mktemp("results") / "tiny"
     with assemble() as team:
@@ -48,13 +44,13 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_every_example_is_tested() -> None:
+def test_every_example_is_tested():
     assert {path.stem for path in EXAMPLES.glob("*.py")} == {"relaxation_time", "parameter_map", "export_csv"}
 
 
-def test_relaxation_time_of_exponentials_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_relaxation_time_of_exponentials_is_found(tmp_path, monkeypatch):
     step, end, taus = 0.05, 16.0, (0.5, 1.0, 2.0, 0.0)
-    sweep: Mapping[str, list[object]] = {"layer.material.tau": [0.5, 1.0, 2.0, 4.0]}
+    sweep = {"layer.material.tau": [0.5, 1.0, 2.0, 4.0]}
     (tmp_path / "config.yaml").write_text(MARK + Config(name="known", sweep=dict(sweep)).dump())
     records = []
     for index, tau in enumerate(taus):
@@ -74,9 +70,7 @@ def test_relaxation_time_of_exponentials_is_found(tmp_path: Path, monkeypatch: p
     assert np.isnan(found[3])  # an area that does not move has no relaxation time
 
 
-def test_relaxation_time_of_a_real_sweep_is_told_or_left_out(
-    tiny: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_relaxation_time_of_a_real_sweep_is_told_or_left_out(tiny, monkeypatch):
     found = example(monkeypatch, "relaxation_time", tiny)
     assert found["relaxation_time"].dims == ("thickness", "Ginf")
     told = abs(found["change"]) > 10 / 1024
@@ -87,9 +81,7 @@ def test_relaxation_time_of_a_real_sweep_is_told_or_left_out(
     assert found["relaxation_time"].max() < 3.0
 
 
-def test_cases_with_time_steps_of_their_own_have_the_same_table_and_map(
-    tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cases_with_time_steps_of_their_own_have_the_same_table_and_map(tiny, tmp_path, monkeypatch):
     """Fixed steps of 0.1 are off by some 1 % of the pressure at its peak; adaptive ones by 1e-3."""
     adaptive = {"time": {"end": 4.0, "step": "adaptive"}, "output": {"snapshots": [4.0]}}
     folder, config = tmp_path / "own", Config(**(TINY | adaptive))
@@ -104,7 +96,7 @@ def test_cases_with_time_steps_of_their_own_have_the_same_table_and_map(
         np.testing.assert_allclose(found, expected, rtol=0.1)
 
 
-def test_map_of_the_overshoot_is_drawn(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_map_of_the_overshoot_is_drawn(tiny, tmp_path, monkeypatch):
     variables = example(monkeypatch, "parameter_map", tiny, tmp_path / "map.pdf")
     assert (tmp_path / "map.pdf").read_bytes().startswith(b"%PDF")
     overshoot = variables["overshoot"]
@@ -115,9 +107,7 @@ def test_map_of_the_overshoot_is_drawn(tiny: Path, tmp_path: Path, monkeypatch: 
     assert (overshoot < overshoot["Ginf"]).all()
 
 
-def test_export_has_a_line_for_each_case_and_time(
-    tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_export_has_a_line_for_each_case_and_time(tiny, tmp_path, monkeypatch):
     results = example(monkeypatch, "export_csv", tiny, tmp_path)["results"]
     with (tmp_path / "curves.csv").open() as file:
         rows = list(csv.DictReader(file))

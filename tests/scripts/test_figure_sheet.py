@@ -1,11 +1,8 @@
 """The contact sheet of docs/figures.png: its runs, pictures and layout, at small size."""
 
-from __future__ import annotations
-
 import runpy
 import shlex
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,13 +15,11 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def script() -> dict[str, Any]:
+def script():
     return runpy.run_path(str(ROOT / "scripts" / "figure_sheet.py"))
 
 
-def test_each_picture_has_a_run_and_options_of_the_command_line(
-    script: dict[str, Any], tmp_path: Path
-) -> None:
+def test_each_picture_has_a_run_and_options_of_the_command_line(script, tmp_path):
     pictures, runs = script["PICTURES"], script["runs"](script["SMALL"], tmp_path)
     assert len(pictures) == 12
     assert {picture.run for picture in pictures} == set(runs)
@@ -34,7 +29,7 @@ def test_each_picture_has_a_run_and_options_of_the_command_line(
         command_line().parse_args(["plot", "DIR", *shlex.split(picture.options)])
 
 
-def test_pictures_keep_their_shape_below_their_captions(script: dict[str, Any], tmp_path: Path) -> None:
+def test_pictures_keep_their_shape_below_their_captions(script, tmp_path):
     dots = round(175.0 / 25.4 * 300)  # two columns of a journal
     for i, (width, height) in enumerate([(dots, dots), (dots // 2, dots)]):
         Image.new("RGB", (width, height), "blue").save(tmp_path / f"{i}.png")
@@ -45,11 +40,11 @@ def test_pictures_keep_their_shape_below_their_captions(script: dict[str, Any], 
     assert found.width == script["GAP"] + script["COLUMNS"] * (size + script["GAP"])
 
 
-def test_it_is_drawn(script: dict[str, Any], tmp_path: Path) -> None:
+def test_it_is_drawn(script, tmp_path):
     assert script["main"](["--small", "--only", "cycles", "--out", str(tmp_path / "sheet.png")]) == 0
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.height > 200
 
 
-def test_the_sheet_in_docs_is_small() -> None:
+def test_the_sheet_in_docs_is_small():
     assert (ROOT / "docs" / "figures.png").stat().st_size < 600_000

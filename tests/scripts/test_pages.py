@@ -10,10 +10,8 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -39,11 +37,11 @@ class Block:
     code: str
     runs: bool
 
-    def __str__(self) -> str:
+    def __str__(self):
         return f"{self.page.relative_to(ROOT)}-{self.line}"
 
 
-def blocks(page: Path) -> Iterator[Block]:
+def blocks(page):
     text = page.read_text(encoding="utf-8")
     for found in BLOCK.finditer(text):
         line = text.count("\n", 0, found.start(2)) + 1
@@ -53,7 +51,7 @@ def blocks(page: Path) -> Iterator[Block]:
 BLOCKS = {page: list(blocks(page)) for page in PAGES}
 
 
-def fill(folder: Path) -> None:
+def fill(folder):
     """Make a clone with small configurations, and with the files that a user brings along."""
     (folder / "configs").mkdir()
     for path in (ROOT / "configs").iterdir():
@@ -74,7 +72,7 @@ def fill(folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def results(tmp_path_factory):
     """Results that several pages look at, of one run."""
     folder = tmp_path_factory.mktemp("clone")
     fill(folder)
@@ -83,7 +81,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def clone(tmp_path, monkeypatch):
     """A clone in the working directory."""
     fill(tmp_path)
     monkeypatch.chdir(tmp_path)
@@ -91,7 +89,7 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_each_block_is_in_a_known_language(page: Path) -> None:
+def test_each_block_is_in_a_known_language(page):
     languages = {block.language for block in BLOCKS[page] if not block.language.startswith("{")}
     assert languages <= {"", "bash", "math", "python", "text", "yaml"}
     assert page.read_text(encoding="utf-8").count("\n```") == 2 * len(BLOCKS[page])
@@ -99,10 +97,10 @@ def test_each_block_is_in_a_known_language(page: Path) -> None:
 
 @pytest.mark.slow  # the verbs are tested on small cases in tests/cli
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_commands_and_scripts_work_one_after_the_other(page: Path, clone: Path, results: Path) -> None:
+def test_commands_and_scripts_work_one_after_the_other(page, clone, results):
     mpl.use("Agg")
     shutil.copytree(results, clone / "results")
-    names: dict[str, Any] = {}
+    names = {}
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     for block in BLOCKS[page]:
         if block.runs and block.language == "bash":
@@ -118,7 +116,7 @@ def test_commands_and_scripts_work_one_after_the_other(page: Path, clone: Path, 
 @pytest.mark.parametrize(
     "block", [b for page in PAGES for b in BLOCKS[page] if b.language == "yaml"], ids=str
 )
-def test_configurations_load(block: Block, clone: Path) -> None:
+def test_configurations_load(block, clone):
     whole = block.code if "name:" in block.code else f"name: part\n{block.code}"
     (clone / "case.yaml").write_text(whole)
     load("case.yaml")
@@ -127,5 +125,5 @@ def test_configurations_load(block: Block, clone: Path) -> None:
 @pytest.mark.parametrize(
     "block", [b for b in blocks(ROOT / "CONTRIBUTING.md") if "import" in b.code], ids=str
 )
-def test_examples_for_contributors_compile(block: Block) -> None:
+def test_examples_for_contributors_compile(block):
     compile(block.code, str(block), "exec")

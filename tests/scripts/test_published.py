@@ -1,7 +1,5 @@
 """Published values: tables that print exact numbers agree with ours to the last digit."""
 
-from __future__ import annotations
-
 import re
 import runpy
 from pathlib import Path
@@ -12,14 +10,14 @@ SECTIONS = runpy.run_path(str(Path(__file__).parents[2] / "scripts/published.py"
 
 
 @pytest.mark.parametrize("section", ["rough", "film"])
-def test_contact_of_other_codes_and_closed_forms_agree_to_the_last_digit(section: str) -> None:
+def test_contact_of_other_codes_and_closed_forms_agree_to_the_last_digit(section):
     """A difference beyond the last printed digit would be bold."""
     rows = [line for line in SECTIONS[section][0]() if re.match(r"\| [\dKq]", line)]
     assert len(rows) >= 2
     assert all("%" in row and "**" not in row for row in rows)
 
 
-def test_pull_off_agrees_with_maugis_within_the_bound_of_the_verification() -> None:
+def test_pull_off_agrees_with_maugis_within_the_bound_of_the_verification():
     """Its bound is a hundredth; the numbers are of the stored run."""
     table = [line.split("|") for line in SECTIONS["adhesion"][0]() if line.startswith("| ")][1:]
     assert len(table) == 7
@@ -27,7 +25,7 @@ def test_pull_off_agrees_with_maugis_within_the_bound_of_the_verification() -> N
         assert float(ours) == pytest.approx(float(printed), rel=0.01)
 
 
-def test_pull_off_from_thin_layers_tends_to_the_limits_of_theory() -> None:
+def test_pull_off_from_thin_layers_tends_to_the_limits_of_theory():
     """From some layers the limits are found within 1 %, ten times nearer than the force on the last layer."""
     cells = [[cell.strip() for cell in line.split("|")] for line in SECTIONS["thin-layer"][0]()]
     rows = [cell[1:4] for cell in cells if cell[1:] and re.match(r"[\d∞]", cell[1])]

@@ -1,13 +1,9 @@
 """The reference is whole: keys have meaning, unit, values, default and example; columns have their origin."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -46,7 +42,7 @@ PURE = {
 }
 
 
-def keys() -> Iterator[tuple[str, str, dict[str, Any]]]:
+def keys():
     """Yield section, key and schema of each key."""
     for section, found in SCHEMA["$defs"].items():
         for key, value in found.get("properties", {}).items():
@@ -54,12 +50,12 @@ def keys() -> Iterator[tuple[str, str, dict[str, Any]]]:
                 yield section, key, value
 
 
-def has_fractions(value: dict[str, Any]) -> bool:
+def has_fractions(value):
     members = [*value.get("anyOf", ()), *value.get("oneOf", ()), value.get("items", {})]
     return value.get("type") == "number" or any(has_fractions(each) for each in members if each)
 
 
-def test_numbers_say_their_dimension() -> None:
+def test_numbers_say_their_dimension():
     for section, key, value in keys():
         if has_fractions(value):
             meaning, unit = dimension(value["description"].partition("; must be ")[0])
@@ -67,7 +63,7 @@ def test_numbers_say_their_dimension() -> None:
             assert bool(unit) != bool({key, f"{section}.{key}"} & PURE), (section, key)
 
 
-def test_every_symbol_belongs_to_a_key_and_swept_keys_have_its_dimension() -> None:
+def test_every_symbol_belongs_to_a_key_and_swept_keys_have_its_dimension():
     for key in SYMBOLS:
         assert described(Config, key)[0], key
     assert parameter("grid.extent").units == "length"
@@ -76,7 +72,7 @@ def test_every_symbol_belongs_to_a_key_and_swept_keys_have_its_dimension() -> No
 
 
 @pytest.mark.parametrize("page", ["configuration", "columns"])
-def test_no_cell_is_empty(page: str) -> None:
+def test_no_cell_is_empty(page):
     rows = [line for part in PAGES[page]() for line in part.splitlines() if line.startswith("| ")]
     assert len(rows) > 40
     for row in rows:
@@ -85,7 +81,7 @@ def test_no_cell_is_empty(page: str) -> None:
 
 
 @pytest.fixture
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def files(tmp_path, monkeypatch):
     """The files that examples name, in the working directory."""
     monkeypatch.chdir(tmp_path)
     (bed,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/guides/bodies.md").read_text(), re.DOTALL)
@@ -104,7 +100,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("files")
 @pytest.mark.parametrize("section", SCHEMA["$defs"])
-def test_the_examples_of_a_section_are_valid_and_have_all_its_keys(section: str) -> None:
+def test_the_examples_of_a_section_are_valid_and_have_all_its_keys(section):
     """A key that is a section has its own examples; the keys of sweeps are the other sections'."""
     for example in EXAMPLES[section].split("\n---\n"):
         Path("example.yaml").write_text(f"name: example\n{example}\n")

@@ -1,10 +1,6 @@
 """The built site in a browser: no text is cut off, pale or behind a scrollbar; scripts/docs.sh runs it."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,9 +11,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(not PAGES, reason="the site i
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
-def test_every_page_can_be_read(
-    width: int, scheme: str, visit: Callable[..., Any], flaws: Callable[..., list[str]]
-) -> None:
+def test_every_page_can_be_read(width, scheme, visit, flaws):
     """On a narrow window formulas and tables may scroll."""
     page = visit(PAGES[0], width=width, scheme=scheme)
     wide = "article pre, article .formula" if width > 1000 else "article pre"

@@ -1,7 +1,5 @@
 """The Slurm scripts pass signals on, wait for the run, and requeue where it can be taken up."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -15,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 # Stands for gfmdlayer: notes its arguments, and ends a while after a signal, with a status of its own.
 RUN = """#!/bin/bash
 echo "gfmdlayer $*" >>"$LOG"
-stop() { echo "$1" >>"$LOG"; sleep 0.3; echo ended >>"$LOG"; exit "$STATUS"; }
+stop() { echo "$1" >>"$LOG"; sleep 0.1; echo ended >>"$LOG"; exit "$STATUS"; }
 trap 'stop USR1' USR1
 trap 'stop TERM' TERM
 echo begun >>"$LOG"
@@ -39,7 +37,7 @@ COMMAND = {
 
 
 @pytest.fixture
-def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def log(tmp_path, monkeypatch):
     for name, text in (("gfmdlayer", RUN), ("scontrol", SCONTROL), ("mpirun", MPIRUN)):
         (tmp_path / name).write_text(text)
         (tmp_path / name).chmod(0o755)
@@ -48,9 +46,7 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "log"
 
 
-def job(
-    script: str, log: Path, status: int, signum: signal.Signals | None, **environment: str
-) -> tuple[int, list[str]]:
+def job(script, log, status, signum, **environment):
     given = {"STATUS": str(status), "LASTS": "yes" if signum else "no"} | JOB[script] | environment
     command = ["bash", str(ROOT / "slurm" / script), "sweep.yaml", "--out", "here"]
     with subprocess.Popen(command, env=os.environ | given) as process:
@@ -61,7 +57,7 @@ def job(
 
 
 @pytest.mark.parametrize("script", JOB)
-def test_a_run_stopped_in_time_is_requeued_when_it_has_ended(script: str, log: Path) -> None:
+def test_a_run_stopped_in_time_is_requeued_when_it_has_ended(script, log):
     status, log_lines = job(script, log, 75, signal.SIGUSR1)
     assert status == 75
     assert log_lines == [*COMMAND[script], "begun", "USR1", "ended", REQUEUE[script]]
@@ -80,9 +76,7 @@ def test_a_run_stopped_in_time_is_requeued_when_it_has_ended(script: str, log: P
         (75, signal.SIGUSR1, {"SLURM_RESTART_COUNT": "100"}),
     ],
 )
-def test_any_other_end_is_that_of_the_job(
-    script: str, log: Path, status: int, signum: signal.Signals | None, environment: dict[str, str]
-) -> None:
+def test_any_other_end_is_that_of_the_job(script, log, status, signum, environment):
     found, log_lines = job(script, log, status, signum, **environment)
     assert found == status
     assert not any(line.startswith("scontrol") for line in log_lines)
@@ -90,11 +84,11 @@ def test_any_other_end_is_that_of_the_job(
 
 
 @pytest.mark.parametrize("script", ["slurm/ranks.sbatch", "slurm/array.sbatch", "scripts/slurm_node.sh"])
-def test_scripts_are_sound_shell(script: str) -> None:
+def test_scripts_are_sound_shell(script):
     assert subprocess.run(["bash", "-n", str(ROOT / script)], check=False).returncode == 0
 
 
-def test_where_slurm_cannot_be_brought_up_the_trial_says_so() -> None:
+def test_where_slurm_cannot_be_brought_up_the_trial_says_so():
     script = (
         f"id() {{ echo 1000; }}; nproc() {{ echo 2; }}; gfmdlayer() {{ :; }}; . {ROOT}/scripts/slurm_node.sh"
     )

@@ -3,16 +3,11 @@
 The mechanics of what is computed, over cases less extreme, is in `tests/contact/test_fuzz_physics.py`.
 """
 
-from __future__ import annotations
-
 import json
 import runpy
 from collections import Counter
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,52 +19,47 @@ SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
 @pytest.fixture
-def soak(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+def soak(monkeypatch):
     """Run the script in this process."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
-    main: Callable[..., int] = runpy.run_path(str(SCRIPTS / "soak.py"))["main"]
-    return main
+    return runpy.run_path(str(SCRIPTS / "soak.py"))["main"]
 
 
 @pytest.fixture
-def trials(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
+def trials(monkeypatch):
     """Return a module of the trials."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
     return lambda name: import_module(f"trials.{name}")
 
 
-def test_the_default_solver_converges(trials: Callable[[str], Any], tmp_path: Path) -> None:
+def test_the_default_solver_converges(trials, tmp_path):
     ends = {index: trials("extremes").trial(2, index, tmp_path) for index in range(30)}
     assert {index: end for index, end in ends.items() if not end.good} == {}
     assert sum(end.kind == "converged" for end in ends.values()) > 25
 
 
 @pytest.mark.parametrize("method", SOLVERS)
-def test_every_solver_converges_or_says_that_it_does_not(
-    method: str, trials: Callable[[str], Any], tmp_path: Path
-) -> None:
+def test_every_solver_converges_or_says_that_it_does_not(method, trials, tmp_path):
     for index in range(6):
         end = trials("extremes").trial(3, index, tmp_path, (method,))
         assert end.good or end.kind == "not converged", (index, end)
 
 
-def test_a_case_follows_from_its_seed(trials: Callable[[str], Any]) -> None:
+def test_a_case_follows_from_its_seed(trials):
     draw = trials("configurations").draw
     assert repr(draw(5, 7)) == repr(draw(5, 7))
     assert repr(draw(5, 7)) != repr(draw(5, 8))
     assert repr(draw(5, 7)) != repr(draw(6, 7))
 
 
-def test_damaged_configurations_are_taken_or_refused(trials: Callable[[str], Any], tmp_path: Path) -> None:
+def test_damaged_configurations_are_taken_or_refused(trials, tmp_path):
     ends = Counter(trials("fuzz").trial(1, index, tmp_path).kind for index in range(80))
     assert set(ends) == {"taken", "refused"}
     assert ends["refused"] > ends["taken"]
 
 
 @pytest.mark.parametrize("together", [False, True])
-def test_studies_are_configurations(
-    together: bool, trials: Callable[[str], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_studies_are_configurations(together, trials, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = [
         trials("studies").study(np.random.default_rng(seed), together)
@@ -86,16 +76,10 @@ def test_studies_are_configurations(
         assert any(study.config["grid"].get("geometry") for study in found)
 
 
-def test_failures_are_kept_with_their_seeds(
-    soak: Callable[..., int],
-    trials: Callable[[str], Any],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_failures_are_kept_with_their_seeds(soak, trials, tmp_path, capsys, monkeypatch):
     outcome = trials("outcomes").Outcome
 
-    def trial(_: int, index: int, folder: Path, **__: object) -> Any:
+    def trial(_, index, folder, **__):
         (folder / "found").write_text(str(index))
         return outcome("hangs", "in the ramp") if index == 12 else outcome("converged", "", Counter(kills=2))
 

@@ -1,10 +1,6 @@
 """Cases with grid.geometry: axisymmetric, from the configuration to the results folder."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +13,7 @@ from gfmdlayer.execution.sweep import input_errors
 from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.verification.runs import Recording
 
-AFM: dict[str, Any] = {
+AFM = {
     "name": "afm",
     "grid": {"geometry": "axisymmetric", "points": 64},
     "layer": {"thickness": 1.0, "material": {"G0": 1.0, "Ginf": 10.0, "tau": 1.0}},
@@ -29,26 +25,26 @@ AFM: dict[str, Any] = {
 }
 
 
-def changed(**sections: object) -> Config:
+def changed(**sections):
     """Return the configuration with other sections."""
     return Config(**{**AFM, **sections})
 
 
-def refusal(config: Config, folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
+def refusal(config, folder, capsys):
     """Return what `gfmdlayer check` writes on a configuration that it refuses."""
     (folder / "case.yaml").write_text(config.dump())
     assert main(["check", str(folder / "case.yaml")]) == 2
     return capsys.readouterr().err
 
 
-def simulated(config: Config) -> Recording:
+def simulated(config):
     """Run a case in memory."""
     recording = Recording()
     gfmdlayer.simulate(config, recording)
     return recording
 
 
-def test_a_case_has_the_columns_of_indent() -> None:
+def test_a_case_has_the_columns_of_indent():
     recording = simulated(changed())
     curve = gfmdlayer.indent(
         IsolatedContact(changed()).body, {"shape": "sphere", "radius": 5.0}, [0, 1, 4], depth=[0, 0.2, 0.2],
@@ -67,14 +63,14 @@ def test_a_case_has_the_columns_of_indent() -> None:
         np.testing.assert_array_equal(recording[name], curve[name])
 
 
-def test_run_in_memory_gives_the_same() -> None:
+def test_run_in_memory_gives_the_same():
     found = gfmdlayer.run(changed())
     np.testing.assert_array_equal(found["force"], simulated(changed())["force"])
     assert found["pressure"].sizes == {"snapshot": 2, "x": 64}
     assert found["x"][0] == 0
 
 
-def test_equal_steps_agree_with_adaptive_ones() -> None:
+def test_equal_steps_agree_with_adaptive_ones():
     adaptive, equal = simulated(changed()), simulated(changed(time={"end": 4.0, "step": 0.05}))
     found = np.interp(equal["time"], adaptive["time"], adaptive["force"])
     # Rows are compared by linear interpolation between the adaptive steps.
@@ -82,7 +78,7 @@ def test_equal_steps_agree_with_adaptive_ones() -> None:
     assert equal.last("force") == pytest.approx(adaptive.last("force"), rel=1e-4)
 
 
-def test_a_force_is_that_on_the_indenter() -> None:
+def test_a_force_is_that_on_the_indenter():
     found = simulated(changed(trajectory={"control": "force", "force": 4.0}, output={}))
     curve = gfmdlayer.indent(
         IsolatedContact(changed()).body, gfmdlayer.Sphere(radius=5.0), [0, 1, 4], force=[0, 4, 4]
@@ -91,7 +87,7 @@ def test_a_force_is_that_on_the_indenter() -> None:
     np.testing.assert_allclose(found["force"], 4 * np.minimum(found["time"], 1), rtol=1e-9)
 
 
-def test_a_stack_of_equal_layers_is_one_layer() -> None:
+def test_a_stack_of_equal_layers_is_one_layer():
     material = {"G0": 1.0, "Ginf": 10.0, "tau": 1.0}
     layers = [{"thickness": 0.4, "material": material}, {"thickness": 0.6, "material": material}]
     stack = Config.model_validate(
@@ -125,14 +121,11 @@ def test_a_stack_of_equal_layers_is_one_layer() -> None:
             "grid.points: got \\[64, 64\\]; must be one",
         ),
         ({"grid": {"geometry": "axisymmetric", "period": 2.0}}, "grid.period: got"),
-        (
-            {"grid": {"geometry": "round"}},
-            "grid.geometry: got the text .round.; must be periodic",
-        ),
+        ({"grid": {"geometry": "round"}}, "grid.geometry: got the text .round.; must be periodic"),
         ({"grid": {"extent": 2.0}}, "grid.extent: only for geometry: axisymmetric"),
     ],
 )
-def test_keys_without_meaning_are_refused_with_their_place(sections: dict[str, Any], said: str) -> None:
+def test_keys_without_meaning_are_refused_with_their_place(sections, said):
     with pytest.raises(ConfigError, match=said):
         changed(**sections)
 
@@ -144,21 +137,19 @@ def test_keys_without_meaning_are_refused_with_their_place(sections: dict[str, A
         ("0 0\n1 -1\n", "force", "holds a negative force"),
     ],
 )
-def test_tables_of_impossible_values_are_refused(
-    table: str, control: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_of_impossible_values_are_refused(table, control, said, tmp_path, capsys):
     (tmp_path / "table.txt").write_text(table)
     trajectory = {"kind": "table", "control": control, "file": tmp_path / "table.txt"}
     assert said in refusal(changed(trajectory=trajectory), tmp_path, capsys)
 
 
-def test_a_concave_profile_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_concave_profile_is_refused(tmp_path, capsys):
     (tmp_path / "tip.txt").write_text("0 0\n1 1\n2 1.5\n")
     punch = {"shape": "radial_profile", "file": tmp_path / "tip.txt"}
     assert "the profile must be convex" in refusal(changed(punch=punch), tmp_path, capsys)
 
 
-def test_a_sweep_is_run_plotted_and_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sweep_is_run_plotted_and_resumed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "afm.yaml").write_text(
         "name: afm\ngrid: {geometry: axisymmetric, points: 32, extent: 3.0}\n"
@@ -182,9 +173,7 @@ def test_a_sweep_is_run_plotted_and_resumed(tmp_path: Path, monkeypatch: pytest.
     assert stored.grid.geometry == "axisymmetric"
 
 
-def test_profiles_of_cases_with_axes_of_their_own_are_not_put_together(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_profiles_of_cases_with_axes_of_their_own_are_not_put_together(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "afm.yaml").write_text(
         "name: afm\ngrid: {geometry: axisymmetric, points: 32}\nhalfspace: {shear_modulus: .inf}\n"
@@ -196,20 +185,20 @@ def test_profiles_of_cases_with_axes_of_their_own_are_not_put_together(
     assert case["pressure"].sizes == {"snapshot": 1, "x": 32}
 
 
-def test_the_cost_has_no_transforms() -> None:
+def test_the_cost_has_no_transforms():
     cost = estimate(changed())
     assert cost.pairs == 0
     assert cost.steps > 50
     assert cost.work > 0
 
 
-def test_periodic_configurations_keep_their_digests() -> None:
+def test_periodic_configurations_keep_their_digests():
     """The geometry does not enter where it is not given."""
     assert "geometry" not in Config(name="x").model_dump(exclude_none=True)["grid"]
     assert Config(name="x").grid.points == (16384,)
 
 
-def test_each_thickness_of_a_sweep_is_checked_against_a_table_of_depths(tmp_path: Path) -> None:
+def test_each_thickness_of_a_sweep_is_checked_against_a_table_of_depths(tmp_path):
     (tmp_path / "depth.txt").write_text("0 0\n1 1.0\n")
     config = Config.model_validate(
         {

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.config import Config
@@ -26,21 +24,21 @@ class Foundation:
     theta: float
 
     @property
-    def mean_stiffness(self) -> float:
+    def mean_stiffness(self):
         return self.k
 
-    def stiffness(self, q: ArrayLike, s: ArrayLike) -> NDArray[Any]:
+    def stiffness(self, q, s):
         cycles = np.asarray(s) * self.theta
         return np.asarray(self.k + self.w * cycles / (1 + cycles) + 0 * np.asarray(q))
 
-    def spectrum(self, q: ArrayLike) -> Spectrum:
+    def spectrum(self, q):
         one = np.ones(np.shape(q))
         modes = 1 if self.w else 0
         return Spectrum(self.k * one, np.array([self.w * one] * modes).reshape(modes, *one.shape),
                         np.array([self.theta * one] * modes).reshape(modes, *one.shape))  # fmt: skip
 
 
-def case(body: Foundation, values: dict[str, object]) -> Case:
+def case(body, values):
     config = {
         "grid.points": N,
         "time": {"end": 1.0, "step": STEP, "integrator": "exponential"},
@@ -52,7 +50,7 @@ def case(body: Foundation, values: dict[str, object]) -> Case:
 
 @pytest.mark.parametrize("method", ["active_set", "conjugate_gradient", "fire"])
 @pytest.mark.parametrize("control", ["depth", "load"])
-def test_springs_press_in_proportion_to_the_overlap(recorder: Any, method: str, control: str) -> None:
+def test_springs_press_in_proportion_to_the_overlap(recorder, method, control):
     amount = {"depth": DEPTH, "load": 0.002}[control]
     asked = {"trajectory": {"control": control, control: amount}, "solver.method": method}
     k, found = 2.0, recorder()
@@ -68,7 +66,7 @@ def test_springs_press_in_proportion_to_the_overlap(recorder: Any, method: str, 
     assert found["stored"][-1] == pytest.approx(np.mean(k * overlap**2) / 2, rel=1e-6)
 
 
-def test_relaxing_springs_follow_the_hereditary_integral_point_by_point(recorder: Any) -> None:
+def test_relaxing_springs_follow_the_hereditary_integral_point_by_point(recorder):
     # A point that is touched at t0 is moved at v: p = k v (t - t0) + w v theta (1 - exp(-(t - t0)/theta)).
     found, body, t = recorder(), Foundation(1.0, 9.0, 0.3), 1.0
     mine = case(body, {})
@@ -83,6 +81,6 @@ def test_relaxing_springs_follow_the_hereditary_integral_point_by_point(recorder
     assert bound < 0.05 * exact.max()
 
 
-def test_a_part_that_does_not_exist_is_refused() -> None:
+def test_a_part_that_does_not_exist_is_refused():
     with pytest.raises(TypeError, match="a case has no part bodi"):
-        Case(Config(name="x"), bodi=Foundation(1.0, 0.0, 1.0))  # type: ignore[call-arg]
+        Case(Config(name="x"), bodi=Foundation(1.0, 0.0, 1.0))

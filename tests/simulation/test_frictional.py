@@ -1,10 +1,6 @@
 """Friction at the interface over time: closed forms, energy, symmetry, the path of the steps."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +11,12 @@ MU, LOAD = 0.4, 0.02
 COULOMB = {"law": "coulomb", "coefficient": MU}
 
 
-def run(config: dict[str, Any], values: dict[str, Any] | None = None) -> Any:
+def run(config, values=None):
     """Run a configuration with other values of dotted keys."""
     return gfmdlayer.run(config, **(values or {}))
 
 
-def halfspace(poisson: float, **more: object) -> dict[str, Any]:
+def halfspace(poisson, **more):
     """A rigid parabola with friction on an elastic halfspace, a line."""
     return {
         "grid": {"points": 512},
@@ -32,7 +28,7 @@ def halfspace(poisson: float, **more: object) -> dict[str, Any]:
     }
 
 
-def relaxing(**more: object) -> dict[str, Any]:
+def relaxing(**more):
     """The parabola that is pressed, rests, and moves to and fro on a layer that relaxes."""
     trajectory = {
         "control": "load",
@@ -50,7 +46,7 @@ def relaxing(**more: object) -> dict[str, Any]:
     }
 
 
-def test_partial_slip_is_the_difference_of_two_pressures() -> None:
+def test_partial_slip_is_the_difference_of_two_pressures():
     """Traction: mu (p(P) - p(P - Q/mu)) with equal kernels (Cattaneo, Mindlin, Jaeger, Ciavarella).
 
     The residual is 1e-8 of the largest pressure, and errors of a pressure may be some times as large.
@@ -76,7 +72,7 @@ def test_partial_slip_is_the_difference_of_two_pressures() -> None:
     assert 0.6 < sticks.sum() / (pressed[0].to_numpy() > 0).sum() < 0.8  # (1 - Q/mu P)^(1/2) = 0.71
 
 
-def test_oblique_loading_sticks() -> None:
+def test_oblique_loading_sticks():
     """Depth and displacement grow in a ratio below mu: with equal kernels t is this part of p.
 
     The tolerance of the adaptive steps is 1e-3; points come into contact in the midst of steps.
@@ -88,7 +84,7 @@ def test_oblique_loading_sticks() -> None:
     assert float(found.stick_area[-1]) == float(found.contact_area[-1])
 
 
-def test_rolling_with_creepage_is_carters() -> None:
+def test_rolling_with_creepage_is_carters():
     """Q/(mu P) = 1 - (1 - xi R/(mu a))^2: 0.2736 (F. W. Carter, 1926), within 1 % with 115 points in contact.
 
     The material moves by two points of the grid a step, five contact widths from the start.
@@ -108,7 +104,7 @@ def test_rolling_with_creepage_is_carters() -> None:
 
 
 @pytest.mark.parametrize(("thickness", "poisson"), [(0.06, 0.5), (math.inf, 0.2)])
-def test_a_strip_creeps_without_a_force(thickness: float, poisson: float) -> None:
+def test_a_strip_creeps_without_a_force(thickness, poisson):
     """Bentall and Johnson: the creepage of free rolling, forwards on an incompressible strip, else backwards.
 
     With little friction the traction is mu p, against the slip: half of the load lies where the surface
@@ -122,7 +118,7 @@ def test_a_strip_creeps_without_a_force(thickness: float, poisson: float) -> Non
     order = np.argsort(stretch)
     carried = np.cumsum(p[order]) - 0.5 * p[order]
     median = np.interp(0.5 * p.sum(), carried, stretch[order])
-    keys: dict[str, object] = {
+    keys = {
         "layer.thickness": thickness,
         **({"halfspace": {"shear_modulus": base}} if base == math.inf else {}),
         "interface": COULOMB | {"coefficient": 1e-4},
@@ -140,7 +136,7 @@ def test_a_strip_creeps_without_a_force(thickness: float, poisson: float) -> Non
     assert (median > 0) == (poisson == 0.5)
 
 
-def test_a_sliding_cylinder_leans_back() -> None:
+def test_a_sliding_cylinder_leans_back():
     """Offset 2 gamma a, tan(pi gamma) = mu (1-2nu)/(2(1-nu)) (Johnson, section 7.5), to a grid spacing.
 
     All of the friction is the interface's: an elastic body has no loss.
@@ -158,8 +154,8 @@ def test_a_sliding_cylinder_leans_back() -> None:
 
 
 @pytest.mark.parametrize("drive", ["oscillation", "rolling", "sliding"])
-def test_the_energy_balance_closes_to_second_order(drive: str) -> None:
-    motions: dict[str, dict[str, object]] = {
+def test_the_energy_balance_closes_to_second_order(drive):
+    motions = {
         "oscillation": {
             "tangential": {"kind": "oscillation", "displacement": 2e-3, "start": 1.0, "period": 2.0}
         },
@@ -177,7 +173,7 @@ def test_the_energy_balance_closes_to_second_order(drive: str) -> None:
     assert off[1] < 0.5 * off[0]  # contact changes by whole points
 
 
-def test_adaptive_steps_find_the_same() -> None:
+def test_adaptive_steps_find_the_same():
     """Force and depth are within the tolerance; slip may leave ten times as much, docs/theory/friction.md."""
     fixed = run(relaxing(), {"time": {"end": 4.0, "step": 0.0125}})
     free = run(relaxing(), {"time": {"end": 4.0, "step": "adaptive"}, "output": {"times": [1, 2, 2.1, 3, 4]}})
@@ -188,7 +184,7 @@ def test_adaptive_steps_find_the_same() -> None:
         assert float(other.depth) == pytest.approx(float(one.depth), rel=3e-4)
 
 
-def test_adaptive_steps_find_where_a_swing_sticks_again() -> None:
+def test_adaptive_steps_find_where_a_swing_sticks_again():
     """The layer relaxes faster than the punch moves shortly before it turns: Q falls below mu P by 0.0015.
 
     Even steps at this tolerance, 1e-3, pass over it. The fixed steps are within 2e-5.
@@ -203,7 +199,7 @@ def test_adaptive_steps_find_where_a_swing_sticks_again() -> None:
     assert found == pytest.approx(there, abs=2e-4)
 
 
-def test_directions_are_alike_and_mirror_images_too() -> None:
+def test_directions_are_alike_and_mirror_images_too():
     """Along y as along x; towards -x as towards x, to the residual of the solver, 1e-6 of the pressure."""
     surface = relaxing(grid={"points": [48, 48]}, punch={"shape": "parabola", "radius": 0.5})
     surface |= {"time": {"end": 2.6, "step": 0.2}, "output": {"snapshots": [2.6]}}
@@ -221,7 +217,7 @@ def test_directions_are_alike_and_mirror_images_too() -> None:
     assert float(abs(along.transverse_force).max()) < 1e-5 * MU * 0.005
 
 
-def test_without_friction_there_is_none_and_with_much_all_sticks() -> None:
+def test_without_friction_there_is_none_and_with_much_all_sticks():
     drive = {"trajectory.tangential": {"displacement": 1e-3, "start": 1.0}}
     bare, smooth, rough = (
         run(halfspace(0.3, interface=law), {"time.step": 0.25} | keys)
@@ -240,7 +236,7 @@ def test_without_friction_there_is_none_and_with_much_all_sticks() -> None:
     assert float(rough.stick_area[-1]) == float(rough.contact_area[-1])
 
 
-def test_a_force_that_is_too_large_slides_the_punch_away() -> None:
+def test_a_force_that_is_too_large_slides_the_punch_away():
     drive = {"control": "force", "force": 2 * MU * LOAD, "start": 1.0}
     with pytest.warns(UserWarning, match=r"SLIDES AWAY at t = 1\.5: the tangential force"):
         found = run(halfspace(0.3), {"trajectory.tangential": drive})
@@ -248,7 +244,7 @@ def test_a_force_that_is_too_large_slides_the_punch_away() -> None:
     assert float(found.time[-1]) == pytest.approx(1.4)
 
 
-def test_a_coefficient_may_depend_on_the_slip_speed(tmp_path: Path) -> None:
+def test_a_coefficient_may_depend_on_the_slip_speed(tmp_path):
     table = tmp_path / "friction.txt"
     table.write_text("0 0.3\n0.01 0.32\n1 0.6\n")
     law = {"law": "coulomb", "coefficient": str(table)}
@@ -267,7 +263,7 @@ def test_a_coefficient_may_depend_on_the_slip_speed(tmp_path: Path) -> None:
 ATTRACTION = {"law": "exponential", "work": 5e-4, "range": 5e-3}
 
 
-def test_without_friction_an_adhesive_contact_stays_that_without_friction() -> None:
+def test_without_friction_an_adhesive_contact_stays_that_without_friction():
     """Pressed, pulled off by a load, and back: fields differ by the residual, as the gap of a soft body does.
 
     The residual 1e-8 of the stress moves the surface by some 1e-6 of its displacement.
@@ -293,7 +289,7 @@ def test_without_friction_an_adhesive_contact_stays_that_without_friction() -> N
     assert float(abs(smooth.tangential_force).max()) == 0
 
 
-def test_the_energy_balance_closes_beside_attraction() -> None:
+def test_the_energy_balance_closes_beside_attraction():
     """Work is stored, relaxed, slipped, and in the interface, to the second order of the steps."""
     drive = {"kind": "oscillation", "displacement": 3e-3, "start": 1.0, "period": 2.0}
     off = []
@@ -306,7 +302,7 @@ def test_the_energy_balance_closes_beside_attraction() -> None:
     assert off[1] < 0.5 * off[0]
 
 
-def test_a_pull_takes_the_punch_off_though_it_sticks(tmp_path: Path) -> None:
+def test_a_pull_takes_the_punch_off_though_it_sticks(tmp_path):
     (tmp_path / "load.txt").write_text("0 0\n1 0.002\n2 -0.05\n3 -0.05\n")
     load = {"control": "load", "kind": "table", "file": str(tmp_path / "load.txt")}
     config = relaxing(interface=[ATTRACTION, COULOMB], trajectory=load, time={"end": 3.0, "step": 0.05})
@@ -316,7 +312,7 @@ def test_a_pull_takes_the_punch_off_though_it_sticks(tmp_path: Path) -> None:
     assert float(found.mean_stress[-1]) < 0 < float(found.stick_area[-1])
 
 
-def test_a_coefficient_that_rises_steeply_is_that_of_the_speed_at_each_point(tmp_path: Path) -> None:
+def test_a_coefficient_that_rises_steeply_is_that_of_the_speed_at_each_point(tmp_path):
     """|t| = mu(v) p where points slip, to the residual of the solver, 1e-6 of the largest displacement."""
     table = tmp_path / "friction.txt"
     table.write_text("0 0.1\n0.01 0.3\n1 0.3\n")
@@ -337,7 +333,7 @@ def test_a_coefficient_that_rises_steeply_is_that_of_the_speed_at_each_point(tmp
         run(halfspace(0.3, interface=law), values)
 
 
-def test_the_events_have_times() -> None:
+def test_the_events_have_times():
     drive = {"kind": "oscillation", "displacement": 4e-3, "start": 1.0, "period": 2.0}
     found = run(halfspace(0.5), {"trajectory.tangential": drive, "time": {"end": 2.0, "step": 0.05}})
     first, full, again = (found.attrs[name] for name in ("first_slip", "full_slip", "restick"))

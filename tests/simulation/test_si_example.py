@@ -1,7 +1,5 @@
 """The example in SI units: a steel sphere on a rubber coating, against an isolated indentation."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from gfmdlayer.verification.runs import Recording
 CONFIG = Path(__file__).parents[2] / "configs" / "rubber-coating-quick.yaml"
 
 
-def test_force_and_radius_are_those_of_an_isolated_sphere() -> None:
+def test_force_and_radius_are_those_of_an_isolated_sphere():
     config, recording = load(CONFIG), Recording()
     case = Case(config)
     simulate(case, recording)

@@ -1,10 +1,5 @@
 """`output.snapshots: every` keeps the surface after every accepted step, and changes nothing else."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -16,9 +11,7 @@ EVERY = {"output.snapshots": "every"}
 
 
 @pytest.mark.parametrize("steps", [{"time.step": 0.25}, {"time.step": "adaptive", "time.tolerance": 1e-2}])
-def test_each_row_has_its_snapshot_and_the_bits_of_a_run_without(
-    run: Callable[[dict[str, object]], Any], steps: dict[str, object]
-) -> None:
+def test_each_row_has_its_snapshot_and_the_bits_of_a_run_without(run, steps):
     case = {"grid.points": 64, "time.end": 2.0, "solver.method": "active_set", **steps}
     without, every = run(case), run(case | EVERY)
     np.testing.assert_array_equal([time for time, _, _ in every.snapshots], every["time"])
@@ -28,7 +21,7 @@ def test_each_row_has_its_snapshot_and_the_bits_of_a_run_without(
         assert pressure.mean() == pytest.approx(mean, rel=1e-12)
 
 
-def test_it_counts_on_the_disk_and_as_another_beginning() -> None:
+def test_it_counts_on_the_disk_and_as_another_beginning():
     config = Config(name="x").with_values({"grid.points": 256, "time.step": 0.5, "time.end": 2.0})
     every = config.with_values(EVERY)
     fields = 3 * 256 * 8
@@ -39,7 +32,7 @@ def test_it_counts_on_the_disk_and_as_another_beginning() -> None:
     assert digest(every) != digest(config)
 
 
-def test_another_word_is_refused() -> None:
+def test_another_word_is_refused():
     with pytest.raises(
         ConfigError, match=r"output\.snapshots: got .*'evry'; must be a list of times, or the word"
     ):

@@ -7,47 +7,37 @@ modulus
     pbar(t) = int G(t - s) dF(depth(s)).
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-Floats = NDArray[np.float64]
-Run = Callable[[dict[str, object]], Any]
-ClosedForm = Callable[[ArrayLike], tuple[Floats, Floats]]
-
-ALONE: dict[str, object] = {"layer.thickness": math.inf}
-RIGID: dict[str, object] = {"halfspace.shear_modulus": math.inf}
-ELASTIC: dict[str, object] = {"layer.material": {"model": "zener", "G0": 1.0, "Ginf": 1.0}}
+ALONE = {"layer.thickness": math.inf}
+RIGID = {"halfspace.shear_modulus": math.inf}
+ELASTIC = {"layer.material": {"model": "zener", "G0": 1.0, "Ginf": 1.0}}
 
 STEPS = [0.1, 0.05, 0.025]
 TIMES = [0.2, 0.5, 1.0, 2.0, 3.0]
 
 
-def over_the_ramp(time: float, kernel: Callable[[Floats], Floats], F: Callable[[Floats], Floats]) -> float:
+def over_the_ramp(time, kernel, F):
     """Integrate kernel(t - s) dF(depth(s)) over the ramp, by the midpoint rule."""
     s = np.linspace(0, min(time, 1.0), 8001)
     return float(kernel(time - (s[1:] + s[:-1]) / 2) @ np.diff(F(s)))
 
 
-def relaxing(lag: Floats) -> Floats:
+def relaxing(lag):
     """G(t) of the default material."""
     return 1 + 9 * np.exp(-lag)
 
 
-def order(errors: list[float], steps: list[float] = STEPS) -> float:
+def order(errors, steps=STEPS):
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 @pytest.fixture(scope="module")
-def elastic_pressure(run: Run) -> dict[str, CubicSpline]:
+def elastic_pressure(run):
     """Mean pressure over the ramp at G = 1, on the grid of the tests, for each of the bodies."""
     found = {}
     for name, body in (("alone", ALONE), ("rigid", RIGID)):
@@ -57,9 +47,7 @@ def elastic_pressure(run: Run) -> dict[str, CubicSpline]:
 
 
 @pytest.mark.parametrize(("name", "body"), [("alone", ALONE), ("rigid", RIGID)])
-def test_backward_euler_is_of_first_order_with_the_constant_of_theory(
-    name: str, body: dict[str, object], run: Run, elastic_pressure: dict[str, CubicSpline]
-) -> None:
+def test_backward_euler_is_of_first_order_with_the_constant_of_theory(name, body, run, elastic_pressure):
     F = elastic_pressure[name]
     exact = np.array([over_the_ramp(t, relaxing, F) for t in TIMES])
     # A backward difference is d/dt - (dt/2) d2/dt2: G(s) becomes G - (dt/2) s^2 G'(s), and what is added,
@@ -77,7 +65,7 @@ def test_backward_euler_is_of_first_order_with_the_constant_of_theory(
     assert order(errors) == pytest.approx(1, abs=0.1)
 
 
-def test_the_papers_own_case_is_good_to_a_thousandth(run: Run) -> None:
+def test_the_papers_own_case_is_good_to_a_thousandth(run):
     paper = run({"time.integrator": "backward_euler", "time.end": 3.0, "time.step": 0.005})
     fine = run({"time.end": 3.0, "time.step": 0.01})  # off by some 4e-6
     times = np.linspace(0.1, 3.0, 30)
@@ -88,14 +76,12 @@ def test_the_papers_own_case_is_good_to_a_thousandth(run: Run) -> None:
 
 @pytest.mark.parametrize("body", [ALONE, RIGID], ids=["alone", "rigid"])
 @pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
-def test_the_contact_is_the_elastic_one_of_the_same_depth(
-    body: dict[str, object], integrator: str, run: Run
-) -> None:
+def test_the_contact_is_the_elastic_one_of_the_same_depth(body, integrator, run):
     values = body | {"time.end": 2.0, "time.integrator": integrator, "solver.tolerance": 1e-8}
     np.testing.assert_array_equal(run(values)["contact_area"], run(values | ELASTIC)["contact_area"])
 
 
-def test_the_default_case_against_another_code(run: Run) -> None:
+def test_the_default_case_against_another_code(run):
     # ptilde(tau) of the paper's own steps by another solver, seven digits; on a grid four times finer, which
     # changes the fifth.
     values = {"grid.points": 4096, "time.integrator": "backward_euler", "time.step": 0.005, "time.end": 1.0}
@@ -103,12 +89,12 @@ def test_the_default_case_against_another_code(run: Run) -> None:
     assert run(RIGID | values)["mean_pressure"][-1] == pytest.approx(1.085422, rel=2e-5)
 
 
-def test_a_punch_that_leaves_lets_the_surface_relax(run: Run, tmp_path: Path) -> None:
+def test_a_punch_that_leaves_lets_the_surface_relax(run, tmp_path):
     # Without load every mode of a layer alone relaxes by its retardation time, tau Ginf/G0.
     (tmp_path / "path.csv").write_text("time,depth\n0,0\n1,0.01\n1.5,-0.01\n6,-0.01\n")
     times = [2.0, 4.0, 6.0]
     table = {"kind": "table", "file": str(tmp_path / "path.csv")}
-    values: dict[str, object] = {"trajectory": table, "time.end": 6.0, "output.snapshots": times}
+    values = {"trajectory": table, "time.end": 6.0, "output.snapshots": times}
     for points in (1024, 16384):
         found = run(ALONE | values | {"grid.points": points})
         gone = found["time"] >= 1.5
@@ -122,7 +108,7 @@ def test_a_punch_that_leaves_lets_the_surface_relax(run: Run, tmp_path: Path) ->
         )
 
 
-def test_poissons_ratio_of_a_halfspace_scales_its_stiffness(run: Run) -> None:
+def test_poissons_ratio_of_a_halfspace_scales_its_stiffness(run):
     # K = 2 q G/(2 (1 - nu)).
     values = ALONE | {"time.end": 2.0, "solver.tolerance": 1e-8}
     rubber, glass = run(values), run(values | {"layer.poisson": 0.3})
@@ -131,7 +117,7 @@ def test_poissons_ratio_of_a_halfspace_scales_its_stiffness(run: Run) -> None:
     np.testing.assert_allclose(glass["mean_pressure"], expected, rtol=1e-6, atol=1e-12)
 
 
-def test_one_prony_branch_is_a_zener_solid(run: Run) -> None:
+def test_one_prony_branch_is_a_zener_solid(run):
     prony = {"model": "prony", "G0": 1.0, "branches": [{"G": 9.0, "tau": 1.0}]}
     values = {"time.end": 2.0, "solver.tolerance": 1e-8}
     for integrator in ("exponential", "backward_euler"):
@@ -140,15 +126,10 @@ def test_one_prony_branch_is_a_zener_solid(run: Run) -> None:
         np.testing.assert_allclose(other["mean_pressure"], zener["mean_pressure"], rtol=1e-6, atol=1e-12)
 
 
-SMALL: dict[str, object] = {
-    "grid.points": 256,
-    "time.end": 1.5,
-    "time.step": 0.125,
-    "output.snapshots": [1.5],
-}
+SMALL = {"grid.points": 256, "time.end": 1.5, "time.step": 0.125, "output.snapshots": [1.5]}
 
 
-def scaled(lengths: float = 1.0, moduli: float = 1.0, times: float = 1.0) -> dict[str, object]:
+def scaled(lengths=1.0, moduli=1.0, times=1.0):
     """The default case in other units."""
     return SMALL | {
         "grid.period": lengths,
@@ -166,7 +147,7 @@ def scaled(lengths: float = 1.0, moduli: float = 1.0, times: float = 1.0) -> dic
 
 @pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
 @pytest.mark.parametrize("units", [{"lengths": 4.0}, {"moduli": 8.0}, {"times": 0.25}], ids=str)
-def test_units_do_not_matter(units: dict[str, float], integrator: str, run: Run) -> None:
+def test_units_do_not_matter(units, integrator, run):
     # By powers of two, which round nothing: every bit is the same. (The active set guesses by cube roots.)
     settings = {"time.integrator": integrator, "solver.method": "fire"}
     one, other = run(scaled() | settings), run(scaled(**units) | settings)
@@ -183,13 +164,13 @@ def test_units_do_not_matter(units: dict[str, float], integrator: str, run: Run)
 CLOSE = 128 * 128 * 1e-10
 
 
-def test_a_symmetric_punch_leaves_a_symmetric_surface(run: Run) -> None:
+def test_a_symmetric_punch_leaves_a_symmetric_surface(run):
     for _, u, p in run(SMALL | {"solver.tolerance": 1e-10}).snapshots:
         np.testing.assert_allclose(u[1:], u[:0:-1], atol=CLOSE * 0.01)
         np.testing.assert_allclose(p[1:], p[:0:-1], atol=CLOSE * p.max())
 
 
-def test_where_the_punch_stands_does_not_matter(run: Run, tmp_path: Path) -> None:
+def test_where_the_punch_stands_does_not_matter(run, tmp_path):
     rng = np.random.default_rng(2)
     rough = np.cumsum(rng.normal(0, 1e-3, 256))
     rough -= np.linspace(0, rough[-1], 256)
@@ -204,7 +185,7 @@ def test_where_the_punch_stands_does_not_matter(run: Run, tmp_path: Path) -> Non
     np.testing.assert_allclose(moved_p, p, atol=CLOSE * p.max())
 
 
-def test_a_round_punch_leaves_a_round_dent(run: Run) -> None:
+def test_a_round_punch_leaves_a_round_dent(run):
     plane = {"grid.points": [64, 64], "grid.period": [1.0, 1.0], "solver.tolerance": 1e-9}
     _, u, p = run(SMALL | plane).snapshots[0]
     for mirrored in (u.T, np.roll(u[::-1], 1, axis=0), np.roll(u[:, ::-1], 1, axis=1)):

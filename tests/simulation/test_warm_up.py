@@ -1,10 +1,7 @@
 """Warming up compiles everything that a case may come to: later, all ranks would compile at once."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -82,7 +79,7 @@ assert not [name(kernel) for kernel in kernels() if kernel.targetoptions.get("in
 """
 
 
-def test_nothing_is_left_to_compile(tmp_path: Path) -> None:
+def test_nothing_is_left_to_compile(tmp_path):
     subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], check=True)
 
 
@@ -95,7 +92,7 @@ def test_nothing_is_left_to_compile(tmp_path: Path) -> None:
     ],
     ids=str,
 )
-def test_few_steps_are_enough_whatever_the_case(values: dict[str, object]) -> None:
+def test_few_steps_are_enough_whatever_the_case(values):
     recording = Recording()
     simulate(smallest_equivalent_case(Config(name="warm").with_values(values)), recording)
     assert 3 <= len(recording.rows) < 200
@@ -115,15 +112,13 @@ def test_few_steps_are_enough_whatever_the_case(values: dict[str, object]) -> No
     ],
     ids=str,
 )
-def test_cases_of_one_kind_are_warmed_up_and_costed_together(values: dict[str, object], alike: bool) -> None:
+def test_cases_of_one_kind_are_warmed_up_and_costed_together(values, alike):
     config = Config(name="kinds")
     assert (kind(config) == kind(config.with_values(values))) is alike
 
 
 @pytest.mark.parametrize("control", ["depth", "force"])
-def test_kernels_of_an_isolated_contact_are_compiled_by_one_that_is_small_beside_the_layer(
-    control: str,
-) -> None:
+def test_kernels_of_an_isolated_contact_are_compiled_by_one_that_is_small_beside_the_layer(control):
     """A punch of a fixed size, thousands of times as wide as a film of some micrometres, takes gigabytes."""
     film = Config(name="film").with_values(
         {

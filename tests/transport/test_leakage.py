@@ -1,7 +1,5 @@
 """The flow tensor of a gap: closed forms, symmetries, conservation of mass, published percolation."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 
@@ -9,32 +7,31 @@ import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.transport.leakage import bruggeman, flow_through
 from gfmdlayer.transport.percolation import clusters, throats
 
 CELL = (1.0, 1.0)
 
 
-def rough_gap(n: int, pressure: float, seed: int = 1) -> tuple[FloatArray, float]:
+def rough_gap(n, pressure, seed=1):
     """Return the gap of a self-affine punch on a halfspace of E* = 4, and the contact area."""
     punch = gfmdlayer.SelfAffine(hurst=0.8, roll_off=1 / 4, short_cutoff=1 / 32, rms_slope=0.1, seed=seed)
     found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), punch, mean_pressure=pressure, points=(n, n))
     return found.gap.to_numpy(), float(found.contact_area)
 
 
-def wave(n: int, e: float = 0.7) -> FloatArray:
+def wave(n, e=0.7):
     """Ridges 1 + e cos 2 pi x."""
     return np.repeat(1 + e * np.cos(2 * np.pi * np.arange(n) / n)[:, None], n, axis=1)
 
 
 @pytest.mark.parametrize("mean", ["harmonic", "linear"])
-def test_between_plates_the_flow_is_the_cube_of_their_distance(mean: str) -> None:
-    found = flow_through(np.full((32, 48), 0.3), (2.0, 1.0), mean)  # type: ignore[arg-type]
+def test_between_plates_the_flow_is_the_cube_of_their_distance(mean):
+    found = flow_through(np.full((32, 48), 0.3), (2.0, 1.0), mean)
     np.testing.assert_allclose(found.tensor, 0.027 * np.eye(2), rtol=1e-13, atol=1e-16)
 
 
-def test_across_ridges_and_along_them_the_flow_has_closed_forms() -> None:
+def test_across_ridges_and_along_them_the_flow_has_closed_forms():
     """(1 - e^2)^(5/2)/(1 + e^2/2) and 1 + 3 e^2/2; the trapezoidal rule of g^-3 converges geometrically."""
     e, exact = 0.7, ((1 - 0.49) ** 2.5 / (1 + 0.245), 1 + 1.5 * 0.49)
     found = flow_through(wave(64, e), CELL)
@@ -46,7 +43,7 @@ def test_across_ridges_and_along_them_the_flow_has_closed_forms() -> None:
     assert off[0] / off[1] == pytest.approx(4, rel=0.05)
 
 
-def test_a_line_with_contact_is_closed_across_and_open_along() -> None:
+def test_a_line_with_contact_is_closed_across_and_open_along():
     gap = np.maximum(np.cos(4 * np.pi * np.arange(64) / 64), 0) ** 1.5
     np.testing.assert_allclose(flow_through(gap, (1.0,)).tensor, np.diag([0.0, (gap**3).mean()]))
     channels = flow_through(np.repeat(gap[:, None], 64, axis=1), CELL)
@@ -54,7 +51,7 @@ def test_a_line_with_contact_is_closed_across_and_open_along() -> None:
     assert channels.tensor[1, 1] == pytest.approx((gap**3).mean(), rel=1e-12)
 
 
-def test_a_checkerboard_conducts_the_geometric_mean() -> None:
+def test_a_checkerboard_conducts_the_geometric_mean():
     """Keller's theorem; the singular corners leave a first-order error of 5.8 % with the harmonic mean."""
     x = np.arange(128) // 64
     found = flow_through(np.where((x[:, None] + x) % 2, 1.0, 0.4), CELL).tensor
@@ -62,14 +59,14 @@ def test_a_checkerboard_conducts_the_geometric_mean() -> None:
     assert found[0, 0] == pytest.approx(found[1, 1], rel=1e-9)
 
 
-def test_a_diagonal_channel_has_four_equal_components() -> None:
+def test_a_diagonal_channel_has_four_equal_components():
     x = np.arange(64) / 64
     found = flow_through(np.maximum(np.cos(2 * np.pi * (x[:, None] - x)), 0) ** 1.5, CELL).tensor
     np.testing.assert_allclose(found, found[0, 0] * np.ones((2, 2)), rtol=1e-11)
     assert found[0, 0] > 0
 
 
-def test_mass_is_conserved_and_the_mean_of_the_flow_is_the_tensor() -> None:
+def test_mass_is_conserved_and_the_mean_of_the_flow_is_the_tensor():
     gap, _ = rough_gap(128, 0.04)
     found = flow_through(gap, CELL)
     assert (found.imbalance < 1e-9).all()  # rounding over conductances of nine decades
@@ -82,7 +79,7 @@ def test_mass_is_conserved_and_the_mean_of_the_flow_is_the_tensor() -> None:
     assert np.nanmax(found.pressure[0]) - np.nanmin(found.pressure[0]) > 1 - 2 / 128
 
 
-def test_shifts_tiles_and_a_quarter_turn_leave_the_tensor() -> None:
+def test_shifts_tiles_and_a_quarter_turn_leave_the_tensor():
     gap, _ = rough_gap(128, 0.03)
     K = flow_through(gap, CELL).tensor
     # The conductances span nine decades: 1e-15 of the largest is 1e-8 of the sums at most.
@@ -95,7 +92,7 @@ def test_shifts_tiles_and_a_quarter_turn_leave_the_tensor() -> None:
     np.testing.assert_allclose(wide, flow_through(wave(64), CELL).tensor, rtol=1e-12, atol=1e-16)
 
 
-def test_closed_contact_does_not_leak_at_all() -> None:
+def test_closed_contact_does_not_leak_at_all():
     gap, _ = rough_gap(128, 0.15)
     assert (gap > 0).any()
     found = flow_through(gap, CELL)
@@ -114,7 +111,7 @@ def test_closed_contact_does_not_leak_at_all() -> None:
         pytest.param(0.04, 512, 1.9012e-10, marks=pytest.mark.slow),
     ],
 )
-def test_the_rough_contact_leaks_as_recorded(pressure: float, n: int, K: float) -> None:
+def test_the_rough_contact_leaks_as_recorded(pressure, n, K):
     gap, _ = rough_gap(n, pressure)
     found = flow_through(gap, CELL).tensor[0, 0]
     assert found == pytest.approx(K, rel=1e-3)
@@ -124,7 +121,7 @@ def test_the_rough_contact_leaks_as_recorded(pressure: float, n: int, K: float) 
     assert found < fine < linear * 1.001
 
 
-def test_the_harmonic_mean_is_the_most_accurate_at_a_coarse_throat() -> None:
+def test_the_harmonic_mean_is_the_most_accurate_at_a_coarse_throat():
     """(0.5 cos 2 pi y - 0.25 cos 2 pi x - 0.15)^1.5, 13 points in the throat; 1.9843e-5 by 1024 points."""
     x = (np.arange(64) + 0.3) / 64
     height = 0.15 - 0.3 + 0.5 * np.cos(2 * np.pi * x) - 0.25 * np.cos(2 * np.pi * x)[:, None]
@@ -133,7 +130,7 @@ def test_the_harmonic_mean_is_the_most_accurate_at_a_coarse_throat() -> None:
     assert off[0] < 0.003 < off[1]
 
 
-def test_critical_gap_and_bruggeman_estimate_the_flow() -> None:
+def test_critical_gap_and_bruggeman_estimate_the_flow():
     gap, area = rough_gap(128, 0.02)
     K = flow_through(gap, CELL).tensor
     for axis, throat in enumerate(throats(gap, (1 / 128, 1 / 128))):
@@ -147,7 +144,7 @@ def test_critical_gap_and_bruggeman_estimate_the_flow() -> None:
 
 
 @pytest.mark.slow
-def test_ten_rough_surfaces_close_at_the_published_area() -> None:
+def test_ten_rough_surfaces_close_at_the_published_area():
     """0.42: Dapp et al., Phys. Rev. Lett. 108 (2012) 244301; five seeds, along x and along y."""
     areas = []
     for seed in range(1, 6):
@@ -163,7 +160,7 @@ def test_ten_rough_surfaces_close_at_the_published_area() -> None:
     assert 0.01 < np.std(areas) < 0.05
 
 
-def test_multigrid_agrees_with_the_factors(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_multigrid_agrees_with_the_factors(monkeypatch):
     pytest.importorskip("pyamg")
     gap, _ = rough_gap(128, 0.04)
     K = flow_through(gap, CELL).tensor
@@ -174,7 +171,7 @@ def test_multigrid_agrees_with_the_factors(monkeypatch: pytest.MonkeyPatch) -> N
 # --- clusters that wind around the cell, and the narrowest place ---
 
 
-def found_by_search(is_open: BoolArray) -> set[tuple[frozenset[tuple[int, int]], bool, bool]]:
+def found_by_search(is_open):
     """Return the clusters of open points, and whether each winds along x and y, by breadth-first searches."""
     nx, ny = is_open.shape
     waiting, found = {(int(x), int(y)) for x, y in np.argwhere(is_open)}, set()
@@ -199,7 +196,7 @@ def found_by_search(is_open: BoolArray) -> set[tuple[frozenset[tuple[int, int]],
     return found
 
 
-def test_clusters_and_windings_are_those_of_a_breadth_first_search() -> None:
+def test_clusters_and_windings_are_those_of_a_breadth_first_search():
     rng = np.random.default_rng(1)
     spiral = 0
     for _ in range(2000):
@@ -218,7 +215,7 @@ def test_clusters_and_windings_are_those_of_a_breadth_first_search() -> None:
     assert spiral > 100  # the masks are near the threshold
 
 
-def test_a_path_that_touches_both_sides_but_does_not_close_leads_nowhere() -> None:
+def test_a_path_that_touches_both_sides_but_does_not_close_leads_nowhere():
     is_open = np.zeros((8, 8), dtype=bool)
     is_open[:, 2] = True
     assert clusters(is_open).winds[0, :, 2].all()
@@ -227,7 +224,7 @@ def test_a_path_that_touches_both_sides_but_does_not_close_leads_nowhere() -> No
     assert not clusters(is_open).winds.any()
 
 
-def test_contact_closes_diagonally() -> None:
+def test_contact_closes_diagonally():
     wall = np.add.outer(np.arange(8), np.arange(8)) % 8 == 0
     # The diagonal wall leaves a band that winds along the diagonal only: along x and y together.
     assert clusters(~wall).winds[:, ~wall].all()
@@ -236,7 +233,7 @@ def test_contact_closes_diagonally() -> None:
 
 
 @pytest.mark.parametrize("across", [6, 13])
-def test_the_critical_gap_is_that_of_the_saddle_and_the_width_that_of_the_channel(across: int) -> None:
+def test_the_critical_gap_is_that_of_the_saddle_and_the_width_that_of_the_channel(across):
     """Along x, cos(2 pi y) - cos(2 pi x)/2 + c is narrowest at x = 0, where its gap is c + 1/2 at y = 0."""
     n, level = 128, 0.5 - math.cos(math.pi * across / 128)
     x = np.arange(n) / n
@@ -249,7 +246,7 @@ def test_the_critical_gap_is_that_of_the_saddle_and_the_width_that_of_the_channe
     assert closed == (0.0, (0, 0), 0.0, 0.0)
 
 
-def test_critical_gaps_are_the_largest_levels_at_which_a_path_leads_through() -> None:
+def test_critical_gaps_are_the_largest_levels_at_which_a_path_leads_through():
     rng = np.random.default_rng(2)
     for _ in range(50):
         gap = np.maximum(rng.normal(0.3, 1.0, (13, 17)), 0.0)

@@ -1,7 +1,5 @@
 """Conductance and stiffness of given spots: discs, strips, films, Hertz, dense solutions."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,7 +7,6 @@ import pytest
 from scipy.special import erfc
 
 import gfmdlayer
-from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.transport.spots import Spots, impedance, in_series, inverse
 
@@ -17,32 +14,32 @@ MADELUNG, THIRD = 3.90026492, 9.0336217  # lattice sums of a square cell, of 1/r
 INSIDE = 0.13  # spacings from the outline of a disc's points to its edge
 
 
-def grid(n: int) -> Grid:
+def grid(n):
     return Grid((n, n), (1.0, 1.0))
 
 
-def spots(n: int, Z: FloatArray | None = None, tolerance: float = 1e-14) -> Spots:
+def spots(n, Z=None, tolerance=1e-14):
     """Return the problem on a square cell; without Z that of a conductivity of 1."""
     return Spots(impedance(grid(n).wavenumbers, [], 1.0) if Z is None else Z, n**-2.0, tolerance)
 
 
-def disc(n: int, radius: float, *centres: tuple[float, float]) -> BoolArray:
+def disc(n, radius, *centres):
     x = (np.arange(n) + 0.5) / n
     centres = centres or ((0.5, 0.5),)
     return np.any([(x[:, None] - X) ** 2 + (x - Y) ** 2 < radius**2 for X, Y in centres], axis=0)
 
 
-def radius_of(contact: BoolArray, discs: int = 1) -> float:
+def radius_of(contact, discs=1):
     n = len(contact)
     return float(np.sqrt(contact.mean() / discs / np.pi)) - INSIDE / n
 
 
-def one_disc(a: float) -> float:
+def one_disc(a):
     """Resistance of a disc in a square cell of length 1, for a conductivity of 1."""
     return 1 / (4 * a) - MADELUNG / (2 * np.pi) + THIRD * a**2 / (6 * np.pi)
 
 
-def lattice(s: float, split: float = 3.0) -> float:
+def lattice(s, split=3.0):
     """Sum of 1/r over a square lattice seen at (s, 0), with a neutral background, by Ewald's method."""
     X, Y = np.meshgrid(np.arange(-6, 7), np.arange(-6, 7), indexing="ij")
     r, G = np.hypot(X + s, Y), 2 * np.pi * np.hypot(X, Y)
@@ -52,13 +49,13 @@ def lattice(s: float, split: float = 3.0) -> float:
 
 
 @pytest.mark.parametrize(("a", "n"), [(0.05, 128), (0.1, 256)])
-def test_a_disc_has_the_resistance_of_holm_with_its_images(a: float, n: int) -> None:
+def test_a_disc_has_the_resistance_of_holm_with_its_images(a, n):
     contact = disc(n, a)
     # 0.05 %: the scatter of the edge's place over discs of 6 to 100 spacings.
     assert 1 / spots(n).total(contact) == pytest.approx(one_disc(radius_of(contact)), rel=6e-4)
 
 
-def test_a_strip_has_its_closed_form() -> None:
+def test_a_strip_has_its_closed_form():
     """R = ln(1/sin(pi b/L))/pi per length; the edges are 0.19 spacings inside, to 0.01 at most."""
     n, b = 1024, 0.1
     x = (np.arange(n) + 0.5) / n
@@ -69,7 +66,7 @@ def test_a_strip_has_its_closed_form() -> None:
     assert edge * n == pytest.approx(0.19, abs=0.01)
 
 
-def test_two_discs_share_the_current() -> None:
+def test_two_discs_share_the_current():
     n, a, s = 512, 0.02, 0.1
     contact = disc(n, a, (0.5 - s / 2, 0.5), (0.5 + s / 2, 0.5))
     exact = (one_disc(radius_of(contact, 2)) + (lattice(s) + a**2 / (3 * s**3)) / (2 * np.pi)) / 2
@@ -77,7 +74,7 @@ def test_two_discs_share_the_current() -> None:
     assert 1 / spots(n).total(contact) == pytest.approx(exact, rel=2e-3)
 
 
-def test_films_have_the_limits_of_thick_and_thin_ones() -> None:
+def test_films_have_the_limits_of_thick_and_thin_ones():
     q = grid(64).wavenumbers
     bare = impedance(q, [], 1.0)
     np.testing.assert_allclose(impedance(q, [(0.3, 1.0)], 1.0), bare, rtol=1e-14)  # of the same material
@@ -95,13 +92,13 @@ def test_films_have_the_limits_of_thick_and_thin_ones() -> None:
     np.testing.assert_allclose(impedance(q, [(0.02, 3.0)], 0.5)[q > 0], exact, rtol=1e-13)
 
 
-def test_a_disc_under_films_has_the_recorded_resistance() -> None:
+def test_a_disc_under_films_has_the_recorded_resistance():
     """4 a R: thick films tend to 1 - (2 ln 2/pi) a/d; d/a = 1 on a perfect conductor and on a substrate."""
     n, a = 512, 0.03
     contact, q = disc(n, a), grid(512).wavenumbers
     at = radius_of(contact)
 
-    def R(films: list[tuple[float, float]], base: float) -> float:
+    def R(films, base):
         return 1 / float(spots(n, impedance(q, films, base)).total(contact))
 
     # Recorded at 1024 points. 0.13 spacings belong to a bare disc; of 15, under a film, they are open to 1 %.
@@ -114,7 +111,7 @@ def test_a_disc_under_films_has_the_recorded_resistance() -> None:
     assert R([(a, 10.0)], 1.0) / bare == pytest.approx(0.1620, rel=1e-2)
 
 
-def test_a_dense_solution_of_the_same_equations_agrees() -> None:
+def test_a_dense_solution_of_the_same_equations_agrees():
     """The operator on all unit densities, solved by elimination: an elastic base, omega tau = 2."""
     n = 32
     body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(), base=3.0)
@@ -122,7 +119,7 @@ def test_a_dense_solution_of_the_same_equations_agrees() -> None:
     contact = disc(n, 0.2)
     units = np.eye(n * n)[contact.ravel()].reshape(-1, n, n)
 
-    def columns(part: FloatArray) -> FloatArray:
+    def columns(part):
         return np.fft.irfft2(part * np.fft.rfft2(units), (n, n))[:, contact]
 
     dense = columns(Z.real) + 1j * columns(Z.imag)
@@ -130,7 +127,7 @@ def test_a_dense_solution_of_the_same_equations_agrees() -> None:
     assert spots(n, Z, 1e-24).total(contact) == pytest.approx(S, rel=1e-10)
 
 
-def test_the_dynamic_stiffness_has_the_recorded_values() -> None:
+def test_the_dynamic_stiffness_has_the_recorded_values():
     """Of one material it is proportional to G*; on an elastic base it is not."""
     material, contact = gfmdlayer.Zener(), disc(128, 0.15)
     bodies = {
@@ -150,7 +147,7 @@ def test_the_dynamic_stiffness_has_the_recorded_values() -> None:
             assert pytest.approx(7.30075 + 1.60881j, rel=1e-5) == S
 
 
-def test_the_frozen_stiffness_of_hertz_is_the_slope_of_force_over_depth() -> None:
+def test_the_frozen_stiffness_of_hertz_is_the_slope_of_force_over_depth():
     n, body, punch = 128, gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=8.0)
     found = [
         gfmdlayer.solve(body, punch, force=0.0032 * (1 + e), points=(n, n), tolerance=1e-12)
@@ -166,7 +163,7 @@ def test_the_frozen_stiffness_of_hertz_is_the_slope_of_force_over_depth() -> Non
     assert pytest.approx(2 * 4 * a / (4 * a * one_disc(a)), rel=5e-3) == S  # 2 E* a with images
 
 
-def test_a_step_starts_from_the_density_before() -> None:
+def test_a_step_starts_from_the_density_before():
     contact = disc(128, 0.2)
     problem = spots(128, tolerance=1e-8)
     cold = problem.total(contact)

@@ -1,12 +1,9 @@
 """Eq. (24): its coefficients as printed, and its integrator against the modes of the exact spectrum."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
@@ -19,8 +16,6 @@ from gfmdlayer.verification.crosschecks import (
     stress_difference,
 )
 
-Floats = NDArray[np.float64]
-
 EPS = np.finfo(float).eps
 ZENER = Zener(1.0, 10.0, 1.0)
 BODIES = [
@@ -31,7 +26,7 @@ BODIES = [
 ]
 
 
-def printed(q: Floats, d: float, bulk: float, material: Zener) -> Coefficients:
+def printed(q, d, bulk, material):
     """Both sides of Eq. (24) from Eqs. (17), (18) and (21), letter by letter."""
     G0, Ginf = material.G0, material.Ginf
     a0, a1, a2, a3 = G0 / bulk - 1, Ginf / bulk - 1, G0 / bulk + 1, Ginf / bulk + 1
@@ -50,7 +45,7 @@ def printed(q: Floats, d: float, bulk: float, material: Zener) -> Coefficients:
 
 @pytest.mark.parametrize("contrast", [1.5, 10.0, 100.0])
 @pytest.mark.parametrize("bulk", [0.1, 1.0, 10.0, 256.0])
-def test_coefficients_are_the_printed_ones(bulk: float, contrast: float) -> None:
+def test_coefficients_are_the_printed_ones(bulk, contrast):
     # From q d = 1/2 on the printed differences lose a factor of about ten to cancellation, no more.
     q, d, material = np.linspace(1, 40, 79), 0.5, Zener(1.0, contrast, 1.0)
     ours = constitutive_coefficients(LayeredHalfspace(d, 0.5, bulk), material, q)
@@ -59,7 +54,7 @@ def test_coefficients_are_the_printed_ones(bulk: float, contrast: float) -> None
         np.testing.assert_allclose(side / ours.stress[0], paper_side / paper.stress[0], rtol=400 * EPS)
 
 
-def test_a_rigid_base_leaves_eq_28() -> None:
+def test_a_rigid_base_leaves_eq_28():
     q, d, material = np.linspace(1, 400, 57), 0.05, Zener(1.0, 7.0, 1.0)
     stress, displacement = constitutive_coefficients(LayeredHalfspace(d, 0.5, math.inf), material, q)
     # Eq. (26): (1 + s)^3; Eq. (27): (G0 + s Ginf)(1 + s)^2; q d from 0.05: the factors of Eq. (28) cancel
@@ -74,7 +69,7 @@ def test_a_rigid_base_leaves_eq_28() -> None:
     np.testing.assert_allclose(displacement / stress[0], expected, rtol=rounding)
 
 
-def test_an_infinitely_thick_layer_leaves_eq_29() -> None:
+def test_an_infinitely_thick_layer_leaves_eq_29():
     q = np.array([1.0, 10.0, 1e4])
     for bulk in (0.0, 0.3, 5.0, math.inf):
         stress, displacement = constitutive_coefficients(LayeredHalfspace(math.inf, 0.5, bulk), ZENER, q)
@@ -86,7 +81,7 @@ def test_an_infinitely_thick_layer_leaves_eq_29() -> None:
 
 @pytest.mark.parametrize("step", [0.1, 0.005])
 @pytest.mark.parametrize("body", BODIES, ids=lambda b: f"d={b.thickness}, G_bulk={b.bulk_modulus}")
-def test_both_forms_of_backward_euler_are_one(body: LayeredHalfspace, step: float) -> None:
+def test_both_forms_of_backward_euler_are_one(body, step):
     q = 2 * np.pi * np.array([0.0, 1, 2, 3, 5, 10, 30, 100, 300, 1000])
     kappa, _ = ThirdOrder(body, ZENER, q, step).terms(step)
     modes = Modes(relaxation_spectrum(body, ZENER, q), SCHEMES["backward_euler"])
@@ -94,17 +89,17 @@ def test_both_forms_of_backward_euler_are_one(body: LayeredHalfspace, step: floa
     assert stress_difference(body, q, step, steps=400) <= 1
 
 
-def test_the_mean_is_free_to_move() -> None:
+def test_the_mean_is_free_to_move():
     kappa, b = ThirdOrder(BODIES[0], ZENER, np.array([0.0, 1.0]), 0.1).terms(0.1)
     assert kappa[0] == b[0] == 0
 
 
-def test_steps_of_another_length_are_refused() -> None:
+def test_steps_of_another_length_are_refused():
     with pytest.raises(ValueError, match="equal steps"):
         ThirdOrder(BODIES[0], ZENER, np.array([1.0]), 0.1).terms(0.2)
 
 
 @pytest.mark.parametrize("body", [LayeredHalfspace(0.1, 0.3, 1.0), LayeredHalfspace(0.1, 0.5, 1.0, 0.3)])
-def test_compressible_bodies_are_refused(body: LayeredHalfspace) -> None:
+def test_compressible_bodies_are_refused(body):
     with pytest.raises(ValueError, match="incompressible"):
         ThirdOrder(body, ZENER, np.array([1.0]), 0.1)

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.contact.pressure_form import Iterate, System
+from gfmdlayer.contact.pressure_form import Iterate, System, apply_to
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
+from gfmdlayer.grid.transforms import Plans, Transforms, backward
 from gfmdlayer.kernels import LANES, kernel, maximum, minimum
 
 _LINES = 2  # on either side that are close to a contact on a surface
@@ -186,10 +186,8 @@ def begin(  # groups of arrays; one call takes less time than two
     guess: FloatArray,
     load: float,
 ) -> None:
-    """Write the surface without pressure, a guess of the pressure, and the contact set where it is positive.
-
-    ``load`` is the mean pressure where it is given. Half a pair of transforms.
-    """
+    """Write the surface without pressure, a guess of the pressure, and the set where it is positive."""
+    # ``load`` is the mean pressure where it is given. Half a pair of transforms.
     now = work.now[0]
     for k in range(free.size):
         free[k] = system.compliance[k] * b[k]
@@ -239,15 +237,13 @@ def iterate(  # groups of arrays, and the limits of one call
     limit: int,
     checked: bool,
 ) -> tuple[bool, int, int]:
-    """Find the contact set and its pressure.
-
-    The gap need not be known at the beginning; pressure and gap are an exact pair on return. `shift` is the
-    gap in the contact that is aimed at [length], `rounds` the most changes of the contact set, `limit` the
-    most iterations. `checked` says that the caller evaluates the result on a larger surface: a contact of one
-    stretch, near which the gap is known, then needs no evaluation here.
-
-    Returns whether set and pressure were found, the transforms and the iterations.
-    """
+    """Find the contact set and its pressure."""
+    # The gap need not be known at the beginning; pressure and gap are an exact pair on return. `shift` is the
+    # gap in the contact that is aimed at [length], `rounds` the most changes of the contact set, `limit` the
+    # most iterations. `checked` says that the caller evaluates the result on a larger surface: a contact of
+    # one stretch, near which the gap is known, then needs no evaluation here.
+    #
+    # Returns whether set and pressure were found, the transforms and the iterations.
     transforms, carried, now = 0, at.p.sum(), work.now[0]
     if not now.exact:
         evaluate(plans, system, at, work)
@@ -290,7 +286,7 @@ def iterate(  # groups of arrays, and the limits of one call
             continue
         _precondition(plans, system, at, contact, work, shift)
         product, slope = _next_direction(system, at, contact, work, shift, 1.0 / last if last > 0.0 else 0.0)
-        _apply(plans, system, work)
+        apply_to(plans, system.compliance, work.direction, work.spectrum, work.spectrum, work.change)
         transforms += 4
         curvature = dot(contact, work.direction, work.change)
         if not (curvature > 0.0 and slope > 0.0):
@@ -313,10 +309,7 @@ def iterate(  # groups of arrays, and the limits of one call
 def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
     """Gap of the pressure at every point, and the mean displacement; two transforms."""
     now = work.now[0]
-    forward(plans, at.p, at.spectrum)
-    for k in range(work.spectrum.size):
-        work.spectrum[k] = system.compliance[k] * at.spectrum[k]
-    backward(plans, work.spectrum, at.gap)
+    apply_to(plans, system.compliance, at.p, at.spectrum, work.spectrum, at.gap)
     for i in range(at.gap.size):
         at.gap[i] += system.gap0[i]
     now.mean = now.free_mean - system.mean_compliance * at.spectrum[0].real
@@ -336,10 +329,8 @@ def _restore_load(system: System, at: Iterate, contact: ContactSet, carried: flo
 
 @kernel(inner=True)
 def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: float, everywhere: bool) -> bool:
-    """Let points under tension leave and overlapping ones join; return whether the pressure changed.
-
-    The gap is known ``everywhere``, or near the contact.
-    """
+    """Let points under tension leave and overlapping ones join; return whether the pressure changed."""
+    # The gap is known ``everywhere``, or near the contact.
     changed, runs, near, member = False, contact.runs, contact.near, contact.member
     for k in range(1 if everywhere else contact.counts[0].near):
         first, end = (0, p.size) if everywhere else (near[k, 0], near[k, 1])
@@ -357,10 +348,8 @@ def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: floa
 
 @kernel(reorder=True, inner=True)
 def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: Work, shift: float) -> bool:
-    """Scale the pressure so that the energy is least, and keep it for conjugacy; return whether that is done.
-
-    It needs no transform. Under a given load the pressure cannot be scaled.
-    """
+    """Scale the pressure to the least energy, and keep it for conjugacy; return whether this is done."""
+    # It needs no transform. Under a given load the pressure cannot be scaled.
     now, counts = work.now[0], contact.counts[0]
     now.energy = 0.0
     if system.load_given or counts.points == 0:
@@ -392,20 +381,15 @@ def _precondition(
         gap = at.gap[contact.runs[k, 0] : contact.runs[k, 1]]
         for i in range(z.size):
             z[i] = shift - gap[i]
-    forward(plans, work.z, work.spectrum)
-    for k in range(work.spectrum.size):
-        work.spectrum[k] *= system.stiffness[k]
-    backward(plans, work.spectrum, work.z)
+    apply_to(plans, system.stiffness, work.z, work.spectrum, work.spectrum, work.z)
 
 
 @kernel(reorder=True, inner=True)
 def _next_direction(
     system: System, at: Iterate, contact: ContactSet, work: Work, shift: float, memory: float
 ) -> tuple[float, float]:
-    """Write the next direction of conjugate gradients; return r.z and r.d.
-
-    ``memory`` is 1/(r.z) of the last iteration, or 0. Under a given load directions have no mean.
-    """
+    """Write the next direction of conjugate gradients; return r.z and r.d."""
+    # ``memory`` is 1/(r.z) of the last iteration, or 0. Under a given load directions have no mean.
     z, d, now = work.z, work.direction, work.now[0]
     runs, count = contact.runs, contact.counts[0].runs
     if system.load_given:
@@ -422,15 +406,6 @@ def _next_direction(
     if along != 0.0:
         add(runs, count, -along, work.pressure, d)
     return product, _along_residual(at, contact, d, shift)
-
-
-@kernel(reorder=True, inner=True)
-def _apply(plans: Plans, system: System, work: Work) -> None:
-    """Effect of the direction on the gaps; two transforms."""
-    forward(plans, work.direction, work.spectrum)
-    for k in range(work.spectrum.size):
-        work.spectrum[k] *= system.compliance[k]
-    backward(plans, work.spectrum, work.change)
 
 
 @kernel(inner=True)
@@ -466,11 +441,9 @@ def _along_residual(at: Iterate, contact: ContactSet, x: FloatArray, shift: floa
 def _violations(
     system: System, at: Iterate, contact: ContactSet, work: Work, shift: float
 ) -> tuple[float, float, float]:
-    """Range of the gaps in the contact, tension there, and overlap where the gap is known.
-
-    Each in the residual's scales, which are set. Under a given load the punch is shifted first, so that the
-    gap in the contact is right in the mean.
-    """
+    """Range of the gaps in the contact, tension there, and overlap where the gap is known."""
+    # Each in the residual's scales, which are set. Under a given load the punch is shifted first, so that the
+    # gap in the contact is right in the mean.
     now, counts = work.now[0], contact.counts[0]
     if system.load_given and counts.points > 0:
         excess = mean(contact, at.gap) - shift

@@ -64,15 +64,13 @@ _WORK, _FEWEST = 1 << 29, 30
 
 
 class ActiveSet:
-    """The active-set solver for the steps of one run.
-
-    With `windows`, small contacts are solved in windows; after `rounds` changes of the contact set
-    `bounded.safeguard` takes over.
-    """
+    """The active-set solver for the steps of one run."""
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
     def __init__(self, transforms: Transforms, *, windows: bool = True, rounds: int = _ROUNDS) -> None:
+        # With `windows`, small contacts are solved in windows; after `rounds` changes of the contact set
+        # `bounded.safeguard` takes over.
         self._transforms, self._rounds = transforms, rounds
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
         self._at, self._free, self._gap0 = Iterate(field(), field(), spectrum()), spectrum(), field()

@@ -33,10 +33,8 @@ from gfmdlayer.kernels import LANES, address_of, call_at, kernel, minimum
 def extend_to_surface(
     window: Window, origin: Pair, surface: WholeSurface, state: SurfaceState
 ) -> tuple[float, tuple[float, float, float, float]]:
-    """Write the state of the whole surface; two transforms.
-
-    Returns the overlap that was cut off, as part of the depth, and the result of `assess`.
-    """
+    """Write the state of the whole surface; two transforms."""
+    # Returns the overlap that was cut off, as part of the depth, and the result of `assess`.
     largest, total = _scatter(window, origin, state.p)
     forward(surface.plans, state.p, surface.spectrum)
     _deform(surface, state.spectrum)
@@ -146,12 +144,10 @@ class WholeSurface(NamedTuple):
 
 @kernel(inner=True)
 def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> tuple[int, int, int]:
-    """Locate a stretch of a line of the window on the surface, which is periodic.
-
-    `origin` is line and point of the surface where the window begins. Part 0 are the points before the end
-    of the surface's line, part 1 those after it. Returns the first point of that part in the window, the
-    first on the surface, and their number.
-    """
+    """Locate a stretch of a line of the window on the surface, which is periodic."""
+    # `origin` is line and point of the surface where the window begins. Part 0 are the points before the end
+    # of the surface's line, part 1 those after it. Returns the first point of that part in the window, the
+    # first on the surface, and their number.
     (rows, line), length = window.surface, window.length[1]
     start = (origin[0] + first // length) % rows * line
     column = origin[1] + first % length
@@ -181,12 +177,10 @@ def solve(
     rounds: int,
     limit: int,
 ) -> tuple[bool, int, int, int, float, tuple[float, float, float, float], SurfaceState]:
-    """Solve in a window that begins at a line and a point of the surface; `load` is the given mean pressure.
-
-    Returns whether contact and pressure were found, transforms of the whole surface and of the window,
-    iterations, overlap of the whole surface that was cut off (as part of the depth), the result of `assess`,
-    and the state.
-    """
+    """Solve in a window that begins at a line and a point of the surface; `load`: given mean pressure."""
+    # Returns whether contact and pressure were found, transforms of the whole surface and of the window,
+    # iterations, overlap of the whole surface that was cut off (as part of the depth), the result of
+    # `assess`, and the state.
     _free_surface(surface)
     at, contact, work, system = window.at, window.contact, window.work, window.system
     carried = _gather(window, origin, surface, guess)
@@ -291,11 +285,9 @@ def _gather(window: Window, origin: Pair, surface: WholeSurface, guess: FloatArr
 
 @kernel(reorder=True, inner=True)
 def _raise_clear(window: Window, tolerance: float) -> bool:
-    """Raise the pressure until nothing in the window overlaps, by a little more than rounding.
-
-    Under a given load the punch is shifted instead. Return whether the contact stays within the tolerance;
-    else nothing is changed.
-    """
+    """Raise the pressure until nothing in the window overlaps, by a little more than rounding."""
+    # Under a given load the punch is shifted instead. Return whether the contact stays within the tolerance;
+    # else nothing is changed.
     at, gap0, contact, now = window.at, window.system.gap0, window.contact, window.work.now[0]
     depth, lift, lowest, widest = now.depth_scale, 0.0, 0.0, 0.0
     margin = min(_MARGIN, _MARGIN_OF_TOLERANCE * tolerance) * depth
@@ -360,30 +352,24 @@ class Windows:
         self._current: set[int] = set()  # parts whose window has the present stiffness
         self._work, self._iterate_at = work, 0
         self._kernel = transforms.empty_field()
+        self.kernel_is_known = False  # whether it is that of the present compliance
 
     def set_system(self, system: System) -> None:
         """Take over stiffness and floor, which stay the same for several steps."""
-        self._system, self._kernel_is_known = system, False
+        self._system, self.kernel_is_known = system, False
         self._current.clear()
-
-    @property
-    def kernel_is_known(self) -> bool:
-        """Whether the kernel of the present compliance has been made."""
-        return self._kernel_is_known
 
     def make_kernel(self) -> None:
         """Make the kernel: the displacement of all points by a pressure at one. A transform."""
         respond(self._transforms.plans, self._system.compliance, self._work.spectrum, self._kernel)
-        self._kernel_is_known = True
+        self.kernel_is_known = True
 
     def solve(
         self, problem: Problem, guess: FloatArray, tolerance: float, rounds: int, limit: int
     ) -> WindowResult:
-        """Solve in the shortest window around a guess of the pressure, then in larger ones if it outgrows it.
-
-        Without contact in the guess, the overlap of the surface without pressure takes its place. The result
-        is empty where nothing overlaps, or no window is short enough.
-        """
+        """Solve in the shortest window around a guess of the pressure; in larger ones if it is too small."""
+        # Without contact in the guess, the overlap of the surface without pressure takes its place. The
+        # result is empty where nothing overlaps, or no window is short enough.
         surface = WholeSurface(
             self._transforms.plans, self._system.compliance, problem.obstacle,
             problem.intercept, self._work.spectrum, self._work.z,
@@ -431,7 +417,7 @@ class Windows:
             transforms = self._transforms.for_window(part)
             self._made[part] = transforms, _make_window(transforms, _two(self._shape))
         transforms, window = self._made[part]
-        taken = 0 if self._kernel_is_known else 1
+        taken = 0 if self.kernel_is_known else 1
         if taken:
             self.make_kernel()
         shared = {name: getattr(self._system, name) for name in ("floor", "load_given", "mean_compliance")}

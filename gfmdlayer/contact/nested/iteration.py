@@ -117,10 +117,8 @@ class Level:
         return self.parallel(passes.precondition, self._weights, r, *beside, self.z, self.d)[0]
 
     def set_scales(self, at: Fields, per_point: float = 0.0) -> Extent:
-        """Set the level of a state and the scales of its residual.
-
-        Where `per_point` is not zero, u times its inverse stands in the place of the gap.
-        """
+        """Set the level of a state and the scales of its residual."""
+        # Where `per_point` is not zero, u times its inverse stands in the place of the gap.
         arrays = at.h, at.p, at.gap
         (load, weighted, total), extrema = self.parallel(passes.extent, per_point, at.cap, *arrays)
         extent = Extent(total / self.grid.size, *extrema)
@@ -151,7 +149,7 @@ class Level:
         if not 0.0 < total < np.inf:
             return False
         if at.load is not None and total != at.load:
-            self.parallel.only(passes.times, at.load / total, at.p)
+            at.p *= at.load / total
         return True
 
     def _set_capped(self, at: Fields, cap: float) -> bool:
@@ -178,7 +176,7 @@ class Level:
         """Write the gap of the pressure, from the gap without it, in single precision."""
         np.copyto(self.step, at.p, casting="same_kind")
         self.respond()
-        self.parallel.only(passes.add_response, at.gap0, self.change, at.gap)
+        np.add(at.gap0, self.change, out=at.gap)
 
 
 class Search:
@@ -190,7 +188,8 @@ class Search:
 
     def __init__(self, level: Level, at: Fields) -> None:
         self._on, self.at = level, at
-        level.parallel.only(passes.clear, level.d, level.z, level.r, level.step, level.change)
+        for field in (level.d, level.z, level.r, level.step, level.change):
+            field.fill(0.0)
         self._alpha, self._shift = 1.0, 0.0
         self._product = 0.0  # z.r of the last iteration; 0 where directions begin anew
         self._move(0.0, 1.0)
@@ -210,7 +209,8 @@ class Search:
         self._direct()
         self._project()
         if not self._slope > 0:
-            self._on.parallel.only(passes.release, self._alpha, self.at.p, self._on.r, self._on.d)
+            on, ends = self._on, self.at.p + np.float64(self._alpha) * self._on.d <= 0.0
+            on.r[ends & (on.r < 0.0)] = 0.0  # points whose pressure it would end and whose gap is open leave
             self._alpha, self._product = min(self._alpha, 1.0), 0.0
             self._direct()
             self._project()

@@ -49,12 +49,10 @@ class Move(NamedTuple):
 def advance(
     first: int, end: int, move: Move, cap: Any, p: Any, gap: Any, gap0: Any, step: Any, change: Any, r: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
-    """Take a step, and write r = level - gap on the new C; with a given load gaps then count from the level.
-
-    Returns sums of p, of p gap and, unless the load is given, of p gap0, and of p again; largest violation by
-    an open gap or tension, and overlap, both in the residual's scales. With a cap, the sum of p gap and the
-    last sum are over the pressures below it.
-    """
+    """Take a step, and write r = level - gap on the new C; with a given load gaps count from the level."""
+    # Returns sums of p, of p gap and, unless the load is given, of p gap0, and of p again; largest violation
+    # by an open gap or tension, and overlap, both in the residual's scales. With a cap, the sum of p gap and
+    # the last sum are over the pressures below it.
     real = p.dtype.type
     length, gone, none = real(move.length), real(_GONE), real(0.0)
     shift, aim = real(move.level if move.load_given else 0.0), real(0.0 if move.load_given else move.level)
@@ -118,10 +116,8 @@ def _scale(factor: Any, p: Any, gap: Any, gap0: Any) -> Any:
 def precondition(
     first: int, end: int, weights: Any, r: Any, before: Any, after: Any, z: Any, d: Any
 ) -> tuple[tuple[float, ...], tuple[float]]:
-    """Apply the stencil M to r, shape (rows, columns), and write z = M r on C in the place of the last r.
-
-    `d` is the last direction. Returns the sums over C of 1, z, r, z r, z r_last, r_last, r d and d.
-    """
+    """Apply the stencil M to r, shape (rows, columns), and write z = M r on C in the place of the last r."""
+    # `d` is the last direction. Returns the sums over C of 1, z, r, z r, z r_last, r_last, r d and d.
     columns = r.shape[1]
     row, work = np.empty(columns, np.float32), np.empty(columns, np.float32)
     sums = np.zeros(8)
@@ -171,11 +167,9 @@ def direct(
 def project(
     first: int, end: int, length: float, shift: float, cap: Any, p: Any, r: Any, d: Any, step: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:
-    """Write the step to max(p + length d - shift, 0) on C, and to 0 outside; with a cap, up to the cap.
-
-    Returns the sum of the new pressures, the number of those that depend on the shift, the sum of r step, and
-    the number of pressures that it ends at 0 or at the cap.
-    """
+    """Write the step to max(p + length d - shift, 0) on C, and to 0 outside; with a cap, up to the cap."""
+    # Returns the sum of the new pressures, the number of those that depend on the shift, the sum of r step,
+    # and the number of pressures that it ends at 0 or at the cap.
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
@@ -212,10 +206,8 @@ def _project(
 def respond(
     first: int, end: int, cap: Any, p: Any, step: Any, change: Any
 ) -> tuple[tuple[float, float], tuple[float]]:
-    """Return the sums of step A step and p A step; the fastest relative fall of a pressure along the step.
-
-    With a cap, a pressure's distance from the cap falls too.
-    """
+    """Return the sums of step A step and p A step; the fastest relative fall of a pressure along the step."""
+    # With a cap, a pressure's distance from the cap falls too.
     none, one = p.dtype.type(0.0), p.dtype.type(1.0)
     most = p.dtype.type(0.0 if cap is None else cap)
     curvature, across, falls, faster = 0.0, 0.0, np.zeros(LANES, p.dtype), np.zeros(LANES, p.dtype)
@@ -237,23 +229,12 @@ def respond(
 
 
 @kernel(reorder=True)
-def release(first: int, end: int, length: float, p: Any, r: Any, d: Any) -> tuple[tuple[float], tuple[float]]:
-    """Drop from C the points whose pressure a step would end and whose gap is open."""
-    ps, rs, ds = p[first:end], r[first:end], d[first:end]
-    for i in range(ps.size):
-        rs[i] = _NONE if (ps[i] + length * ds[i] <= 0.0) & (rs[i] < _NONE) else rs[i]
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
 def extent(
     first: int, end: int, per_point: float, cap: Any, h: Any, p: Any, gap: Any
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-    """Write the gap h - u in the place of an unnormalised u, unless ``per_point`` is zero.
-
-    Returns the sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap. With a cap,
-    the first two sums and the largest -gap are over the pressures below it.
-    """
+    """Write the gap h - u in the place of an unnormalised u, unless ``per_point`` is zero."""
+    # Returns the sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap. With a cap,
+    # the first two sums and the largest -gap are over the pressures below it.
     load, weighted, total = 0.0, 0.0, 0.0
     largest, depth, overlap = np.zeros(LANES), np.full(LANES, -np.inf), np.full(LANES, -np.inf)
     larger, deeper, lower = largest.copy(), depth.copy(), overlap.copy()
@@ -292,55 +273,6 @@ def extent(
 
 
 @kernel(reorder=True)
-def press(
-    first: int, end: int, level: float, stiffness: float, gap0: Any, p: Any
-) -> tuple[tuple[float], tuple[float]]:
-    """Write a first guess of the pressure: where the punch overlaps, lowered by a level."""
-    total, ps, gaps = 0.0, p[first:end], gap0[first:end]
-    for i in range(ps.size):
-        pull = level - gaps[i]
-        ps[i] = stiffness * pull if pull > 0.0 else 0.0
-        total += ps[i]
-    return (total,), (0.0,)
-
-
-@kernel
-def clear(first: int, end: int, a: Any, b: Any, c: Any, d: Any, e: Any) -> tuple[tuple[float], tuple[float]]:
-    """Set fields to zero."""
-    for i in range(first, end):
-        a[i] = b[i] = c[i] = d[i] = e[i] = 0.0
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
-def times(first: int, end: int, factor: float, field: Any) -> tuple[tuple[float], tuple[float]]:
-    """Multiply a field."""
-    part = field[first:end]
-    for i in range(part.size):
-        part[i] *= factor
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
-def lowered(first: int, end: int, level: float, field: Any, target: Any) -> tuple[tuple[float], tuple[float]]:
-    """Write a field less a level, in another precision."""
-    source, found = field[first:end], target[first:end]
-    less = field.dtype.type(level)
-    for i in range(found.size):
-        found[i] = source[i] - less
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
-def add_response(first: int, end: int, gap0: Any, change: Any, gap: Any) -> tuple[tuple[float], tuple[float]]:
-    """Write the gap gap0 + A p."""
-    free, changes, gaps = gap0[first:end], change[first:end], gap[first:end]
-    for i in range(gaps.size):
-        gaps[i] = free[i] + changes[i]
-    return (0.0,), (0.0,)
-
-
-@kernel(reorder=True)
 def comply(first: int, end: int, compliance: Any, spectrum: Any) -> tuple[tuple[float], tuple[float]]:
     """Multiply a spectrum by the compliance."""
     factors, modes = compliance[first:end], spectrum[first:end]
@@ -353,10 +285,8 @@ def comply(first: int, end: int, compliance: Any, spectrum: Any) -> tuple[tuple[
 def displace(
     first: int, end: int, stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray
 ) -> tuple[tuple[float], tuple[float]]:
-    """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too.
-
-    Spectra are given as real numbers, real and imaginary parts in turn.
-    """
+    """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too."""
+    # Spectra are given as real numbers, real and imaginary parts in turn.
     for k in range(first, end):
         per = 1.0 / stiffness[k] if stiffness[k] > 0.0 else 0.0
         for i in range(2 * k, 2 * k + 2):
@@ -370,11 +300,9 @@ def settle(
     first: int, end: int, per_pressure: float, per_gap: float, shift: float, cap: Any, h: FloatArray,
     p: FloatArray, gap: FloatArray, u: FloatArray, flow: Any,
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:  # fmt: skip
-    """Shift the gap by -``shift``, cut off overlap, and write u = h - gap.
-
-    With a cap, overlap at the cap is no error: `flow` gets it, and u has it. Returns number of points in
-    contact, sums of p, gap and u; the residual and the overlap.
-    """
+    """Shift the gap by -``shift``, cut off overlap, and write u = h - gap."""
+    # With a cap, overlap at the cap is no error: `flow` gets it, and u has it. Returns number of points in
+    # contact, sums of p, gap and u; the residual and the overlap.
     touching, load, gaps, mean = 0.0, 0.0, 0.0, 0.0
     worst, overlap = np.zeros(LANES), np.zeros(LANES)
     worse, deeper = worst.copy(), overlap.copy()
@@ -409,14 +337,12 @@ def settle(
 
 
 class ParallelPasses:
-    """Calls kernels with stretches of the points, first and end, and completes their results over all points.
-
-    Kernels release the interpreter's lock, so threads of Python do. Each takes a stretch of whole rows,
-    always the same one: sums have the same bits from run to run. `shape` takes the place of the grid's, as
-    for modes.
-    """
+    """Calls kernels with stretches of the points, first and end, and completes their results over all."""
 
     def __init__(self, grid: Grid, threads: int, shape: tuple[int, ...] | None = None) -> None:
+        # Kernels release the interpreter's lock, so threads of Python do. Each takes a stretch of whole rows,
+        # always the same one: sums have the same bits from run to run. `shape` takes the place of the grid's,
+        # as for modes.
         self._sums, self._whole, shape = grid.sums, grid.is_whole, shape or grid.shape
         size, columns = prod(shape), max(shape[-1], 1)
         threads = min(threads, size // columns) if size >= WORTH_THREADS else 1

@@ -93,10 +93,8 @@ def _smooth(
     first: int, end: int, p: FloatArray, before: FloatArray, after: FloatArray, gap: FloatArray, mu: float,
     smooth: FloatArray, deep: FloatArray,
 ) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
-    """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too.
-
-    Far from the contact any negative value does.
-    """
+    """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too."""
+    # Far from the contact any negative value does.
     rows, n = p.shape
     for i in range(first // n, end // n):
         up = p[i - 1] if i > 0 else before[0]
@@ -132,11 +130,9 @@ def _interpolate(
     first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], p: FloatArray,
     smooth: FloatArray, deep: FloatArray, target: FloatArray,
 ) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
-    """Interpolate rows of the fine grid from coarse fields, with rows beside those of this process.
-
-    `place` is the row of the whole fine grid that is the first here, and the row of the coarse fields that is
-    the first of the grid; `whole` the rows of the whole grids, fine and coarse.
-    """
+    """Interpolate rows of the fine grid from coarse fields, with rows beside those of this process."""
+    # `place` is the row of the whole fine grid that is the first here, and the row of the coarse fields that
+    # is the first of the grid; `whole` the rows of the whole grids, fine and coarse.
     n = p.shape[1]
     for i in range(first // columns, end // columns):
         y = (i + place[0]) * whole[1] / whole[0]
@@ -174,9 +170,12 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     fine.displace(problem, free, np.empty_like(free))
     last, pairs = None, 0.0
     for grid in reversed(fine.grid.nested[1:]):
-        level, state = _coarse(fine, grid, transforms, problem, (surface, free))
-        state.load = None if at.load is None else at.load * grid.size / fine.grid.size
-        state.cap = at.cap
+        coarse = transforms.of_shape(grid.points, single=True)
+        level = Level(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
+        fields = (coarse.backward(transforms.truncated(each, coarse)) for each in (surface, free))
+        h, displaced = (field.astype(np.float64) / fine.grid.size for field in fields)
+        load = None if at.load is None else at.load * grid.size / fine.grid.size
+        state = Fields(h, h - displaced, np.zeros_like(h), np.zeros_like(h), load, at.cap)
         if not _prolonged(last, level, state):
             _press(level, state)
         level.add_response(state)
@@ -189,23 +188,6 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
             at.gap0[:] = problem.obstacle - transforms.backward(free) / fine.grid.size
         _press(fine, at)
     return pairs
-
-
-def _coarse(
-    fine: Level,
-    grid: Grid,
-    transforms: Transforms,
-    problem: Problem,
-    spectra: tuple[ComplexArray, ComplexArray],
-) -> tuple[Level, Fields]:
-    """The problem on a coarser grid: punch, gap without pressure, and stiffness."""
-    coarse = transforms.of_shape(grid.points, single=True)
-    level = Level(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
-    h, free = (
-        coarse.backward(transforms.truncated(each, coarse)).astype(np.float64) / fine.grid.size
-        for each in spectra
-    )
-    return level, Fields(h, h - free, np.zeros_like(h), np.zeros_like(h), None)
 
 
 def _prolonged(last: tuple[Level, Fields] | None, level: Level, at: Fields) -> bool:
@@ -222,7 +204,7 @@ def _press(level: Level, at: Fields) -> None:
     lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
     # Where the load is given, half way up to the mean height.
     height = 0.0 if at.load is None else 0.5 * (lowest + mean)
-    level.parallel.only(passes.press, height, level.stiffest, at.gap0, at.p)
+    np.multiply(level.stiffest, np.fmax(height - at.gap0, 0.0), out=at.p)
     if not level.set_load(at) and at.load is not None:
         at.p[:] = at.load / level.grid.size  # the punch lies equally low everywhere
 
@@ -240,15 +222,13 @@ _AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the 
 
 
 class NestedGradient:
-    """The solver for the steps of one run, on a grid or else on the grid of the transforms, of period 1.
-
-    `spent` counts the FFT pairs of the last step in double and in single precision, those of coarser grids as
-    parts.
-    """
+    """The solver for the steps of one run, on a grid or else on the grid of the transforms, of period 1."""
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
     def __init__(self, transforms: Transforms, grid: Grid | None = None) -> None:
+        # `spent` counts the FFT pairs of the last step in double and in single precision, those of coarser
+        # grids as parts.
         self._transforms = transforms
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: Level | None = None
@@ -281,7 +261,7 @@ class NestedGradient:
             left = min(_LIMIT, limit - iterations)
             iterations += search.run(CLOSE * tolerance, left)
             if search.at is not at:
-                fine.parallel.only(passes.lowered, 0.0, search.at.p, at.p)
+                np.copyto(at.p, search.at.p)
                 if at.cap is not None:  # exactly, as it was in single precision
                     at.p[search.at.p >= np.float32(at.cap)] = at.cap
             spectrum, extent = self._evaluate(problem, fine, at)
@@ -321,7 +301,6 @@ class NestedGradient:
         single = np.zeros(1, np.float32)
         for p in (single, np.zeros(1)):
             passes.project(0, 1, 1.0, 0.0, None, p, single, single, single)
-            passes.release(0, 1, 1.0, p, single, single)
 
     def _level_of(self, problem: Problem) -> Level:
         """The operators of the grid, made anew only where the stiffness has changed."""
@@ -368,7 +347,8 @@ class NestedGradient:
             self._narrow.append(fine.transforms.empty_field())
         shift = at.level if given else 0.0  # gaps then count from the level
         for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
-            fine.parallel.only(passes.lowered, less, field, narrowed)
+            with np.errstate(over="ignore"):  # the residual of an infinite field is not below any tolerance
+                np.subtract(field, less, out=narrowed, casting="same_kind")
         p, gap = self._narrow[:2]
         gap0 = gap if given else self._narrow[2]
         now = Fields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)

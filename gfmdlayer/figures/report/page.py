@@ -11,12 +11,16 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import xarray
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 
 from gfmdlayer.config import ConfigError, load
 from gfmdlayer.figures.labels import quantity, symbol
@@ -31,7 +35,6 @@ from gfmdlayer.results.schema import FIELDS, ResultsError, described_key
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-    from xarray import DataArray
 
 
 # Labels of the figures as HTML, and numbers in base64.
@@ -157,9 +160,9 @@ class Drawn(NamedTuple):
     divisor: float
 
     @classmethod
-    def of(cls, array: DataArray, scales: Mapping[str, Any], largest: float) -> Drawn:
+    def of(cls, name: str, attributes: Mapping[str, str], scales: Mapping[str, Any], largest: float) -> Drawn:
         """Return it for values up to `largest`: the power of ten goes with the unit, if it has one."""
-        found = quantity(array, scales)
+        found = quantity(xarray.DataArray(np.nan, name=name, attrs=dict(attributes)), scales)
         found = found.fit([largest / found.scale]) if found.unit else found
         return cls(html(found.label), found.scale * 10.0**found.power)
 
@@ -172,7 +175,7 @@ class Swept(NamedTuple):
     """The swept keys as the page has them, their coordinates, and for each case the places of its values."""
 
     keys: list[dict[str, Any]]
-    coordinates: dict[str, DataArray]
+    coordinates: dict[str, xarray.DataArray]
     places: list[list[int]]
 
 
@@ -187,22 +190,21 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
         if complete and len({each.attributes.get(name) for each in complete}) == 1
         if name in complete[0].attributes
     }
-    swept = _swept(cases, _units(complete))
-    columns = _columns(complete, reader.described, scales)
-    fields = _fields(complete, reader.described, scales)
+    unit: Callable[[str], str] = str
+    with suppress(ConfigError, LookupError):  # no case, or one of an earlier version
+        unit = load("", content=str(complete[0].attributes["config"])).unit
+    swept = _swept(cases, unit)
+    described = reader.described
+    columns, fields = (find(complete, described, scales) for find in (_columns, _fields))
     listed = [
-        _case(case, found, places, (columns, fields, reader.described))
+        _case(case, found, places, (columns, fields, described))
         for case, found, places in zip(cases, contents, swept.places, strict=True)
     ]
     return {
         "keys": swept.keys,
         "columns": [
-            {
-                "name": name,
-                "label": drawn.label,
-                "meaning": reader.described[name].attributes.get("long_name", ""),
-            }
-            | _bins(name, reader.described, complete, scales)
+            {"name": name, "label": drawn.label, "meaning": described[name].attributes.get("long_name", "")}
+            | _bins(name, described, complete, scales)
             for name, drawn in columns.items()
         ],
         "shown": _shown_first(columns, complete, swept),
@@ -214,24 +216,7 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
     }
 
 
-def _array(name: str, described: Mapping[str, Any]) -> DataArray:
-    """Return an array without values, by which the figures choose the label."""
-    import xarray
-
-    return xarray.DataArray(np.nan, name=name, attrs=dict(described))
-
-
-def _units(complete: Sequence[Contents]) -> Callable[[str], str]:
-    """Return the labels of units of the configuration of a case, perhaps of an earlier version."""
-    try:
-        return load("", content=str(complete[0].attributes["config"])).unit
-    except (ConfigError, LookupError):
-        return str
-
-
 def _swept(cases: Sequence[Listed], unit: Callable[[str], str]) -> Swept:
-    import xarray
-
     keys = list(dict.fromkeys(key for case in cases for key in case.values))
     layout = lay_out([case.values for case in cases], keys, listed=True)
     found, coordinates, places = [], {}, []
@@ -243,12 +228,11 @@ def _swept(cases: Sequence[Listed], unit: Callable[[str], str]) -> Swept:
         coordinate = xarray.DataArray(labels, dims=name, name=name, attrs=described_key(each.key, unit))
         titles = [html(title) for title in value_titles(coordinate)]
         is_number = each.values.dtype.kind in "if"
-        known = coordinate.attrs.get("long_name", each.key)
         found.append(
             {
                 "key": each.key,
                 "symbol": html(symbol(coordinate)),
-                "meaning": known,
+                "meaning": coordinate.attrs.get("long_name", each.key),
                 "titles": titles,
                 "values": [plain(value) for value in labels.tolist()] if is_number else None,
             }
@@ -264,15 +248,9 @@ def _columns(
 ) -> dict[str, Drawn]:
     """Return all columns that any case has, time first."""
     names = dict.fromkeys(["time", *(name for each in complete for name in sorted(each.columns))])
-    return {
-        name: Drawn.of(
-            _array(name, described[name].attributes),
-            scales,
-            max(each.extremes.get(name, 0.0) for each in complete),
-        )
-        for name in names
-        if name in described
-    }
+    largest = {name: max((each.extremes.get(name, 0.0) for each in complete), default=0.0) for name in names}
+    known = (name for name in names if name in described)
+    return {name: Drawn.of(name, described[name].attributes, scales, largest[name]) for name in known}
 
 
 def _fields(
@@ -301,7 +279,7 @@ def _fields(
     sizes = {name: largest(name) for name in known} | {"snapshot": times}
     sizes |= {"gap": sizes["displacement"]} if "gap" in sizes else {}
     sizes |= dict.fromkeys(sizes.keys() & {"x", "y"}, sizes["x"] / 2)  # the contact is a part of it
-    return {name: Drawn.of(_array(name, each), scales, sizes[name]) for name, each in known.items()}
+    return {name: Drawn.of(name, each, scales, sizes[name]) for name, each in known.items()}
 
 
 def _bins(
@@ -319,15 +297,13 @@ def _bins(
         return {}
     edges = np.append(ends[0], ends[1][-1])
     largest = float(np.abs(edges[np.isfinite(edges)]).max())
-    drawn = Drawn.of(_array(along.removesuffix("_bin"), described[along].attributes), scales, largest)
+    drawn = Drawn.of(along.removesuffix("_bin"), described[along].attributes, scales, largest)
     edges = edges / drawn.divisor
     return {"bins": {"label": drawn.label, "edges": [plain(edge) for edge in edges.tolist()]}}
 
 
 def _shown_first(columns: Mapping[str, Drawn], complete: Sequence[Contents], swept: Swept) -> list[str]:
     """Return the two columns that are drawn when the page opens, chosen as for the figures."""
-    import xarray
-
     about = {"swept": " ".join(each["key"] for each in swept.keys)}
     if complete:
         about["control"] = complete[0].attributes.get("control", "")
@@ -439,9 +415,6 @@ def page(data: dict[str, Any], title: str) -> str:
 
 def _colours() -> dict[str, list[str]]:
     """Return the colours of curves, pressure and gap from the least to the largest value."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
     names = {"curves": "viridis", "pressure": PRESSURE_COLOURS, "gap": GAP_COLOURS}
     return {
         use: [to_hex(colormaps[name](i / (COLOURS - 1))) for i in range(COLOURS)]

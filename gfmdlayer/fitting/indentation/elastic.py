@@ -10,10 +10,12 @@ is continuous in the parameters. Rows next to the end of contact, where its plac
 may fall vertically, do not count. The places of the jumps are data of their own: the prescribed value half
 way between the rows on both sides, with the error
 
-    spread^2 = spacing^2 (1/12 + 26 (noise/jump)^4) + error^2 of the prescribed value
+    spread^2 = spacing^2 (1/12 + 26 (noise/jump)^4)
 
 The first term is the uniform distribution between two rows, the second that of a change point in noise (Yao,
-Ann. Stat. 15 (1987) 1321).
+Ann. Stat. 15 (1987) 1321). Far from it, each row on the wrong side adds (jump/noise)^2: from the distance
+(jump/noise)^2 spread^2/(2 spacing) on, the square of the residual grows linearly. The error of the prescribed
+value is common to jumps and rows; the covariance of all residuals has it.
 """
 
 from __future__ import annotations
@@ -105,8 +107,9 @@ class Jump(NamedTuple):
 
     row: int  # the row after it
     begins: bool  # whether contact begins there
-    spread: float  # standard deviation of the prescribed value there
+    spread: float  # standard deviation of the prescribed value there, without the error of that value
     certain: float  # that of a jump that is certainly between the two rows
+    bound: float  # number of spreads from which the square of the residual grows linearly
 
 
 @dataclass(frozen=True)
@@ -202,7 +205,8 @@ def jumps_between(
         certain = spacing / 12**0.5
         spread = spacing * (1 / 12 + CHANGE / jump**4) ** 0.5
         if certain > 0:
-            found.append(Jump(int(row), bool(touching[row]), spread, certain))
+            bound = jump**2 * spread / (2 * spacing)
+            found.append(Jump(int(row), bool(touching[row]), spread, certain, bound))
     return found
 
 
@@ -227,12 +231,12 @@ class Touch:
 
     def find(
         self, curve: ForceCurve, used: BoolArray, contacts: Jumping, pieces: Pieces, own: float,
-        worse: FloatArray, error: Callable[[float], float],
+        worse: FloatArray, error: Callable[[int], float],
     ) -> None:  # fmt: skip
         """Take rows and jumps from the measurement.
 
         `own` measured forces are one of the model; `worse` are squares of residuals in contact less those
-        without, `error` is the standard error of the prescribed value at a time.
+        without, `error` is the standard error of the prescribed value before a row.
         """
         value, by_force = pieces.at(curve.time)
         noise = max(noise_of(curve.force), 1e-12 * float(np.ptp(curve.force)))
@@ -243,11 +247,12 @@ class Touch:
         self.jumps = []
         for each in jumps_between(self.touching, by_force, used, value, sizes):
             pair = slice(each.row - 1, each.row + 1)
-            spread = math.hypot(each.spread, error(float(curve.time[pair].mean())))
-            self.jumps.append(each._replace(spread=spread))
+            whole = math.hypot(each.spread, error(each.row))
+            self.jumps.append(each._replace(bound=each.bound * whole / each.spread))
             if not each.begins:
-                before = slice(0, each.row)
-                near = value[before] < value[pair].mean() + NEAR * spread
+                falls = np.diff(value[: each.row]) < 0
+                before = slice(int(np.flatnonzero(~falls)[-1]) + 1 if not falls.all() else 0, each.row)
+                near = value[before] < value[pair].mean() + NEAR * whole
                 self.uncertain[before] |= self.touching[before] & near
 
     def places(self, curve: ForceCurve, contacts: Jumping, pieces: Pieces) -> FloatArray:
@@ -256,7 +261,10 @@ class Touch:
         for each in self.jumps:
             times = curve.time[each.row - 1 : each.row + 1]
             end = 0.0 if each.begins else contacts.end(float(times.mean()))
-            found.append((end - float(np.mean(pieces.at(times)[0]))) / each.spread)
+            away = (end - float(np.mean(pieces.at(times)[0]))) / each.spread
+            # Each further row adds the square of the jump over the noise.
+            far = max(abs(away) - each.bound, 0.0)
+            found.append(math.copysign(math.sqrt(max(away**2 - far**2, 0.0)), away))
         return np.array(found)
 
     @property
@@ -309,7 +317,10 @@ class ElasticContact:
                 found = self._equilibria(setup)
             except ArithmeticError:  # the lengths of the body have changed much
                 self._nodes, self.changes = self._find_nodes(setup.body, reach, most_phase), self.changes + 1
-                found = self._equilibria(setup)
+                try:
+                    found = self._equilibria(setup)
+                except ArithmeticError as error:
+                    raise FitError(f"curve {self._curve.name}: {error}") from error
             if all(found.largest(control, at.adhesion) >= value for control, value in most):
                 break
             reach *= WIDER_ELASTIC

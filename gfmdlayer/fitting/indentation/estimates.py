@@ -187,7 +187,7 @@ def conclude(
     fitted = tuple(_curve_fits(problem, u, t * t * spread))
     correlation = on_scale / np.outer(errors, errors)
     notes += _doubts(estimates, correlation, fitted, factor if known else 1.0)
-    aic, bic = _criteria(problem, fitted, u.size, residuals[problem.rows :])
+    aic, bic = _criteria(problem, u, fitted, residuals[problem.rows :])
     return IndentationFit(
         estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u),
         start, options, problem.adhesion(u),
@@ -256,22 +256,23 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
 
 
 def _criteria(
-    problem: LeastSquares, fitted: Sequence[CurveFit], parameters: int, further: FloatArray
+    problem: LeastSquares, u: FloatArray, fitted: Sequence[CurveFit], further: FloatArray
 ) -> tuple[float, float]:
     """Return AIC and BIC; an estimated noise counts as a parameter. `further`: residuals beside rows."""
-    twice, count = float(np.sum(further**2)), parameters
+    twice, count, uncorrelated = float(np.sum(further**2)), u.size, problem.rows_over_noise(u)
     for i, each in enumerate(fitted):
         twice += problem.log_determinant(i) + problem.predictions[i].touch.doubt
         for k, given in enumerate(problem.noise_is_given(i)):
             own = each.curve.by_force == bool(k)
             # Rows that count with one adhesion and not with another have the mean square of the others.
             rows, size = each.used & own, int((problem.predictions[i].used & own).sum())
-            square = max(float(np.mean(each.residual[rows] ** 2)), 1e-300) if rows.any() else math.nan
+            noise = float(problem.noise[i, k])
+            square = noise**2 * float(np.mean(uncorrelated[i][rows] ** 2)) if rows.any() else math.nan
+            square = max(square, 1e-300)
             if not given:
                 twice += size * (math.log(2 * math.pi * square) + 1)
                 count += 1
             elif size:
-                noise = float(problem.noise[i, k])
                 twice += size * (math.log(2 * math.pi * noise**2) + square / noise**2)
     return twice + 2 * count, twice + count * math.log(problem.rows)
 

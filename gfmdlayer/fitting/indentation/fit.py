@@ -44,7 +44,7 @@ from gfmdlayer.indentation.model import IsolatedContact
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
 ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
-ROUNDS = 4
+ROUNDS, ROUNDS_OF_NOISE = 4, 10
 SAME_NOISE = 0.05  # change of the logarithm of the noise
 WORSE, FAINT = 10.0, 0.01  # growth of BIC by adhesion that asks for another start, with so much of it
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
@@ -228,6 +228,8 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
     minimise = partial(minimised, problem.residuals, problem.jacobian, bounds=problem.bounds)
     notes: list[str] = []
     problem.adapt(u)
+    for each in problem.predictions:  # a place of a jump that is mistaken in a guess would draw the search
+        each.touch.jumps.clear()
     known, u = u, minimise(start=u, precision=ROUGH)
     for _ in range(ROUNDS):
         before = u
@@ -241,10 +243,12 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
         known = u
         _estimate_noise(problem, u, loss)
         problem.weigh(u)
+        _estimate_noise(problem, u, loss)
         if notes:
             break
         u = minimise(start=u, loss=loss, precision=FINE)
-        if np.abs(u - before).max() < STAYS and (problem.is_homogeneous or _noise_stays(problem, u, loss)):
+        stays = np.abs(u - before).max() < STAYS
+        if stays and (problem.is_homogeneous or _noise_stays(problem, u, loss)) and problem.contact_stays(u):
             break
     return u, notes
 
@@ -257,11 +261,19 @@ def _noise_stays(problem: LeastSquares, u: FloatArray, loss: str) -> bool:
 
 
 def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
-    """Set the noise of forces and depths from the residuals at u, where it is not given."""
-    for i, (found, each) in enumerate(zip(problem.measured(u), problem.predictions, strict=True)):
-        for k in np.flatnonzero(~problem.noise_is_given(i)):
-            rows = each.used & ~each.touch.uncertain & (each.curve.by_force == bool(k))
-            problem.noise[i, k] = _spread((found - each.curve.measured)[rows], loss)
+    """Set the noise of forces and depths from the residuals at u, where it is not given.
+
+    Only uncorrelated residuals have the noise; the noise of the prescribed quantity correlates them.
+    """
+    for _ in range(ROUNDS_OF_NOISE):
+        before = problem.noise.copy()
+        for i, (found, each) in enumerate(zip(problem.rows_over_noise(u), problem.predictions, strict=True)):
+            for k in np.flatnonzero(~problem.noise_is_given(i)):
+                rows = each.used & ~each.touch.uncertain & (each.curve.by_force == bool(k))
+                problem.noise[i, k] = max(problem.noise[i, k] * _spread(found[rows], loss), 1e-300)
+        problem.decorrelate()
+        if np.allclose(problem.noise, before, rtol=SAME_NOISE, atol=0.0):
+            break
 
 
 def _spread(residual: FloatArray, loss: str) -> float:

@@ -14,9 +14,10 @@ The prescribed quantity is measured too. Straight pieces replace it, and the val
 covariance C from least squares. With the derivatives P of the predictions to these values, the residuals
 have the covariance noise^2 + P C P^T; they are multiplied by its inverse root (generalised least squares).
 
-Derivatives are forward differences. Some are exact and need no solution: the derivatives to corrections of
-the measured quantity, and, where all moduli of the body are free and depths prescribed, the derivative to the
-last modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
+Derivatives are forward differences of solutions without extrapolation to zero step, whose error of second
+order in the step hardly changes between two of them. Some are exact and need no solution: the derivatives to
+corrections of the measured quantity, and, where all moduli of the body are free and depths prescribed, the
+derivative to the last modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ from gfmdlayer.fitting.indentation.elastic import (
     adhesion_of,
     read_adhesion,
 )
-from gfmdlayer.fitting.indentation.stepped import SteppedContact
+from gfmdlayer.fitting.indentation.stepped import KEPT, SteppedContact
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.indent import as_revolution
@@ -112,7 +113,7 @@ class Prediction:
                 f"curve {curve.name}: no row is left in the segments {', '.join(segments) or known}; it has "
                 f"{known}"
             )
-        self._setups: list[tuple[Config, Setup]] = []  # the last two
+        self._setups: list[tuple[Config, Setup]] = []  # the last ones
         self._relaxes: bool | None = None
         self._elastic, self._stepped = ElasticContact(curve), SteppedContact(curve)
         self._in_steps = False  # whether an elastic body is solved in steps too
@@ -148,17 +149,17 @@ class Prediction:
                 return
         self._stepped.adapt(setup, at, pieces)
 
-    def response(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth of the indenter at the rows."""
+    def response(self, config: Config, at: Correction, rough: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Return force and depth of the indenter at the rows; `rough` suffices for differences."""
         setup, pieces = self.setup(config), self._pieces(at)
         if self.is_elastic(config) and not self._in_steps:
             return self._elastic.response(setup, at, pieces, self.touch.touching)
-        return self._stepped.response(setup, at, pieces, self.touch.touching)
+        return self._stepped.response(setup, at, pieces, self.touch.touching, rough)
 
-    def _jumping(self, config: Config, at: Correction) -> Jumping:
+    def _jumping(self, config: Config, at: Correction, rough: bool = False) -> Jumping:
         if self.is_elastic(config):
             return self.contacts(config, at)
-        return self._stepped.course(self.setup(config), at, self._pieces(at))
+        return self._stepped.course(self.setup(config), at, self._pieces(at), rough)
 
     def contacts(self, config: Config, at: Correction) -> Contacts:
         """Return the stable contacts of the relaxed body, up to the largest prescribed values."""
@@ -176,7 +177,7 @@ class Prediction:
             if known is config:
                 return setup
         setup = Setup(IsolatedContact(config).body, as_revolution(config.punch))
-        self._setups = [(config, setup), *self._setups[:1]]
+        self._setups = [(config, setup), *self._setups[: KEPT - 1]]
         return setup
 
     @property
@@ -204,8 +205,9 @@ class Prediction:
         seen = self.curve, self.used, self._jumping(config, at), self._pieces(at), own
         self.touch.find(*seen, squares[0] - squares[1], self._error_of_drive)
 
-    def _error_of_drive(self, time: float) -> float:
-        """Return the standard error of the prescribed value at a time."""
+    def _error_of_drive(self, row: int) -> float:
+        """Return the standard error of the prescribed value before a row."""
+        time = float(self.curve.time[row - 1 : row + 1].mean())
         drive = next(each for each in self.drives[::-1] if each.time[0] <= time or each is self.drives[0])
         if drive.time.size < 2:
             return 0.0
@@ -213,15 +215,17 @@ class Prediction:
         along = along[: drive.covariance.shape[0]]
         return drive.error * math.sqrt(max(float(along @ drive.covariance @ along), 0.0))
 
-    def jumps(self, config: Config, at: Correction) -> FloatArray:
+    def jumps(self, config: Config, at: Correction, rough: bool = False) -> FloatArray:
         """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
         if not self.touch.jumps:
             return np.zeros(0)
-        return self.touch.places(self.curve, self._jumping(config, at), self._pieces(at))
+        return self.touch.places(self.curve, self._jumping(config, at, rough), self._pieces(at))
 
-    def in_columns(self, config: Config, at: Correction) -> tuple[FloatArray, FloatArray]:
+    def in_columns(
+        self, config: Config, at: Correction, rough: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """Return force and depth as the columns of the curve would have them, at the rows."""
-        force, depth = self.response(config, at)
+        force, depth = self.response(config, at, rough)
         curve, since = self.curve, self.curve.time - self.curve.time[0]
         ratio = 1.0 if curve.stiffness is None else curve.stiffness / at.stiffness
         own = ratio * force + baseline(curve, at)
@@ -231,22 +235,28 @@ class Prediction:
             return own, base - own / curve.stiffness
         return own, np.where(curve.by_force, depth, curve.depth)
 
-    def measured(self, config: Config, at: Correction) -> FloatArray:
+    def measured(self, config: Config, at: Correction, rough: bool = False) -> FloatArray:
         """Return the predicted values of the measured quantity, at the rows."""
-        force, depth = self.in_columns(config, at)
+        force, depth = self.in_columns(config, at, rough)
         return np.where(self.curve.by_force, depth, force)
 
     def scatter(self, config: Config, at: Correction, noise: FloatArray) -> tuple[FloatArray, int]:
-        """Return the errors of the measured quantity by the noise of the prescribed one, and the solutions.
+        """Return the errors of rows and jumps by the noise of the prescribed quantity, and the solutions.
 
-        Shape (rows, corners), with independent columns; only of the drives that are noisy beside `noise`.
+        Shape (rows + jumps, corners), with independent columns; only of the drives that are noisy beside
+        `noise`, or beside the spread of the jumps.
         """
         relative = float(np.median(noise)) / max(float(np.ptp(self.curve.measured)), 1e-300)
-        base, columns = self.measured(config, at), []
+
+        def every() -> FloatArray:
+            return np.append(self.measured(config, at, rough=True), self.jumps(config, at, rough=True))
+
+        base, columns = every(), list[FloatArray]()
+        near = all(self._error_of_drive(each.row) < NOISY * each.spread for each in self.touch.jumps)
         solutions = 1
         for k, drive in enumerate(self.drives):
             span = max(float(np.ptp(drive.value)), 1e-300)
-            if drive.error < NOISY * relative * span or drive.time.size < 2:
+            if (drive.error < NOISY * relative * span and near) or drive.time.size < 2:
                 continue
             derivatives = []
             for number, variance in enumerate(np.diag(drive.covariance)):
@@ -257,7 +267,7 @@ class Prediction:
                         drive.error * variance**0.5, CLOSE * float(np.min(np.diff(drive.time)))
                     )
                 self.drives[k] = drive.moved(shift)
-                derivatives.append((self.measured(config, at) - base) / shift[number])
+                derivatives.append((every() - base) / shift[number])
                 self.drives[k] = drive
                 solutions += 1
             values, vectors = np.linalg.eigh(drive.covariance)
@@ -431,7 +441,6 @@ def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
             yield place, float(value)
 
 
-_KEPT = 4  # configurations: a correction of a curve does not change the body
 TRIES = 3  # the differences are repeated when the nodes changed on the way, at most so often
 # Steps of the differences, in a logarithm and in the range of a linear parameter: a derivative is off by half
 # a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a shorter step would
@@ -464,7 +473,10 @@ class LeastSquares:
                 for each in predictions
             ]
         )
-        self._roots = [_Root(np.zeros((int(each.used.sum()), 0))) for each in predictions]
+        # Errors of rows and jumps of each curve by the noise of its prescribed quantity, see `weigh`.
+        self._scatter: list[FloatArray | None] = [None for _ in predictions]
+        self._roots: list[_Root] = []
+        self.decorrelate()
         self.solutions = 0  # number of solved contact problems, each over a whole curve
         self._last: tuple[object, list[FloatArray]] = (None, [])
         self._slopes: tuple[object, list[list[FloatArray]]] = (None, [])
@@ -536,7 +548,7 @@ class LeastSquares:
         model = self.model if curve is None else self._models[curve]
         known = (id(model), *own.items())
         if known not in self._configs:
-            self._configs = {known: model.with_values(own)} | dict(list(self._configs.items())[: _KEPT - 1])
+            self._configs = {known: model.with_values(own)} | dict(list(self._configs.items())[: KEPT - 1])
         return self._configs[known]
 
     def correction(self, u: FloatArray, curve: ForceCurve) -> Correction:
@@ -561,20 +573,40 @@ class LeastSquares:
 
     def adapt(self, u: FloatArray) -> None:
         """Choose the times of the solutions for the responses at u, and the rows in contact by the data."""
+        self._scatter = [None for _ in self.predictions]
+        self.decorrelate()
         for each in self.predictions:
             at = self.config(u, each.curve.name), self.correction(u, each.curve)
             each.adapt(*at)
             each.label(*at)
 
+    def contact_stays(self, u: FloatArray) -> bool:
+        """Whether the rows in contact, taken from the data again at u, are the same."""
+        stays = True
+        for each in self.predictions:
+            before = each.touch.touching
+            each.label(self.config(u, each.curve.name), self.correction(u, each.curve))
+            after = each.touch.touching
+            stays &= before is after is None or bool(np.array_equal(before, after))  # type: ignore[arg-type]
+        return stays
+
     def weigh(self, u: FloatArray) -> None:
         """Find the covariance of the residuals by the noise of the prescribed quantities, at u."""
         for i, each in enumerate(self.predictions):
-            noise = self.noise_of_rows(i)
-            found, solutions = each.scatter(
-                self.config(u, each.curve.name), self.correction(u, each.curve), noise
-            )
+            at = self.config(u, each.curve.name), self.correction(u, each.curve)
+            self._scatter[i], solutions = each.scatter(*at, self.noise_of_rows(i))
             self.solutions += solutions
-            self._roots[i] = _Root(found[each.used] / noise[each.used][:, np.newaxis])
+        self.decorrelate()
+
+    def decorrelate(self) -> None:
+        """Weigh the covariance of the residuals against the noise."""
+        self._roots = []
+        for i, (each, found) in enumerate(zip(self.predictions, self._scatter, strict=True)):
+            scaled = np.zeros((0, 0))
+            if found is not None:
+                rows, jumps = np.split(found, [each.used.size])
+                scaled = np.vstack((rows[each.used] / self.noise_of_rows(i)[each.used][:, np.newaxis], jumps))
+            self._roots.append(_Root(scaled))
 
     def noise_of_rows(self, i: int) -> FloatArray:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
@@ -615,7 +647,7 @@ class LeastSquares:
         return sum(int(each.used.sum()) for each in self.predictions)
 
     def residuals(self, u: FloatArray) -> FloatArray:
-        """Return predicted minus measured values over the noise, curve after curve, and the given stiffness.
+        """Return predicted minus measured values over the noise, the given stiffness, and places of jumps.
 
         Infinite where the values are impossible or the contact is not found: the fit then steps less.
         """
@@ -625,15 +657,14 @@ class LeastSquares:
             return np.full(self.rows + self._further, np.inf)
         away = [f - each.curve.measured for f, each in zip(found, self.predictions, strict=True)]
         given: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._given])
-        return np.asarray(np.concatenate((self._scaled(away), given, self._jumps(u))))
+        return self._joined(away, self._jumps(u), given)
 
-    def _jumps(self, u: FloatArray) -> FloatArray:
-        """Return the residuals of the places of jumps, curve after curve."""
-        found = [
-            each.jumps(self.config(u, each.curve.name), self.correction(u, each.curve))
+    def _jumps(self, u: FloatArray, rough: bool = False) -> list[FloatArray]:
+        """Return the residuals of the places of jumps of each curve."""
+        return [
+            each.jumps(self.config(u, each.curve.name), self.correction(u, each.curve), rough)
             for each in self.predictions
         ]
-        return np.concatenate(found)
 
     @property
     def is_homogeneous(self) -> bool:
@@ -645,16 +676,27 @@ class LeastSquares:
         """Number of residuals beside those of rows."""
         return len(self._given) + sum(len(each.touch.jumps) for each in self.predictions)
 
-    def _scaled(self, rows: Sequence[FloatArray]) -> FloatArray:
-        """Return values at the rows of each curve that count, over the noise, uncorrelated."""
-        return np.concatenate(
-            [
-                root @ (values[each.used] / self.noise_of_rows(i)[each.used])
-                for i, (values, each, root) in enumerate(
-                    zip(rows, self.predictions, self._roots, strict=True)
-                )
-            ]
-        )
+    def _uncorrelated(self, i: int, rows: FloatArray, jumps: FloatArray) -> list[FloatArray]:
+        """Return the rows of a curve that count, over the noise, and its jumps, both uncorrelated."""
+        each = self.predictions[i]
+        scaled = rows[each.used] / self.noise_of_rows(i)[each.used]
+        return np.split(self._roots[i] @ np.append(scaled, jumps), [scaled.size])
+
+    def _joined(
+        self, rows: Sequence[FloatArray], jumps: Sequence[FloatArray], given: FloatArray
+    ) -> FloatArray:
+        """Join the rows of all curves, what is given, and the jumps; uncorrelated."""
+        parts = [self._uncorrelated(i, *each) for i, each in enumerate(zip(rows, jumps, strict=True))]
+        return np.concatenate([*(part[0] for part in parts), given, *(part[1] for part in parts)])
+
+    def rows_over_noise(self, u: FloatArray) -> list[FloatArray]:
+        """Return the uncorrelated residuals of each curve at all its rows, over the noise; 0 if not used."""
+        found = []
+        for i, (values, jumps) in enumerate(zip(self.measured(u), self._jumps(u), strict=True)):
+            each = self.predictions[i]
+            found.append(np.zeros(each.used.size))
+            found[i][each.used] = self._uncorrelated(i, values - each.curve.measured, jumps)[0]
+        return found
 
     @cached_property
     def _given(self) -> list[tuple[int, float, float]]:
@@ -672,24 +714,30 @@ class LeastSquares:
         given = np.zeros((len(self._given), u.size))
         for row, (i, _, error) in enumerate(self._given):
             given[row, i] = 1 / error
-        columns = [self._scaled(column) for column in self.derivatives(u)]
-        jumps = np.zeros((self._further - len(self._given), u.size))
-        for i in range(u.size if jumps.size else 0):
-            moved = self._moved(i, u)
-            jumps[:, i] = (self._jumps(moved) - self._jumps(u)) / (moved[i] - u[i])
-        return np.vstack((np.stack(columns, axis=1), given, jumps))
+        columns, slopes_of_rows = [], self.derivatives(u)
+        at = self._jumps(u, rough=True)
+        for i, column in enumerate(slopes_of_rows):
+            moved = self._moved(i, u) if self._further > len(self._given) else u
+            there = at if moved is u else self._jumps(moved, rough=True)
+            slopes = [(b - a) / (moved[i] - u[i]) if a.size else a for a, b in zip(at, there, strict=True)]
+            columns.append(self._joined(column, slopes, given[:, i]))
+        return np.stack(columns, axis=1)
 
     def derivatives(self, u: FloatArray) -> list[list[FloatArray]]:
         """Return the derivatives of the measured quantity of each curve, for each parameter."""
         if self._slopes[0] == (u.tobytes(), self._changes):
             return self._slopes[1]
         for _ in range(TRIES):
-            found, before = self.measured(u), self._changes
-            columns = [self._column(i, u, found) for i in range(u.size)]
+            before = self._changes
+            rough = self.measured(u)
+            if not self.is_elastic:
+                rough = [self._measured(u, each, rough=True) for each in self.predictions]
+            columns = [self._column(i, u, rough) for i in range(u.size)]
             if self._changes == before:
                 break
         if self._euler is not None:
             *others, last = self._euler
+            found = self.measured(u)
             for k, each in enumerate(self.predictions):
                 force = found[k] - baseline(each.curve, self.correction(u, each.curve))
                 columns[last][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
@@ -708,7 +756,7 @@ class LeastSquares:
             elif (exact := _added(parameter.key, each)) is not None:
                 column.append(exact)
             else:
-                column.append((self._measured(moved, each) - values) / (moved[i] - u[i]))
+                column.append((self._measured(moved, each, rough=True) - values) / (moved[i] - u[i]))
         return column
 
     def _moved(self, i: int, u: FloatArray) -> FloatArray:
@@ -733,9 +781,9 @@ class LeastSquares:
         """Whether the body does not relax."""
         return self.predictions[0].is_elastic(self.config(self.start))
 
-    def _measured(self, u: FloatArray, each: Prediction) -> FloatArray:
+    def _measured(self, u: FloatArray, each: Prediction, rough: bool = False) -> FloatArray:
         self.solutions += 1
-        return each.measured(self.config(u, each.curve.name), self.correction(u, each.curve))
+        return each.measured(self.config(u, each.curve.name), self.correction(u, each.curve), rough)
 
     @cached_property
     def _euler(self) -> list[int] | None:
@@ -764,6 +812,8 @@ class _Root:
         self.log_determinant = float(np.sum(np.log1p(singular**2)))
 
     def __matmul__(self, values: FloatArray) -> FloatArray:
+        if not self._less.size:
+            return values
         return np.asarray(values + self._vectors @ (self._less * (self._vectors.T @ values)))
 
 
@@ -825,13 +875,6 @@ def refuse_adhesion(problem: LeastSquares) -> None:
             [
                 "adhesion: got 'dmt' under a body that relaxes; must be 'jkr', or the body elastic: material "
                 "{model: elastic, G: ...}, or Ginf equal to G0 and not free"
-            ]
-        )
-    if not problem.is_elastic and any(each.curve.by_base for each in problem.predictions):
-        raise ConfigError(
-            [
-                "adhesion: got a prescribed base and a body that relaxes; must be a depth or a force, "
-                "or the body elastic: such a fit may stop in a wrong minimum"
             ]
         )
     if any(each.key.startswith(STICKING) for each in problem.parameters) and not any(

@@ -30,6 +30,7 @@ from gfmdlayer.indentation.solve import (
     find_space,
     make_space,
     on_halved_steps,
+    on_steps,
 )
 
 STEPS = 32  # of a mesh, STICKING with adhesion; each piece has at least FEWEST
@@ -38,6 +39,8 @@ FEWEST = 2
 TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
 WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
 LOCATED = 3e-4  # part of a step within which the loss of a contact with adhesion is located
+KEPT = 8  # compliances and responses: as many as the derivatives to all parameters of one body need
+SNAP = 1e-3, 0.1, 0.4  # further times in the first step, where the depth jumps at first contact
 EVEN = 0.3  # fraction of the steps that is spread evenly over the time
 
 
@@ -47,18 +50,18 @@ class Course(NamedTuple):
     time: FloatArray
     force: FloatArray
     depth: FloatArray
-    lost: FloatArray  # (losses, 3), of a contact with adhesion: time, force before it, prescribed position
+    lost: FloatArray  # (losses, 4): time, force before it and a row before it, prescribed position
 
     @property
     def jumps(self) -> list[float]:
-        """The forces where contact begins, which is below noise, and the largest pull."""
-        return [0.0, float(self.force.min(initial=0.0))]
+        """The forces where contact begins, which is below noise, and where it is lost, as rows see it."""
+        return [0.0, float(self.lost[-1, 2] if self.lost.size else self.force.min(initial=0.0))]
 
     def end(self, time: float) -> float:
         """Return the prescribed position at the loss of contact next to a time; far away without one."""
         if not self.lost.size:
             return -float(self.depth.max(initial=0.0))
-        return float(self.lost[np.argmin(np.abs(self.lost[:, 0] - min(time, self.time[-1]))), 2])
+        return float(self.lost[np.argmin(np.abs(self.lost[:, 0] - min(time, self.time[-1]))), 3])
 
 
 class SteppedContact:
@@ -69,27 +72,32 @@ class SteppedContact:
         self._curve = curve
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
-        self._made: list[tuple[Setup, Space, Compliance]] = []  # the last two
-        self._courses: list[tuple[Setup, Correction, list[FloatArray] | None, FloatArray, Course]] = []
+        self._made: list[tuple[Setup, Space, Compliance]] = []  # the last ones
+        self._courses: list[tuple[tuple[object, ...], Pieces, Course]] = []  # the last ones
 
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
         """Choose the times by the bends of the response, and the nodes by the lengths of the body."""
         self._space, self.changes = None, self.changes + 1
         self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
-        times, force, depth, _ = self.course(setup, at, pieces)
+        times, force, depth, *_ = (each[_snaps(at, pieces) :] for each in self.course(setup, at, pieces))
         if times.size > 2 and np.ptp(force) > 0:
             steps = STICKING if at.adhesion.work else STEPS
             self._parts = _graded(times, force, depth, pieces, setup.onset, steps)
 
     def response(
-        self, setup: Setup, at: Correction, pieces: Pieces, touching: BoolArray | None = None
+        self,
+        setup: Setup,
+        at: Correction,
+        pieces: Pieces,
+        touching: BoolArray | None = None,
+        rough: bool = False,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth of the indenter at the rows.
+        """Return force and depth of the indenter at the rows; `rough` for differences, see `course`.
 
-        In rows `touching` after a loss of contact the force is that before it; in others it is zero.
+        In rows `touching` after a loss of contact the force is that a row before it; in others it is zero.
         """
         rows = self._curve.time
-        times, force, depth, lost = self.course(setup, at, pieces)
+        times, force, depth, lost = self.course(setup, at, pieces, rough)
         value, by_force = pieces.at(rows)
         sticks = at.adhesion.work > 0
         forces = np.where(by_force, value if sticks else np.maximum(value, 0.0), 0.0)
@@ -98,6 +106,7 @@ class SteppedContact:
         for first, last in pairwise(edges):
             inside = (rows >= first) & (rows <= last)
             nodes = (times >= first) & (times <= last)
+            nodes[0] &= not _snaps(at, pieces)
             # What is prescribed needs no interpolation.
             if (free := inside & ~by_force).any():
                 if sticks:
@@ -110,35 +119,36 @@ class SteppedContact:
                 depths[held] = _as_power(times[nodes], depth[nodes], rows[held], power)
         if touching is not None:
             after = np.searchsorted(lost[:, 0], rows, side="left")
-            before = np.append(0.0, lost[:, 1])[after]
+            before = np.append(0.0, lost[:, 2])[after]
             forces = np.where(
                 by_force, forces, np.where(touching, np.where(forces == 0, before, forces), 0.0)
             )
         away = forces / at.stiffness if self._curve.by_base else 0.0
         return forces, np.where(by_force, depths, value - away)
 
-    def course(self, setup: Setup, at: Correction, pieces: Pieces) -> Course:
-        """Return the response from the first contact on."""
-        key = setup, at, self._parts, np.hstack(pieces).astype(float)
-        for known in self._courses:
-            if (
-                known[0] is setup
-                and known[1] == at
-                and known[2] is key[2]
-                and np.array_equal(known[3], key[3])
-            ):
-                return known[4]
-        found = self._course(setup, at, pieces)
-        self._courses = [(*key, found)]
+    def course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False) -> Course:
+        """Return the response from the first contact on.
+
+        A `rough` one has an error of second order in the step, of which differences are nearly free.
+        """
+        key = setup, self._parts, at, rough
+        for (*same, known, exact), there, course in self._courses:
+            equal = same[0] is setup and same[1] is self._parts and (known, exact) == (at, rough)
+            if equal and all(map(np.array_equal, there, pieces)):
+                return course
+        found = self._course(setup, at, pieces, rough)
+        self._courses = [(key, pieces, found), *self._courses[: 2 * KEPT - 1]]
         return found
 
-    def _course(self, setup: Setup, at: Correction, pieces: Pieces) -> Course:
+    def _course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool) -> Course:
         times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
+        if _snaps(at, pieces):
+            times = np.insert(times, 1, times[0] + np.array(SNAP) * (times[1] - times[0]))
         both = np.empty(2 * times.size - 1)
         both[::2], both[1::2] = times, (times[1:] + times[:-1]) / 2
         history = History(both, *pieces.at(both))
         if not history.value.max() > 0:
-            return Course(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 3)))
+            return Course(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 4)))
         edge = Edge(at.adhesion.work)
         while True:
             space = self._space = self._space or self._find_space(setup, at, pieces, edge)
@@ -146,24 +156,30 @@ class SteppedContact:
                 made = self._compliance(setup, space)
                 if self._curve.by_base:
                     space, made = with_spring(space, made, at.stiffness)
-                found = on_halved_steps(made, space, setup.profile, history, times, None, edge, LOCATED)
+                if rough:
+                    found = on_steps(made, space, setup.profile, history, times, edge, None, LOCATED)
+                else:
+                    found = on_halved_steps(made, space, setup.profile, history, times, None, edge, LOCATED)
             except LeftGridError:
                 reach = min(WIDER * self._space.nodes.reach, setup.profile.rim)
                 self._space, self.changes = make_space(self._space.features, reach), self.changes + 1
             except ArithmeticError as error:
                 raise FitError(f"curve {self._curve.name}: {error}") from error
             else:
-                force, depth = found.force[::2], found.depth[::2]
+                force, depth = (each if rough else each[::2] for each in (found.force, found.depth))
                 depth = depth - force / at.stiffness if self._curve.by_base else depth
                 lost = np.zeros((0, 2)) if found.lost is None else found.lost
-                return Course(times, force, depth, np.column_stack((lost, pieces.at(lost[:, 0])[0])))
+                # The contact shrinks fast before it is lost: rows see the jump from the force a row before.
+                seen = lost[:, 0] - np.median(np.diff(self._curve.time))
+                seen = _with_losses(times, force, seen, lost)
+                return Course(times, force, depth, np.column_stack((lost, seen, pieces.at(lost[:, 0])[0])))
 
     def _compliance(self, setup: Setup, space: Space) -> Compliance:
         for known, nodes, made in self._made:
             if known is setup and nodes is space:
                 return made
         made = space.compliance(setup.body)
-        self._made = [(setup, space, made), *self._made[:1]]
+        self._made = [(setup, space, made), *self._made[: KEPT - 1]]
         return made
 
     def _find_space(self, setup: Setup, at: Correction, pieces: Pieces, edge: Edge) -> Space:
@@ -198,6 +214,11 @@ def with_spring(space: Space, body: Compliance, stiffness: float) -> tuple[Space
         times=np.hstack((body.times, rigid + 1.0)),
     )
     return space._replace(q=q, weights=weights, nodes=space.nodes._replace(cosines=cosines)), with_spring
+
+
+def _snaps(at: Correction, pieces: Pieces) -> bool:
+    """Whether the depth jumps from zero where contact begins."""
+    return at.adhesion.work > 0 and bool(pieces.by_force[pieces.first_contact[0]])
 
 
 def _mesh(pieces: Pieces, parts: list[FloatArray]) -> FloatArray:
