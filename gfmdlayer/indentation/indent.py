@@ -78,7 +78,8 @@ def indent(
         of the steps; the profiles over `snapshot` and `r`. Each has the attributes long_name and units, a
         dimension such as "length": the numbers are in the units of the arguments. The attribute `error` is
         the estimated error. With adhesion there are `edge_work`, the energy that the edge has taken less that
-        it has gained, and the attribute `pull_off_force`; energy_residual grows by the energy lost in jumps.
+        it has gained, and the attribute `pull_off_force`, the largest pull; energy_residual grows by the
+        energy lost in jumps. A punch that a force has torn off has the depth of the surface, free of work.
 
     Raises
     ------
@@ -105,9 +106,11 @@ def indent(
     for name, value in {"work_of_adhesion": work_of_adhesion, "healing_work": healing_work or 0.0}.items():
         if not 0 <= value < math.inf:
             raise ValueError(f"{name}: got {value!r}; must be finite and >= 0")
-    for name, value in {"edge_speed": edge_speed, "edge_exponent": edge_exponent}.items():
-        if not value > 0:
-            raise ValueError(f"{name}: got {value!r}; must be > 0")
+    if not edge_speed > 0:
+        raise ValueError(f"edge_speed: got {edge_speed!r}; must be > 0")
+    for name, value in {"edge_exponent": edge_exponent, "tolerance": tolerance}.items():
+        if not 0 < value < math.inf:
+            raise ValueError(f"{name}: got {value!r}; must be finite and > 0")
     if not work_of_adhesion and history.by_force and history.value.min() < 0:
         raise ValueError(f"force: got {history.value.min():.6g}; must be >= 0 without adhesion")
     if not history.by_force and history.value.max() >= (floor := getattr(body, "rigid_below", math.inf)):
@@ -133,7 +136,7 @@ def indent(
     if work_of_adhesion:
         meaning = {"long_name": "energy taken by the edge of the contact", "units": "energy"}
         data["edge_work"] = "time", run.solved.parted, meaning
-        attributes["pull_off_force"] = float(-run.solved.force.min())
+        attributes["pull_off_force"] = max(0.0, -float(run.solved.force.min()))
     if times.size:
         fields = run.profiles()
         data |= {name: (("snapshot", "r"), getattr(fields, name), about[name]) for name in FIELDS}

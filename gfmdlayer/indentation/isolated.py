@@ -207,6 +207,8 @@ class IsolatedIndentation:
         """Return the columns, each of shape (nt,)."""
         found = self.solved
         work = work_done(found.force, found.depth, float(found.stored[0] + found.dissipated[0]))
+        if self.adhesion.work:
+            work -= self._work_torn_off(work)
         return {
             "time": found.time,
             "force": found.force,
@@ -217,6 +219,14 @@ class IsolatedIndentation:
             "dissipated": found.dissipated,
             "energy_residual": work - found.stored - found.dissipated - found.parted,
         }
+
+    def _work_torn_off(self, work: FloatArray) -> FloatArray:
+        """Work on the way from the contact to the surface, whose depth a torn off indenter has."""
+        history, found = self.history, self.solved
+        pieces = np.minimum(np.searchsorted(history.time, found.time[1:]), history.time.size - 1)
+        by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
+        torn = by_force & (found.radius[:-1] > 0) & (found.radius[1:] == 0)
+        return np.concatenate(([0.0], np.cumsum(np.diff(work) * torn)))
 
     def profiles(self) -> Profiles:
         """Return the profiles at the snapshots."""

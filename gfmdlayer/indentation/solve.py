@@ -64,7 +64,8 @@ class Edge(NamedTuple):
                 f"healing_work: got {healing:.6g}; must be <= {most:.6g}, work_of_adhesion times the square "
                 "of the surface's relaxed over its glassy modulus: cycles would gain energy"
             )
-        return EdgeLaw(self.work * ratio, healing / ratio, self.speed, self.exponent)
+        # Whole numbers would compile the kernels once more.
+        return EdgeLaw(self.work * ratio, healing / ratio, float(self.speed), float(self.exponent))
 
 
 NO_ADHESION = Edge()
@@ -423,7 +424,7 @@ def on_halved_steps(
     made = body if isinstance(body, Compliance) else space.compliance(body)
     coarse = on_steps(made, space, profile, history, time, adhesion, None, located)
     fine = on_steps(made, space, profile, history, halved(time), adhesion, snapshots, located)
-    found = _extrapolated(coarse, fine, history)
+    found = _extrapolated(coarse, fine, history, adhesion)
     whole, half = coarse.lost, fine.lost
     if whole is not None and half is not None and whole.shape == half.shape:
         half = half.copy()
@@ -450,7 +451,8 @@ def on_quartered_steps(
     made = body if isinstance(body, Compliance) else space.compliance(body)
     whole, half = (on_steps(made, space, profile, history, each, adhesion) for each in (time, halved(time)))
     quarter = on_steps(made, space, profile, history, halved(half.time), adhesion, snapshots)
-    rough, fine = _extrapolated(whole, half, history), _extrapolated(half, quarter, history)
+    rough = _extrapolated(whole, half, history, adhesion)
+    fine = _extrapolated(half, quarter, history, adhesion)
     # Where contact is lost the radius falls like a root of time: then the error of its square counts.
     small = _SMALL * fine.radius.max() + 1e-300
     share = np.minimum(1.0, np.minimum(rough.radius, fine.radius[::2]) / small)
@@ -477,9 +479,9 @@ def _apart(time: FloatArray, fine: FloatArray, rough: FloatArray, shift: float) 
 
 
 def _jumps(found: Indentation, shift: float) -> IntArray:
-    """Steps, of which a run takes the quarters, with a quarter above the shift in which contact changes."""
+    """Steps of a run above the shift in which contact begins or is lost."""
     touching = found.radius > 0
-    return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(found.time) > shift)) // 4
+    return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(found.time) > shift))
 
 
 def halved(time: FloatArray) -> FloatArray:
@@ -489,7 +491,7 @@ def halved(time: FloatArray) -> FloatArray:
     return both
 
 
-def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> Indentation:
+def _extrapolated(coarse: Indentation, fine: Indentation, history: History, adhesion: Edge) -> Indentation:
     """Return a run on halved steps without its error of second order, by the run on the steps.
 
     The gain is known where both runs touch, or both do not; between these times it is a parabola, and beyond
@@ -516,7 +518,7 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History) -> I
         return found
 
     return fine._replace(
-        force=np.maximum(better(fine.force, coarse.force), -math.inf if fine.parted.any() else 0.0),
+        force=np.maximum(better(fine.force, coarse.force), -math.inf if adhesion.work else 0.0),
         depth=better(fine.depth, coarse.depth),
         radius=np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)),
         stored=better(fine.stored, coarse.stored),
@@ -602,13 +604,21 @@ def _to_tolerance(
     first = on_steps(body, space, profile, history, graded_steps(knots, shortest), adhesion)
     if math.isinf(shortest) and math.isinf(adhesion.speed):
         time = even_steps(first, knots, 0.1)
-        return on_steps(body, space, profile, history, time, adhesion, kept)._replace(error=0.0)
+        shift = tolerance * float(knots[-1] - knots[0]) if adhesion.work else math.inf
+        for _ in range(_MOST_MESHES):  # each step is exact: only the place of a jump depends on its steps
+            found = on_steps(body, space, profile, history, time, adhesion, kept)
+            parts = np.ones(time.size - 1)
+            parts[jumps := _jumps(found, shift)] = _PARTS_OF_JUMP
+            if not jumps.size:
+                break
+            time = _refined(time, parts, knots)
+        return found._replace(error=0.0)
     time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
     solutions, shift = 0, tolerance * float(knots[-1] - knots[0]) if adhesion.work else 0.0
     for mesh in range(_MOST_MESHES):
         found, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
         solutions += found.solutions
-        jumps = _jumps(found, shift) if shift else np.zeros(0, dtype=int)
+        jumps = _jumps(found, shift) // 4 if shift else np.zeros(0, dtype=int)
         if (found.error <= tolerance and not jumps.size) or found.time.size > _MOST_STEPS:
             break
         everywhere = (mesh + 1) / _MOST_MESHES * (_BEFORE_JUMPS if shift else 1.0)

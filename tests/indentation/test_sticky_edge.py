@@ -118,11 +118,57 @@ def test_indent_reports_the_pull_off_and_the_work_of_the_edge():
     assert float(fast.contact_radius[-1]) == 0
 
 
+def test_a_resting_edge_pulls_although_nothing_has_healed():
+    """Depth control: the balance of energy closes, so the force, which is negative, is not cut off."""
+    given = {"work_of_adhesion": 0.3, "edge_speed": 0.05, "healing_work": 0.0}
+    found = gfmdlayer.indent(
+        HALFSPACE, gfmdlayer.Parabola(radius=1.0), [0.0, 1.0, 2.0], depth=[0.0, 0.05, 0.02], **given
+    )
+    assert float(found.contact_radius[-1]) == pytest.approx(float(found.contact_radius.max()), rel=1e-3)
+    assert float(found.force[-1]) < -0.1 * float(found.force.max())
+    # The rule of the work is of second order in some 100 steps.
+    assert float(np.abs(found.energy_residual).max()) < 1e-2 * float(found.work.max())
+
+
+@pytest.mark.parametrize("body", [gfmdlayer.halfspace(1.0), HALFSPACE], ids=["elastic", "relaxing"])
+def test_a_force_that_tears_the_indenter_off_loses_energy_and_gains_none(body):
+    """The depth after the loss is that of the surface: the way to it is no work."""
+    given = {"force": [0.0, 0.1, -0.2], "work_of_adhesion": WORK}
+    found = gfmdlayer.indent(body, gfmdlayer.Parabola(radius=1.0), [0.0, 1.0, 2.0], **given)
+    residual, radius = found.energy_residual.values, found.contact_radius.values
+    loss = int(np.flatnonzero((radius[:-1] > 0) & (radius[1:] == 0))[0])
+    released = found.stored.values[loss] - found.stored.values[loss + 1]
+    taken = found.edge_work.values[loss + 1] - found.edge_work.values[loss]
+    dissipated = found.dissipated.values[loss + 1] - found.dissipated.values[loss]
+    assert residual[loss + 1] - residual[loss] == pytest.approx(released - taken - dissipated, rel=1e-9)
+    assert found.work.values[loss + 1] == found.work.values[loss]
+
+
+def test_an_elastic_flat_punch_pulls_off_at_kendalls_force_within_the_tolerance():
+    """F = (8 pi a^3 w E*)^(1/2), E* = 4: the force ends there on a straight line over the depth."""
+    body, punch = gfmdlayer.halfspace(1.0), ([0.0, 0.25, 0.5], [0.0, 0.0, 0.0])
+    found = gfmdlayer.indent(body, punch, [0.0, 1.0, 2.0], depth=[0.0, 0.05, -0.4], work_of_adhesion=WORK)
+    kendall = math.sqrt(8 * math.pi * 0.5**3 * WORK * 4.0)
+    shift = 1e-4 * 2.0 * 0.45  # of the depth: tolerance, duration, speed; the stiffness is 2 a E* = 4
+    assert 0 <= kendall - found.attrs["pull_off_force"] < 4.0 * shift
+
+
+def test_whole_numbers_are_the_same_edge():
+    """Another type of a number would compile the kernels again, which takes half a minute."""
+    body = find_space(LAYER, paraboloid(1.0), PRESS_AND_RETRACT).compliance(LAYER)
+    assert all(type(each) is float for each in Edge(1, 1, 1, 0).law(body))
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
         ({"work_of_adhesion": -1.0}, "work_of_adhesion: got -1.0; must be finite and >= 0"),
         ({"work_of_adhesion": 1.0, "edge_speed": 0.0}, "edge_speed: got 0.0; must be > 0"),
+        (
+            {"work_of_adhesion": 1.0, "edge_exponent": math.inf},
+            "edge_exponent: got inf; must be finite and > 0",
+        ),
+        ({"tolerance": 0.0}, "tolerance: got 0.0; must be finite and > 0"),
         ({"work_of_adhesion": 1.0, "healing_work": 0.05}, "healing_work: got 0.05; must be <= 0.04"),
     ],
 )
