@@ -14,14 +14,18 @@ import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer import ConfigError, ForceCurve, Parabola, design_indentation, fit_indentation
+from gfmdlayer import Cone, ConfigError, ForceCurve, Parabola, design_indentation, fit_indentation
 from gfmdlayer.cli import main
-from gfmdlayer.fitting.indentation.curve import straight_derivatives
+from gfmdlayer.fitting.indentation.curve import Correction, straight_derivatives
 from gfmdlayer.fitting.indentation.elastic import Touch, jumps_between, measured_contact
 from gfmdlayer.fitting.indentation.estimates import preference
-from gfmdlayer.fitting.indentation.problem import Prediction
+from gfmdlayer.fitting.indentation.problem import Model, Prediction
 from gfmdlayer.fitting.indentation.report import as_data
+from gfmdlayer.fitting.indentation.stepped import with_spring
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.equilibrium import Adhesion
+from gfmdlayer.indentation.indent import as_revolution
+from gfmdlayer.indentation.solve import Edge, History, find_space, on_halved_steps
 
 TIME = np.linspace(0.0, 2.0, 301)
 G, THICKNESS, WORK, ATTRACTION, STIFFNESS = 1.0, 1.0, 0.03, 0.3, 3.0
@@ -184,7 +188,7 @@ def test_each_row_between_a_jump_and_its_place_costs_the_square_of_the_jump_over
     touch, everywhere = Touch(41), np.ones(41, dtype=bool)
     pieces: Any = SimpleNamespace(at=lambda time: (-time, time > 9))
     touch.jumps = jumps_between(value > 0, ~everywhere, everywhere, value, (3.0, 3.0))
-    ends: Any = [SimpleNamespace(position=SimpleNamespace(end=end)) for end in (-0.5, -0.55)]
+    ends: Any = [SimpleNamespace(end=lambda _, at=at: at) for at in (-0.5, -0.55)]
     far, farther = (touch.places(ramp, contacts, pieces)[0] ** 2 for contacts in ends)
     assert farther - far == pytest.approx(3.0**2)
 
@@ -349,12 +353,56 @@ def test_impossible_adhesion_is_named(change: dict[str, Any], options: dict[str,
         fit_indentation(replace(afm("jkr")), model, free, **options)
 
 
-def test_a_relaxing_body_on_a_cantilever_is_refused_with_adhesion() -> None:
-    model = MODEL | {
-        "layer": MODEL["layer"] | {"material": {"model": "zener", "G0": 1.0, "Ginf": 2.0, "tau": 1.0}}
+def relaxing(punch: dict[str, Any], work: float, glassy: float = 3.0) -> dict[str, Any]:
+    return {
+        "layer": {
+            "thickness": math.inf,
+            "material": {"model": "zener", "G0": 1.0, "Ginf": glassy, "tau": 0.5},
+        },
+        "punch": punch,
+        "adhesion": {"model": "jkr", "work": work},
     }
-    with pytest.raises(ConfigError, match="got a prescribed base and a body that relaxes"):
-        fit_indentation(afm("jkr"), model, ["layer.material.G0"], adhesion="jkr")
+
+
+def test_a_shrinking_contact_on_a_cantilever_has_its_loss_and_its_work_found() -> None:
+    """The last force is below the noise, the largest pull far above it: rows see that shortly before."""
+    model, cone = relaxing({"shape": "cone", "slope": 0.3}, 0.02), as_revolution(Cone(slope=0.3))
+    time = np.linspace(0, 3.5, 301)
+    body, stiffness = gfmdlayer.halfspace(gfmdlayer.Zener(1.0, 3.0, 0.5)), 4.0
+    moved = History(np.array([0.0, 1.0, 2.0, 3.5]), np.array([0.0, 0.22, 0.22, -0.42]), by_force=False)
+    space = find_space(body, cone, moved, adhesion=Edge(0.02))
+    held, made = with_spring(space, space.compliance(body), stiffness)
+    knots = np.union1d(np.linspace(0, 3.5, 601), moved.time)
+    pressed = on_halved_steps(made, held, cone, moved, knots, adhesion=Edge(0.02))
+    force = np.interp(time, pressed.time, pressed.force)
+    lost = float(pressed.time[np.flatnonzero(pressed.force)[-1] + 1])
+    force += 0.01 * np.ptp(force) * np.random.default_rng(1).standard_normal(time.size)
+    base = np.interp(time, moved.time, moved.value)
+    curve = ForceCurve("gel", time, base - force / stiffness, force, prescribed="base", stiffness=stiffness)
+    made_of = Model(model)
+    seen = Prediction(curve, adhesive=True)
+    seen.adapt(made_of.config, at := Correction(stiffness=stiffness, adhesion=Adhesion(work=0.02)))
+    seen.label(made_of.config, at)
+    (jump,) = seen.touch.jumps
+    assert abs(time[jump.row] - lost) < 3 * (time[1] - time[0])
+    fit = fit_indentation(curve, model, ["layer.material.G0", "adhesion.work"])
+    for name, truth in (("G0", 1.0), ("work", 0.02)):
+        low, high = fit[name].interval
+        assert low - 0.5 * (high - low) < truth < high + 0.5 * (high - low) < 2 * truth
+
+
+def test_contact_under_a_force_begins_with_a_jump_of_the_depth() -> None:
+    model, time = relaxing({"shape": "cone", "slope": 0.3}, 0.02), np.linspace(0.0, 2.0, 81)
+    force = np.interp(time, [0, 1, 2], [0, 0.2, 0.2])
+    body = gfmdlayer.halfspace(gfmdlayer.Zener(1.0, 3.0, 0.5))
+    pressed = gfmdlayer.indent(body, Cone(slope=0.3), time, force=force, work_of_adhesion=0.02)
+    depth = np.interp(time, pressed.time, pressed.depth)
+    seen = Prediction(ForceCurve("gel", time, depth, force, prescribed="force"), adhesive=True)
+    made, at = Model(model).config, Correction(adhesion=Adhesion(work=0.02))
+    seen.adapt(made, at)
+    found = seen.response(made, at)[1]
+    assert depth[1] > 0.1 * depth.max()
+    assert np.abs(found - depth)[1:].max() < 0.01 * depth.max()
 
 
 @pytest.mark.parametrize("adhesion", ["jkr", "choose"])
