@@ -47,6 +47,7 @@ ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after th
 ROUNDS, ROUNDS_OF_NOISE = 4, 10
 SAME_NOISE = 0.05  # change of the logarithm of the noise
 WORSE, FAINT = 10.0, 0.01  # growth of BIC by adhesion that asks for another start, with so much of it
+ASTRAY, WORKS = 5.0, 33  # errors of the place of a jump that ask for other works, and their number
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
@@ -240,6 +241,7 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
                 raise
             notes, u = [f"the search stopped early; the parameters are rough: {error}"], known
             problem.adapt(u)
+        u = _with_losses(problem, u)
         known = u
         _estimate_noise(problem, u, loss)
         problem.weigh(u)
@@ -251,6 +253,22 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
         if stays and (problem.is_homogeneous or _noise_stays(problem, u, loss)) and problem.contact_stays(u):
             break
     return u, notes
+
+
+def _with_losses(problem: LeastSquares, u: FloatArray) -> FloatArray:
+    """Return u with another work where the contact of a relaxing body is lost far from the measured place.
+
+    With too large a work it is never lost, and nothing depends on the work of a flat punch.
+    """
+    sticky = [i for i, each in enumerate(problem.parameters) if each.key.startswith(STICKING)]
+    if problem.is_elastic or not sticky or np.abs(problem.jumps(u)).max(initial=0.0) < ASTRAY:
+        return u
+    trials = np.repeat(u[np.newaxis], WORKS + 1, axis=0)
+    trials[1:, sticky] = np.linspace(*np.array(problem.bounds)[:, sticky], WORKS)
+    squares = [float(np.sum(problem.residuals(each) ** 2)) for each in trials]
+    found: FloatArray = trials[int(np.argmin(squares))]
+    problem.adapt(found)
+    return found
 
 
 def _noise_stays(problem: LeastSquares, u: FloatArray, loss: str) -> bool:

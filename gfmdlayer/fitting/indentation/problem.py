@@ -666,6 +666,10 @@ class LeastSquares:
             for each in self.predictions
         ]
 
+    def jumps(self, u: FloatArray) -> FloatArray:
+        """Return the places of all jumps at u, predicted less measured, over their errors."""
+        return np.concatenate(self._jumps(u))
+
     @property
     def is_homogeneous(self) -> bool:
         """Whether all residuals are those of rows, whose common noise is estimated at last."""
