@@ -47,7 +47,7 @@ ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after th
 ROUNDS, ROUNDS_OF_NOISE = 4, 10
 SAME_NOISE = 0.05  # change of the logarithm of the noise
 WORSE, FAINT = 10.0, 0.01  # growth of BIC by adhesion that asks for another start, with so much of it
-ASTRAY, WORKS = 5.0, 33  # errors of the place of a jump that ask for other works, and their number
+ASTRAY, WORKS = 5.0, 25  # errors of the place of a jump that ask for other works, and their number
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
@@ -232,7 +232,7 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
     for each in problem.predictions:  # a place of a jump that is mistaken in a guess would draw the search
         each.touch.jumps.clear()
     known, u = u, minimise(start=u, precision=ROUGH)
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         before = u
         try:
             problem.adapt(u)
@@ -241,7 +241,8 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
                 raise
             notes, u = [f"the search stopped early; the parameters are rough: {error}"], known
             problem.adapt(u)
-        u = _with_losses(problem, u)
+        if not problem.is_elastic and (number == 0 or np.abs(problem.jumps(u)).max(initial=0.0) > ASTRAY):
+            u = _with_losses(problem, u)
         known = u
         _estimate_noise(problem, u, loss)
         problem.weigh(u)
@@ -256,15 +257,18 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
 
 
 def _with_losses(problem: LeastSquares, u: FloatArray) -> FloatArray:
-    """Return u with another work where the contact of a relaxing body is lost far from the measured place.
+    """Return u with the work that follows the rows best if the model has its own losses of contact.
 
-    With too large a work it is never lost, and nothing depends on the work of a flat punch.
+    Rows in contact by the data hardly depend on a work that is far too large or small.
     """
     sticky = [i for i, each in enumerate(problem.parameters) if each.key.startswith(STICKING)]
-    if problem.is_elastic or not sticky or np.abs(problem.jumps(u)).max(initial=0.0) < ASTRAY:
+    if not sticky:
         return u
+    low, high = problem.bounds
     trials = np.repeat(u[np.newaxis], WORKS + 1, axis=0)
-    trials[1:, sticky] = np.linspace(*np.array(problem.bounds)[:, sticky], WORKS)
+    trials[1:, sticky] = np.linspace(low[sticky], high[sticky], WORKS)
+    for each in problem.predictions:
+        each.forget()
     squares = [float(np.sum(problem.residuals(each) ** 2)) for each in trials]
     found: FloatArray = trials[int(np.argmin(squares))]
     problem.adapt(found)

@@ -192,9 +192,13 @@ class Prediction:
                 found |= bool(drive[top] - drive[rows[-1]] > RETRACTED * np.ptp(drive))
         return found
 
+    def forget(self) -> None:
+        """Let the model have its own contact."""
+        self.touch, self._labels = Touch(self.used.size), self._labels + 1
+
     def label(self, config: Config, at: Correction) -> None:
         """Take the rows in contact, and the jumps, from the measurement, where there is adhesion."""
-        self.touch, self._labels = Touch(self.used.size), self._labels + 1
+        self.forget()
         if at.adhesion == Adhesion():
             return
         squares = []
