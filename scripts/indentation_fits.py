@@ -508,7 +508,7 @@ def loops() -> None:
         for axes, name in ((left, "force"), (right, "contact_radius")):
             values = jkr[name] / (unit if name == "force" else 1.0)
             axes.plot(
-                jkr.depth, values, color="black", linestyle="--", linewidth=0.8, label="JKR, relaxed, $w_0$"
+                jkr.depth, values, color="black", linestyle="--", linewidth=0.8, label="JKR, relaxed, w"
             )
             axes.set_xlabel("depth / R")
             axes.set_title("(a)" if axes is left else "(b)", loc="left")

@@ -210,11 +210,14 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
 
 
 def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K(q, G) as a function of the layer's modulus, for q of shape (nq,) and a thickness above zero."""
-    # With g = G/G_bulk and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant
-    # of D is a sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with A = (g - 1)(1 + c g), B = (c g
-    # - e)(g + e), C = (g - 1)(c g - e); so the roots of D, their distance and N at the roots are found
-    # without cancellation.
+    """K(q, G) = proportional G + const - sum_i strengths_i/(poles_i + G): shapes (nq,), (2, nq), (2, nq)."""
+    # Returns factor, poles and strengths, for q of shape (nq,) and a thickness above zero. With g = G/G_bulk
+    # and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant of D is a sum of
+    # squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with
+    #
+    #     A = (g - 1)(1 + c g),    B = (c g - e)(g + e),    C = (g - 1)(c g - e).
+    #
+    # So the roots of D, their distance and N at the roots are found without cancellation.
     poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
     if layer.bulk_modulus in (0, math.inf):
         return layer.stiffness(q, 1.0), poles, strengths
@@ -254,8 +257,8 @@ def retardation_spectrum(
     moduli: FloatArray, times: FloatArray, relaxed: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Compliances J_k > 0 and times theta_k > tau_k, (n, m), of Prony solids of relaxed moduli A, (m,)."""
-    # All have the same moduli G_k > 0 and ascending, distinct times tau_k. sum_k J_k = 1/A - 1/(A + sum_k
-    # G_k). Raises ArithmeticError if the iteration does not converge.
+    # All have the same moduli G_k > 0 and ascending, distinct times tau_k. The sum of the compliances J_k is
+    # 1/A - 1/(A + sum_k G_k). Raises ArithmeticError if the iteration does not converge.
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
     for part in columns_at_once(moduli.size, relaxed.size):
         compliances[:, part], thetas[:, part], _ = solve_secular(moduli * times, times, relaxed[part])
@@ -274,10 +277,12 @@ def solve_secular(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Solve sum_k strengths_k/(theta - tau_k) = A, by the iteration of Bunch, Nielsen and Sorensen (1978)."""
     # Strengths G_k tau_k > 0 and ascending, distinct times tau_k are (n,), or (n, m) for columns of their
-    # own; `relaxed` is A > 0, (m,). Return compliances J_k = 1/(theta_k sum_j strengths_j/(theta_k -
-    # tau_j)^2) and roots theta_k, both (n, m), and the differences theta_k - tau_j, (n, m, n). A root is
-    # stored as its distance from the nearer of the two poles around it, so that it is accurate however close
-    # the times are (Numer. Math. 31, 31-48).
+    # own; `relaxed` is A > 0, (m,). Return compliances and roots, both (n, m),
+    #
+    #     J_k = 1/(theta_k sum_j strengths_j/(theta_k - tau_j)^2),        theta_k,
+    #
+    # and the differences theta_k - tau_j, (n, m, n). A root is stored as its distance from the nearer of the
+    # two poles around it, so that it is accurate however close the times are (Numer. Math. 31, 31-48).
     n = len(times)
     poles, bounds = times.reshape(n, -1), relaxed.min() if times.ndim == 1 else relaxed
     # A pole of strength zero beyond the last root makes that root like the others. Its distance from the
@@ -330,7 +335,9 @@ def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tupl
 def _next_distance(
     distance: FloatArray, gap: FloatArray, residual: FloatArray, near_slope: FloatArray, far_slope: FloatArray
 ) -> FloatArray:
-    """Distance m where s/m - u/(gap - m) = C; s, u match the derivatives and C the value of both sums."""
+    """Distance m from the nearer pole where s/m - u/(gap - m) = C."""
+    # The sum over either side is replaced by its nearest pole and a constant: s and u match its derivative
+    # and C its value; `residual` is the relaxed modulus less both sums.
     s, u = near_slope * distance**2, far_slope * (gap - distance) ** 2
     C = (residual + s / distance - u / (gap - distance)) * gap
     b, root = C + s + u, np.hypot(C - s + u, 2 * np.sqrt(s * u))

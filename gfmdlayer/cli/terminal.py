@@ -118,7 +118,8 @@ def input_problems(error: Exception) -> Sequence[str]:
 
 
 def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> tuple[Config, Path]:
-    """Read the configuration on the command line; return it with the results folder."""
+    """Read the configuration on the command line, or of a case; return it with the results folder."""
+    # The folder is --out, or results/NAME; results/NAME-NNNN where a case is run again.
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import folder
     from gfmdlayer.execution.sweep import input_errors

@@ -81,6 +81,7 @@ def from_python(
     inspect: Inspection | None = None,
 ) -> Config:
     """Return the configuration from Python data; dotted `values` replace keys, None removes one."""
+    # File names are relative to the working directory.
     if isinstance(given, Config):
         given = given.model_dump(exclude_unset=True)
     document = Document(data=plain(given), values={(): _PYTHON})

@@ -105,7 +105,7 @@ def iterate(
     tolerance: float,
     limit: int,
 ) -> tuple[Motion, bool, int, int]:
-    """Iterate to the tolerance or the limit; return state, whether it is within, iterations, FFT pairs."""
+    """Iterate to the tolerance or the limit; return state, whether it converged, iterations, pairs."""
     # The scales of the residual are those of the first iteration: the caller accepts only what passes there.
     # On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
     kappa, b, h, mean_is_fixed, floor, terms = system

@@ -172,7 +172,7 @@ class Loading(Resumable):
 
 
 def pulled_off(problem: Problem, solution: Solution) -> bool:
-    """Whether the given load pulls the punch away: out of range, where no traction is as large."""
+    """Whether the given load pulls the punch away: it is out of range, where no traction is as large."""
     # Further away the traction is less still, so that there is no equilibrium left to find. The state is the
     # last one of the solver, which need not have converged.
     load, gap = problem.mean_pressure, solution.gap

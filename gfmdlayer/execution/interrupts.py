@@ -151,8 +151,9 @@ def end_after(wait: Callable[[], None]) -> None:
 
 def end_with(launcher: int) -> None:
     """End this process when the launcher's process on this host dies."""
-    # MPI keeps the interpreter, and the thread that watches, while it starts; a launcher with a single
-    # thread that starts the ranks lets the kernel end them.
+    # While MPI starts it keeps the interpreter, and a thread that watches does not run: the kernel has to
+    # end the rank. It ends a process with the thread that has started it, so that it is asked only where the
+    # launcher is known to start the ranks from a single thread.
     with suppress(OSError):
         if Path(f"/proc/{launcher}/comm").read_text().startswith("hydra_pmi"):
             ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)

@@ -243,10 +243,11 @@ class Shard:
         return cls(int(number), int(count))
 
     def places(self, cases: Sequence[SweepCase]) -> Sequence[int]:
-        """Return the places of this shard; each case, longest first, goes to the shard with least work."""
+        """Return the places of this shard's cases, in their order."""
         if len(cases) > WEIGHED:
             return Dealt(self, len(cases))
-        # in whole numbers, so that every host adds up the same
+        # The cases are dealt out from the longest to the shortest, each to the shard with the least estimated
+        # work so far; in whole numbers, so that every host adds up the same.
         work = [max(1, round(estimate(case.config).work)) for case in cases]
         loads = [(0, number) for number in range(1, min(self.count, len(cases)) + 1)]
         heapify(loads)

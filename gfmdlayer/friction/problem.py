@@ -226,7 +226,8 @@ def balanced_depth(y: FloatArray, total: float) -> float:
     return d
 
 
-# The path D has sum P(y + D) = total, with disks of given radii: the gradient of a convex function of D.
+# The path D has sum P(y + D) = total, with P the projection on disks of given radii. The difference of both
+# sides is the gradient of a convex function of D.
 
 
 def path_on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> FloatArray:
@@ -248,7 +249,8 @@ def path_on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> Fl
 
 
 def path_in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatArray) -> FloatArray:
-    """Return the path of two axes down sum |z|^2/2 (in the disks; linear outside) - total D."""
+    """Return the path of two axes by Newton's method down the convex function."""
+    # With z = y + D it is the sum of |z|^2/2 in the disks, continued linearly outside, less total D.
     largest = float(np.minimum(radii, norms(y)).sum()) + float(np.linalg.norm(total))
 
     def looked_at(D: FloatArray) -> tuple[FloatArray, float]:

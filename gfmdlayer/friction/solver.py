@@ -43,13 +43,15 @@ _OF_A_ROUND, _FINER, _LEAST_TOLERANCE = 0.01, 0.1, 1e-9
 
 
 class FrictionSolver:
-    """Frictional contact of the steps of a run on one grid; `attracts`: an interface may attract."""
+    """Frictional contact of the steps of a run on a grid of one or two axes."""
 
     starts_from: ClassVar[Literal["pressure"]] = "pressure"
 
     def __init__(
         self, grid: Grid, transforms: Transforms, *, rough: bool = False, attracts: bool = False
     ) -> None:
+        # `rough`: the punch is rough, for the choice of the solver without friction. `attracts`: problems may
+        # have an interface that attracts.
         self._spent, self._transforms = Spent(), transforms
         self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=attracts)
         self._mark = ""  # digest of the last response before the run was resumed

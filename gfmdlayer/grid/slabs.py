@@ -277,7 +277,8 @@ class SlabGrid(Grid):
         return Completion(*(self._address((ours.__name__,), completed(ours)) for ours in given))
 
     def exchange_of_rows(self, number: int, dtype: npt.DTypeLike) -> int:
-        """Return the address of a function that writes rows beside a field's, (2 number, columns)."""
+        """Return the address of a function that writes the rows beside those of a field."""
+        # So many before and after, into an array of shape (2 number, columns).
 
         def exchange(_: int, source: int, target: int) -> None:
             found = array_at(target, (2, number, self.points[1]), dtype)

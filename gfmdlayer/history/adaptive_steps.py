@@ -61,7 +61,7 @@ _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shorte
 
 @dataclass(frozen=True)
 class Change:
-    """Change over a step under an interface that attracts; the ratios stand above."""
+    """Change over a step under an interface that attracts; the module's docstring has the ratios."""
 
     jumps: bool  # whether an instability released energy
     separation: float

@@ -484,6 +484,17 @@ def _jumps(found: Indentation, shift: float) -> IntArray:
     return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(found.time) > shift))
 
 
+def _beside_the_pull(found: Indentation, tolerance: float) -> IntArray:
+    """The two steps at the row of the largest pull, if the force bends there by more than the tolerance."""
+    at = int(found.force.argmin())
+    near = slice(max(at - 1, 0), at + 2)
+    if found.force[at] >= 0 or not found.radius[near].all() or found.force[near].size < 3:
+        return np.zeros(0, dtype=int)
+    # Between equal steps a parabola is at most an eighth of its second difference below its least row.
+    bend = float(np.diff(found.force[near], 2)[0]) / 8
+    return np.array([at - 1, at] if bend > tolerance * np.abs(found.force).max() else [], dtype=int)
+
+
 def halved(time: FloatArray) -> FloatArray:
     """Times and their middles."""
     both = np.empty(2 * time.size - 1)
@@ -517,10 +528,11 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History, adhe
             found[at] += gain[at]
         return found
 
+    reach = math.inf if fine.space is None else fine.space.nodes.reach  # at most the rim of the indenter
     return fine._replace(
         force=np.maximum(better(fine.force, coarse.force), -math.inf if adhesion.work else 0.0),
         depth=better(fine.depth, coarse.depth),
-        radius=np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)),
+        radius=np.minimum(np.sqrt(np.maximum(better(fine.radius**2, coarse.radius**2), 0.0)), reach),
         stored=better(fine.stored, coarse.stored),
         dissipated=better(fine.dissipated, coarse.dissipated),
         parted=better(fine.parted, coarse.parted),
@@ -605,12 +617,15 @@ def _to_tolerance(
     if math.isinf(shortest) and math.isinf(adhesion.speed):
         time = even_steps(first, knots, 0.1)
         shift = tolerance * float(knots[-1] - knots[0]) if adhesion.work else math.inf
-        for _ in range(_MOST_MESHES):  # each step is exact: only the place of a jump depends on its steps
+        for _ in range(
+            _MOST_MESHES
+        ):  # each step is exact: only a jump and the largest pull depend on its steps
             found = on_steps(body, space, profile, history, time, adhesion, kept)
-            parts = np.ones(time.size - 1)
-            parts[jumps := _jumps(found, shift)] = _PARTS_OF_JUMP
-            if not jumps.size:
+            coarse = np.append(_jumps(found, shift), _beside_the_pull(found, tolerance))
+            if not coarse.size:
                 break
+            parts = np.ones(time.size - 1)
+            parts[coarse] = _PARTS_OF_JUMP
             time = _refined(time, parts, knots)
         return found._replace(error=0.0)
     time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))

@@ -53,6 +53,14 @@ def numbers_in(value: Any) -> FloatArray:
         return np.array([math.nan])
 
 
+def number_in(value: Any) -> float:
+    """Return the number that a user gives; NaN for anything else, as for a list of one number."""
+    try:
+        return float(value) if np.ndim(value) == 0 else math.nan
+    except (TypeError, ValueError):
+        return math.nan
+
+
 def config_of(data: xarray.Dataset) -> Config | None:
     """Return the configuration of a case; None where the data have none."""
     return load(Path("case"), content=str(data.attrs["config"])) if "config" in data.attrs else None

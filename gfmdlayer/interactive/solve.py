@@ -28,7 +28,7 @@ from gfmdlayer.friction.response import Response
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, numbers_in
+from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, number_in, numbers_in
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
@@ -311,7 +311,7 @@ def _prescribed(
         found = " and ".join(given) or "nothing"
         raise ConfigError([f"solve: got {found}; must be one of depth, mean_pressure and force"])
     ((name, value),) = given.items()
-    number = float(numbers_in(value).sum()) if np.size(value) == 1 else math.nan
+    number = number_in(value)
     if not math.isfinite(number) or (number < 0 and not interface.attracts):
         raise ConfigError([f"{name}: got {shown(value)}; must be a number >= 0, finite"])
     if name == "depth":
@@ -469,10 +469,9 @@ def _law(friction: float | Mapping[str, float]) -> Bound:
         keys = ", ".join(map(str, given)) or "nothing"
         raise ConfigError([f"friction: got {keys}; must be a number, or a mapping of coefficient, strength"])
     for name, value in given.items():
-        number = numbers_in(value)
-        if number.size != 1 or not number[0] >= 0:
+        given[name] = number_in(value)
+        if not given[name] >= 0:
             raise ConfigError([f"friction.{name}: got {shown(value)}; must be a number >= 0"])
-        given[name] = float(number[0])
     return Bound(**given)
 
 

@@ -80,7 +80,7 @@ class WithoutAttraction(Interface):
 
 
 class HardWall(WithoutAttraction):
-    """The paper's contact, without attraction; with a hardness pressures end there, and leave an imprint."""
+    """The paper's contact: no attraction; where the pressure reaches a hardness, an imprint stays."""
 
     law: Literal["hard_wall"] = "hard_wall"
     """a hard wall without attraction"""

@@ -227,9 +227,10 @@ class Observable:
         return {name: getattr(self, f"_{name}") for name in self.KEPT}
 
     def restore(self, state: State) -> None:
-        """Continue from the state of another run, each attribute in its type."""
+        """Continue from the state of another run."""
         import numpy as np
 
         for name in self.KEPT:
-            kind = type(getattr(self, f"_{name}"))
-            setattr(self, f"_{name}", kind(np.asarray(state[name]).tolist()))
+            held = np.asarray(state[name]).tolist()  # numbers as they were: a sum may begin as a whole 0
+            in_tuple = isinstance(getattr(self, f"_{name}"), tuple)
+            setattr(self, f"_{name}", tuple(held) if in_tuple else held)

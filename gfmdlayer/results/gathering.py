@@ -482,7 +482,7 @@ CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
 
 def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) -> Path:
-    """Write DIR/sweep.h5 from the files of the cases; a failed case is NaN, and named in `failed`."""
+    """Write DIR/sweep.h5 from the files of the cases; a case without results is NaN, named in `failed`."""
     path = Path(directory) / SWEEP_FILE
     sweep = Gathered(records, swept)
     with new_file(path) as file:

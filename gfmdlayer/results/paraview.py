@@ -25,7 +25,8 @@ _FLOAT = 'Format="HDF" NumberType="Float" Precision="{}"'
 
 
 def describe(h5: h5py.File, path: Path) -> Path:
-    """Describe the snapshots of a case for ParaView, `path` its final name; add the points to it."""
+    """Describe the snapshots of a case, `path` its final name, for ParaView; add the points to its file."""
+    # The fields below the surface are a second grid, of the snapshots that have them; z points down.
     times = list(enumerate(h5["snapshot"][()].tolist()))
     above = {name: h5[name].shape for name in FIELDS if name in h5}
     below = {name: h5[name].shape for name, first in BELOW.items() if name in h5 and first == "z"}

@@ -62,11 +62,9 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
                 return False
             count, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]  # fits of curves have none
             columns, fields = _growing(h5)
-            rows = [(column, count, math.inf) for column in columns.values()]
-            for dataset, length, largest in (
-                *rows,
-                *((f, snapshots, most) for f in fields.values()),
-            ):
+            growing = [(column, count, math.inf) for column in columns.values()]
+            growing += [(field, snapshots, most) for field in fields.values()]
+            for dataset, length, largest in growing:
                 small = dataset.size * dataset.dtype.itemsize <= largest
                 if _length(dataset, read=small and not intact) != length:
                     return False

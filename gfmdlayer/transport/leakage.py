@@ -47,9 +47,8 @@ class Flow:
     """Flow through a gap; the last two fields are empty for a line."""
 
     tensor: FloatArray  # K, (2, 2) [length^3]
-    imbalance: (
-        FloatArray  # (2,), spread of the flow through the cross-sections over their mean; 0 without one
-    )
+    # Spread of the flow through the cross-sections, relative to their mean, (2,); 0 without a flow.
+    imbalance: FloatArray
     # Pressure under a drop along x, and along y, over the drop across the cell, (2, nx, ny); 0 in the middle
     # of the cell on average, NaN in contact and where nothing flows.
     pressure: FloatArray

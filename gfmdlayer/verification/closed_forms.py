@@ -79,7 +79,7 @@ def hertz_sphere(quick: bool) -> Iterator[Row]:
     a radius. Depth and peak have errors of m^-2, as in a line contact, times a periodic function of the
     position of the rim, which is below 0.06 and 0.15.
     """
-    n, a = (64, 0.1) if quick else (512, 0.1)
+    n, a = (128, 0.1) if quick else (512, 0.1)
     lattice_1, lattice_3 = -3.90026492, 9.03362168
     load = 4 * E_STAR * a**3 / 3
     curvature = lattice_3 * load / (4 * np.pi * E_STAR)

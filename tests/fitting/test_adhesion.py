@@ -317,6 +317,25 @@ def test_a_planned_pull_off_is_worth_more_than_an_approach_for_the_work() -> Non
     assert whole["work"].error < 0.6 * part["work"].error
 
 
+def test_a_plan_with_adhesion_expects_the_errors_of_the_fit() -> None:
+    curve = afm("jkr")
+    noise = 0.01 * float(curve.force.max())
+    fit = fit_indentation(replace(curve, noise=noise), MODEL, FREE, adhesion="jkr")
+    model = MODEL | {"adhesion": {"model": "jkr", "work": WORK}}
+    model["layer"] = MODEL["layer"] | {"material": {"model": "elastic", "G": G}}
+    plan = {"time": [0, 1, 2], "base": [-0.2, 0.6, -0.4], "stiffness": STIFFNESS, "noise": noise, "rows": 301}
+    expected = design_indentation(plan, model, [*FREE, "adhesion.work"])
+    for each in fit.parameters:  # the derivatives are those at other values, off by the errors
+        assert expected[each.key].error == pytest.approx(each.error, rel=0.1)
+
+
+def test_a_plan_is_refused_where_the_fit_would_be() -> None:
+    model = MODEL | {"adhesion": {"model": "jkr", "work": WORK}}
+    plan = {"time": [0, 1], "depth": [-0.2, 0.2], "noise": 0.02}
+    with pytest.raises(FitError, match="adhesion is asked of a curve without a retraction"):
+        design_indentation(plan, model, ["layer.material.G", "adhesion.work"])
+
+
 @pytest.mark.parametrize(
     ("change", "options", "message"),
     [

@@ -206,6 +206,7 @@ def test_a_noisy_depth_is_reduced_to_its_straight_pieces():
         ({"force": np.where(TIME[7] == TIME, np.nan, TIME)}, "force is not a finite number in row 8"),
         ({"time": TIME[::-1]}, "time does not increase"),
         ({"time": TIME[:-1]}, "200 of time, 201 of depth"),
+        ({"time": [], "depth": [], "force": []}, "has 0 rows; a fit needs at least 8"),
         ({"depth": 0 * TIME}, "depth never changes"),
         ({"force": -TIME}, "no force is positive"),
         ({"noise": -1.0}, "noise = -1.0; it must be > 0"),

@@ -161,6 +161,17 @@ def test_the_prescribed_quantity_is_guessed_from_the_straight_column(prescribed)
     assert found.guessed == "segments and prescribed quantities guessed"
 
 
+@pytest.mark.parametrize("level", [0.0, 0.01])
+def test_a_turn_is_no_hold(level):
+    time = np.linspace(0.0, 2.0, 401)
+    depth = np.interp(time, [0, 1, 2], [-0.3, 1.0, -0.3])
+    force = np.maximum(depth, 0.0) ** 1.5
+    force = force + level * np.random.default_rng(0).standard_normal(time.size)
+    turn = ForceCurve("turn", time, depth, force)
+    assert [each.name for each in turn.segments] == ["approach", "retract"]
+    assert turn.segments[1].first == 201  # the row after the deepest
+
+
 def test_a_pause_at_constant_force_between_motions_of_the_base():
     # Creep in the pause of an AFM: the base, the force, and the base again are prescribed.
     curve = on_base(5.0)

@@ -153,6 +153,25 @@ def test_an_elastic_flat_punch_pulls_off_at_kendalls_force_within_the_tolerance(
     assert 0 <= kendall - found.attrs["pull_off_force"] < 4.0 * shift
 
 
+def test_an_elastic_sphere_pulls_off_at_the_force_of_jkr_within_the_tolerance():
+    """(3/2) pi w R, where the force has its minimum over the depth."""
+    body, ball = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=1.0)
+    given = {"depth": [0.0, 0.1, -0.4], "work_of_adhesion": WORK, "healing_work": WORK / 10}
+    found = gfmdlayer.indent(body, ball, [0.0, 1.0, 2.0], **given)
+    within = 1e-4 * float(np.abs(found.force).max())
+    assert found.attrs["pull_off_force"] == pytest.approx(1.5 * math.pi * WORK, abs=within)
+
+
+def test_the_contact_of_a_flat_punch_is_never_wider_than_its_end():
+    """The extrapolation to steps of no length was 2 % wider at this tolerance."""
+    body, punch = gfmdlayer.halfspace(Prony(1.0, [(9.0, 1.0)])), ([0.0, 0.15, 0.3], [0.0, 0.0, 0.0])
+    given = {"work_of_adhesion": 1e-3, "edge_speed": 0.5, "tolerance": 1e-2}
+    found = gfmdlayer.indent(
+        body, punch, [0.0, 1.0, 1.5, 2.5, 3.5], depth=[0, 0.05, 0.05, -0.3, 0.04], **given
+    )
+    assert float(found.contact_radius.max()) <= 0.3
+
+
 def test_whole_numbers_are_the_same_edge():
     """Another type of a number would compile the kernels again, which takes half a minute."""
     body = find_space(LAYER, paraboloid(1.0), PRESS_AND_RETRACT).compliance(LAYER)

@@ -55,6 +55,7 @@ def test_fields_are_labelled_and_frictionless_contact_is_that_without_friction()
     ("given", "message"),
     [
         ({"friction": -0.1}, r"friction\.coefficient: got -0\.1; must be a number >= 0"),
+        ({"friction": [[0.3]]}, r"friction\.coefficient: got a list of 1; must be a number >= 0"),
         (
             {"friction": {"mu": 0.1}},
             "friction: got mu; must be a number, or a mapping of coefficient, strength",

@@ -337,7 +337,7 @@ def settle(
 
 
 class ParallelPasses:
-    """Calls kernels with stretches of the points, first and end, and completes their results over all."""
+    """Calls kernels with stretches of the points, and completes their results over all points."""
 
     def __init__(self, grid: Grid, threads: int, shape: tuple[int, ...] | None = None) -> None:
         # Kernels release the interpreter's lock, so threads of Python do. Each takes a stretch of whole rows,

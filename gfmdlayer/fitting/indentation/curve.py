@@ -122,6 +122,8 @@ class ForceCurve:
             return
         if self.time.size < FEWEST_ROWS:
             yield f"has {self.time.size} rows; a fit needs at least {FEWEST_ROWS}"
+        if not self.time.size:
+            return
         sound = True
         for key in sizes:
             values = getattr(self, key)
@@ -285,6 +287,9 @@ def _rows(wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> str:
 # where both are equally straight or crooked, it is the position.
 
 NEGLIGIBLE = 0.02  # of the range: a plateau is so even
+PEAK = (
+    0.6  # of this evenness: how far the middle of a corner is above its ends; 1 without noise, 0 on a plateau
+)
 CLEARLY = 0.4  # of the other's distance from a straight line
 FEWEST_OF_SEGMENT = 4
 PRESSED = 0.05  # of the largest force: rows in contact
@@ -311,13 +316,18 @@ def _guess(curve: ForceCurve) -> list[Segment]:
 
 
 def _plateau(values: FloatArray) -> tuple[int, int]:
-    """Return the rows between which a column stays at its largest value."""
+    """Return the rows between which a column stays at its largest value; none where it turns."""
     within = max(NEGLIGIBLE * float(np.ptp(values)), SIGMAS * noise_of(values))
     level = float(np.max(values)) - within
     high = np.flatnonzero(values >= level)
     middle = float(np.median(values[high[0] : high[-1] + 1]))
     near = np.flatnonzero(np.abs(values - middle) <= within)
-    return int(near[0]), int(near[-1]) + 1
+    first, end = int(near[0]), int(near[-1]) + 1
+    quarter = (end - first) // 4
+    inner, ends = values[first + quarter : end - quarter], np.r_[first : first + quarter, end - quarter : end]
+    if quarter and float(inner.mean() - values[ends].mean()) > PEAK * within:
+        return first, first
+    return first, end
 
 
 def _prescribed(curve: ForceCurve, first: int, end: int) -> str:

@@ -26,6 +26,7 @@ from gfmdlayer.fitting.indentation.curve import (
     ForceCurve,
     column,
 )
+from gfmdlayer.fitting.indentation.elastic import adhesion_of
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
 from gfmdlayer.fitting.indentation.problem import (
     SECTIONS,
@@ -33,6 +34,7 @@ from gfmdlayer.fitting.indentation.problem import (
     LeastSquares,
     Model,
     Prediction,
+    refuse_adhesion,
 )
 from gfmdlayer.fitting.indentation.starts import curve_parameters, make_problem, read_model
 from gfmdlayer.fitting.measurement import FitError
@@ -131,7 +133,8 @@ def _planned(plan: Plan, model: Model, number: int) -> ForceCurve:
     depth = {FORCE: time, DEPTH: own}.get(kind, own - force / (stiffness or math.inf))
     curve = ForceCurve(name, time, depth, force, prescribed=kind, stiffness=stiffness, **facts)
     config = (model if curve.punch is None else model.under(curve.punch)).config
-    prediction, at = Prediction(curve), Correction(stiffness=stiffness or math.inf)
+    prediction = Prediction(curve, adhesive=model.adhesion is not None)
+    at = Correction(stiffness=stiffness or math.inf, adhesion=adhesion_of(model.adhesion))
     prediction.adapt(config, at)
     found, deep = prediction.response(config, at)
     if kind == FORCE:
@@ -143,6 +146,7 @@ def _expected(curves: Sequence[ForceCurve], model: Model, free: Free) -> Indenta
     """Return the fit of curves without noise, at the values of the model."""
     options = FitOptions()
     problem = make_problem(curves, model, curve_parameters(curves, model, free, options), options)
+    refuse_adhesion(problem)
     for each in problem.predictions:
         noise = each.curve.noise if each.kinds == {FORCE} else each.curve.depth_noise
         each.drives = [replace(drive, error=noise or 0.0) for drive in each.drives]

@@ -239,7 +239,7 @@ class Touch:
         without, `error` is the standard error of the prescribed value before a row.
         """
         value, by_force = pieces.at(curve.time)
-        noise = max(noise_of(curve.force), 1e-12 * float(np.ptp(curve.force)))
+        noise = max(curve.noise or noise_of(curve.force), 1e-12 * float(np.ptp(curve.force)))
         sizes = [abs(own * force) / noise for force in contacts.jumps]
         ends = (0.0, contacts.end(math.inf))
         hidden = [end if size < LEAST_JUMP else None for end, size in zip(ends, sizes, strict=True)]

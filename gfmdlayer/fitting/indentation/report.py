@@ -209,9 +209,9 @@ def summary(fit: IndentationFit) -> list[str]:
     """Return lines with the estimates, the noise, the correlations and the warnings."""
     rows = sum(each.curve.time.size for each in fit.curves)
     number = "1 curve" if len(fit.curves) == 1 else f"{len(fit.curves)} curves"
+    parameters = "1 free parameter" if len(fit.parameters) == 1 else f"{len(fit.parameters)} free parameters"
     return [
-        f"Fit of {number}, {rows} rows, {len(fit.parameters)} free parameters. "
-        f"AIC {fit.aic:.2f}, BIC {fit.bic:.2f}.",
+        f"Fit of {number}, {rows} rows, {parameters}. AIC {fit.aic:.2f}, BIC {fit.bic:.2f}.",
         *_table(fit.parameters),
         *([f"adhesion: {fit.choice}"] if fit.choice else []),
         *(line for each in fit.curves[:SHOWN_CURVES] for line in _curve(each)),
