@@ -18,9 +18,11 @@ from gfmdlayer import Cone, ConfigError, ForceCurve, Parabola, design_indentatio
 from gfmdlayer.cli import main
 from gfmdlayer.fitting.indentation.curve import Correction, straight_derivatives
 from gfmdlayer.fitting.indentation.elastic import Touch, jumps_between, measured_contact
-from gfmdlayer.fitting.indentation.estimates import preference
+from gfmdlayer.fitting.indentation.estimates import FitOptions, preference
+from gfmdlayer.fitting.indentation.fit import _with_losses
 from gfmdlayer.fitting.indentation.problem import Model, Prediction
 from gfmdlayer.fitting.indentation.report import as_data
+from gfmdlayer.fitting.indentation.starts import curve_parameters, make_problem
 from gfmdlayer.fitting.indentation.stepped import with_spring
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import Adhesion
@@ -422,6 +424,36 @@ def test_contact_under_a_force_begins_with_a_jump_of_the_depth() -> None:
     found = seen.response(made, at)[1]
     assert depth[1] > 0.1 * depth.max()
     assert np.abs(found - depth)[1:].max() < 0.01 * depth.max()
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_a_work_far_off_gives_way_to_one_that_follows_a_flat_punch(factor: float) -> None:
+    """In contact nothing depends on the work of a flat punch."""
+    model, time = relaxing({"shape": "flat_punch", "radius": 0.5}, 0.01), np.linspace(0.0, 2.5, 101)
+    depth = np.interp(time, [0, 1, 2.5], [0, 0.15, -0.35])
+    body, flat = gfmdlayer.halfspace(gfmdlayer.Zener(1.0, 3.0, 0.5)), gfmdlayer.FlatPunch(radius=0.5)
+    pressed = gfmdlayer.indent(body, flat, time, depth=depth, work_of_adhesion=0.01)
+    curve = ForceCurve(
+        "gel", time, depth, np.interp(time, pressed.time, pressed.force), prescribed="depth", noise=1e-3
+    )
+    made = Model(model)
+    parameters = curve_parameters([curve], made, ["adhesion.work"], FitOptions())
+    problem = make_problem([curve], made, parameters, FitOptions())
+    problem.adapt(u := problem.coordinates({"adhesion.work": 0.01 * factor}))
+    assert 0.3 < problem.values(_with_losses(problem, u))["adhesion.work"] / 0.01 < 3
+
+
+@pytest.mark.parametrize(("level", "rough"), [(1e-3, False), (0.1, True)])
+def test_a_fit_says_where_its_linear_intervals_are_rough(level: float, rough: bool) -> None:
+    model, time = relaxing({"shape": "parabola", "radius": 5.0}, 0.02), np.linspace(0.0, 3.0, 61)
+    depth = np.interp(time, [0, 1, 3], [0, 0.15, -0.35])
+    body = gfmdlayer.halfspace(gfmdlayer.Zener(1.0, 3.0, 0.5))
+    pressed = gfmdlayer.indent(body, Parabola(radius=5.0), time, depth=depth, work_of_adhesion=0.02)
+    force = np.interp(time, pressed.time, pressed.force)
+    force += level * np.ptp(force) * np.random.default_rng(1).standard_normal(time.size)
+    curve = ForceCurve("gel", time, depth, force, prescribed="depth")
+    free = [*(f"layer.material.{key}" for key in ("G0", "Ginf", "tau")), "adhesion.work"]
+    assert ("intervals are rough" in " ".join(fit_indentation(curve, model, free).warnings)) == rough
 
 
 @pytest.mark.parametrize("adhesion", ["jkr", "choose"])
