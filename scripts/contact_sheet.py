@@ -64,7 +64,7 @@ def run(name: str, folder: Path) -> Path:
         if name in CONFIGS:
             gfmdlayer.run(CONFIGS[name], out=out, progress=False, **cut(load(CONFIGS[name])))
         else:
-            (folder / f"{name}-files").mkdir(parents=True)
+            (folder / f"{name}-files").mkdir(parents=True, exist_ok=True)
             every = figure_sheet.runs(figure_sheet.SMALL, folder / f"{name}-files")
             gfmdlayer.run({"name": name} | every[name], out=out, progress=False)
     return out

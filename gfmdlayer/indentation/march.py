@@ -43,12 +43,14 @@ _MOST_ITERATIONS = 80
 _SAME_RADIUS = 1e-11  # width of the bracket of a radius, relative to it, at which it is found
 _INSTANT = 1e-9  # part of a step at whose ends a change of contact is not inside
 _CLOSING = 12  # points that close in on the edge at a breakpoint, where it may turn
-_SUBSTEPS = 12  # of one step: contact found and lost
+_SUBSTEPS = 100  # of one step: contact found and lost
+_PLACES = 4 * _SUBSTEPS  # of points for the steps in which the loss of contact is located
 _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
 _BESIDE = 1e-12  # relative distance from the edge of trials on its two sides
 _LEAST_STRIDE = 1e-4  # of a search for the edge, over the largest radius
 _VANISHED = 1e-6  # radius, over the largest, below which a receding contact is lost
 _GOLDEN, _GOLDEN_STEPS = 0.6180339887498949, 20
+_FALLS = 2  # trials of falling excess after which contact is lost, where the loss is located
 _SNAP = 1e-9  # part of a step in which a contact with adhesion begins
 _TWIN = 1e-8  # distance of a second point at an edge that rested, over the spacing
 _ONE_POINT = 1e-9  # distance of a point to the next, over the spacing, below which they are one
@@ -100,6 +102,7 @@ class Drive(NamedTuple):
     breakpoints: BoolArray  # whether the rate jumps at a time
     snapshots: BoolArray  # whether fields are kept at a time
     law: EdgeLaw
+    located: float  # part of a step within which the loss of a contact with adhesion is located; 1: it is not
     tolerance: float  # of the contact radius: residual at the edge over the depth
 
 
@@ -229,6 +232,8 @@ class Marched(NamedTuple):
     stored: FloatArray
     dissipated: FloatArray
     parted: FloatArray  # energy that the edge has taken, where it recedes, less that of healing
+    lost: FloatArray  # the time in the step at which a contact with adhesion is lost, else NaN
+    last_force: FloatArray  # the force before it
     rise: FloatArray  # largest increase of chi between grid points in x: 0 where p >= 0 and gap >= 0 for sure
     chi: FloatArray  # (snapshots, n + 2)
     local: FloatArray  # (snapshots, n + 2), D*chi
@@ -812,7 +817,7 @@ def _highest(left: float, right: float, task: EdgeTask, run: Run) -> Balance:
     x, y = right - _GOLDEN * width, left + _GOLDEN * width
     at_x = _balance(x, task, run)
     at_y = at_x if at_x.excess > 0 else _balance(y, task, run)
-    for _ in range(_GOLDEN_STEPS):
+    for _ in range(_GOLDEN_STEPS if run.drive.located == 1 else _GOLDEN_STEPS // 2):
         if max(at_x.excess, at_y.excess) > 0 or min(at_x.nodes, at_y.nodes) < 0:
             break
         if at_x.excess > at_y.excess:
@@ -858,12 +863,13 @@ def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: Run) ->
     """
     stop, begin, base = run.stop, near, near
     way, searched = 1.0 if near.excess >= 0 else -1.0, False
+    falls, most = 0, _MOST_ITERATIONS if run.drive.located == 1 else _FALLS
     stride = max(abs(guess - near.a), _LEAST_STRIDE * stop)
     lost = Radius(0.0, 0.0, task.target, 0.0, 0, 0, COMPLETE, run.drive.law.work, False)
     for _ in range(_MOST_ITERATIONS):
         a = min(base.a + way * stride, stop)
         gone = a < _VANISHED * stop
-        if gone and searched:
+        if searched and (gone or falls > most):
             break
         far = base if gone else _balance(a, task, run)
         if far.nodes < 0 or (not gone and way * far.excess <= 0):
@@ -881,6 +887,7 @@ def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: Run) ->
                 )
             if gone:
                 break
+        falls = falls + 1 if far.excess < base.excess else 0
         begin, base = base, far
         stride *= 2
     return lost
@@ -1092,8 +1099,8 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
     knots = profile.knots.size - 1 if profile.knots.size <= _MARKS else 0  # those of a table bend little
     places = size
     if nb:
-        each_step = 2 if drive.law.work > 0 else 1
-        places += each_step * drive.time.size + _CLOSING + 1  # the last: the inside of the edge
+        each_step, more = (2, _PLACES) if drive.law.work > 0 else (1, 0)
+        places += each_step * drive.time.size + more + _CLOSING + 1  # the last: the inside of the edge
         for each in drive.breakpoints:
             places += 2 * _CLOSING * each
     points = Points(
@@ -1170,12 +1177,13 @@ def march(  # noqa: C901
     for each in drive.snapshots:
         kept += each
     out = Marched(
-        np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt),
+        np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt),
+        np.full(nt, np.nan), np.zeros(nt), np.zeros(nt),
         np.zeros((kept, size)), np.zeros((kept, size)), np.zeros((kept, body.q.size)), 0, COMPLETE, nt,
     )  # fmt: skip
     a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
     bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
-    adhesive, parted, release = drive.law.work > 0, 0.0, 0.0
+    adhesive, parted, release, before_force = drive.law.work > 0, 0.0, 0.0, 0.0
     D, stopped = 0.0, nt
     # The point of the edge, -1 without one; whether the past stays bent there.
     edge, bent, stays, rested = -1, state.points.bent, False, False
@@ -1189,6 +1197,7 @@ def march(  # noqa: C901
         begins = at == 0 or drive.breakpoints[at]
         done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
         snaps, snapped = False, False  # contact with adhesion begins at once
+        bound = 1.0  # part of the step in which contact with adhesion is lost
         for _ in range(_SUBSTEPS):
             h = duration * (1 - done) * piece
             now = begin + done * (drive.value[at] - begin)
@@ -1201,7 +1210,7 @@ def march(  # noqa: C901
             starts = touches and a_old == 0 and not met and at > 0
             ends = not touches and a_old > 0 and not adhesive
             if piece < 1:
-                touches = snaps
+                touches = snaps or (adhesive and a_old > 0)
             elif starts or ends:
                 part = _event(h, now, target, by_force, run, ends)
                 if _INSTANT < part < 1 - _INSTANT:
@@ -1227,7 +1236,15 @@ def march(  # noqa: C901
                 if status != COMPLETE:
                     break
                 if found.a == 0:
-                    found = apart
+                    found, ahead = apart, (1 - done) * piece
+                    if adhesive and a_old > 0:
+                        room = surface.chi.size - state.points.filled[0] > drive.time.size - at + 4 * _CLOSING
+                        if ahead > drive.located and room:
+                            bound, piece = done + ahead, 0.5 * piece
+                            continue
+                        out.lost[at] = drive.time[at] - duration * (1 - done - ahead)
+                        out.last_force[at] = before_force
+                before_force = found.force
             change = (found.a - a_old) / h
             turned = (rate * change < 0 or (rested and not found.rests)) and at > 1 and a_old > 0
             if turned:
@@ -1276,6 +1293,8 @@ def march(  # noqa: C901
             if piece == 1:
                 break
             done, piece = done + (1 - done) * piece, 1.0
+            if done < bound < 1:
+                piece = max(0.5 * (bound - done), min(drive.located, bound - done)) / (1 - done)
         if status != COMPLETE:
             stopped = at
             break
@@ -1288,6 +1307,7 @@ def march(  # noqa: C901
             _keep_fields(a_old, run, out.chi[snapshot], out.local[snapshot], out.spectrum[snapshot])
             snapshot += 1
     return Marched(
-        out.force, out.depth, out.radius, out.stored, out.dissipated, out.parted, out.rise,
+        out.force, out.depth, out.radius, out.stored, out.dissipated, out.parted, out.lost, out.last_force,
+        out.rise,
         out.chi, out.local, out.spectrum, taken + run.trials[0], status, stopped,
     )  # fmt: skip

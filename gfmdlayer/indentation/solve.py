@@ -74,6 +74,9 @@ NO_ADHESION = Edge()
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
 _EDGE = 1e-13
 
+# The same of fits with adhesion.
+_ROUGH_EDGE = 1e-10
+
 # Change of the rate, relative to the largest, from which a time of the history is a breakpoint.
 _JUMP = 1e-3
 
@@ -175,6 +178,7 @@ def march_on(
     time: FloatArray,
     adhesion: Edge = NO_ADHESION,
     snapshots: FloatArray | None = None,
+    located: float = 1.0,
 ) -> Marched:
     """Follow a history on given steps, see `on_steps`."""
     value = np.interp(time, history.time, history.value)
@@ -182,7 +186,16 @@ def march_on(
     kept = np.isin(time, [] if snapshots is None else snapshots)
     pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
     by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
-    drive = Drive(time, value, by_force, breakpoints, kept, adhesion.law(body), _EDGE)
+    drive = Drive(
+        time,
+        value,
+        by_force,
+        breakpoints,
+        kept,
+        adhesion.law(body),
+        located,
+        _EDGE if located == 1 else _ROUGH_EDGE,
+    )
     found = march(body, _branches(body), profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
@@ -366,6 +379,7 @@ class Indentation(NamedTuple):
     solutions: int  # solved integral equations
     fields: Marched | None = None  # with the fields at the snapshots
     space: Space | None = None
+    lost: FloatArray | None = None  # (losses, 2), times and forces before it, if they are located
 
 
 def on_steps(
@@ -376,6 +390,7 @@ def on_steps(
     time: FloatArray,
     adhesion: Edge = NO_ADHESION,
     snapshots: FloatArray | None = None,
+    located: float = 1.0,
 ) -> Indentation:
     """Follow a history on given times: the ends of the steps, among them its breakpoints and snapshots.
 
@@ -383,10 +398,12 @@ def on_steps(
     LeftGridError if the contact grows beyond the space, ArithmeticError if a contact radius is not found.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
-    found = march_on(made, space, profile, history, time, adhesion, snapshots)
+    found = march_on(made, space, profile, history, time, adhesion, snapshots, located)
+    at = np.flatnonzero(np.isfinite(found.lost))
     return Indentation(
         time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.parted,
         found.rise, math.nan, found.solutions, found, space,
+        np.column_stack((found.lost[at], found.last_force[at])),
     )  # fmt: skip
 
 
@@ -397,15 +414,22 @@ def on_halved_steps(
     history: History,
     time: FloatArray,
     snapshots: FloatArray | None = None,
+    adhesion: Edge = NO_ADHESION,
+    located: float = 1.0,
 ) -> Indentation:
     """Follow a history on given times and their middles, without the error of second order in the step.
 
     The arguments are those of `on_steps`. The result has 2 nt - 1 times, and no estimate of its error.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
-    coarse = on_steps(made, space, profile, history, time)
-    fine = on_steps(made, space, profile, history, halved(time), NO_ADHESION, snapshots)
-    return _extrapolated(coarse, fine, history, NO_ADHESION)
+    coarse = on_steps(made, space, profile, history, time, adhesion, None, located)
+    fine = on_steps(made, space, profile, history, halved(time), adhesion, snapshots, located)
+    found = _extrapolated(coarse, fine, history, adhesion)
+    whole, half = coarse.lost, fine.lost
+    if whole is not None and half is not None and whole.shape == half.shape:
+        half = half.copy()
+        half[:, 0] += (half[:, 0] - whole[:, 0]) / 3
+    return found._replace(lost=half)
 
 
 def on_quartered_steps(

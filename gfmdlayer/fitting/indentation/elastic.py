@@ -24,7 +24,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Protocol
 
 import numpy as np
 from pydantic import ValidationError
@@ -99,8 +99,7 @@ def read_adhesion(data: object) -> dict[str, str | float]:
 
 def adhesion_of(section: Mapping[str, str | float] | None) -> Adhesion:
     """Return the adhesion that a section `adhesion` describes."""
-    values = {} if section is None else {key: float(section[key]) for key in KINDS.values() if key in section}
-    return Adhesion(**values)
+    return Adhesion(**{key: float(value) for key, value in (section or {}).items() if key != "model"})
 
 
 class Jump(NamedTuple):
@@ -134,8 +133,11 @@ class Contacts:
     @property
     def jumps(self) -> list[float]:
         """The forces where contact begins and ends under a prescribed position."""
-        ends = np.array([0.0, self.position.end])
-        return self.position(ends)[1].tolist()  # type: ignore[no-any-return]
+        return self.position(np.array([0.0, self.position.end]))[1].tolist()  # type: ignore[no-any-return]
+
+    def end(self, time: float) -> float:  # noqa: ARG002
+        """Return the prescribed position at which contact is lost, at any time."""
+        return self.position.end
 
     def of(self, value: FloatArray, by_force: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Return depth and force in contact at prescribed values, each of the shape of `value`."""
@@ -208,6 +210,17 @@ def jumps_between(
     return found
 
 
+class Jumping(Protocol):
+    """A contact that jumps: `Contacts`, or the response of a body that relaxes."""
+
+    @property
+    def jumps(self) -> list[float]:
+        """The forces where contact begins, and before it is lost."""
+
+    def end(self, time: float) -> float:
+        """Return the prescribed position at which contact is lost, of several the one next to a time."""
+
+
 class Touch:
     """The rows of a curve in contact, and the places of its jumps, as measured where there is adhesion."""
 
@@ -217,7 +230,7 @@ class Touch:
         self.uncertain = np.zeros(rows, dtype=bool)  # rows in contact next to the end of it
 
     def find(
-        self, curve: ForceCurve, used: BoolArray, contacts: Contacts, pieces: Pieces, own: float,
+        self, curve: ForceCurve, used: BoolArray, contacts: Jumping, pieces: Pieces, own: float,
         worse: FloatArray, error: Callable[[int], float],
     ) -> None:  # fmt: skip
         """Take rows and jumps from the measurement.
@@ -228,7 +241,7 @@ class Touch:
         value, by_force = pieces.at(curve.time)
         noise = max(curve.noise or noise_of(curve.force), 1e-12 * float(np.ptp(curve.force)))
         sizes = [abs(own * force) / noise for force in contacts.jumps]
-        ends = (0.0, contacts.position.end)
+        ends = (0.0, contacts.end(math.inf))
         hidden = [end if size < LEAST_JUMP else None for end, size in zip(ends, sizes, strict=True)]
         self.touching = measured_contact(value, by_force, worse, hidden)
         self.jumps = []
@@ -237,19 +250,20 @@ class Touch:
             whole = math.hypot(each.spread, error(each.row))
             self.jumps.append(each._replace(bound=each.bound * whole / each.spread))
             if not each.begins:
-                before = slice(0, each.row)
+                falls = np.diff(value[: each.row]) < 0
+                before = slice(int(np.flatnonzero(~falls)[-1]) + 1 if not falls.all() else 0, each.row)
                 near = value[before] < value[pair].mean() + NEAR * whole
                 self.uncertain[before] |= self.touching[before] & near
 
-    def places(self, curve: ForceCurve, contacts: Contacts, pieces: Pieces) -> FloatArray:
+    def places(self, curve: ForceCurve, contacts: Jumping, pieces: Pieces) -> FloatArray:
         """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
         found = []
         for each in self.jumps:
-            measured = float(np.mean(pieces.at(curve.time[each.row - 1 : each.row + 1])[0]))
-            away = ((0.0 if each.begins else contacts.position.end) - measured) / each.spread
-            far = max(
-                abs(away) - each.bound, 0.0
-            )  # each further row adds the square of the jump over the noise
+            times = curve.time[each.row - 1 : each.row + 1]
+            end = 0.0 if each.begins else contacts.end(float(times.mean()))
+            away = (end - float(np.mean(pieces.at(times)[0]))) / each.spread
+            # Each further row adds the square of the jump over the noise.
+            far = max(abs(away) - each.bound, 0.0)
             found.append(math.copysign(math.sqrt(max(away**2 - far**2, 0.0)), away))
         return np.array(found)
 

@@ -36,6 +36,7 @@ NOTHING = 1e-100  # derivative to a parameter on which nothing depends: its squa
 STIFF = 1e3  # of the further residual, over its standard error
 ROUNDS = 5  # of the search for an end of a profile
 CLOSE = 0.02  # an end is found when the root of the growth is this close to t, relative to t
+BENT = 1.3  # times t: growth of the root of the squares at the ends of linear intervals that are rough
 FAR = 4.0  # the search ends this many linear half-widths from the estimate
 
 
@@ -187,11 +188,32 @@ def conclude(
     fitted = tuple(_curve_fits(problem, u, t * t * spread))
     correlation = on_scale / np.outer(errors, errors)
     notes += _doubts(estimates, correlation, fitted, factor if known else 1.0)
+    if problem.model.adhesion is not None and not problem.is_elastic and not options.profile:
+        notes += _bent(problem, u, residuals, spread, t, factor)
     aic, bic = _criteria(problem, u, fitted, residuals[problem.rows :])
     return IndentationFit(
         estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u),
         start, options, problem.adhesion(u),
     )  # fmt: skip
+
+
+def _bent(
+    problem: LeastSquares, u: FloatArray, residuals: FloatArray, spread: FloatArray, t: float, factor: float
+) -> Iterator[str]:
+    """Yield a warning if the squares do not grow by t^2 to the ends of the widest axis of the 95 % region."""
+    widths = np.sqrt(np.diag(spread))
+    values, axes = np.linalg.eigh(spread / np.outer(widths, widths))
+    along = widths * axes[:, -1] * values[-1] ** 0.5
+    least, roots = float(np.sum(residuals**2)), []
+    for side in (-t, t):
+        grown = float(np.sum(problem.residuals(np.clip(u + side * along, *problem.bounds)) ** 2)) - least
+        roots.append(math.sqrt(max(grown, 0.0) / factor) / t)
+    worst = max(roots, key=lambda root: abs(math.log(max(root, 1e-9))))
+    if not 1 / BENT < worst < BENT:
+        yield (
+            f"the intervals are rough: at their ends the residual grows {worst:.2g} times as much as they "
+            "assume; profile intervals are better"
+        )
 
 
 NAMES = {"none": "no adhesion", "jkr": "JKR", "dmt": "DMT"}

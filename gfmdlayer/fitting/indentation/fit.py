@@ -40,12 +40,14 @@ from gfmdlayer.fitting.indentation.starts import (
     with_adhesion,
 )
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.model import IsolatedContact
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
 ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
 ROUNDS, ROUNDS_OF_NOISE = 4, 10
 SAME_NOISE = 0.05  # change of the logarithm of the noise
 WORSE, FAINT = 10.0, 0.01  # growth of BIC by adhesion that asks for another start, with so much of it
+ASTRAY, WORKS = 5.0, 25  # errors of the place of a jump that ask for other works, and their number
 STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
@@ -206,7 +208,9 @@ def _best_adhesion(
         own = {key: bounds for key, bounds in asked.items() if key not in foreign}
         return fit_curves(curves, model, own, replace(options, adhesion=kind), advise, begin)
 
-    fits = {kind: fitted(kind) for kind in (*KINDS, NO_ADHESION)}  # adhesion is refused before any fit
+    if IsolatedContact(model.config).body.spectrum(np.array([1.0])).weights.size:
+        del names["dmt"]  # of elastic bodies
+    fits = {kind: fitted(kind) for kind in (*names, NO_ADHESION)}  # adhesion is refused before any fit
     bare = fits[NO_ADHESION]
     for kind, name in names.items():
         if fits[kind].bic > bare.bic + WORSE:  # without adhesion is a limit of it: the search went astray
@@ -228,7 +232,7 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
     for each in problem.predictions:  # a place of a jump that is mistaken in a guess would draw the search
         each.touch.jumps.clear()
     known, u = u, minimise(start=u, precision=ROUGH)
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         before = u
         try:
             problem.adapt(u)
@@ -237,6 +241,8 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
                 raise
             notes, u = [f"the search stopped early; the parameters are rough: {error}"], known
             problem.adapt(u)
+        if not problem.is_elastic and (number == 0 or np.abs(problem.jumps(u)).max(initial=0.0) > ASTRAY):
+            u = _with_losses(problem, u)
         known = u
         _estimate_noise(problem, u, loss)
         problem.weigh(u)
@@ -248,6 +254,25 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
         if stays and (problem.is_homogeneous or _noise_stays(problem, u, loss)) and problem.contact_stays(u):
             break
     return u, notes
+
+
+def _with_losses(problem: LeastSquares, u: FloatArray) -> FloatArray:
+    """Return u with the work that follows the rows best if the model has its own losses of contact.
+
+    Rows in contact by the data hardly depend on a work that is far too large or small.
+    """
+    sticky = [i for i, each in enumerate(problem.parameters) if each.key.startswith(STICKING)]
+    if not sticky:
+        return u
+    low, high = problem.bounds
+    trials = np.repeat(u[np.newaxis], WORKS + 1, axis=0)
+    trials[1:, sticky] = np.linspace(low[sticky], high[sticky], WORKS)
+    for each in problem.predictions:
+        each.forget()
+    squares = [float(np.sum(problem.residuals(each) ** 2)) for each in trials]
+    found: FloatArray = trials[int(np.argmin(squares))]
+    problem.adapt(found)
+    return found
 
 
 def _noise_stays(problem: LeastSquares, u: FloatArray, loss: str) -> bool:

@@ -51,7 +51,14 @@ from gfmdlayer.fitting.indentation.curve import (
     onset,
     straight_derivatives,
 )
-from gfmdlayer.fitting.indentation.elastic import Contacts, ElasticContact, Touch, adhesion_of, read_adhesion
+from gfmdlayer.fitting.indentation.elastic import (
+    Contacts,
+    ElasticContact,
+    Jumping,
+    Touch,
+    adhesion_of,
+    read_adhesion,
+)
 from gfmdlayer.fitting.indentation.stepped import KEPT, SteppedContact
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import Adhesion
@@ -70,7 +77,11 @@ class Prediction:
     """Forces and depths under the prescribed quantity of a measured curve."""
 
     def __init__(
-        self, curve: ForceCurve, segments: Sequence[str] = (), offset: float = 0.0, adhesive: bool = False
+        self,
+        curve: ForceCurve,
+        segments: Sequence[str] = (),
+        offset: float = 0.0,
+        adhesive: bool = False,
     ) -> None:
         self.curve = curve
         self.drives: list[Drive] = []
@@ -143,10 +154,15 @@ class Prediction:
         setup, pieces = self.setup(config), self._pieces(at)
         if self.is_elastic(config) and not self._in_steps:
             return self._elastic.response(setup, at, pieces, self.touch.touching)
-        return self._stepped.response(setup, at, pieces, rough)
+        return self._stepped.response(setup, at, pieces, self.touch.touching, rough)
+
+    def _jumping(self, config: Config, at: Correction, rough: bool = False) -> Jumping:
+        if self.is_elastic(config):
+            return self.contacts(config, at)
+        return self._stepped.course(self.setup(config), at, self._pieces(at), rough)
 
     def contacts(self, config: Config, at: Correction) -> Contacts:
-        """Return the stable contacts of an elastic body, up to the largest prescribed values."""
+        """Return the stable contacts of the relaxed body, up to the largest prescribed values."""
         return self._elastic.contacts(self.setup(config), at, self._pieces(at))
 
     def is_elastic(self, config: Config) -> bool:
@@ -176,9 +192,13 @@ class Prediction:
                 found |= bool(drive[top] - drive[rows[-1]] > RETRACTED * np.ptp(drive))
         return found
 
+    def forget(self) -> None:
+        """Let the model have its own contact."""
+        self.touch, self._labels = Touch(self.used.size), self._labels + 1
+
     def label(self, config: Config, at: Correction) -> None:
         """Take the rows in contact, and the jumps, from the measurement, where there is adhesion."""
-        self.touch, self._labels = Touch(self.used.size), self._labels + 1
+        self.forget()
         if at.adhesion == Adhesion():
             return
         squares = []
@@ -186,7 +206,7 @@ class Prediction:
             self.touch.touching = np.full(self.used.size, touching)
             squares.append((self.measured(config, at) - self.curve.measured) ** 2)
         own = 1.0 if self.curve.stiffness is None else self.curve.stiffness / at.stiffness
-        seen = self.curve, self.used, self.contacts(config, at), self._pieces(at), own
+        seen = self.curve, self.used, self._jumping(config, at), self._pieces(at), own
         self.touch.find(*seen, squares[0] - squares[1], self._error_of_drive)
 
     def _error_of_drive(self, row: int) -> float:
@@ -199,11 +219,11 @@ class Prediction:
         along = along[: drive.covariance.shape[0]]
         return drive.error * math.sqrt(max(float(along @ drive.covariance @ along), 0.0))
 
-    def jumps(self, config: Config, at: Correction) -> FloatArray:
+    def jumps(self, config: Config, at: Correction, rough: bool = False) -> FloatArray:
         """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
         if not self.touch.jumps:
             return np.zeros(0)
-        return self.touch.places(self.curve, self.contacts(config, at), self._pieces(at))
+        return self.touch.places(self.curve, self._jumping(config, at, rough), self._pieces(at))
 
     def in_columns(
         self, config: Config, at: Correction, rough: bool = False
@@ -233,7 +253,7 @@ class Prediction:
         relative = float(np.median(noise)) / max(float(np.ptp(self.curve.measured)), 1e-300)
 
         def every() -> FloatArray:
-            return np.append(self.measured(config, at, rough=True), self.jumps(config, at))
+            return np.append(self.measured(config, at, rough=True), self.jumps(config, at, rough=True))
 
         base, columns = every(), list[FloatArray]()
         near = all(self._error_of_drive(each.row) < NOISY * each.spread for each in self.touch.jumps)
@@ -643,12 +663,16 @@ class LeastSquares:
         given: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._given])
         return self._joined(away, self._jumps(u), given)
 
-    def _jumps(self, u: FloatArray) -> list[FloatArray]:
+    def _jumps(self, u: FloatArray, rough: bool = False) -> list[FloatArray]:
         """Return the residuals of the places of jumps of each curve."""
         return [
-            each.jumps(self.config(u, each.curve.name), self.correction(u, each.curve))
+            each.jumps(self.config(u, each.curve.name), self.correction(u, each.curve), rough)
             for each in self.predictions
         ]
+
+    def jumps(self, u: FloatArray) -> FloatArray:
+        """Return the places of all jumps at u, predicted less measured, over their errors."""
+        return np.concatenate(self._jumps(u))
 
     @property
     def is_homogeneous(self) -> bool:
@@ -698,10 +722,11 @@ class LeastSquares:
         given = np.zeros((len(self._given), u.size))
         for row, (i, _, error) in enumerate(self._given):
             given[row, i] = 1 / error
-        columns, at = [], self._jumps(u)
-        for i, column in enumerate(self.derivatives(u)):
+        columns, slopes_of_rows = [], self.derivatives(u)
+        at = self._jumps(u, rough=True)
+        for i, column in enumerate(slopes_of_rows):
             moved = self._moved(i, u) if self._further > len(self._given) else u
-            there = at if moved is u else self._jumps(moved)
+            there = at if moved is u else self._jumps(moved, rough=True)
             slopes = [(b - a) / (moved[i] - u[i]) if a.size else a for a, b in zip(at, there, strict=True)]
             columns.append(self._joined(column, slopes, given[:, i]))
         return np.stack(columns, axis=1)
@@ -751,6 +776,7 @@ class LeastSquares:
             step = EXACT_STEP * (1.0 if logarithmic else high - low)
         else:
             step = STEP if logarithmic else LINEAR_STEP * (high - low)
+            step *= 2 if self.model.adhesion else 1  # the place of a jump is known to a part of a step
         moved[i] += step if u[i] + step <= self.bounds[1][i] else -step
         try:
             self.config(moved)
@@ -852,13 +878,11 @@ def refuse_adhesion(problem: LeastSquares) -> None:
     adhesion = problem.model.adhesion
     if adhesion is None:
         return
-    if not problem.is_elastic:
+    if adhesion["model"] == "dmt" and not problem.is_elastic:
         raise ConfigError(
             [
-                f"adhesion: got {adhesion['model']!r} under a body that relaxes; must be left out, or the "
-                "body elastic: material {model: elastic, G: ...}, or Ginf equal to G0 and not free. What "
-                "holds a viscoelastic contact depends on the speed of its edge; without adhesion, fit rows "
-                "whose force is far above the pull"
+                "adhesion: got 'dmt' under a body that relaxes; must be 'jkr', or the body elastic: material "
+                "{model: elastic, G: ...}, or Ginf equal to G0 and not free"
             ]
         )
     if any(each.key.startswith(STICKING) for each in problem.parameters) and not any(

@@ -222,9 +222,10 @@ def _sticking_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
     moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
     sticky = [i for i, each in enumerate(problem.parameters) if each.key.startswith(STICKING)]
     trials, middle = [], _scaled(problem, problem.start)[2]
+    low, high = problem.bounds
     for factor in middle * np.geomspace(1 / RANGE, RANGE, TRIALS) if moduli else [1.0]:
         u = problem.start.copy()
-        u[moduli] = np.clip(u + math.log(factor), *problem.bounds)[moduli]
+        u[moduli] = np.clip(u + math.log(factor), low, high - 1e-12)[moduli]  # a glassy modulus is above G0
         if sticky:
             u[sticky] = np.clip(math.log(_sticking(problem, u)), *np.array(problem.bounds)[:, sticky])
         trials.append((float(np.sum(problem.residuals(u) ** 2)), factor, u))

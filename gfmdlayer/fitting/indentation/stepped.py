@@ -13,15 +13,17 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, Setup
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.indentation.solve import (
+    Edge,
     History,
     LeftGridError,
     Space,
@@ -31,12 +33,35 @@ from gfmdlayer.indentation.solve import (
     on_steps,
 )
 
-STEPS = 32  # of a mesh; each piece has at least FEWEST
+STEPS = 32  # of a mesh, STICKING with adhesion; each piece has at least FEWEST
+STICKING = 56
 FEWEST = 2
 TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
 WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
-KEPT = 8  # compliances: as many as the derivatives to all parameters of one body need
+LOCATED = 3e-4  # part of a step within which the loss of a contact with adhesion is located
+KEPT = 8  # compliances and responses: as many as the derivatives to all parameters of one body need
+SNAP = 1e-3, 0.1, 0.4  # further times in the first step, where the depth jumps at first contact
 EVEN = 0.3  # fraction of the steps that is spread evenly over the time
+
+
+class Course(NamedTuple):
+    """The response at the times of a mesh, from the first contact on, and the losses of contact."""
+
+    time: FloatArray
+    force: FloatArray
+    depth: FloatArray
+    lost: FloatArray  # (losses, 4): time, force before it and a row before it, prescribed position
+
+    @property
+    def jumps(self) -> list[float]:
+        """The forces where contact begins, which is below noise, and where it is lost, as rows see it."""
+        return [0.0, float(self.lost[-1, 2] if self.lost.size else self.force.min(initial=0.0))]
+
+    def end(self, time: float) -> float:
+        """Return the prescribed position at the loss of contact next to a time; far away without one."""
+        if not self.lost.size:
+            return -float(self.depth.max(initial=0.0))
+        return float(self.lost[np.argmin(np.abs(self.lost[:, 0] - min(time, self.time[-1]))), 3])
 
 
 class SteppedContact:
@@ -48,56 +73,93 @@ class SteppedContact:
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
         self._made: list[tuple[Setup, Space, Compliance]] = []  # the last ones
+        self._courses: list[tuple[tuple[object, ...], Pieces, Course]] = []  # the last ones
 
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
         """Choose the times by the bends of the response, and the nodes by the lengths of the body."""
         self._space, self.changes = None, self.changes + 1
         self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
-        times, force, depth = self._solution(setup, at, pieces)
+        times, force, depth, *_ = (each[_snaps(at, pieces) :] for each in self.course(setup, at, pieces))
         if times.size > 2 and np.ptp(force) > 0:
-            self._parts = _graded(times, force, depth, pieces, setup.onset)
+            steps = STICKING if at.adhesion.work else STEPS
+            self._parts = _graded(times, force, depth, pieces, setup.onset, steps)
 
     def response(
-        self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False
+        self,
+        setup: Setup,
+        at: Correction,
+        pieces: Pieces,
+        touching: BoolArray | None = None,
+        rough: bool = False,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth of the indenter at the rows; `rough` for differences, see `_solution`."""
+        """Return force and depth of the indenter at the rows; `rough` for differences, see `course`.
+
+        In rows `touching` after a loss of contact the force is that a row before it; in others it is zero.
+        """
         rows = self._curve.time
-        times, force, depth = self._solution(setup, at, pieces, rough)
+        times, force, depth, lost = self.course(setup, at, pieces, rough)
         value, by_force = pieces.at(rows)
-        forces, depths = np.where(by_force, np.maximum(value, 0.0), 0.0), np.zeros(rows.size)
+        sticks = at.adhesion.work > 0
+        forces = np.where(by_force, value if sticks else np.maximum(value, 0.0), 0.0)
+        depths = np.zeros(rows.size)
         edges = [times[0], *(time for time in pieces.breakpoints if time > times[0])]
         for first, last in pairwise(edges):
             inside = (rows >= first) & (rows <= last)
             nodes = (times >= first) & (times <= last)
+            nodes[0] &= not _snaps(at, pieces)
             # What is prescribed needs no interpolation.
             if (free := inside & ~by_force).any():
-                forces[free] = _until_it_opens(times[nodes], force[nodes], rows[free], setup.onset)
+                if sticks:
+                    within = lost[(lost[:, 0] > first) & (lost[:, 0] <= last)]
+                    forces[free] = _with_losses(times[nodes], force[nodes], rows[free], within)
+                else:
+                    forces[free] = _until_it_opens(times[nodes], force[nodes], rows[free], setup.onset)
             if (held := inside & by_force).any():
-                depths[held] = _as_power(times[nodes], depth[nodes], rows[held], setup.onset)
+                power = 1.0 if sticks else setup.onset
+                depths[held] = _as_power(times[nodes], depth[nodes], rows[held], power)
+        if touching is not None:
+            after = np.searchsorted(lost[:, 0], rows, side="left")
+            before = np.append(0.0, lost[:, 2])[after]
+            forces = np.where(
+                by_force, forces, np.where(touching, np.where(forces == 0, before, forces), 0.0)
+            )
         away = forces / at.stiffness if self._curve.by_base else 0.0
         return forces, np.where(by_force, depths, value - away)
 
-    def _solution(
-        self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return times, forces and depths of the indenter from the first contact on.
+    def course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False) -> Course:
+        """Return the response from the first contact on.
 
-        A `rough` solution has an error of second order in the step, of which differences are nearly free.
+        A `rough` one has an error of second order in the step, of which differences are nearly free.
         """
+        key = setup, self._parts, at, rough
+        for (*same, known, exact), there, course in self._courses:
+            equal = same[0] is setup and same[1] is self._parts and (known, exact) == (at, rough)
+            if equal and all(map(np.array_equal, there, pieces)):
+                return course
+        found = self._course(setup, at, pieces, rough)
+        self._courses = [(key, pieces, found), *self._courses[: 2 * KEPT - 1]]
+        return found
+
+    def _course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool) -> Course:
         times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
+        if _snaps(at, pieces):
+            times = np.insert(times, 1, times[0] + np.array(SNAP) * (times[1] - times[0]))
         both = np.empty(2 * times.size - 1)
         both[::2], both[1::2] = times, (times[1:] + times[:-1]) / 2
         history = History(both, *pieces.at(both))
         if not history.value.max() > 0:
-            return times, np.zeros(times.size), np.zeros(times.size)
+            return Course(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 4)))
+        edge = Edge(at.adhesion.work)
         while True:
-            space = self._space = self._space or self._find_space(setup, at, pieces)
+            space = self._space = self._space or self._find_space(setup, at, pieces, edge)
             try:
                 made = self._compliance(setup, space)
                 if self._curve.by_base:
                     space, made = with_spring(space, made, at.stiffness)
-                steps = on_steps if rough else on_halved_steps
-                found = steps(made, space, setup.profile, history, times)
+                if rough:
+                    found = on_steps(made, space, setup.profile, history, times, edge, None, LOCATED)
+                else:
+                    found = on_halved_steps(made, space, setup.profile, history, times, None, edge, LOCATED)
             except LeftGridError:
                 reach = min(WIDER * self._space.nodes.reach, setup.profile.rim)
                 self._space, self.changes = make_space(self._space.features, reach), self.changes + 1
@@ -105,7 +167,12 @@ class SteppedContact:
                 raise FitError(f"curve {self._curve.name}: {error}") from error
             else:
                 force, depth = (each if rough else each[::2] for each in (found.force, found.depth))
-                return times, force, depth - force / at.stiffness if self._curve.by_base else depth
+                depth = depth - force / at.stiffness if self._curve.by_base else depth
+                lost = np.zeros((0, 2)) if found.lost is None else found.lost
+                # The contact shrinks fast before it is lost: rows see the jump from the force a row before.
+                seen = lost[:, 0] - np.median(np.diff(self._curve.time))
+                seen = _with_losses(times, force, seen, lost)
+                return Course(times, force, depth, np.column_stack((lost, seen, pieces.at(lost[:, 0])[0])))
 
     def _compliance(self, setup: Setup, space: Space) -> Compliance:
         for known, nodes, made in self._made:
@@ -115,7 +182,7 @@ class SteppedContact:
         self._made = [(setup, space, made), *self._made[: KEPT - 1]]
         return made
 
-    def _find_space(self, setup: Setup, at: Correction, pieces: Pieces) -> Space:
+    def _find_space(self, setup: Setup, at: Correction, pieces: Pieces, edge: Edge) -> Space:
         """Return the nodes for the largest contact of each prescribed quantity."""
         found = []
         for by_force in (False, True):
@@ -124,7 +191,7 @@ class SteppedContact:
                 largest = min(largest, float(np.max(self._curve.depth)) - at.contact_point)
             if largest > 0:
                 ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), by_force)
-                found.append(find_space(setup.body, setup.profile, ends))
+                found.append(find_space(setup.body, setup.profile, ends, adhesion=edge))
         if not found:
             none = History(np.array([0.0, 1.0]), np.zeros(2))
             return find_space(setup.body, setup.profile, none)
@@ -149,6 +216,11 @@ def with_spring(space: Space, body: Compliance, stiffness: float) -> tuple[Space
     return space._replace(q=q, weights=weights, nodes=space.nodes._replace(cosines=cosines)), with_spring
 
 
+def _snaps(at: Correction, pieces: Pieces) -> bool:
+    """Whether the depth jumps from zero where contact begins."""
+    return at.adhesion.work > 0 and bool(pieces.by_force[pieces.first_contact[0]])
+
+
 def _mesh(pieces: Pieces, parts: list[FloatArray]) -> FloatArray:
     """Return the times of a mesh, from the first contact on."""
     first, begin = pieces.first_contact
@@ -166,6 +238,24 @@ def _as_power(times: FloatArray, values: FloatArray, rows: FloatArray, power: fl
     if times.size < 2 or not rows.size:
         return np.full(rows.size, values[0] if values.size else 0.0)
     return np.asarray(np.maximum(PchipInterpolator(times, raised)(rows), 0.0) ** (1 / power))
+
+
+def _with_losses(times: FloatArray, force: FloatArray, rows: FloatArray, lost: FloatArray) -> FloatArray:
+    """Interpolate a force with adhesion up to each loss of contact, and between it and the next contact."""
+    found, begin = np.zeros(rows.size), -math.inf
+    for end, last in [*lost[:, :2].tolist(), [math.inf, 0.0]]:
+        nodes = (times > begin) & (times < end)
+        x, y = times[nodes], force[nodes]
+        if math.isfinite(begin):  # free until the next contact
+            touched = int(np.argmax(y != 0)) if (y != 0).any() else y.size
+            x, y = x[max(touched - 1, 0) :], y[max(touched - 1, 0) :]
+        if math.isfinite(end):
+            x, y = np.append(x, end), np.append(y, last)
+        inside = (rows > begin) & (rows <= end) & (rows >= x[0] if x.size else False)
+        if inside.any():
+            found[inside] = PchipInterpolator(x, y)(rows[inside]) if x.size > 1 else y[0]
+        begin = end
+    return found
 
 
 def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, power: float) -> FloatArray:
@@ -190,7 +280,7 @@ def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, powe
 
 
 def _graded(
-    times: FloatArray, force: FloatArray, depth: FloatArray, pieces: Pieces, power: float
+    times: FloatArray, force: FloatArray, depth: FloatArray, pieces: Pieces, power: float, most: int
 ) -> list[FloatArray]:
     """Return the fractions of each piece at which the error of interpolation is even."""
     first, begin = pieces.first_contact
@@ -208,7 +298,7 @@ def _graded(
     for piece in range(first, len(parts)):
         end = pieces.end[piece]
         low, high = np.interp([begin, end], times, level)
-        steps = max(FEWEST, round(STEPS * (high - low) / level[-1]))
+        steps = max(FEWEST, round(most * (high - low) / level[-1]))
         inner = np.interp(np.linspace(low, high, steps + 1), level, times)
         parts[piece] = np.clip((inner - begin) / (end - begin), 0.0, 1.0)
         parts[piece][[0, -1]] = 0.0, 1.0
