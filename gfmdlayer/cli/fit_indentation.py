@@ -45,8 +45,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
       (default: guessed)
     --stiffness K[:ERROR]  stiffness of the cantilever, in the model's units, and its relative error, as in
       0.05:0.1; with an error it is fitted too
-    --adhesion {none,jkr,dmt,choose}  adhesion of an elastic body: fit the work of JKR or the force of DMT,
-      or choose by BIC (default: the section `adhesion` of the model)
+    --adhesion {none,jkr,dmt,choose}  fit the work of JKR or, of an elastic body, the force of DMT, or
+      choose by BIC (default: the section `adhesion` of the model)
     --segments NAME ...  segments whose rows count, such as approach hold (default: all)
     --loss {linear,soft_l1,huber,cauchy} = linear  loss of the residuals; soft_l1, huber and cauchy give
       outliers less weight (default: linear)
