@@ -25,6 +25,7 @@ from gfmdlayer.indentation.solve import (
     find_space,
     follow,
     in_growing_space,
+    jumps,
     on_quartered_steps,
     on_steps,
     work_done,
@@ -184,8 +185,23 @@ class IsolatedIndentation:
             space=self._space,
         )
         if not found.error <= self.tolerance:
-            raise ArithmeticError(f"estimated error {found.error:.2e}; the tolerance is {self.tolerance:.2e}")
+            raise ArithmeticError(
+                f"estimated error {found.error:.2e}; the tolerance is {self.tolerance:.2e}{self._jump(found)}"
+            )
         return found
+
+    def _jump(self, found: Indentation) -> str:
+        """Say which jump of a contact with adhesion takes longer than the tolerance allows."""
+        duration = float(found.time[-1] - found.time[0])
+        steps = np.diff(found.time)
+        coarse = jumps(found, self.tolerance * duration)
+        if not (self.adhesion.work and coarse.size):
+            return ""
+        at = coarse[steps[coarse].argmax()]
+        return (
+            f". Contact jumps at t = {found.time[at]:.6g}, and the time is known to {steps[at]:.1e} only; "
+            f"try a tolerance of {2 * steps[at] / duration:.1e}"
+        )
 
     def _on_equal_steps(self, step: float) -> Indentation:
         """Take equal steps of at most this length between breakpoints and snapshots, and their halves."""
@@ -223,9 +239,7 @@ class IsolatedIndentation:
     def _work_torn_off(self, work: FloatArray) -> FloatArray:
         """Work on the way from the contact to the surface, whose depth a torn off indenter has."""
         history, found = self.history, self.solved
-        pieces = np.minimum(np.searchsorted(history.time, found.time[1:]), history.time.size - 1)
-        by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
-        torn = by_force & (found.radius[:-1] > 0) & (found.radius[1:] == 0)
+        torn = history.by_force_at(found.time[1:]) & (found.radius[:-1] > 0) & (found.radius[1:] == 0)
         return np.concatenate(([0.0], np.cumsum(np.diff(work) * torn)))
 
     def profiles(self) -> Profiles:

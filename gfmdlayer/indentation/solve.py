@@ -40,6 +40,11 @@ class History(NamedTuple):
     value: FloatArray  # (nt,)
     by_force: bool | BoolArray = False  # of all times, or (nt,) of the pieces that end at them
 
+    def by_force_at(self, time: FloatArray) -> BoolArray:
+        """Whether a force is prescribed in the pieces that end at these times or later."""
+        pieces = np.minimum(np.searchsorted(self.time, time), self.time.size - 1)
+        return np.broadcast_to(self.by_force, self.time.shape)[pieces]
+
 
 class Edge(NamedTuple):
     """Energies per area of a JKR edge, with the relaxed modulus 1/D of the surface's material.
@@ -184,18 +189,9 @@ def march_on(
     value = np.interp(time, history.time, history.value)
     breakpoints = np.isin(time, breakpoints_of(history))
     kept = np.isin(time, [] if snapshots is None else snapshots)
-    pieces = np.minimum(np.searchsorted(history.time, time), history.time.size - 1)
-    by_force = np.broadcast_to(history.by_force, history.time.shape)[pieces]
-    drive = Drive(
-        time,
-        value,
-        by_force,
-        breakpoints,
-        kept,
-        adhesion.law(body),
-        located,
-        _EDGE if located == 1 else _ROUGH_EDGE,
-    )
+    accuracy = _EDGE if located == 1 else _ROUGH_EDGE
+    by_force, law = history.by_force_at(time), adhesion.law(body)
+    drive = Drive(time, value, by_force, breakpoints, kept, law, located, accuracy)
     found = march(body, _branches(body), profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
@@ -478,7 +474,7 @@ def _apart(time: FloatArray, fine: FloatArray, rough: FloatArray, shift: float) 
     return np.asarray(np.maximum(low - rough, 0.0) + np.minimum(high - rough, 0.0))
 
 
-def _jumps(found: Indentation, shift: float) -> IntArray:
+def jumps(found: Indentation, shift: float) -> IntArray:
     """Steps of a run above the shift in which contact begins or is lost."""
     touching = found.radius > 0
     return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(found.time) > shift))
@@ -617,30 +613,30 @@ def _to_tolerance(
     if math.isinf(shortest) and math.isinf(adhesion.speed):
         time = even_steps(first, knots, 0.1)
         shift = tolerance * float(knots[-1] - knots[0]) if adhesion.work else math.inf
-        for _ in range(
-            _MOST_MESHES
-        ):  # each step is exact: only a jump and the largest pull depend on its steps
+        for _ in range(_MOST_MESHES):
+            # Each step is exact: only a jump and the largest pull depend on their steps.
             found = on_steps(body, space, profile, history, time, adhesion, kept)
-            coarse = np.append(_jumps(found, shift), _beside_the_pull(found, tolerance))
+            coarse = np.append(jumps(found, shift), _beside_the_pull(found, tolerance))
             if not coarse.size:
-                break
+                return found._replace(error=0.0)
             parts = np.ones(time.size - 1)
             parts[coarse] = _PARTS_OF_JUMP
             time = _refined(time, parts, knots)
-        return found._replace(error=0.0)
+        return found._replace(error=math.inf)
     time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
     solutions, shift = 0, tolerance * float(knots[-1] - knots[0]) if adhesion.work else 0.0
     for mesh in range(_MOST_MESHES):
         found, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
         solutions += found.solutions
-        jumps = _jumps(found, shift) // 4 if shift else np.zeros(0, dtype=int)
-        if (found.error <= tolerance and not jumps.size) or found.time.size > _MOST_STEPS:
+        coarse = jumps(found, shift) if shift else np.zeros(0, dtype=int)
+        if (found.error <= tolerance and not coarse.size) or found.time.size > _MOST_STEPS:
             break
         everywhere = (mesh + 1) / _MOST_MESHES * (_BEFORE_JUMPS if shift else 1.0)
         parts = _parts(found.radius[::4], errors, everywhere, tolerance)
-        parts[jumps] = _PARTS_OF_JUMP
+        parts[coarse // 4] = _PARTS_OF_JUMP
         time = _refined(time, np.maximum(parts, 1.0) if mesh else parts, knots)
-    return found._replace(solutions=solutions)
+    late = float(np.diff(found.time)[coarse].max(initial=0.0) / (knots[-1] - knots[0]))
+    return found._replace(solutions=solutions, error=max(found.error, late))
 
 
 def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance: float) -> FloatArray:

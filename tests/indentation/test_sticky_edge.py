@@ -162,6 +162,16 @@ def test_an_elastic_sphere_pulls_off_at_the_force_of_jkr_within_the_tolerance():
     assert found.attrs["pull_off_force"] == pytest.approx(1.5 * math.pi * WORK, abs=within)
 
 
+def test_a_jump_that_no_step_resolves_is_named_with_a_tolerance_that_is_reached():
+    """Times around 1e10 are 2e-6 apart in double precision, further than 1e-7 of the duration."""
+    body, ball, time = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=1.0), [1e10, 1e10 + 1, 1e10 + 3]
+    given = {"depth": [0.0, 0.05, -0.2], "work_of_adhesion": WORK}
+    with pytest.raises(ArithmeticError, match="Contact jumps at t = 1e") as said:
+        gfmdlayer.indent(body, ball, time, tolerance=1e-7, **given)
+    tried = float(str(said.value).rpartition(" ")[2])
+    assert gfmdlayer.indent(body, ball, time, tolerance=tried, **given).attrs["error"] <= tried
+
+
 def test_the_contact_of_a_flat_punch_is_never_wider_than_its_end():
     """The extrapolation to steps of no length was 2 % wider at this tolerance."""
     body, punch = gfmdlayer.halfspace(Prony(1.0, [(9.0, 1.0)])), ([0.0, 0.15, 0.3], [0.0, 0.0, 0.0])
