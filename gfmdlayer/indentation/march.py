@@ -834,9 +834,8 @@ def _balanced(near: Balance, far: Balance, task: EdgeTask, run: Run) -> Radius:
     """Find the edge between two trials whose excess has different signs, by regula falsi (Illinois)."""
     base, y, a, z, last, side = near.a, near.excess, far.a, far.excess, far, 0
     for _ in range(_MOST_ITERATIONS):
-        if abs(last.excess) <= run.drive.tolerance * last.scale or abs(a - base) < _SAME_RADIUS * max(
-            a, base
-        ):
+        narrow = abs(a - base) < _SAME_RADIUS * max(a, base)
+        if narrow or abs(last.excess) <= run.drive.tolerance * last.scale:
             return _contact(last, COMPLETE, False)
         at = (a * y - base * z) / (y - z)
         if not min(a, base) < at < max(a, base):

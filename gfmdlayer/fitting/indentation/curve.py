@@ -287,9 +287,7 @@ def _rows(wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> str:
 # where both are equally straight or crooked, it is the position.
 
 NEGLIGIBLE = 0.02  # of the range: a plateau is so even
-PEAK = (
-    0.6  # of this evenness: how far the middle of a corner is above its ends; 1 without noise, 0 on a plateau
-)
+PEAK = 0.6  # of it: how far the middle of a corner is above its ends; 1 without noise, 0 on a plateau
 CLEARLY = 0.4  # of the other's distance from a straight line
 FEWEST_OF_SEGMENT = 4
 PRESSED = 0.05  # of the largest force: rows in contact

@@ -28,6 +28,7 @@ from gfmdlayer.indentation.solve import (
     LeftGridError,
     Space,
     find_space,
+    halved,
     make_space,
     on_halved_steps,
     on_steps,
@@ -144,8 +145,7 @@ class SteppedContact:
         times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
         if _snaps(at, pieces):
             times = np.insert(times, 1, times[0] + np.array(SNAP) * (times[1] - times[0]))
-        both = np.empty(2 * times.size - 1)
-        both[::2], both[1::2] = times, (times[1:] + times[:-1]) / 2
+        both = halved(times)
         history = History(both, *pieces.at(both))
         if not history.value.max() > 0:
             return Course(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 4)))
