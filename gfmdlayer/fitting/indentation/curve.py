@@ -346,15 +346,15 @@ def _prescribed(curve: ForceCurve, first: int, end: int) -> str:
 
 # A prescribed quantity as straight pieces in time.
 #
-# A measured depth, base or force has noise and thousands of rows. Straight pieces replace it; their corners
-# are rows, and they stay within `TOLERANCE` of the range or `SIGMAS` of the noise. The values at the corners
-# follow from least squares; corners that the noise explains are removed again. The pieces stay straight when
-# a contact point and a drift are subtracted.
+# A measured depth, base or force has noise and thousands of rows. Straight pieces replace it, and stay within
+# `TOLERANCE` of the range or `SIGMAS` of the noise. A few corners may lie between rows, many are rows.
+# The values at the corners follow from least squares; corners that the noise explains
+# are removed again. The pieces stay straight when a contact point and a drift are subtracted.
 
 TOLERANCE = 1e-3  # of the range
 SIGMAS = 4.5  # standard deviations of the noise: one row in 150 000 lies further away
 ROOM = 0.45  # of a piece: largest shift of a corner into it
-MOST_SHIFTED = 20  # corners whose times are fitted too
+MOST_SHIFTED = 8, 20  # corners whose times are fitted too: of a precise and of a noisy column
 CHANCE = 20.0  # a corner is removed if the sum of squares grows by less than this many variances
 SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of the response
 
@@ -366,7 +366,7 @@ class Drive:
     time: FloatArray  # shape (corners,)
     value: FloatArray  # shape (corners,)
     error: float  # standard deviation of the measured values from the pieces
-    # Of the values at the corners, then of the times of the inner ones where noise shifts them, over the
+    # Of the values at the corners, then of the times of the inner ones where these are fitted too, over the
     # variance of a row; shape (fitted, fitted).
     covariance: FloatArray
 
@@ -378,11 +378,11 @@ class Drive:
         noise = noise_of(values) if time.size > FEWEST_OF_SEGMENT else 0.0
         within = TOLERANCE * (float(np.ptp(values)) if span is None else span)
         times = time[corners(time, values, max(within, SIGMAS * noise))]
-        shifted = False
-        if SIGMAS * noise > within:
-            times = _pruned(time, values, times, CHANCE * noise**2)
-            if shifted := 2 < times.size <= MOST_SHIFTED:
-                times = _fewest_shifted(time, values, times, CHANCE * noise**2)
+        noisy, chance = SIGMAS * noise > within, CHANCE * max(noise, within / SIGMAS) ** 2
+        if noisy:
+            times = _pruned(time, values, times, chance)
+        if shifted := 2 < times.size <= MOST_SHIFTED[noisy]:  # corners lie between rows
+            times = _fewest_shifted(time, values, times, chance)
         at_corners, squares = _least_squares(time, values, times)
         columns = straight_derivatives(time, times, at_corners)[:, : None if shifted else times.size]
         freedom = max(time.size - columns.shape[1], 1)
