@@ -565,7 +565,8 @@ class Pieces(NamedTuple):
         """The piece in which the value first becomes positive, and the time; the end if none does."""
         if self.first[0] >= 0:
             return 0, float(self.begin[0])
-        rising = np.flatnonzero(self.last > 0)
+        # A corner at first contact is zero but for rounding: its piece ends before.
+        rising = np.flatnonzero(self.last > 1e-12 * np.abs(self.last).max())
         if not rising.size:
             return self.end.size - 1, float(self.end[-1])
         piece = int(rising[0])
