@@ -9,14 +9,14 @@ bash scripts/environment.sh mpich
 export PATH="$root/.venv/bin:$PATH"
 cores=$(python -c 'import os; print(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())')
 mpirun -n "$cores" gfmdlayer run configs/figure2-quick.yaml
-figure=$(gfmdlayer plot results/figure2-quick)
+figures=$(gfmdlayer plot results/figure2-quick)
 
 printf -v here %q "$root"
 
 cat <<END
 
 data     $root/results/figure2-quick/sweep.h5  (each case: cases/NNNN.h5)
-figure   $root/$figure
+figure   $root/${figures//$'\n'/$'\n'figure   $root/}
 
 This command computes the paper's full Figure 2 (16384 points, 1600 steps per case):
 

@@ -32,6 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return refuse(f"NUMBA_NUM_THREADS={threads}: must be 1 or more, or unset")
     # More threads of the linear algebra gain nothing here; OpenBLAS sends a SIGINT if it cannot start them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Pydantic reads the metadata of every installed package in search of plugins, which nothing here uses.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         options = command_line().parse_args(arguments)
         status: int = options.verb(options)

@@ -6,7 +6,6 @@ import argparse
 import os
 import sys
 from contextlib import AbstractContextManager
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import (
@@ -96,6 +95,8 @@ def _pool(options: argparse.Namespace) -> AbstractContextManager[WorkerPool | No
 
 
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
+    from dataclasses import fields
+
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError

@@ -7,8 +7,8 @@ import re
 import sys
 from collections.abc import Iterable, Sequence
 from functools import partial
-from inspect import cleandoc
 from pathlib import Path
+from textwrap import dedent
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.files.locks import printable
@@ -50,7 +50,7 @@ def arguments(parser: argparse._ActionsContainer, described: str, **types: Any) 
 
     A meaning begins after two spaces and goes on in lines that begin with a space. Metavars give the types.
     """
-    for line in re.sub(r"\n +", " ", cleandoc(described)).splitlines():
+    for line in re.sub(r"\n +", " ", dedent(described).strip()).splitlines():
         form, meaning = re.split(r" {2,}", line, maxsplit=1)
         form, _, default = form.partition(" = ")
         name, *values = form.split()

@@ -94,7 +94,10 @@ def test_a_body_of_fixed_mean_adds_no_compliance_to_the_mean():
     pair, q = Pair(half, rigid_base), np.array([0.0, 1.0])
     assert pair.mean_stiffness == rigid_base.mean_stiffness == pair.spectrum(q).relaxed[0] > 0
     np.testing.assert_allclose(pair.spectrum(q).stiffness(1j), pair.stiffness(q, 1j), rtol=1e-14)
-    assert pair.part_of_second(q)[0] == 1.0
+    for s in (0.0, 1e300):  # relaxed and glassy
+        parts = pair.stiffness(q, s) / rigid_base.stiffness(q, s)
+        np.testing.assert_allclose(pair.part_of_second(q, glassy=s > 0), parts, rtol=1e-14)
+        assert parts[0] == 1.0
     assert Pair(half, half).mean_stiffness == Pair(half, half).spectrum(q).relaxed[0] == 0
 
 

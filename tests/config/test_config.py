@@ -486,7 +486,10 @@ def test_words_become_labels_and_stay_without_units():
         ),
         ("{lenght: m, stress: Pa, time: s}", "units.lenght: unknown key; allowed: length, stress, time"),
         ("SI", "units: got the text 'SI'; must be a mapping"),
-        ("{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}", "units.length: cannot be swept"),
+        (
+            "{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}",
+            "sweep.units.length: cannot be swept",
+        ),
     ],
 )
 def test_other_names_and_sweeps_of_labels_are_refused(tmp_path, units, message):

@@ -41,25 +41,6 @@ def test_load_control_is_of_second_order(run):
     assert np.polyfit(np.log(steps), np.log(np.abs(errors)), 1)[0] == pytest.approx(2.0, abs=0.1)
 
 
-ELASTIC = {"model": "zener", "G0": 1.0, "Ginf": 1.0}
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        {"layer.thickness": 0.0, "halfspace.shear_modulus": 1.0},
-        {"layer.material": ELASTIC, "halfspace.shear_modulus": 1.0},
-        {"layer.material": ELASTIC, "layer.thickness": math.inf, "halfspace.shear_modulus": 7.0},
-    ],
-    ids=["no layer", "all alike", "layer alone"],
-)
-def test_an_elastic_body_forgets(body, run):
-    found = run(body | {"time.end": 2.0, "time.step": 0.25, "grid.points": 512, "solver.tolerance": 1e-9})
-    # The hold: what the ramp reached, to the solver's tolerance times p_max/pbar = 14.
-    np.testing.assert_allclose(found["mean_pressure"][4:], found["mean_pressure"][4], rtol=1e-7)
-    assert np.ptp(found["contact_area"][4:]) == 0
-
-
 @pytest.mark.parametrize(("tolerance", "steps"), [(1e-3, 70), (1e-4, 150)])
 def test_adaptive_steps_keep_the_depth_within_the_tolerance(run, tolerance, steps):
     recording = run(ALONE | {"time.step": "adaptive", "time.tolerance": tolerance, "time.end": 100.0})

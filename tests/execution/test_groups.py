@@ -101,11 +101,15 @@ def of_two_ranks(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ranks")
     with chdir(folder):
         configure()
-        assert over_ranks(2, "kill(0, 0.15); several('adhesive-killed')").returncode != 0
+        assert over_ranks(2, "kill(1, 0.15); several('adhesive-killed')").returncode != 0
         shutil.copytree("adhesive-killed", "begun")
-        assert over_ranks(
-            2, "several('adhesive-killed'); kill(1, 0.25); several('sliding-killed')"
-        ).returncode
+        for program in (
+            "several('adhesive-killed'); kill(0, 0.15); several('sliding-killed')",
+            "kill(1, 0.25); several('sliding-killed')",
+        ):
+            process = over_ranks(2, program)
+            assert process.returncode != 0
+            assert process.stderr.count("goes on from time") == 1, process.stderr
         assert case("adhesive-killed").time[-1] == 0.4
         for name in ("begun", "sliding-killed"):
             left = {path.name for path in Path(f"{name}/cases").iterdir()}
@@ -139,7 +143,7 @@ def test_ranks_have_the_results_of_one_process(of_two_ranks, run_here):
 
 @pytest.mark.parametrize("name", ["adhesive", "sliding"])
 def test_a_case_whose_rank_is_killed_is_resumed_bit_for_bit(name, of_two_ranks, bits):
-    """An attracting punch whose first rank is killed, and a moving one on a body with memory."""
+    """An attracting punch loses its second rank; a moving one on a body with memory both, in turn."""
     assert bits(of_two_ranks / f"{name}-killed") == bits(of_two_ranks / name)
 
 
@@ -150,9 +154,11 @@ def test_groups_share_a_sweep_of_a_measured_surface_that_no_rank_holds(of_two_ra
     Path("groups.yaml").write_text(text.replace("end: 0.4", "end: 0.2").replace(", 0.4]", "]"))
     shutil.copytree(of_two_ranks / "begun", "adhesive")
     process = over_ranks(
-        4, "assert several('groups') == 0; several('rough', ranks=3); sys.exit(several('adhesive', ranks=4))"
+        4,
+        "assert several('groups') == 0; "
+        "sys.exit(several('rough', ranks=3) + 2 * several('adhesive', ranks=4))",
     )
-    assert process.returncode == 2, process.stderr
+    assert process.returncode == 6, process.stderr
     assert process.stderr.count("got 4 ranks; must be a multiple of 3") == 1
     assert not Path("rough").exists()
     assert process.stderr.count("was written by 2 ranks a case") == 1

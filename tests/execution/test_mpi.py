@@ -114,13 +114,14 @@ with assemble() as pool:
 # Two cases take 10 s over slow steps, and the third one two steps.
 TAKING_LONG = TINY + "sweep: {time.end: [2, 2.1, 0.03]}\n"
 SLOWLY_OVER_RANKS = [str(MPIRUN), "-n", "2", sys.executable, SLOWLY, "run", "tiny.yaml", "--out", "out"]
-SLOWLY_OVER_RANKS += ["--checkpoint-every", "0"]
 
 
 def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(run_here):
     """One that mpirun hands on to its ranks, and one by which it ends."""
     Path("tiny.yaml").write_text(TAKING_LONG)
     for signum in (signal.SIGUSR1, signal.SIGTERM):
+        for checkpoint in Path("out/cases").glob("*.checkpoint"):  # of the first: the second makes its own
+            checkpoint.unlink()
         with subprocess.Popen(SLOWLY_OVER_RANKS, stderr=subprocess.PIPE, text=True) as process:
             until(lambda: all(Path(f"out/cases/000{index}.running").exists() for index in (0, 1)), process)
             process.send_signal(signum)
@@ -158,7 +159,8 @@ with assemble() as pool:
 @pytest.mark.parametrize("victim", ["manager", "worker"])
 def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(victim, run_here):
     Path("tiny.yaml").write_text(TAKING_LONG)
-    with subprocess.Popen(SLOWLY_OVER_RANKS, stderr=subprocess.PIPE, text=True) as process:
+    command = [*SLOWLY_OVER_RANKS, "--checkpoint-every", "0"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         # The longest case, 1, goes to the other rank first; rank 0 takes the shortest, then case 0.
         index = 0 if victim == "manager" else 1
         told = Path(f"out/cases/000{index}.running")

@@ -3,6 +3,7 @@
 import h5py
 import pytest
 
+from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.execution.folder import stored_config
 
@@ -15,7 +16,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("key", FILES)
-def test_a_case_whose_input_file_has_changed_is_refused(key, tmp_path):
+def test_a_case_whose_input_file_has_changed_is_refused(key, tmp_path, capsys):
     keys, before, after = FILES[key]
     section, _, name = key.partition(".")
     data, stored = tmp_path / "data.txt", tmp_path / "0000.h5"
@@ -25,6 +26,10 @@ def test_a_case_whose_input_file_has_changed_is_refused(key, tmp_path):
     with h5py.File(stored, "w") as file:
         file.attrs.update({"config": config.dump(), "digest": digest(config)})
     assert stored_config(stored) == config
+    assert main(["check", str(stored)]) == 0
     data.write_text(after)
-    with pytest.raises(ConfigError, match=r"data\.txt has changed since this case was computed from it"):
+    changed = "data.txt has changed since this case was computed from it"
+    with pytest.raises(ConfigError, match=changed):
         stored_config(stored)
+    assert main(["run", str(stored)]) == 2
+    assert changed in capsys.readouterr().err

@@ -480,7 +480,7 @@ def test_frames_of_a_movie_come_at_the_rate_asked_for(tmp_path, monkeypatch):
 
 
 def test_options_of_another_figure_are_refused(tmp_path):
-    with pytest.raises(TypeError, match="colour"):
+    with pytest.raises(TypeError, match="unexpected keyword argument 'colour'"):
         plot_results(tmp_path, colour="red")
 
 

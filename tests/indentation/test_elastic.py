@@ -166,3 +166,6 @@ def test_a_flat_punch_on_a_layer_is_stiffer_by_the_tabulated_factor(modulus, rad
     depth = 0.01
     found = indent(body, FlatPunch(radius=radius), np.array([0.0, 1.0]), depth=np.array([0.0, depth]))
     assert float(found["force"][-1]) / (4 * radius * depth / 0.5) == pytest.approx(stiffening, abs=6e-5)
+    # The stiffness of one layer in closed form; here 1e-6 is left.
+    bonded = press(layer(1.0, 0.5, float(modulus), 0.3), revolution.flat(radius), depth).force[-1]
+    assert bonded / (4 * radius * depth / 0.5) == pytest.approx(stiffening, abs=5.1e-5)
