@@ -268,7 +268,7 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """The relaxing modes of a surface: their history, stiffness and energy; an `error_control.Integrator`."""
+    """The relaxing modes of a surface: their history, stiffness and energy; an `Integrator`."""
 
     stiffness: FloatArray  # kappa of the last `terms`, (nq,)
     loss_stiffness: FloatArray | None = None  # its imaginary part under a moving punch

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
-    from gfmdlayer.history.error_control import Integrator
+    from gfmdlayer.history.adaptive_steps import Integrator
     from gfmdlayer.history.reduced_time import ReducedTime
     from gfmdlayer.interface.law import Interaction
     from gfmdlayer.time_functions import Constant, Table

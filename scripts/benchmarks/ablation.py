@@ -33,7 +33,7 @@ from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePredict
 from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history import adaptive_steps, error_control
-from gfmdlayer.history.error_control import ErrorControl
+from gfmdlayer.history.adaptive_steps import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.kernels import kernel
 from gfmdlayer.model import ConvergenceError, simulate, warm_up

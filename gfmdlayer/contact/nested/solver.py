@@ -28,8 +28,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.loop import iterate
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.iteration import Extent, Fields, Level, Search
+from gfmdlayer.contact.nested.iteration import Extent, Fields, Level, Search, project, settle
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import assess, scales_over
@@ -300,7 +299,7 @@ class NestedGradient:
         """Compile the kernels that few steps come to."""
         single = np.zeros(1, np.float32)
         for p in (single, np.zeros(1)):
-            passes.project(0, 1, 1.0, 0.0, None, p, single, single, single)
+            project(0, 1, 1.0, 0.0, None, p, single, single, single)
 
     def _level_of(self, problem: Problem) -> Level:
         """The operators of the grid, made anew only where the stiffness has changed."""
@@ -381,7 +380,7 @@ class NestedGradient:
         u = self._transforms.empty_field()
         flow = None if at.cap is None else np.empty_like(u)
         (touching, load, gaps, total), (residual, overlap) = fine.parallel(
-            passes.settle, 1.0 / pressure, 1.0 / depth, shift, at.cap, at.h, at.p, at.gap, u, flow
+            settle, 1.0 / pressure, 1.0 / depth, shift, at.cap, at.h, at.p, at.gap, u, flow
         )
         if given and self._grid.first_row == 0:
             spectrum[0] = total
