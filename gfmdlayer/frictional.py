@@ -31,7 +31,7 @@ from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.observables.friction import direction
 from gfmdlayer.observables.observable import Shear
-from gfmdlayer.resumable import CompositeState, State
+from gfmdlayer.resumable import CompositeState, Saving
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import distance
 
@@ -45,7 +45,7 @@ _SETTLED = 10  # tolerances of the solver, within which a coefficient and its bo
 _SLIDES = 1e-3  # part of the largest tangential force within which a step without a solution slides away
 
 
-class Motion:
+class Motion(Saving):
     """What a run carries beside the history of the body: place of the punch, last tractions, gap and slip.
 
     A point that comes into contact in a step has slipped before it touched. Where the edge of the contact
@@ -53,6 +53,10 @@ class Motion:
     3/2 power of the distance from the edge. So the slip until the point touches follows from the last step,
     and the slip of this one counts from there: without this, the error is of the first order in the step.
     """
+
+    SAVED = (
+        "time", "step", "depth", "moved", "tractions", "before", "gap", "_closing", "_slip", "_stick",
+    )  # fmt: skip
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         axes, points = len(shape), math.prod(shape)
@@ -63,7 +67,8 @@ class Motion:
         self.tractions = np.zeros((1 + axes, points))
         self.before: FloatArray | None = None  # tractions a step earlier; None behind a breakpoint
         self.gap, self._closing = np.full(points, np.inf), np.zeros(points)  # after the last step; its change
-        self._slip = self._untouched = np.zeros((axes, points))  # in the last step; in this one, see above
+        self._slip = np.zeros((axes, points))  # in the last step
+        self._untouched = np.zeros((axes, points))  # in this one, see above
         self._stick = np.zeros(points, dtype=bool)
 
     def guess(self, step: float) -> FloatArray | None:
@@ -100,21 +105,6 @@ class Motion:
         self._closing = np.where(np.isfinite(self.gap), gap - self.gap, 0.0)
         self.gap, self._stick = gap, found.stick
         self._slip = found.slip + self._untouched
-
-    def state(self) -> State:
-        """Return times, places and tractions."""
-        before = {} if self.before is None else {"before": self.before}
-        places = {"time": self.time, "step": self.step, "depth": self.depth, "moved": self.moved}
-        apart = {"gap": self.gap, "closing": self._closing, "slip": self._slip, "stick": self._stick}
-        return {**places, "tractions": self.tractions, **before, **apart}
-
-    def restore(self, state: State) -> None:
-        """Continue from there."""
-        self.time, self.step = float(state["time"]), float(state["step"])
-        self.depth, self.moved = float(state["depth"]), np.asarray(state["moved"])
-        self.tractions, self.before = np.asarray(state["tractions"]), state.get("before")
-        self.gap, self._closing = np.asarray(state["gap"]), np.asarray(state["closing"])
-        self._slip, self._stick = np.asarray(state["slip"]), np.asarray(state["stick"])
 
 
 class SlidesAwayError(Exception):

@@ -5,8 +5,10 @@ Restoring the state of an object made in the same way reproduces the run bit for
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
-from typing import Any, Protocol
+from functools import reduce
+from typing import Any, ClassVar, Protocol
 
 State = Mapping[str, Any]  # arrays, numbers and text by name; all of them come back as arrays
 
@@ -32,6 +34,42 @@ class Stateless:
 
     def restore(self, state: State) -> None:
         """Do nothing."""
+
+
+class Saving:
+    """Saves and restores the attributes in `SAVED`, which may be those of parts, such as "_waves.stretch"."""
+
+    SAVED: ClassVar[tuple[str, ...]] = ()
+
+    def state(self) -> State:
+        """Return the attributes that are not None, by their names without underscores before them."""
+        found = {_name(place): reduce(getattr, place.split("."), self) for place in self.SAVED}
+        return {name: value for name, value in found.items() if value is not None}
+
+    def restore(self, state: State) -> None:
+        """Continue from a state: arrays change in place; what the state lacks stays."""
+        import numpy as np
+
+        for place in self.SAVED:
+            if _name(place) not in state:
+                continue
+            *way, last = place.split(".")
+            owner: Any = reduce(getattr, way, self)
+            held, value = getattr(owner, last), np.asarray(state[_name(place)])
+            if isinstance(held, np.ndarray):
+                held[...] = value
+            elif isinstance(held, deque):
+                held.clear()
+                held.extend(value)
+            elif isinstance(held, tuple):
+                setattr(owner, last, tuple(value.tolist()))
+            else:
+                setattr(owner, last, value if value.ndim else value.item())
+
+
+def _name(place: str) -> str:
+    """Return the name of an attribute in the state; dots are for `CompositeState`."""
+    return "_".join(each.lstrip("_") for each in place.split("."))
 
 
 class CompositeState:

@@ -43,7 +43,7 @@ from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.time_points import SAME_TIME, Course, FixedSteps, Instant, fingerprint
 from gfmdlayer.interface.law import Interaction
 from gfmdlayer.kernels import LANES, kernel
-from gfmdlayer.resumable import State
+from gfmdlayer.resumable import Saving, State
 
 # The error of a step, and the curvature of u(t) from which it follows.
 #
@@ -98,8 +98,10 @@ _SMALLEST_FORCE = 1e-4
 Integrator = Modes | SideBySide
 
 
-class ErrorControl:
+class ErrorControl(Saving):
     """Controls the error of an integrator with the exponential scheme and steps that vary in length."""
+
+    SAVED = ("_contact_motion", "_velocity", "_last_step", "_largest_stress", "_largest_force")
 
     def __init__(self, integrator: Integrator, sums: Sums, tolerance: float, *, curved: bool = False) -> None:
         # The tolerance is the largest error of the mean pressure relative to its largest value so far (of the
@@ -185,22 +187,12 @@ class ErrorControl:
 
     def state(self) -> State:
         """Return the history and the last motion of the surface."""
-        motion = {"contact_motion": self._contact_motion, "velocity": self._velocity}
-        scales = {"largest_stress": self._largest_stress, "largest_force": self._largest_force}
-        return {
-            **self._integrator.state(),
-            **{name: value for name, value in motion.items() if value is not None},
-            **{name: value for name, value in scales.items() if value},
-            "last_step": self._last_step,
-        }
+        return {**self._integrator.state(), **super().state()}
 
     def restore(self, state: State) -> None:
         """Continue from a state."""
         self._integrator.restore(state)
-        self._contact_motion, self._velocity = state.get("contact_motion"), state.get("velocity")
-        self._last_step = float(state["last_step"])
-        self._largest_stress = float(state.get("largest_stress", 0.0))
-        self._largest_force = float(state.get("largest_force", 0.0))
+        super().restore(state)
 
     def _curvature(self, spectrum: ComplexArray) -> ComplexArray | None:
         """dt^2 u''/2 from the divided difference of the last three displacements, this one included."""
@@ -277,8 +269,10 @@ class Change:
     drive: float
 
 
-class Changes:
+class Changes(Saving):
     """Compares each step with the last accepted one, if the interface attracts at any time."""
+
+    SAVED = ("_gap", "_drive", "_largest")
 
     def __init__(self, interface: Interaction, sums: Sums) -> None:
         self._interface, self._sums = interface, sums
@@ -308,17 +302,6 @@ class Changes:
             now, (load, strength) = problem.interface.strength, self._largest
             self._drive, self._gap = (prescribed, now), solution.gap
             self._largest = max(load, abs(prescribed)), max(strength, now)
-
-    def state(self) -> State:
-        """Return the last accepted step."""
-        return {} if self._gap is None else {"gap": self._gap, "drive": self._drive, "largest": self._largest}
-
-    def restore(self, state: State) -> None:
-        """Continue after that step."""
-        if "gap" in state:
-            self._gap = state["gap"]
-            (*drive,), (*largest,) = state["drive"].tolist(), state["largest"].tolist()
-            self._drive, self._largest = (drive[0], drive[1]), (largest[0], largest[1])
 
 
 @kernel(reorder=True)

@@ -50,15 +50,17 @@ from gfmdlayer.friction.response import Response
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.modes import RELEVANT, Factors, Scheme, exponential
 from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import CompositeState, State
+from gfmdlayer.resumable import CompositeState, Saving, State
 
 _UNKNOWN_CURVATURE = 0.25  # part of a change that may be curvature, where no earlier displacement is known
 _NO_CONTACT = 1e-10  # part of the product of norms below which a work is rounding
 _NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
 
 
-class VectorModes:
+class VectorModes(Saving):
     """Relaxing modes of n components at waves; `weights` of these in a mean over the surface."""
+
+    SAVED = ("x", "_stretch", "stored", "dissipated")
 
     def __init__(
         self, spectrum: VectorSpectrum, scheme: Scheme = exponential, weights: FloatArray | None = None
@@ -107,16 +109,6 @@ class VectorModes:
     def begun(self) -> ComplexArray:
         """Displacements at the beginning of the next step."""
         return self.x * self._phases[:, np.newaxis]
-
-    def state(self) -> State:
-        """Return displacements, stretches and energies."""
-        energies = {"stored": self.stored, "dissipated": self.dissipated}
-        return {"x": self.x, "stretch": self._stretch, **energies}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self.x[:], self._stretch[:] = state["x"], state["stretch"]
-        self.stored, self.dissipated = float(state["stored"]), float(state["dissipated"])
 
     def _prepare(self, step: float) -> None:
         """Compute the stiffness and the factors for the length of a step."""
