@@ -115,6 +115,7 @@ def test_a_stack_of_equal_layers_is_one_layer():
             "time.integrator: got the text 'backward_euler', n",
         ),
         ({"output": {"patches": True}}, "output.patches: got true, not used"),
+        ({"time": {"step": "adaptive", "tolerance": 1e-10}}, "time.tolerance: got 1e-10; must be >= 1e-09"),
         ({"output": {"snapshots": "every"}}, "output.snapshots: got 'every'; must be a list"),
         (
             {"grid": {"geometry": "axisymmetric", "points": [64, 64]}},
