@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body, check_body
+from gfmdlayer.config.geometries import FINEST
 from gfmdlayer.indentation.compliance import gauss_rule
 from gfmdlayer.indentation.march import Marched
 from gfmdlayer.indentation.solve import (
@@ -279,7 +280,6 @@ class IsolatedIndentation:
 
 
 FIELDS = ("pressure", "displacement", "gap")
-_FINEST = 1e-9  # least tolerance: far below it nodes fill the memory (1e-20: 238 GiB)
 
 
 def indent(
@@ -436,8 +436,8 @@ def _check_numbers(
         raise ValueError(f"edge_speed: got {edge_speed!r}; must be > 0")
     if not 0 < edge_exponent < math.inf:
         raise ValueError(f"edge_exponent: got {edge_exponent!r}; must be finite and > 0")
-    if not _FINEST <= tolerance < math.inf:
-        raise ValueError(f"tolerance: got {tolerance!r}; must be finite and >= {_FINEST:g}")
+    if not FINEST <= tolerance < math.inf:
+        raise ValueError(f"tolerance: got {tolerance!r}; must be finite and >= {FINEST:g}")
     if not work_of_adhesion and (edge_speed < math.inf or healing_work):
         name = "edge_speed" if edge_speed < math.inf else "healing_work"
         raise ValueError(f"{name}: got {numbers[name]!r} without adhesion; must have a work_of_adhesion > 0")
