@@ -19,10 +19,11 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.loading import Surface, pulled_off
+from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.friction import problem as frictional
 from gfmdlayer.friction.problem import Law
-from gfmdlayer.friction.solver import LIMIT, FrictionSolver, Mixing
+from gfmdlayer.friction.solver import LIMIT, MIXED, FrictionSolver
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.history.time_points import Instant
 from gfmdlayer.history.traction_modes import TractionControl, TractionModes
@@ -54,8 +55,8 @@ class Motion(Saving):
     and the slip of this one counts from there: without this, the error is of the first order in the step.
     """
 
-    SAVED = (
-        "time", "step", "depth", "moved", "tractions", "before", "gap", "_closing", "_slip", "_stick",
+    KEPT = (
+        "time", "step", "depth", "moved", "tractions", "before", "gap", "closing", "slip", "stick",
     )  # fmt: skip
 
     def __init__(self, shape: tuple[int, ...]) -> None:
@@ -270,7 +271,7 @@ class FrictionalCase(Case):
             start = np.zeros_like(self.motion.tractions)
             start[0] = self.guess.at(instant.time)
         limit = min(LIMIT, self.config.solver.max_iterations)
-        pairs, steps, before, mixing = 0.0, 0, self.solver.state(), Mixing()
+        pairs, steps, before, mixing = 0.0, 0, self.solver.state(), Mixing(MIXED)
         for _ in range(_ROUNDS if self.programme.depends_on_speed else 1):
             if reason := problem.why_not_solvable():
                 raise SlidesAwayError(reason.partition(": the punch")[0])

@@ -37,39 +37,39 @@ class Stateless:
 
 
 class Saving:
-    """Saves and restores the attributes in `SAVED`, which may be those of parts, such as "_waves.stretch"."""
+    """Saves and restores the attributes in `KEPT`: "work" is `_work` or `work`, "modes.x" is in a part."""
 
-    SAVED: ClassVar[tuple[str, ...]] = ()
+    KEPT: ClassVar[tuple[str, ...]] = ()
 
     def state(self) -> State:
-        """Return the attributes that are not None, by their names without underscores before them."""
-        found = {_name(place): reduce(getattr, place.split("."), self) for place in self.SAVED}
-        return {name: value for name, value in found.items() if value is not None}
+        """Return the attributes that are not None."""
+        found = {name: getattr(*self._place(name)) for name in self.KEPT}
+        return {name.replace(".", "_"): value for name, value in found.items() if value is not None}
 
     def restore(self, state: State) -> None:
         """Continue from a state: arrays change in place; what the state lacks stays."""
         import numpy as np
 
-        for place in self.SAVED:
-            if _name(place) not in state:
+        for name in self.KEPT:
+            if (key := name.replace(".", "_")) not in state:
                 continue
-            *way, last = place.split(".")
-            owner: Any = reduce(getattr, way, self)
-            held, value = getattr(owner, last), np.asarray(state[_name(place)])
+            owner, attribute = self._place(name)
+            held, value = getattr(owner, attribute), np.asarray(state[key])
             if isinstance(held, np.ndarray):
                 held[...] = value
             elif isinstance(held, deque):
                 held.clear()
                 held.extend(value)
-            elif isinstance(held, tuple):
-                setattr(owner, last, tuple(value.tolist()))
-            else:
-                setattr(owner, last, value if value.ndim else value.item())
+            elif isinstance(held, (list, tuple)):
+                setattr(owner, attribute, type(held)(value.tolist()))
+            else:  # numbers as they were: a sum may begin as a whole 0
+                setattr(owner, attribute, value if value.ndim else value.item())
 
-
-def _name(place: str) -> str:
-    """Return the name of an attribute in the state; dots are for `CompositeState`."""
-    return "_".join(each.lstrip("_") for each in place.split("."))
+    def _place(self, name: str) -> tuple[Any, str]:
+        """Return an object and its attribute."""
+        first, *rest = name.split(".")
+        way = [f"_{first}" if hasattr(self, f"_{first}") else first, *rest]
+        return reduce(getattr, way[:-1], self), way[-1]
 
 
 class CompositeState:

@@ -83,7 +83,7 @@ class DetachedInterval:
 class Loading(Saving):
     """The punch, and the quantity that is prescribed over time."""
 
-    SAVED = ("detached.begin", "detached.end")
+    KEPT = ("detached.begin", "detached.end")
 
     punch: FloatArray  # height above its lowest point, one value a point
     trajectory: Trajectory
@@ -177,7 +177,7 @@ def pulled_off(problem: Problem, solution: Solution) -> bool:
 class Imprint(Saving):
     """The height W that punch and surface have lost, one value a point; accepted steps change it."""
 
-    SAVED = ("depth",)
+    KEPT = ("depth",)
 
     def __init__(self, size: int, hardness: float) -> None:
         # With an infinite hardness nothing yields, and it has no points.

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, project, surface_at
 from gfmdlayer.contact.residual import scales_over
-from gfmdlayer.grid.ranks import Ranks
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -242,7 +242,7 @@ class LossStiffnessSolver:
         extra = np.divide(problem.loss_stiffness**2, problem.stiffness, where=stiff, out=np.zeros(stiff.size))
         symmetric = problem.stiffness + extra
         difference = extra - 1j * problem.loss_stiffness
-        mixture = _Mixture(symmetric * self._weights, problem.ranks)
+        mixture = Mixing(_MIXED, symmetric * self._weights, problem.ranks)
         last = self._guess(problem, start)
         transforms, iterations, released = 1, 0, 0.0
         # What pivoting does not know, and a surface of which it has a part only.
@@ -337,27 +337,30 @@ def _with_loss(
     return replace(state, residual=residual, converged=residual <= tolerance)
 
 
-class _Mixture:
-    """Anderson mixing: the displacement to try next, from those tried and those found with them."""
+class Mixing:
+    """Anderson mixing of a fixed-point iteration: what to try next, from what was tried and found."""
 
-    def __init__(self, weight: FloatArray, ranks: Ranks) -> None:
-        self._weight, self._ranks = weight, ranks
-        self._found: list[ComplexArray] = []
-        self._steps: list[ComplexArray] = []
+    def __init__(self, most: int, weight: float | FloatArray = 1.0, ranks: Ranks = ALONE) -> None:
+        # At most so many are mixed. `weight` of each value in the square of a step.
+        self._most, self._weight, self._ranks = most, weight, ranks
+        self._found: list[Spectral] = []
+        self._steps: list[Spectral] = []
         self._best = np.inf
 
-    def next(self, tried: ComplexArray, found: ComplexArray) -> ComplexArray:
-        """Add a displacement tried and the one found with it; return the next to try."""
+    def next(self, tried: Any, found: Any) -> Any:
+        """Add an array tried and the one found with it; return the next to try."""
         step = found - tried
         size = self._ranks.total(self._part(step, step))
+        if size == 0:
+            return found
         if size > self._best:
             last = self._found[-1]
             self._found, self._steps = [], []
             self._best = np.inf
             return last
         self._best = size
-        self._found = [*self._found[1 - _MIXED :], found]
-        self._steps = [*self._steps[1 - _MIXED :], step]
+        self._found = [*self._found[1 - self._most :], found]
+        self._steps = [*self._steps[1 - self._most :], step]
         products = np.array([[self._part(f, g) for f in self._steps] for g in self._steps])
         gram = self._ranks.total(products) / size
         shares = np.linalg.pinv(gram, rcond=1e-12, hermitian=True).sum(axis=0)
@@ -365,6 +368,6 @@ class _Mixture:
             return found
         return np.asarray(np.tensordot(shares / shares.sum(), np.array(self._found), axes=1))
 
-    def _part(self, f: ComplexArray, g: ComplexArray) -> float:
-        """Mean of f g, of the modes of this process."""
+    def _part(self, f: Spectral, g: Spectral) -> float:
+        """Mean of f g, of the values of this process."""
         return float(np.sum(self._weight * (f.real * g.real + f.imag * g.imag)))

@@ -33,7 +33,7 @@ LastThree = tuple[FloatArray, FloatArray, FloatArray]
 class DisplacementPrediction(Saving):
     """The parabola in time through the last three accepted displacements (fewer where there are fewer)."""
 
-    SAVED: ClassVar[tuple[str, ...]] = ("_times", "_fields")
+    KEPT: ClassVar[tuple[str, ...]] = ("times", "fields")
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         # `size` is the number of points of this process; before the first step the guess is zero.
@@ -62,7 +62,7 @@ class DisplacementPrediction(Saving):
 class PressurePrediction(DisplacementPrediction):
     """Pressures extrapolated across moving edges of the contact, from the last three accepted steps."""
 
-    SAVED = (*DisplacementPrediction.SAVED, "_gaps", "_mu", "_moves", "_contact")
+    KEPT = (*DisplacementPrediction.KEPT, "gaps", "mu", "moves", "contact")
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         super().__init__(size, ranks)

@@ -26,7 +26,7 @@ _DIRECTIONS = 64  # of a surface: a width is short by at most 0.12 %
 class Reach(Saving):
     """The part of the surface that was pressed, on the grid of a body with a reach."""
 
-    SAVED = ("_origin", "_support")
+    KEPT = ("origin", "support")
 
     def __init__(self, grid: Grid, body: Isolated) -> None:
         self._grid, self._body = grid, body

@@ -101,7 +101,7 @@ Integrator = Modes | SideBySide
 class ErrorControl(Saving):
     """Controls the error of an integrator with the exponential scheme and steps that vary in length."""
 
-    SAVED = ("_contact_motion", "_velocity", "_last_step", "_largest_stress", "_largest_force")
+    KEPT = ("contact_motion", "velocity", "last_step", "largest_stress", "largest_force")
 
     def __init__(self, integrator: Integrator, sums: Sums, tolerance: float, *, curved: bool = False) -> None:
         # The tolerance is the largest error of the mean pressure relative to its largest value so far (of the
@@ -272,7 +272,7 @@ class Change:
 class Changes(Saving):
     """Compares each step with the last accepted one, if the interface attracts at any time."""
 
-    SAVED = ("_gap", "_drive", "_largest")
+    KEPT = ("gap", "drive", "largest")
 
     def __init__(self, interface: Interaction, sums: Sums) -> None:
         self._interface, self._sums = interface, sums

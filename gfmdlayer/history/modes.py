@@ -270,7 +270,7 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 class Modes(Saving):
     """The relaxing modes of a surface: their history, stiffness and energy; an `Integrator`."""
 
-    SAVED: ClassVar[tuple[str, ...]] = ("u", "_branches.stretch", "_local.stretch", "stored", "dissipated")
+    KEPT: ClassVar[tuple[str, ...]] = ("u", "branches.stretch", "local.stretch", "stored", "dissipated")
 
     stiffness: FloatArray  # kappa of the last `terms`, (nq,)
     loss_stiffness: FloatArray | None = None  # its imaginary part under a moving punch

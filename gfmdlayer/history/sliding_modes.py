@@ -62,7 +62,7 @@ class Waves(NamedTuple):
 class SlidingModes(Modes):
     """The relaxing modes of a surface in the frame of a moving punch, by the exponential scheme."""
 
-    SAVED = (*Modes.SAVED, "_waves.stretch", "_time")
+    KEPT = (*Modes.KEPT, "waves.stretch", "time")
 
     loss_stiffness: FloatArray  # (nq,), imaginary part of the stiffness at the end of the step
     slope: ComplexArray  # (nq,), i q, with the mean q of the two waves of a mode

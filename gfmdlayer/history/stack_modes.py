@@ -266,7 +266,7 @@ def network_energy(elements: Elements, xi: FloatArray, u: FloatArray, energy: Fl
 class StackModes(Modes):
     """A stack whose layers have reduced times of their own: modes of the uppermost layer, and a network."""
 
-    SAVED = (*Modes.SAVED, "_xi", "_time")
+    KEPT = (*Modes.KEPT, "xi", "time")
 
     def __init__(
         self,

@@ -53,7 +53,7 @@ def fingerprint(stops: Iterable[Instant]) -> str:
 class FixedSteps(Saving):
     """Steps that are known before the run; each is accepted."""
 
-    SAVED = ("_count",)  # of accepted steps
+    KEPT = ("count",)  # of accepted steps
 
     def __init__(self, instants: Iterable[Instant], stops: Sequence[Instant], step: float) -> None:
         # Between two of the `stops` all steps have the length of the later one, at most `step`.

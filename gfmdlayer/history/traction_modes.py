@@ -60,7 +60,7 @@ _NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
 class VectorModes(Saving):
     """Relaxing modes of n components at waves; `weights` of these in a mean over the surface."""
 
-    SAVED = ("x", "_stretch", "stored", "dissipated")
+    KEPT = ("x", "stretch", "stored", "dissipated")
 
     def __init__(
         self, spectrum: VectorSpectrum, scheme: Scheme = exponential, weights: FloatArray | None = None
