@@ -25,17 +25,6 @@ class Resumable(Protocol):
         ...
 
 
-class Stateless:
-    """Carries nothing from one step to the next."""
-
-    def state(self) -> State:
-        """Return nothing."""
-        return {}
-
-    def restore(self, state: State) -> None:
-        """Do nothing."""
-
-
 class Saving:
     """Saves and restores the attributes in `KEPT`: "work" is `_work` or `work`, "modes.x" is in a part."""
 
@@ -70,6 +59,10 @@ class Saving:
         first, *rest = name.split(".")
         way = [f"_{first}" if hasattr(self, f"_{first}") else first, *rest]
         return reduce(getattr, way[:-1], self), way[-1]
+
+
+class Stateless(Saving):
+    """Carries nothing from one step to the next."""
 
 
 class CompositeState:
