@@ -28,7 +28,6 @@ from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, 
 from gfmdlayer.contact.residual import scales_over
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.resumable import State
 
 # Contact with a large loss stiffness, by guesses of the contact set
 #
@@ -229,6 +228,7 @@ class LossStiffnessSolver:
     def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:
         # `weights` are those of each mode in the mean over the surface.
         self.starts_from = solver.starts_from
+        self.compile, self.state, self.restore = solver.compile, solver.state, solver.restore
         self._solver, self._transforms = solver, transforms
         self._weights = np.ravel(weights)
 
@@ -275,18 +275,6 @@ class LossStiffnessSolver:
             state, contact = self._by_pivoting(problem, state, contact, tolerance)
         # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
-
-    def compile(self) -> None:
-        """Compile the solver's own kernels."""
-        self._solver.compile()
-
-    def state(self) -> State:
-        """Return the state of the solver."""
-        return self._solver.state()
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self._solver.restore(state)
 
     def _by_pivoting(
         self, problem: Problem, so_far: Solution, contact: BoolArray, tolerance: float

@@ -153,7 +153,8 @@ class TractionModes:
         self.size = grid.size
         self.phases: ComplexArray | None = None
         self._response: Response | None = None
-        self._state = CompositeState(**dict(zip(("in_plane", "across"), self.parts, strict=False)))
+        history = CompositeState(**dict(zip(("in_plane", "across"), self.parts, strict=False)))
+        self.state, self.restore = history.state, history.restore
 
     @property
     def stored(self) -> float:
@@ -237,14 +238,6 @@ class TractionModes:
         relevant = loss > tolerance * loss.sum()
         slow = float(times[:, chosen][relevant].max(initial=0.0))
         return max(2 * math.pi / (float(longest) * speed), slow)
-
-    def state(self) -> State:
-        """Return the states of all modes."""
-        return self._state.state()
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self._state.restore(state)
 
     def moved(self, loads: list[ComplexArray]) -> list[ComplexArray]:
         """Return the response of the waves to loads, (W, U) and V."""
