@@ -36,14 +36,15 @@ class Saving:
         return {name.replace(".", "_"): value for name, value in found.items() if value is not None}
 
     def restore(self, state: State) -> None:
-        """Continue from a state: arrays change in place; what the state lacks stays."""
+        """Continue from the state of an object made in the same way; arrays change in place."""
         import numpy as np
 
         for name in self.KEPT:
-            if (key := name.replace(".", "_")) not in state:
-                continue
             owner, attribute = self._place(name)
-            held, value = getattr(owner, attribute), np.asarray(state[key])
+            held, key = getattr(owner, attribute), name.replace(".", "_")
+            if held is None and key not in state:
+                continue
+            value = np.asarray(state[key])
             if isinstance(held, np.ndarray):
                 held[...] = value
             elif isinstance(held, deque):
