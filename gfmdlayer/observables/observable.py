@@ -7,8 +7,10 @@ estimates of cost need these modules, so the modules import neither numpy nor co
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from textwrap import dedent
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
@@ -62,14 +64,14 @@ class Places(Bins):
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the rows: a number for each accepted step, or one for each bin."""
+    """One column of the rows, a number for each accepted step or for each bin; or a field of a snapshot."""
 
     name: str  # in the files
     long_name: str  # its meaning
     units: str = "1"  # in words, see `results.schema`; "1" for dimensionless quantities
     dtype: str = "f8"  # in the files, as numpy names it
     along: Bins | None = None  # bins of a distribution, or `Places`; a number without them
-    symbol: str = ""  # in mathtext; a number with a symbol has a panel among the curves
+    symbol: str = ""  # in mathtext, of the figures
     origin: str = ""  # from where, or over what, it is measured; for the reference
 
     @property
@@ -86,6 +88,19 @@ class Column:
     def described(self) -> dict[str, str]:
         """Attributes of the variable in a file."""
         return {"long_name": self.long_name, "units": self.units}
+
+
+def declared(table: str) -> tuple[Column, ...]:
+    """Return the columns of a text, each in a line "name | meaning | units | origin [| symbol [| dtype]]".
+
+    A line goes on in those that are indented further.
+    """
+    found = []
+    for line in re.sub(r"\n +", " ", dedent(table).strip()).splitlines():
+        name, meaning, units, origin, *more = (part.strip() for part in line.split("|"))
+        symbol, dtype = (*more, *("", "f8")[len(more) :])
+        found.append(Column(name, meaning, units, dtype, symbol=symbol, origin=origin))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)

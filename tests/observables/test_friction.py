@@ -11,7 +11,7 @@ import pytest
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.config import Config
-from gfmdlayer.observables.steady_state import SteadyState
+from gfmdlayer.observables.numerics import SteadyState
 
 SOLVER = {"method": "active_set", "tolerance": 1e-10}
 SCRIPT = Path(__file__).parents[2] / "scripts" / "steady_sliding.py"
