@@ -232,7 +232,7 @@ class Temperature(Observable):
         return None if config.temperature is None else cls.COLUMNS
 
     def __init__(self, case: Parts) -> None:
-        self._reduced_time = next(filter(None, case.reduced_times))
+        self._reduced_time = next(filter(None, case.programme.reduced_times))
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return both at the end of the step."""

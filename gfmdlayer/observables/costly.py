@@ -340,7 +340,7 @@ class Stiffness(Every):
         if self._due(step.time):
             from gfmdlayer.observables.contact_statistics import in_contact
 
-            reduced = next(filter(None, self._case.reduced_times), None)
+            reduced = next(filter(None, self._case.programme.reduced_times), None)
             factor = 1.0 if reduced is None else reduced.factor(step.time)
             touching = in_contact(step.problem, step.solution)
             total = _whole(self._grid, touching, lambda contact: self._found(contact, factor))

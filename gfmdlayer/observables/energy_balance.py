@@ -66,7 +66,7 @@ class EnergyBalance(Observable):
 
     def __init__(self, case: Parts) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
-        self._interface, self._has_losses = case.interface, bool(case.config.interfaces)
+        self._interface, self._has_losses = case.programme.interface, bool(case.config.interfaces)
         self._yields = case.config.hardness is not None
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes

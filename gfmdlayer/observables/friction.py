@@ -71,10 +71,10 @@ class Friction(Observable):
         grid = case.grid
         self._sums = grid.sums
         self._two = case.integrator if case.config.two_bodies else None
-        if case.velocity is None:
+        if (velocity := case.programme.velocity) is None:
             self._position = None
             return
-        self._position = partial(distance, case.velocity)
+        self._position = partial(distance, velocity)
         self._transforms, self._period = case.transforms, grid.period[0]
         one, other = grid.wavenumbers_x
         # The grid does not distinguish the shortest wave from its opposite; their mean has no slope there.

@@ -106,9 +106,10 @@ class SteadyState(Observable):
         time = case.config.time
         assert time.steady is not None
         self._tolerance = time.steady
-        slowdown = 1.0 if case.reduced_time is None else case.reduced_time.factor(math.inf)
+        reduced = case.programme.reduced_time
+        slowdown = 1.0 if reduced is None else reduced.factor(math.inf)
         self._window = case.integrator.slowest(self._tolerance) * slowdown
-        self._since = max(case.breakpoints, default=0.0)
+        self._since = max(case.programme.breakpoints, default=0.0)
         self._begun = math.inf
         self._least: tuple[float, ...] = ()
         self._most: tuple[float, ...] = ()

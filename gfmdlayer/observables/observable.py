@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
     from gfmdlayer.history.error_control import Integrator
-    from gfmdlayer.history.reduced_time import ReducedTime
-    from gfmdlayer.interface.law import Interaction
-    from gfmdlayer.time_functions import Constant, Table
+    from gfmdlayer.programme import Programme
 
 Value: TypeAlias = "float | FloatArray"
 
@@ -138,6 +136,10 @@ class Parts(Protocol):
     config: Config
 
     @property
+    def programme(self) -> Programme:
+        """The quantities imposed over time."""
+
+    @property
     def grid(self) -> Grid:
         """The periodic grid."""
 
@@ -161,28 +163,8 @@ class Parts(Protocol):
         """The time integrator, of the kind that the configuration asks for."""
 
     @property
-    def interface(self) -> Interaction:
-        """Interaction of surface and punch across the gap, at any time."""
-
-    @property
-    def velocity(self) -> Constant | Table | None:
-        """Velocity of the punch along x; None where it stays."""
-
-    @property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches."""
-
-    @property
-    def reduced_time(self) -> ReducedTime | None:
-        """The reduced time in which the whole body relaxes; None where it has none."""
-
-    @property
-    def reduced_times(self) -> tuple[ReducedTime | None, ...]:
-        """The reduced time of each of the laws; None for one whose times do not change."""
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Times at which the slope of a prescribed quantity jumps."""
 
 
 class Observable:
