@@ -42,7 +42,8 @@ class Verb(NamedTuple):
     @property
     def meaning(self) -> str:
         """The docstring, which begins with the help."""
-        return (self.run.__doc__ or "").strip()
+        first, _, rest = (self.run.__doc__ or "").partition("\n")
+        return f"{first}\n{dedent(rest)}".strip()
 
 
 def verb(
