@@ -39,8 +39,8 @@ _COLUMNS = (
 )  # fmt: skip
 PAPER_SYMBOLS = {column.name: column.symbol for column in _COLUMNS if column.symbol} | {
     "tangential_work": r"\int\,\bar{t}\,\mathrm{d}D",
-    "loop_area": r"\oint\,\bar{p}\,\mathrm{d}\delta",
-    "loop_work": r"\oint\,F\,\mathrm{d}\delta",
+    "loop_area": r"\int\,\bar{p}\,\mathrm{d}\delta",
+    "loop_work": r"\int\,F\,\mathrm{d}\delta",
     "largest_shear": r"\tau_\mathrm{max}",
     "shear_on_plane": r"\tau_z",
 }

@@ -31,7 +31,8 @@ class Parameter(NamedTuple):
 VARIABLES = {
     variable.name: variable
     for variable in declared(r"""
-    x | position along x | length | from the middle of the cell, and of the punch | x
+    x | position along x | length | from the middle of the cell, and of the punch; from the axis of an
+      isolated indenter | x
     y | position along y | length | from the middle of the cell | y
     snapshot | time of the snapshot | time | from the beginning of the run | t
     displacement | normal displacement of the surface, positive upward | length | from the surface at
