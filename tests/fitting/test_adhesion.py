@@ -343,27 +343,17 @@ def test_a_plan_is_refused_where_the_fit_would_be() -> None:
     [
         ({"adhesion": {"model": "jkr", "work": -1.0}}, {}, r"adhesion.work: got -1.0; must be a number > 0"),
         ({"adhesion": {"model": "jrk", "work": 1.0}}, {}, "must be jkr or dmt; did you mean 'jkr'"),
-        (
-            {},
-            {"free": ["adhesion.wrk"], "adhesion": "jkr"},
-            r"free: adhesion.wrk: unknown key.* 'adhesion.work'",
-        ),
+        ({}, {"free": ["adhesion.wrk"], "adhesion": "jkr"},
+         r"free: adhesion.wrk: unknown key.* 'adhesion.work'"),
         ({}, {"free": ["adhesion.force"], "adhesion": "jkr"}, "free: adhesion.force: unknown key"),
         ({}, {"free": ["adhesion.work"]}, "free: adhesion.work: the model has no adhesion; give its section"),
         ({}, {"adhesion": ["jkr"]}, "must be one of none, jkr, dmt, choose"),
         ({}, {"adhesion": "maugis"}, "got 'maugis'; must be one of none, jkr, dmt, choose"),
-        (
-            {},
-            {"adhesion": "jkr", "segments": ["approach"]},
-            "adhesion is asked of a curve without a retraction",
-        ),
-        (
-            {"viscoelastic": True},
-            {"adhesion": "dmt"},
-            "got 'dmt' under a body that relaxes; must be 'jkr'",
-        ),
+        ({}, {"adhesion": "jkr", "segments": ["approach"]},
+         "adhesion is asked of a curve without a retraction"),
+        ({"viscoelastic": True}, {"adhesion": "dmt"}, "got 'dmt' under a body that relaxes; must be 'jkr'"),
     ],
-)
+)  # fmt: skip
 def test_impossible_adhesion_is_named(change: dict[str, Any], options: dict[str, Any], message: str) -> None:
     model, free = MODEL | change, FREE
     if model.pop("viscoelastic", False):
@@ -376,13 +366,10 @@ def test_impossible_adhesion_is_named(change: dict[str, Any], options: dict[str,
 
 def relaxing(punch: dict[str, Any], work: float, glassy: float = 3.0) -> dict[str, Any]:
     return {
-        "layer": {
-            "thickness": math.inf,
-            "material": {"model": "zener", "G0": 1.0, "Ginf": glassy, "tau": 0.5},
-        },
-        "punch": punch,
-        "adhesion": {"model": "jkr", "work": work},
-    }
+        "layer": {"thickness": math.inf,
+         "material": {"model": "zener", "G0": 1.0, "Ginf": glassy, "tau": 0.5}},
+        "punch": punch, "adhesion": {"model": "jkr", "work": work},
+    }  # fmt: skip
 
 
 def test_a_shrinking_contact_on_a_cantilever_has_its_loss_and_its_work_found() -> None:

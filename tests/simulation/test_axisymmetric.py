@@ -14,15 +14,12 @@ from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.verification.runs import Recording
 
 AFM = {
-    "name": "afm",
-    "grid": {"geometry": "axisymmetric", "points": 64},
+    "name": "afm", "grid": {"geometry": "axisymmetric", "points": 64},
     "layer": {"thickness": 1.0, "material": {"G0": 1.0, "Ginf": 10.0, "tau": 1.0}},
-    "halfspace": {"shear_modulus": math.inf},
-    "punch": {"shape": "sphere", "radius": 5.0},
-    "trajectory": {"depth": 0.2},
-    "time": {"end": 4.0, "step": "adaptive"},
+    "halfspace": {"shear_modulus": math.inf}, "punch": {"shape": "sphere", "radius": 5.0},
+    "trajectory": {"depth": 0.2}, "time": {"end": 4.0, "step": "adaptive"},
     "output": {"snapshots": [0.5, 4.0]},
-}
+}  # fmt: skip
 
 
 def changed(**sections):
@@ -100,31 +97,25 @@ def test_a_stack_of_equal_layers_is_one_layer():
 @pytest.mark.parametrize(
     ("sections", "said"),
     [
-        (
-            {"punch": {"shape": "wedge", "slope": 0.1}},
-            "punch.shape: got 'wedge', which is no convex body of revol",
-        ),
+        ({"punch": {"shape": "wedge", "slope": 0.1}},
+         "punch.shape: got 'wedge', which is no convex body of revol"),
         ({"punch": {"radius": [1.0, 2.0]}}, "punch.radius: got"),
         ({"trajectory": {"control": "load", "load": 1.0}}, "trajectory.control: got 'load', a mean pressure"),
         ({"trajectory": {"depth": 1.0}}, "trajectory.depth: got 1.0, beyond the rigid base"),
         ({"trajectory": {"velocity": 1.0}}, "trajectory.velocity: got 1.0, not used"),
         ({"halfspace": {"shear_modulus": 0}}, "halfspace.shear_modulus: got 0: a layer without a base"),
         ({"solver": {"method": "fire"}}, "solver.method: got the text 'fire', not used"),
-        (
-            {"time": {"step": 0.1, "integrator": "backward_euler"}},
-            "time.integrator: got the text 'backward_euler', n",
-        ),
+        ({"time": {"step": 0.1, "integrator": "backward_euler"}},
+         "time.integrator: got the text 'backward_euler', n"),
         ({"output": {"patches": True}}, "output.patches: got true, not used"),
         ({"output": {"snapshots": "every"}}, "output.snapshots: got 'every'; must be a list"),
-        (
-            {"grid": {"geometry": "axisymmetric", "points": [64, 64]}},
-            "grid.points: got \\[64, 64\\]; must be one",
-        ),
+        ({"grid": {"geometry": "axisymmetric", "points": [64, 64]}},
+         "grid.points: got \\[64, 64\\]; must be one"),
         ({"grid": {"geometry": "axisymmetric", "period": 2.0}}, "grid.period: got"),
         ({"grid": {"geometry": "round"}}, "grid.geometry: got the text .round.; must be periodic"),
         ({"grid": {"extent": 2.0}}, "grid.extent: only for geometry: axisymmetric"),
     ],
-)
+)  # fmt: skip
 def test_keys_without_meaning_are_refused_with_their_place(sections, said):
     with pytest.raises(ConfigError, match=said):
         changed(**sections)
