@@ -164,16 +164,12 @@ def test_a_sweep_is_run_plotted_and_resumed(tmp_path, monkeypatch):
     assert stored.grid.geometry == "axisymmetric"
 
 
-def test_profiles_of_cases_with_axes_of_their_own_are_not_put_together(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "afm.yaml").write_text(
-        "name: afm\ngrid: {geometry: axisymmetric, points: 32}\nhalfspace: {shear_modulus: .inf}\n"
-        "time: {end: 1.0, step: adaptive}\noutput: {snapshots: [1.0]}\nsweep: {layer.thickness: [0.5, 1.0]}\n"
-    )
-    assert main(["run", "afm.yaml"]) == 0
-    assert "pressure" not in gfmdlayer.open_results("results/afm")
-    case = gfmdlayer.open_case("results/afm/cases/0001.h5")
-    assert case["pressure"].sizes == {"snapshot": 1, "x": 32}
+def test_profiles_of_cases_with_axes_of_their_own_are_not_put_together(tmp_path):
+    config = AFM | {"time": {"end": 1.0, "step": "adaptive"}, "output": {"snapshots": [1.0]}}
+    gfmdlayer.run(config, out=tmp_path, sweep={"layer.thickness": [0.5, 1.0]})
+    assert "pressure" not in gfmdlayer.open_results(tmp_path)
+    case = gfmdlayer.open_case(tmp_path / "cases/0001.h5")
+    assert case["pressure"].sizes == {"snapshot": 1, "x": 64}
 
 
 def test_the_cost_has_no_transforms():
