@@ -15,11 +15,10 @@ from gfmdlayer.figures.curve_family import Scale, family
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import quantity, value_labels
 from gfmdlayer.figures.map_plots import map_figure
-from gfmdlayer.figures.movie import write_movie
 from gfmdlayer.figures.plot_style import CONTACT
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.selection import notes, select, swept
-from gfmdlayer.figures.snapshot_plots import snapshots_figure
+from gfmdlayer.figures.snapshot_plots import snapshots_figure, write_movie
 from gfmdlayer.results.schema import ResultsError, described_key
 from gfmdlayer.results.writer import CaseWriter
 

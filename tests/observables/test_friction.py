@@ -11,7 +11,7 @@ import pytest
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.config import Config
-from gfmdlayer.observables.steady_state import SteadyState
+from gfmdlayer.observables.numerics import SteadyState
 
 SOLVER = {"method": "active_set", "tolerance": 1e-10}
 SCRIPT = Path(__file__).parents[2] / "scripts" / "steady_sliding.py"
@@ -275,7 +275,8 @@ CONFIG = Config(name="steady").with_values({"trajectory.velocity": 1.0, "time.st
 def steady_time(friction, since=0.0):
     """Return the time at which a window of length 2 is steady, with steps of 0.25."""
     slow = SimpleNamespace(slowest=lambda _tolerance: 2.0)
-    case = SimpleNamespace(config=CONFIG, integrator=slow, breakpoints=(since,), reduced_time=None)
+    imposed = SimpleNamespace(breakpoints=(since,), reduced_time=None)
+    case = SimpleNamespace(config=CONFIG, integrator=slow, programme=imposed)
     observable = SteadyState(case)
     solution, surface = SimpleNamespace(mean_pressure=1.0), SimpleNamespace(depth=0.01)
     for time in (0.25 * i for i in range(1000)):
