@@ -215,22 +215,17 @@ def test_two_writers_of_one_case_write_to_different_files(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def run_python(code, *arguments):
-    command = [sys.executable, "-c", code, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
-
-
 def test_killed_process_leaves_nothing_under_the_final_name(tmp_path):
-    code = """
-import os, sys
-import numpy as np
-from gfmdlayer.results.writer import CaseWriter
-with CaseWriter(sys.argv[1], {"x": np.arange(8.0)}) as case:
-    case.row(time=0.0, depth=0.0)
-    case.snapshot(0.0, np.zeros(8), np.zeros(8))
-    os._exit(9)
-"""
-    assert run_python(code, tmp_path / "0000.h5").returncode == 9
+    process = os.fork()
+    if process == 0:
+        try:
+            with CaseWriter(tmp_path / "0000.h5", {"x": X}) as case:
+                case.row(time=0.0, depth=0.0)
+                case.snapshot(0.0, X, X)
+                os._exit(9)
+        finally:
+            os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 9
     (left,) = tmp_path.iterdir()
     assert left.name.startswith("0000.h5.")
     assert left.name.endswith(".part")
@@ -257,7 +252,8 @@ for limit in range(0, 180_000, 9973):
         print(error)
 """
     path = tmp_path / "0000.h5"
-    ended = run_python(code, path)
+    command = [sys.executable, "-c", code, str(path)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.splitlines() == [f"{path}: cannot be written: File too large"] * 19
     assert list(tmp_path.iterdir()) == []
