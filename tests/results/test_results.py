@@ -38,6 +38,12 @@ def write_sweep(folder, values):
     return [CaseRecord(i, path, v) for i, (path, v) in enumerate(zip(paths, values, strict=True))]
 
 
+def collected(folder, records, keys, **how):
+    """Collect cases over swept keys, and open the sweep."""
+    collect(folder, records, Swept(keys, **how))
+    return open_results(folder)
+
+
 def damage(path, variable="contact_area"):
     """Change a bit of a variable on the disk."""
     with h5py.File(path) as h5:
@@ -315,8 +321,7 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path):
     thick, moduli = [0, 0.25, float("inf")], [1.0, 10.0]
     keys = ["layer.thickness", "halfspace.shear_modulus"]
     records = write_sweep(tmp_path, [dict(zip(keys, (d, g), strict=True)) for d in thick for g in moduli])
-    collect(tmp_path, records, Swept(keys))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, keys) as data:
         assert data["contact_area"].dims == ("thickness", "shear_modulus", "time")
         np.testing.assert_array_equal(data["thickness"], thick)
         assert data["thickness"].attrs["key"] == "layer.thickness"
@@ -333,8 +338,7 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path):
 def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path):
     keys = ["layer.thickness", "halfspace.shear_modulus"]
     records = write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in product((0.1, 0.2), (1, 2, 3))])
-    collect(tmp_path, records, Swept(keys))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, keys) as data:
         assert data["displacement"].dims == ("thickness", "shear_modulus", "snapshot", "x")
         assert data["displacement"].attrs["units"] == data["x"].attrs["units"] == "length"
         expected = np.arange(1.0, 7.0).reshape(2, 3, 1, 1) * X  # case number plus one, times X
@@ -359,8 +363,7 @@ def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path):
 
 def test_snapshots_on_different_grids_are_not_put_together(tmp_path):
     records = write_sweep(tmp_path, [{"grid.period": 1.0}, {"grid.period": 2.0}])
-    collect(tmp_path, records, Swept(["grid.period"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["grid.period"]) as data:
         assert "contact_area" in data
         assert not {"displacement", "pressure"} & set(data.data_vars)
     records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
@@ -391,8 +394,7 @@ def test_cases_that_ended_in_a_steady_state_keep_their_last_row(tmp_path):
                 )
             case.note(settled=1 if index < 2 else 0)
         records.append(CaseRecord(index, path, {"trajectory.velocity": float(index)}))
-    collect(tmp_path, records, Swept(["trajectory.velocity"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["trajectory.velocity"]) as data:
         np.testing.assert_array_equal(data["time"], range(5))
         assert data["velocity"].attrs["symbol"] == "v"
         for index, end in enumerate(ends):
@@ -410,8 +412,9 @@ def test_shared_last_parts_take_the_whole_key():
 def test_list_of_combinations_has_one_dimension(tmp_path):
     keys = ["layer.thickness", "layer.material.Ginf"]
     pairs = [(0.1, 10.0), (0.2, 20.0), (0.1, 30.0)]
-    collect(tmp_path, write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in pairs]), Swept(keys))
-    with open_results(tmp_path) as data:
+    with collected(
+        tmp_path, write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in pairs]), keys
+    ) as data:
         assert data["contact_area"].dims == ("case", "time")
         np.testing.assert_array_equal(data["case"], [0, 1, 2])
         np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2, 0.1])
@@ -430,8 +433,7 @@ def test_list_of_combinations_has_one_dimension(tmp_path):
     ],
 )
 def test_values_that_are_no_numbers_become_text(tmp_path, key, values, labels):
-    collect(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), Swept([key]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), [key]) as data:
         assert data["b"].to_numpy().tolist() == labels
         assert data["contact_area"].sel(b=labels[1], time=1.0) == 2.0
 
@@ -440,8 +442,7 @@ def test_failed_and_missing_cases_are_nan_and_named(tmp_path):
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2, 0.3)])
     records[0] = CaseRecord(0, records[0].source, records[0].values, "did not converge at time 0.2")
     records[2].source.unlink()
-    collect(tmp_path, records, Swept(["layer.thickness"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["layer.thickness"]) as data:
         np.testing.assert_array_equal(data["contact_area"].sel(time=1.0), [np.nan, 2.0, np.nan])
         expected = ["0000: did not converge at time 0.2", "0002: no complete result file"]
         assert data.attrs["failed"].splitlines() == expected
@@ -449,8 +450,7 @@ def test_failed_and_missing_cases_are_nan_and_named(tmp_path):
 
 def test_sweep_where_every_case_failed_opens(tmp_path):
     records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, "no") for i in range(2)]
-    collect(tmp_path, records, Swept(["a.b"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["a.b"]) as data:
         assert data.sizes == {"b": 2, "time": 0}
 
 
@@ -499,8 +499,7 @@ def test_output_times_are_a_common_axis_to_the_end_of_the_longest_case(tmp_path,
 
 def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path):
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2)])
-    collect(tmp_path, records, Swept(["layer.thickness"], listed=True))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["layer.thickness"], listed=True) as data:
         assert data["contact_area"].dims == ("case", "time")
         np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2])
 
@@ -509,8 +508,7 @@ def test_a_thousand_failures_are_named(tmp_path):
     # Beyond the 64 kB that HDF5 allows an attribute of fixed length.
     reason = "ConvergenceError: t = 0.1: residual 1e-3 after 20000 iterations of fire; the tolerance is 1e-6"
     records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, reason) for i in range(1000)]
-    collect(tmp_path, records, Swept(["a.b"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["a.b"]) as data:
         assert len(data.attrs["failed"]) > 65_536
         assert data.attrs["failed"].splitlines() == [f"{i:04d}: {reason}" for i in range(1000)]
 
@@ -518,8 +516,7 @@ def test_a_thousand_failures_are_named(tmp_path):
 def test_a_damaged_case_is_left_out_of_the_sweep_and_no_other(tmp_path):
     records = write_sweep(tmp_path, [{"a.b": i} for i in range(3)])
     damage(records[1].source)
-    collect(tmp_path, records, Swept(["a.b"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["a.b"]) as data:
         assert data["contact_area"].isnull().all("time").to_numpy().tolist() == [False, True, False]
         assert data.attrs["failed"] == "0001: no complete result file"
 
