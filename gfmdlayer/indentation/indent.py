@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import check_body
+from gfmdlayer.config.geometries import FINEST
 from gfmdlayer.indentation.isolated import IsolatedIndentation
 from gfmdlayer.indentation.solve import Edge, History
 from gfmdlayer.observables import INDENTATION
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from gfmdlayer.body.body import Body
 
 FIELDS = ("pressure", "displacement", "gap")
-_FINEST = 1e-9  # least tolerance: far below it nodes fill the memory (1e-20: 238 GiB)
 
 
 def indent(
@@ -181,8 +181,8 @@ def _check_numbers(
         raise ValueError(f"edge_speed: got {edge_speed!r}; must be > 0")
     if not 0 < edge_exponent < math.inf:
         raise ValueError(f"edge_exponent: got {edge_exponent!r}; must be finite and > 0")
-    if not _FINEST <= tolerance < math.inf:
-        raise ValueError(f"tolerance: got {tolerance!r}; must be finite and >= {_FINEST:g}")
+    if not FINEST <= tolerance < math.inf:
+        raise ValueError(f"tolerance: got {tolerance!r}; must be finite and >= {FINEST:g}")
     if not work_of_adhesion and (edge_speed < math.inf or healing_work):
         name = "edge_speed" if edge_speed < math.inf else "healing_work"
         raise ValueError(f"{name}: got {numbers[name]!r} without adhesion; must have a work_of_adhesion > 0")

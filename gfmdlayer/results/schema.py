@@ -47,7 +47,8 @@ class Parameter(NamedTuple):
 
 
 _VARIABLES = """\
-x | position along x | length | f8 | from the middle of the cell, and of the punch
+x | position along x | length | f8 | from the middle of the cell, and of the punch; from the axis of an
+  isolated indenter
 y | position along y | length | f8 | from the middle of the cell
 snapshot | time of the snapshot | time | f8 | from the beginning of the run
 displacement | normal displacement of the surface, positive upward | length | f8 | from the surface at rest

@@ -100,8 +100,8 @@ def test_the_legend_of_a_loop_over_two_keys_has_the_looks_of_its_curves(results)
 def test_a_loop_of_an_isolated_contact_has_the_work_of_its_force(results):
     with open_case(results / "cases" / "0001.h5") as case:
         cell, isolated = loop_figure(results, case), loop_figure(results, case.drop_vars("mean_stress"))
-    assert r"\oint\,\bar{p}" in cell.axes[0].get_title(loc="left")
-    assert r"\oint\,F" in isolated.axes[0].get_title(loc="left")
+    assert r"\int\,\bar{p}" in cell.axes[0].get_title(loc="left")
+    assert r"\int\,F" in isolated.axes[0].get_title(loc="left")
 
 
 def test_a_loop_leaves_out_the_depths_at_which_the_punch_is_away(results):
