@@ -8,14 +8,13 @@ import h5py
 import numpy as np
 import pytest
 from hypothesis import settings
-from scipy.optimize import brentq, nnls
-from scipy.special import spence
+from scipy.optimize import nnls
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.model import simulate
-from gfmdlayer.verification import runs
+from gfmdlayer.verification import runs, theory
 
 # `pytest tests/test_fuzz_*.py --hypothesis-profile=long` is the long run. Without it a test that has passed
 # draws the same examples again, so that what breaks it is what was changed.
@@ -54,18 +53,11 @@ def run():
 
 @pytest.fixture(scope="session")
 def parabola_on_halfspace():
-    """Contact fraction and pbar/2G of a periodic parabola, R = L/4, on an incompressible halfspace.
-
-    From the depth; pbar = -(E* L/(2 pi R)) ln cos phi and depth = (L^2/(4 pi^2 R)) (pi^2/6 - Li2(cos^2 phi))
-    with phi = pi atilde/2 and E* = 4 G.
-    """
+    """Contact fraction and pbar/2G at depths of a parabola, R = L/4, on an incompressible halfspace."""
 
     def answer(depths):
-        def excess(phi, depth):
-            return float((np.pi**2 / 6 - spence(np.sin(phi) ** 2)) / np.pi**2 - depth)
-
-        phi = np.array([brentq(excess, 0, 1.57, args=(d,), xtol=1e-15) for d in np.atleast_1d(depths)])
-        return 2 * phi / np.pi, -4 / np.pi * np.log(np.cos(phi))
+        half_widths = np.array([theory.parabola_half_width(depth) for depth in np.atleast_1d(depths)])
+        return 2 * half_widths, theory.parabola_pressure(half_widths) / 2
 
     return answer
 

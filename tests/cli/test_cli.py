@@ -153,7 +153,7 @@ def paste(command, folder):
         assert process.returncode == 0, process.stderr
 
 
-@pytest.mark.parametrize("verb", [verb.__name__.rpartition(".")[2].replace("_", "-") for verb in VERBS])
+@pytest.mark.parametrize("verb", [verb.name for verb in VERBS])
 def test_the_example_in_each_verbs_help_works_when_pasted(verb, clone):
     command = example(verb)
     assert f"gfmdlayer {verb}" in command

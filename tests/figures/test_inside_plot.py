@@ -7,8 +7,7 @@ import gfmdlayer
 from gfmdlayer.figures import curves_figure
 from gfmdlayer.figures.field_plots import inside_figure
 from gfmdlayer.figures.plots import plot_results
-from gfmdlayer.figures.report.cases import Listed
-from gfmdlayer.figures.report.page import payload
+from gfmdlayer.figures.report.page import Listed, payload
 from gfmdlayer.results.schema import ResultsError
 
 RUN = {

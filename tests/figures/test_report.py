@@ -14,10 +14,8 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
-from gfmdlayer.figures.report import cases as page_cases
 from gfmdlayer.figures.report import page as page_module
-from gfmdlayer.figures.report.cases import Listed, kept_rows
-from gfmdlayer.figures.report.page import html, write_report
+from gfmdlayer.figures.report.page import Listed, html, kept_rows, write_report
 from gfmdlayer.observables import INDENTATION, Column, known_columns
 from gfmdlayer.observables.contact import TIME
 from gfmdlayer.results.reader import case_path, open_case
@@ -178,8 +176,8 @@ def test_pages_are_thinned_to_what_a_browser_takes_in_and_say_so(tmp_path, monke
                 case.row(time=float(time), contact_area=0.5, residual=float(time == 500))
             for time in range(8):
                 case.snapshot(float(time), x, x, x)
-    monkeypatch.setattr(page_cases, "CURVE_NUMBERS", 4 * 64 * 3)
-    monkeypatch.setattr(page_cases, "SURFACE_NUMBERS", 3 * 2 * 3 * 256)
+    monkeypatch.setattr(page_module, "CURVE_NUMBERS", 4 * 64 * 3)
+    monkeypatch.setattr(page_module, "SURFACE_NUMBERS", 3 * 2 * 3 * 256)
     listed = [Listed(i, case_path(tmp_path, i), {"layer.thickness": 1.0 + i}) for i in range(6)]
     data = data_of(write_report(listed, tmp_path / "page.html", "demo"))
     held = [each for each in data["cases"] if each["columns"]]
