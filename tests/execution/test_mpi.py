@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import chdir
 from pathlib import Path
 
@@ -15,16 +14,11 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import MARK
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.workers import threads_each
+from tests.studies import TINY
 from tests.waiting import SLOWLY, until
 
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
 CORES = len(os.sched_getaffinity(0))
-TINY = """\
-name: tiny
-grid: {points: 32}
-time: {end: 0.03, step: 0.01}
-trajectory: {ramp_time: 0.03}
-"""
 SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf]}\n"
 
 
@@ -137,25 +131,6 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(run_here):
     assert log.count("goes on from time") == 2, log
 
 
-@pytest.mark.parametrize(
-    "crash", ["if pool is not None: raise RuntimeError('lost')", "os._exit(3)", "raise SystemExit(3)"]
-)
-def test_a_crash_of_one_rank_ends_the_job_instead_of_hanging_it(crash):
-    script = f"""
-import os, time
-from gfmdlayer.execution.workers import assemble
-with assemble() as pool:
-    if pool is not None:
-        pool.executor.submit(time.sleep, 600)
-        time.sleep(0.5)
-        {crash}
-"""
-    begun = time.monotonic()
-    process = over_ranks(2, "-c", script)
-    assert process.returncode != 0
-    assert time.monotonic() - begun < 300
-
-
 @pytest.mark.parametrize("victim", ["manager", "worker"])
 def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(victim, run_here):
     Path("tiny.yaml").write_text(TAKING_LONG)
@@ -178,7 +153,17 @@ def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(victim, 
     ]  # fmt: skip
 
 
-# Rank 0 compiles; what the other rank does meanwhile is given.
+# What rank 0 does while the other rank works for long.
+MANAGING = """
+import os, sys, time
+from gfmdlayer.execution.workers import assemble
+with assemble() as pool:
+    if pool is not None:
+        pool.executor.submit(time.sleep, 600)
+        time.sleep(0.5)
+        {}
+"""
+# What the other rank does while rank 0 compiles for long.
 COMPILING = """
 import os, sys, time
 from gfmdlayer.cli import run as verb
@@ -213,10 +198,17 @@ sys.exit(main(["run", "tiny.yaml"]))
 """
 
 
-@pytest.mark.parametrize("death", ["os.kill(os.getpid(), 9)", "os._exit(3)", "sys.exit(3)"])
-def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death):
-    process = over_ranks(2, "-c", COMPILING.format(death))
-    assert process.returncode not in (0, 75)
+ENDS = {
+    "computes": (MANAGING, ("raise RuntimeError('lost')", "os._exit(3)", "sys.exit(3)")),
+    "compiles": (COMPILING, ("os.kill(os.getpid(), 9)", "os._exit(3)", "sys.exit(3)")),
+}
+
+
+@pytest.mark.parametrize(("other", "end"), [(key, end) for key, (_, ends) in ENDS.items() for end in ends])
+def test_a_rank_that_dies_ends_the_job_while_the_other(other, end):
+    """Within the two minutes of `over_ranks`, instead of hanging it."""
+    program, _ = ENDS[other]
+    assert over_ranks(2, "-c", program.format(end)).returncode not in (0, 75)
 
 
 @pytest.mark.parametrize(

@@ -82,10 +82,8 @@ REFUSALS = {
 }
 SCRIPT = "import sys; from gfmdlayer.cli import main; print([main(each.split()) for each in sys.argv[1:]])"
 VERBS = (
-    "check a-geometry.yaml",
-    "status results/a-geometry",
-    "plot results/a-geometry --y force --out a.png",
-)
+    "check a-geometry.yaml", "status results/a-geometry", "plot results/a-geometry --y force --out a.png",
+)  # fmt: skip
 
 
 def sections():
@@ -133,13 +131,9 @@ def folder(tmp_path_factory):
     ends = [0] * len(commands) + [2] * len(REFUSALS)
     commands += [f"check {title.replace(' ', '-')}.bad" for title in REFUSALS]
     ran = subprocess.run(
-        [sys.executable, "-c", SCRIPT, *commands],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(copy)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+        [sys.executable, "-c", SCRIPT, *commands], cwd=folder, env=os.environ | {"PYTHONPATH": str(copy)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert ran.stdout.split("\n")[-2:-1] == [str(ends)], ran.stdout + ran.stderr
     (folder / "said").write_text(ran.stdout + ran.stderr)
     return folder

@@ -23,22 +23,8 @@ SCHEMA = json_schema()
 # Pure numbers. A new key with a number belongs here, or its meaning ends with its dimension.
 PURE = {
     *("alpha", "exponent", "gamma", "hurst", "poisson", "rms_slope", "slope", "smoothing", "taper"),
-    *(
-        "C1",
-        "steady",
-        "tolerance",
-        "Insulator.permittivity",
-        "Range.from",
-        "Range.to",
-        "Spaced.from",
-        "Spaced.to",
-    ),
-    "coefficient",
-    "creepage",
-    "cycles",
-    "velocity_ratio",
-    "normal",
-    "along",
+    *("C1", "steady", "tolerance", "Insulator.permittivity", "Range.from", "Range.to", "Spaced.from"),
+    *("Spaced.to", "coefficient", "creepage", "cycles", "velocity_ratio", "normal", "along"),
 }
 
 
