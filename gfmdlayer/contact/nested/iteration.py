@@ -301,18 +301,17 @@ def extent(
 
 
 @kernel(reorder=True)
-def comply(first: int, end: int, compliance: Any, spectrum: Any) -> tuple[tuple[float], tuple[float]]:
+def comply(first: int, end: int, compliance: Any, spectrum: Any) -> None:
     """Multiply a spectrum by the compliance."""
     factors, modes = compliance[first:end], spectrum[first:end]
     for k in range(modes.size):
         modes[k] *= factors[k]
-    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
 def displace(
     first: int, end: int, stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray
-) -> tuple[tuple[float], tuple[float]]:
+) -> None:
     """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too."""
     # Spectra are given as real numbers, real and imaginary parts in turn.
     for k in range(first, end):
@@ -320,7 +319,6 @@ def displace(
         for i in range(2 * k, 2 * k + 2):
             u[i] = per * (intercept[i] - pressure[i])
             pressure[i] = u[i]
-    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)

@@ -91,7 +91,7 @@ def _at_edges(
 def _smooth(
     first: int, end: int, p: FloatArray, before: FloatArray, after: FloatArray, gap: FloatArray, mu: float,
     smooth: FloatArray, deep: FloatArray,
-) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
+) -> None:  # fmt: skip
     """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too."""
     # Far from the contact any negative value does.
     rows, n = p.shape
@@ -110,7 +110,6 @@ def _smooth(
                 continue
             around = here[east] + here[west] + up[west] + up[j] + up[east] + down[west] + down[j] + down[east]
             smooth[i, j] = -mu * np.cbrt(gap[i, j] ** 2) if around > 0.0 else -1.0
-    return (0.0,), (0.0,)
 
 
 @kernel(inner=True)
@@ -128,7 +127,7 @@ def _weights(part: float) -> Any:
 def _interpolate(
     first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], p: FloatArray,
     smooth: FloatArray, deep: FloatArray, target: FloatArray,
-) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
+) -> None:  # fmt: skip
     """Interpolate rows of the fine grid from coarse fields, with rows beside those of this process."""
     # `place` is the row of the whole fine grid that is the first here, and the row of the coarse fields that
     # is the first of the grid; `whole` the rows of the whole grids, fine and coarse.
@@ -159,7 +158,6 @@ def _interpolate(
                 s = (1.0 - y) * ((1.0 - x) * smooth[row, m] + x * smooth[row, right])
                 s += y * ((1.0 - x) * smooth[row + 1, m] + x * smooth[row + 1, right])
                 target[i * columns + j] = np.sqrt(s) if s > 0.0 else 0.0
-    return (0.0,), (0.0,)
 
 
 def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> float:
