@@ -1,9 +1,10 @@
-"""What the tests share: a recorder, small runs, the elastic closed form, dense contact solving, a browser."""
+"""What the tests share: recorder, small runs, elastic closed form, dense contact, bits of files, browser."""
 
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -139,6 +140,21 @@ class DenseContact:
 def dense_contact():
     """Random small problems on a grid, and who knows their answers."""
     return DenseContact
+
+
+@pytest.fixture(scope="session")
+def bits():
+    """Return the bits of every variable of an HDF5 file, or of every such file in a results folder."""
+
+    def bits(place):
+        place, found = Path(place), {}
+        for path in sorted(place.rglob("*.h5")) if place.is_dir() else [place]:
+            prefix = f"{path.relative_to(place)}:" if place.is_dir() else ""
+            with h5py.File(path) as h5:
+                found |= {f"{prefix}{name}": np.asarray(h5[name]).tobytes() for name in h5}
+        return found
+
+    return bits
 
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")

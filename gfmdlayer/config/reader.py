@@ -196,7 +196,8 @@ def _assign(document: Document, key: str, new: Document, option: Place) -> None:
         if i < len(location) - 1:
             inner = inner.setdefault(part, {}) if isinstance(inner, dict) else inner[part]
             document.keys.setdefault(location[: i + 1], option)
-    for places in (document.keys, document.values):
+    places: dict[Location, Any]
+    for places in (document.keys, document.values, document.lists):
         for old in [place for place in places if place[: len(location)] == location]:
             del places[old]
     if new.data is None and option == _PYTHON:

@@ -10,7 +10,7 @@ import math
 import re
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from io import StringIO
 from typing import Any
@@ -21,10 +21,12 @@ from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 from ruamel.yaml.representer import SafeRepresenter
 
+from gfmdlayer.files.tables import NumberList, shortened
 from gfmdlayer.validation.problems import Location, colon_without_space, dotted
 
 _TOO_DEEP = "nested too deeply for a configuration"
 _MOST_OPEN = 1000  # brackets: the parser takes a time that grows with the square of their number
+_NO_LISTS: Mapping[str, NumberList] = {}
 _TAG = "the tag {} is not allowed; remove it"
 _COLLECTIONS = {"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"}
 _NUMBERS = {"tag:yaml.org,2002:int", "tag:yaml.org,2002:float"}
@@ -47,17 +49,24 @@ class Place:
 
 @dataclass
 class Document:
-    """Plain data with the places of its keys and values, and the errors in the text."""
+    """Plain data with the places of its keys and values, and the errors in the text.
+
+    The places of the numbers in `lists` are found when they are asked for.
+    """
 
     data: Any = None
     keys: dict[Location, Place] = field(default_factory=dict)
     values: dict[Location, Place] = field(default_factory=dict)
     problems: list[tuple[Place, str]] = field(default_factory=list)
+    lists: dict[Location, Callable[[int], Place]] = field(default_factory=dict)
 
     def place(self, location: Location) -> Place:
         """Return the place of a value; where there is none, of the section or key that should hold it."""
         while location not in self.values:
-            location = location[:-1]
+            *above, last = location
+            if (find := self.lists.get(tuple(above))) is not None and isinstance(last, int):
+                return find(last)
+            location = tuple(above)
             if location in self.values:
                 return self.keys.get(location, self.values[location])
         return self.values[location]
@@ -72,6 +81,16 @@ def read(content: str | bytes, source: str, at: Location = ()) -> Document:
             place = _place(source, error.object[: error.start].decode("utf-8", errors="replace"))
             message = f"the byte 0x{error.object[error.start]:02x} is not UTF-8; must be a text file in UTF-8"
             return Document(problems=[(place, message)])
+    short, lists = shortened(content)
+    if lists:
+        document = _parsed(short, source, at, lists)
+        if not document.problems and len(document.lists) == len(lists):
+            return document
+    return _parsed(content, source, at)
+
+
+def _parsed(content: str, source: str, at: Location, lists: Mapping[str, NumberList] = _NO_LISTS) -> Document:
+    """Return the data in a text, in which words may stand for lists of numbers."""
     document = Document()
     start = Place(source, 1, 1)
     opened = 0
@@ -86,7 +105,7 @@ def read(content: str | bytes, source: str, at: Location = ()) -> Document:
             warnings.simplefilter("ignore", YAMLWarning)
             node = yaml.compose(content)
         if node is not None:
-            document.data = _Builder(document, source, yaml).build(node, at)
+            document.data = _Builder(document, source, yaml, lists).build(node, at)
     except MarkedYAMLError as error:
         document.problems.append(_refusal(error, content, source))
     except ReaderError as error:
@@ -128,6 +147,7 @@ class _Builder:
     document: Document
     source: str
     yaml: YAML
+    lists: Mapping[str, NumberList]
     seen: set[int] = field(default_factory=set)
 
     def build(self, node: Node, at: Location) -> Any:
@@ -140,8 +160,20 @@ class _Builder:
         if str(node.tag) not in _COLLECTIONS:
             return self.complain(node, at, _TAG.format(node.tag))
         if isinstance(node, SequenceNode):
+            if (numbers := self.numbers(node, at)) is not None:
+                return numbers
             return [self.build(item, (*at, i)) for i, item in enumerate(node.value)]
         return self.mapping(node, at)
+
+    def numbers(self, node: SequenceNode, at: Location) -> list[int | float] | None:
+        """Return the list of numbers whose word is the only entry of a list."""
+        entry = node.value[0] if len(node.value) == 1 else None
+        plain = isinstance(entry, ScalarNode) and entry.style is None and not entry.anchor
+        known = self.lists.get(entry.value) if plain and entry is not None else None
+        if known is None:
+            return None
+        self.document.lists[at] = lambda i: Place(self.source, *known.places[i])
+        return known.numbers
 
     def mapping(self, node: Node, at: Location) -> dict[str, Any]:
         result: dict[str, Any] = {}

@@ -18,7 +18,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.creep import relaxation
+from gfmdlayer.body.network import relaxation
 from gfmdlayer.indentation.compliance import (
     Compliance,
     Features,

@@ -14,7 +14,7 @@ from textwrap import dedent
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
-from gfmdlayer.resumable import State
+from gfmdlayer.resumable import Saving
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute, BoolArray, FloatArray
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
-    from gfmdlayer.history.error_control import Integrator
+    from gfmdlayer.history.adaptive_steps import Integrator
     from gfmdlayer.programme import Programme
 
 Value: TypeAlias = "float | FloatArray"
@@ -167,7 +167,7 @@ class Parts(Protocol):
         """The laws of layers and halfspace as series of Maxwell branches."""
 
 
-class Observable:
+class Observable(Saving):
     """Measures columns of each accepted step.
 
     Parameters
@@ -194,7 +194,6 @@ class Observable:
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()
     NUMBERS: ClassVar[tuple[Column, ...]] = ()
-    KEPT: ClassVar[tuple[str, ...]] = ()
     finished: bool = False
     attributes: Mapping[str, Attribute] = MappingProxyType({})
     warning: str = ""
@@ -218,16 +217,3 @@ class Observable:
     def measure(self, step: AcceptedStep) -> Mapping[str, Value]:  # noqa: ARG002
         """Return the values of the columns, by name."""
         return {}
-
-    def state(self) -> State:
-        """Return the attributes in KEPT."""
-        return {name: getattr(self, f"_{name}") for name in self.KEPT}
-
-    def restore(self, state: State) -> None:
-        """Continue from the state of another run."""
-        import numpy as np
-
-        for name in self.KEPT:
-            held = np.asarray(state[name]).tolist()  # numbers as they were: a sum may begin as a whole 0
-            in_tuple = isinstance(getattr(self, f"_{name}"), tuple)
-            setattr(self, f"_{name}", tuple(held) if in_tuple else held)

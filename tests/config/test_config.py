@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gfmdlayer.body.materials import Prony, Zener
-from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.config import Config, ConfigError, digest, load, text
 from gfmdlayer.execution.sweep import input_errors
 from gfmdlayer.validation.units import Units
 from tests.config.reading import problems, read
@@ -401,9 +401,42 @@ def test_the_digest_contains_the_solver_that_auto_chooses(values, method):
     assert digest(config) == digest(config.with_values({"solver.method": method}))
 
 
+LONG = ", ".join(f"{1 + 0.01 * i:.6g}" for i in range(600))  # more than are left to the parser of YAML
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        f"a: [{LONG}]\nb: 1\n",
+        f"a: {{c: [{LONG}], d: [1, {LONG}, -2e-3, +5, 1., 007]}}\n",
+        f"a: [[{LONG}], [{LONG},\n {LONG}], 3]  # and so on\n",
+        "a:\n" + "".join(f"  - {i}\n" for i in range(600)) + "b: 1\n",
+        "a:\n- " + LONG.replace(", ", "\n- ") + "\nb: [x]\n",
+        "a: x\n" + "".join(f"  - {i}\n" for i in range(600)),  # one long text
+        "a:\n  - 1\n" + "".join(f"    - {i}\n" for i in range(600)) + "  - 2\n",
+        f"a: '[{LONG}]'\n",
+        f"a: |\n  x: [{LONG}]\n",
+        f"a: 1  # [{LONG}]\n",
+        f"a: [{LONG},]\nb: [{LONG}, , 1]\n",
+        f"a: [{LONG}] 3\n",
+        f"a: [{LONG}, 1e999]\nb: !!seq [{LONG}]\nc: &x [{LONG}]\n",
+        f"[{LONG}]: 1\n",
+        f"? [{LONG}]\n: 1\n",
+        f"a: [{LONG}]\na: [{LONG}]\nb: \ue000\n",
+    ],
+)
+def test_long_lists_of_numbers_are_read_like_short_ones(content, monkeypatch):
+    found = text.read(content, "x.yaml")
+    monkeypatch.setattr(text, "shortened", lambda content: (content, {}))
+    whole = text.read(content, "x.yaml")
+    assert repr(found.data) == repr(whole.data)
+    assert found.problems == whole.problems
+    assert found.keys == whole.keys
+    assert {at: found.place(at) for at in whole.values} == whole.values
+
+
 def test_a_wrong_number_in_a_long_list_is_reported_at_its_place(tmp_path):
-    long = ", ".join(f"{1 + 0.01 * i:.6g}" for i in range(600))
-    assert problems(tmp_path, f"name: long\nsweep:\n  punch.radius: [{long},\n    -2, 0.5]\n") == [
+    assert problems(tmp_path, f"name: long\nsweep:\n  punch.radius: [{LONG},\n    -2, 0.5]\n") == [
         "case.yaml:4:5: sweep.punch.radius[600]: got -2; must be a number > 0, or two of them, "
         "one for each direction"
     ]
@@ -447,18 +480,14 @@ def test_words_become_labels_and_stay_without_units():
         ("{length: Pa, stress: Pa, time: s}", "units.length: got the text 'Pa'; must be a unit of length"),
         ("{length: m, stress: mpa, time: s}", "units.stress: got the text 'mpa'; must be a unit of stress"),
         ("{length: m, stress: MPA, time: s}", "did you mean 'MPa'?"),
-        (
-            "{length: 1.0, stress: Pa, time: s}",
-            "units.length: got 1.0; must be a unit of length, such as m, mm",
-        ),
+        ("{length: 1.0, stress: Pa, time: s}",
+         "units.length: got 1.0; must be a unit of length, such as m, mm"),
         ("{lenght: m, stress: Pa, time: s}", "units.lenght: unknown key; allowed: length, stress, time"),
         ("SI", "units: got the text 'SI'; must be a mapping"),
-        (
-            "{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}",
-            "sweep.units.length: cannot be swept",
-        ),
+        ("{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}",
+         "sweep.units.length: cannot be swept"),
     ],
-)
+)  # fmt: skip
 def test_other_names_and_sweeps_of_labels_are_refused(tmp_path, units, message):
     assert message in "\n".join(problems(tmp_path, f"name: a\nunits: {units}\n"))
 

@@ -9,7 +9,7 @@ from gfmdlayer.body.pair import in_series
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.error_control import ErrorControl
+from gfmdlayer.history.adaptive_steps import ErrorControl
 from gfmdlayer.history.modes import Modes, backward_euler, exponential
 from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.sliding_modes import SlidingModes

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 import gfmdlayer
 from gfmdlayer import LayeredHalfspace, Prony, Zener, bonded_layer
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.indentation.isolated import IsolatedIndentation
+from gfmdlayer.indentation.indent import IsolatedIndentation
 from gfmdlayer.indentation.solve import (
     History,
     find_space,

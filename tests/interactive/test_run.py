@@ -61,19 +61,15 @@ def test_a_case_in_memory_is_that_of_its_file(config):
     "sweep",
     [
         {"layer.thickness": [0.05, 0.1], "layer.material.tau": [1, 2]},
-        {
-            "zip": {
-                "layer.thickness": [0.05, 0.1],
-                "punch": [{"radius": 0.5}, {"shape": "wedge", "slope": 0.1}],
-            }
-        },
+        {"zip": {"layer.thickness": [0.05, 0.1],
+         "punch": [{"radius": 0.5}, {"shape": "wedge", "slope": 0.1}]}},
         {"output.patches": [False, True]},
         {"output.histograms.gap": [{"max": 1.0, "bins": 3}, {"max": 1.0, "bins": 4}]},
         {"grid.points": [64, 128]},
         {"trajectory.depth": [0.005, 0.01]},
     ],
     ids=["product", "list", "a column of one", "other bins", "grids", "named as a column"],
-)
+)  # fmt: skip
 def test_a_sweep_in_memory_is_that_of_its_file(sweep):
     config = SURFACE | {"sweep": sweep}
     with gfmdlayer.run(config, out="out") as written:
