@@ -33,15 +33,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
-import numpy as np
-
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.time_points import SAME_TIME, Course, FixedSteps, Instant, fingerprint
 from gfmdlayer.interface.law import Interaction
-from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.kernels import LANES, filled, kernel, maximum
 from gfmdlayer.resumable import State
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
@@ -115,14 +113,14 @@ class Changes:
 @kernel(reorder=True)
 def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
     """Largest change of a gap, over the larger of the reach and the lesser of the gaps before and after."""
-    most = np.zeros(LANES)
+    most = filled(LANES, 0.0)
     for first in range(0, before.size, LANES):
         old, new = before[first : first + LANES], after[first : first + LANES]
         for i in range(old.size):
             change, gap = abs(new[i] - old[i]), min(old[i], new[i])
             change /= gap if gap > reach else reach
             most[i] = change if change > most[i] else most[i]
-    return most.max()  # type: ignore[no-any-return]
+    return maximum(most)  # type: ignore[no-any-return]
 
 
 @dataclass
