@@ -37,7 +37,7 @@ def name(kernel):
 def compiled():
     # An inner kernel is compiled as a part of those that call it.
     return {name(kernel): len(kernel.overloads) for kernel in kernels()
-            if not kernel.targetoptions["no_cpython_wrapper"]}
+            if not kernel.targetoptions.get("no_cpython_wrapper")}
 
 RARE = tuple("gfmdlayer.contact." + name for name in (
     "bounded.", "active_set.loop.set_guess",
