@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import State
+from gfmdlayer.resumable import Saving
 
 _REACH = 32  # part of the surface, at least, on either side of the contact where the next may be
 _BLOCK = 256  # points that are passed over together where nothing is in contact
@@ -29,8 +30,10 @@ Weights = tuple[float, float, float]
 LastThree = tuple[FloatArray, FloatArray, FloatArray]
 
 
-class DisplacementPrediction:
+class DisplacementPrediction(Saving):
     """The parabola in time through the last three accepted displacements (fewer where there are fewer)."""
+
+    KEPT: ClassVar[tuple[str, ...]] = ("times", "fields")
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         # `size` is the number of points of this process; before the first step the guess is zero.
@@ -55,18 +58,11 @@ class DisplacementPrediction:
             return np.zeros(self._size)
         return _combined(_lagrange(self._times, time), _last_three(self._fields))
 
-    def state(self) -> State:
-        """Return the last steps."""
-        return {"times": list(self._times), "fields": np.array(self._fields)}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self._times.extend(state["times"].tolist())
-        self._fields.extend(state["fields"])
-
 
 class PressurePrediction(DisplacementPrediction):
     """Pressures extrapolated across moving edges of the contact, from the last three accepted steps."""
+
+    KEPT = (*DisplacementPrediction.KEPT, "gaps", "mu", "moves", "contact")
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         super().__init__(size, ranks)
@@ -103,18 +99,6 @@ class PressurePrediction(DisplacementPrediction):
         weights, guess = _lagrange(self._times, time), np.zeros(size)
         _extrapolate(weights, pressures, gaps, self._mu, self._moves > 1, near, guess)
         return guess
-
-    def state(self) -> State:
-        """Return the last steps, and mu."""
-        learned = {"mu": self._mu, "moves": self._moves, "contact": self._contact}
-        return {**super().state(), "gaps": np.array(self._gaps), **learned}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        super().restore(state)
-        self._gaps.extend(state["gaps"])
-        self._mu, self._moves = float(state["mu"]), int(state["moves"])
-        self._contact = int(state["contact"][0]), int(state["contact"][1])
 
 
 def _lagrange(times: Sequence[float], time: float) -> Weights:

@@ -18,8 +18,8 @@ from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 from gfmdlayer.simulation import Case
 from gfmdlayer.config import Config
-from gfmdlayer.model import warm_up
-from gfmdlayer.model import ConvergenceError, simulate
+from gfmdlayer.contact.active_set import windows
+from gfmdlayer.model import ConvergenceError, simulate, warm_up
 
 class Nothing:
     def row(self, **_): ...
@@ -59,7 +59,9 @@ CASES = [
 ]
 for values in CASES:
     config = Config(name="warm").with_values(values)
+    assert values is not SHORT or not windows.solve.overloads
     warm_up(config, Path(sys.argv[1]))
+    assert windows.solve.overloads  # a warm-up at a given depth comes to a window
     before = compiled()
     simulate(config, Nothing())
     # Too few iterations for a tolerance at the edge of rounding: every fallback is tried.
