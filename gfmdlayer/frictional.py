@@ -19,10 +19,11 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.loading import Surface, pulled_off
+from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.friction import problem as frictional
 from gfmdlayer.friction.problem import Law
-from gfmdlayer.friction.solver import LIMIT, FrictionSolver, Mixing
+from gfmdlayer.friction.solver import LIMIT, MIXED, FrictionSolver
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.history.time_points import Instant
 from gfmdlayer.history.traction_modes import TractionControl, TractionModes
@@ -31,7 +32,7 @@ from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.observables.friction import direction
 from gfmdlayer.observables.observable import Shear
-from gfmdlayer.resumable import CompositeState, State
+from gfmdlayer.resumable import CompositeState, Saving
 from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import distance
 
@@ -45,7 +46,7 @@ _SETTLED = 10  # tolerances of the solver, within which a coefficient and its bo
 _SLIDES = 1e-3  # part of the largest tangential force within which a step without a solution slides away
 
 
-class Motion:
+class Motion(Saving):
     """What a run carries beside the history of the body: place of the punch, last tractions, gap and slip.
 
     A point that comes into contact in a step has slipped before it touched. Where the edge of the contact
@@ -53,6 +54,10 @@ class Motion:
     3/2 power of the distance from the edge. So the slip until the point touches follows from the last step,
     and the slip of this one counts from there: without this, the error is of the first order in the step.
     """
+
+    KEPT = (
+        "time", "step", "depth", "moved", "tractions", "before", "gap", "closing", "slip", "stick",
+    )  # fmt: skip
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         axes, points = len(shape), math.prod(shape)
@@ -63,7 +68,8 @@ class Motion:
         self.tractions = np.zeros((1 + axes, points))
         self.before: FloatArray | None = None  # tractions a step earlier; None behind a breakpoint
         self.gap, self._closing = np.full(points, np.inf), np.zeros(points)  # after the last step; its change
-        self._slip = self._untouched = np.zeros((axes, points))  # in the last step; in this one, see above
+        self._slip = np.zeros((axes, points))  # in the last step
+        self._untouched = np.zeros((axes, points))  # in this one, see above
         self._stick = np.zeros(points, dtype=bool)
 
     def guess(self, step: float) -> FloatArray | None:
@@ -100,21 +106,6 @@ class Motion:
         self._closing = np.where(np.isfinite(self.gap), gap - self.gap, 0.0)
         self.gap, self._stick = gap, found.stick
         self._slip = found.slip + self._untouched
-
-    def state(self) -> State:
-        """Return times, places and tractions."""
-        before = {} if self.before is None else {"before": self.before}
-        places = {"time": self.time, "step": self.step, "depth": self.depth, "moved": self.moved}
-        apart = {"gap": self.gap, "closing": self._closing, "slip": self._slip, "stick": self._stick}
-        return {**places, "tractions": self.tractions, **before, **apart}
-
-    def restore(self, state: State) -> None:
-        """Continue from there."""
-        self.time, self.step = float(state["time"]), float(state["step"])
-        self.depth, self.moved = float(state["depth"]), np.asarray(state["moved"])
-        self.tractions, self.before = np.asarray(state["tractions"]), state.get("before")
-        self.gap, self._closing = np.asarray(state["gap"]), np.asarray(state["closing"])
-        self._slip, self._stick = np.asarray(state["slip"]), np.asarray(state["stick"])
 
 
 class SlidesAwayError(Exception):
@@ -280,7 +271,7 @@ class FrictionalCase(Case):
             start = np.zeros_like(self.motion.tractions)
             start[0] = self.guess.at(instant.time)
         limit = min(LIMIT, self.config.solver.max_iterations)
-        pairs, steps, before, mixing = 0.0, 0, self.solver.state(), Mixing()
+        pairs, steps, before, mixing = 0.0, 0, self.solver.state(), Mixing(MIXED)
         for _ in range(_ROUNDS if self.programme.depends_on_speed else 1):
             if reason := problem.why_not_solvable():
                 raise SlidesAwayError(reason.partition(": the punch")[0])

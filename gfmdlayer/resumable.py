@@ -5,8 +5,10 @@ Restoring the state of an object made in the same way reproduces the run bit for
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
-from typing import Any, Protocol
+from functools import reduce
+from typing import Any, ClassVar, Protocol
 
 State = Mapping[str, Any]  # arrays, numbers and text by name; all of them come back as arrays
 
@@ -23,15 +25,45 @@ class Resumable(Protocol):
         ...
 
 
-class Stateless:
-    """Carries nothing from one step to the next."""
+class Saving:
+    """Saves and restores the attributes in `KEPT`: "work" is `_work` or `work`, "modes.x" is in a part."""
+
+    KEPT: ClassVar[tuple[str, ...]] = ()
 
     def state(self) -> State:
-        """Return nothing."""
-        return {}
+        """Return the attributes that are not None."""
+        found = {name: getattr(*self._place(name)) for name in self.KEPT}
+        return {name.replace(".", "_"): value for name, value in found.items() if value is not None}
 
     def restore(self, state: State) -> None:
-        """Do nothing."""
+        """Continue from the state of an object made in the same way; arrays change in place."""
+        import numpy as np
+
+        for name in self.KEPT:
+            owner, attribute = self._place(name)
+            held, key = getattr(owner, attribute), name.replace(".", "_")
+            if held is None and key not in state:
+                continue
+            value = np.asarray(state[key])
+            if isinstance(held, np.ndarray):
+                held[...] = value
+            elif isinstance(held, deque):
+                held.clear()
+                held.extend(value)
+            elif isinstance(held, (list, tuple)):
+                setattr(owner, attribute, type(held)(value.tolist()))
+            else:  # numbers as they were: a sum may begin as a whole 0
+                setattr(owner, attribute, value if value.ndim else value.item())
+
+    def _place(self, name: str) -> tuple[Any, str]:
+        """Return an object and its attribute."""
+        first, *rest = name.split(".")
+        way = [f"_{first}" if hasattr(self, f"_{first}") else first, *rest]
+        return reduce(getattr, way[:-1], self), way[-1]
+
+
+class Stateless(Saving):
+    """Carries nothing from one step to the next."""
 
 
 class CompositeState:

@@ -32,8 +32,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
 from gfmdlayer.grid.slabs import SlabGrid, transforms_of
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.history.adaptive_steps import AdaptiveSteps, Changes, Steps
-from gfmdlayer.history.error_control import ErrorControl, Integrator
+from gfmdlayer.history.adaptive_steps import AdaptiveSteps, Changes, ErrorControl, Integrator, Steps
 from gfmdlayer.history.inside import Interior, Springs
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime

@@ -28,10 +28,15 @@ from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.labels import SCALES
 from gfmdlayer.figures.map_plots import map_figure
-from gfmdlayer.figures.movie import animated
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Style, styled
 from gfmdlayer.figures.selection import case_dimensions, swept
-from gfmdlayer.figures.snapshot_plots import Inset, cases_with_snapshots, snapshots_figure, waterfall_figure
+from gfmdlayer.figures.snapshot_plots import (
+    Inset,
+    animated,
+    cases_with_snapshots,
+    snapshots_figure,
+    waterfall_figure,
+)
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.results.schema import FIELDS, ResultsError
 from gfmdlayer.validation.units import Units

@@ -292,7 +292,7 @@ Interface Sci.* 150 (1992) 243. Ours are three-dimensional contacts on up to 102
     yield from _table(("λ", "Maugis", "here", "difference"), rows)
 
 
-def thin_layer_with_adhesion() -> Iterator[str]:
+def thin_layer_with_adhesion(ratios: Sequence[float] = (4.0, 8.0, 12.0, 16.0)) -> Iterator[str]:
     """Yield the pull-off of a sphere from layers, beside the limits of thin ones."""
     yield """\
 ## Pull-off of a sphere from a thin layer
@@ -305,7 +305,7 @@ Math.* 69 (2016) 161). The limit here is that of a cubic in d/a through the rows
 derives the limits and the bound.
 """
     for nu, printed in ((0.3, "2"), (0.5, "3")):
-        found = np.array([pull_off(nu, ratio, 1e-3) for ratio in (4.0, 8.0, 12.0, 16.0)])
+        found = np.array([pull_off(nu, ratio, 1e-3) for ratio in ratios])
         rows = [(f"{1 / thin:.2f}", "", f"{force:.3f}") for thin, force in found]
         limit = np.polynomial.polynomial.polyfit(*found.T, 3)[0]
         rows.append(("∞", printed, f"{limit:.3f}"))

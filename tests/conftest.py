@@ -1,20 +1,20 @@
-"""What the tests share: a recorder, small runs, the elastic closed form, dense contact solving, a browser."""
+"""What the tests share: recorder, small runs, elastic closed form, dense contact, bits of files, browser."""
 
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import settings
-from scipy.optimize import brentq, nnls
-from scipy.special import spence
+from scipy.optimize import nnls
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.model import simulate
-from gfmdlayer.verification import runs
+from gfmdlayer.verification import runs, theory
 
 # `pytest tests/test_fuzz_*.py --hypothesis-profile=long` is the long run. Without it a test that has passed
 # draws the same examples again, so that what breaks it is what was changed.
@@ -53,18 +53,11 @@ def run():
 
 @pytest.fixture(scope="session")
 def parabola_on_halfspace():
-    """Contact fraction and pbar/2G of a periodic parabola, R = L/4, on an incompressible halfspace.
-
-    From the depth; pbar = -(E* L/(2 pi R)) ln cos phi and depth = (L^2/(4 pi^2 R)) (pi^2/6 - Li2(cos^2 phi))
-    with phi = pi atilde/2 and E* = 4 G.
-    """
+    """Contact fraction and pbar/2G at depths of a parabola, R = L/4, on an incompressible halfspace."""
 
     def answer(depths):
-        def excess(phi, depth):
-            return float((np.pi**2 / 6 - spence(np.sin(phi) ** 2)) / np.pi**2 - depth)
-
-        phi = np.array([brentq(excess, 0, 1.57, args=(d,), xtol=1e-15) for d in np.atleast_1d(depths)])
-        return 2 * phi / np.pi, -4 / np.pi * np.log(np.cos(phi))
+        half_widths = np.array([theory.parabola_half_width(depth) for depth in np.atleast_1d(depths)])
+        return 2 * half_widths, theory.parabola_pressure(half_widths) / 2
 
     return answer
 
@@ -147,6 +140,21 @@ class DenseContact:
 def dense_contact():
     """Random small problems on a grid, and who knows their answers."""
     return DenseContact
+
+
+@pytest.fixture(scope="session")
+def bits():
+    """Return the bits of every variable of an HDF5 file, or of every such file in a results folder."""
+
+    def bits(place):
+        place, found = Path(place), {}
+        for path in sorted(place.rglob("*.h5")) if place.is_dir() else [place]:
+            prefix = f"{path.relative_to(place)}:" if place.is_dir() else ""
+            with h5py.File(path) as h5:
+                found |= {f"{prefix}{name}": np.asarray(h5[name]).tobytes() for name in h5}
+        return found
+
+    return bits
 
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -24,11 +25,12 @@ def room(path: Path) -> str:
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
+@cache
 def files_imported(path: Path) -> set[Path]:
     """Return the files of the package that a file imports anywhere, inside functions too."""
     package = ("gfmdlayer", *path.relative_to(PACKAGE).parts[:-1])
     names: list[list[str]] = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names += (alias.name.split(".") for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -36,6 +38,14 @@ def files_imported(path: Path) -> set[Path]:
             base = [*above, *(node.module or "").split(".")] if node.module else [*above]
             names += ([*base, alias.name] for alias in node.names)
     return {found for name in names if name[0] == "gfmdlayer" and (found := file_of(name))} - {path}
+
+
+def statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield all statements in a module, those in functions and branches too."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+            yield child
+            yield from statements(child)
 
 
 def file_of(name: Sequence[str]) -> Path | None:
@@ -48,12 +58,9 @@ def file_of(name: Sequence[str]) -> Path | None:
     return PACKAGE / "__init__.py"
 
 
-IMPORTS = {path: files_imported(path) for path in FILES}
-
-
 def rooms_imported(path: Path) -> set[str]:
     """Return the rooms that a file imports, without its own."""
-    return {room(file) for file in IMPORTS[path]} - {room(path)}
+    return {room(file) for file in files_imported(path)} - {room(path)}
 
 
 def test_a_room_imports_only_rooms_above_it_in_the_table() -> None:
@@ -68,7 +75,7 @@ def test_a_room_imports_only_rooms_above_it_in_the_table() -> None:
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
     """A package's __init__.py does not count: its modules may import it inside a function."""
-    modules = {path: {file for file in found if file.stem != "__init__"} for path, found in IMPORTS.items()}
+    modules = {path: {file for file in files_imported(path) if file.stem != "__init__"} for path in FILES}
     TopologicalSorter(modules).prepare()
 
 

@@ -21,7 +21,7 @@ from gfmdlayer.config import Config, text
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.observables import INDENTATION, OBSERVABLES, TOTALS
 from gfmdlayer.observables.observable import Column
-from gfmdlayer.results.schema import VARIABLES, Variable
+from gfmdlayer.results.schema import VARIABLES
 from gfmdlayer.validation.fields import dimension
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ def columns() -> Iterator[str]:
             yield from _columns(observable.NUMBERS)
     yield "## Snapshots\n"
     yield "Coordinates, and fields of the surface at the times of `output.snapshots`.\n"
-    yield from _columns(VARIABLES.values(), VARIABLES)
+    yield from _columns(VARIABLES.values())
     yield "## Isolated contact\n"
     yield "With `grid.boundary: isolated` these columns replace means over the cell.\n"
     replaced = {name: each for name, each in TOTALS.items() if each is not None}
@@ -256,12 +256,9 @@ def columns() -> Iterator[str]:
     yield from _columns(INDENTATION)
 
 
-def _columns(declared: Iterable[Column | Variable], names: Iterable[str] = ()) -> Iterator[str]:
-    declared = list(declared)
-    names = list(names) or [each.name for each in declared if isinstance(each, Column)]
+def _columns(declared: Iterable[Column]) -> Iterator[str]:
     rows = (
-        (f"`{name}`", each.units, _sentence(each.long_name), _sentence(each.origin))
-        for name, each in zip(names, declared, strict=True)
+        (f"`{each.name}`", each.units, _sentence(each.long_name), _sentence(each.origin)) for each in declared
     )
     yield from _table(("column", "unit", "meaning", "measured"), rows)
 
@@ -274,7 +271,7 @@ def command_line_page() -> Iterator[str]:
     yield f"```text\n{parser.format_help().rstrip()}\n```\n"
     for name, verb in zip(verbs.choices, VERBS, strict=True):
         yield f"## gfmdlayer {name}\n"
-        yield f"{_sentence((verb.__doc__ or '').partition(': ')[2].strip().capitalize())}\n"
+        yield f"{_sentence(verb.meaning)}\n"
         yield f"```text\n{verbs.choices[name].format_help().rstrip()}\n```\n"
 
 

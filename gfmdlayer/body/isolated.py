@@ -14,8 +14,8 @@ weights. In the form of creep, with retardation times T_k that the body has,
 
     C~(q, s) = c_0(q) + sum_k c_k(q)/(1 + s T_k),          c_0 >= `_STIFFEST` C(q, inf),    c_k >= 0
 
-and c follows from least squares. As relaxing modes (`creep`) C~ passes through histories, solvers and
-energies like any body that carries a mean pressure.
+and c follows from least squares. As relaxing modes (`network.relaxation`) C~ passes through histories,
+solvers and energies like any body that carries a mean pressure.
 
 The right-hand side has no singularity. A smooth low pass p(q), one near q = 0, leaves of G and of the sum
 over all waves what does not end before the nearest image; the rest of the two is equal. So it is
@@ -38,8 +38,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
-from gfmdlayer.body.creep import relaxation, retardation
-from gfmdlayer.body.relaxation import Spectrum
+from gfmdlayer.body.network import relaxation
+from gfmdlayer.body.relaxation import SAME_TIME, Spectrum, retardation
 from gfmdlayer.body.solid import WIDEST
 from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.body.wavevectors import Wavevectors
@@ -283,7 +283,7 @@ def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, Floa
     """Return Laplace variables, and the retardation times of the body in the lowest waves and longer ones."""
     q = np.concatenate((np.geomspace(1e-4 / period, low.min(), 60), np.geomspace(low.min(), low.max(), 20)))
     modes = body.spectrum(q)
-    J, T = retardation(modes.weights, modes.times, modes.relaxed)
+    J, T, *_ = retardation(modes.weights, modes.times, modes.relaxed, SAME_TIME)
     T = np.sort(T[J * modes.relaxed > _LEAST])
     if not T.size:
         return np.zeros(1), np.zeros(0)

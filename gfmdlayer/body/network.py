@@ -29,6 +29,7 @@ accuracy over any range of times.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -228,3 +229,15 @@ def redundants(
         projection, np.concatenate((basis, rest), axis=1)[:, np.newaxis], reduced[:, :, surface:], 2
     )
     return reduced[:, :, :surface], projection
+
+
+def relaxation(instant: float, compliances: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the modes w_j, theta_j of K = 1/C with C = c_0 + sum_k c_k/(1 + s T_k), distinct T_k, (n,)."""
+    # With v_k = (c_k/T_k)^(1/2), the rates 1/theta_j are the eigenvalues of diag(1/T) + v v^T/c_0, and
+    # w_j = theta_j (e_j.v)^2/c_0^2 of its eigenvectors e_j. The instantaneous stiffness is 1/c_0.
+    if not times.size:
+        return times, times
+    v = np.sqrt(compliances / times)
+    system = np.vstack((np.diag(times**-0.5), v / math.sqrt(instant)))
+    roots, vectors = singular_values(system)
+    return ((v @ vectors) / (instant * roots)) ** 2, roots**-2

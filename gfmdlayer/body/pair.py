@@ -25,7 +25,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, columns_at_once, solve_secular
+from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, retardation
 from gfmdlayer.body.wavevectors import Wavevectors
 
 if TYPE_CHECKING:
@@ -155,18 +155,14 @@ def _modes(times: FloatArray, strengths: FloatArray, relaxed: FloatArray) -> tup
     """Return weights and times of the modes of the pair: roots, then shared times, (2 n, nq)."""
     size, waves = times.shape
     weights, thetas = np.zeros((2 * size, waves)), np.ones((2 * size, waves))
-    number = np.isfinite(times).sum(axis=0)
     shared = np.nonzero((strengths > 0).all(axis=0))
     one, two, of_both = strengths[0][shared], strengths[1][shared], times[shared]
     weights[size:][shared], thetas[size:][shared] = one * (two / (one + two)) / of_both, of_both
-    for n in np.unique(number[number > 0]).tolist():
-        for part in columns_at_once(n, int(np.count_nonzero(number == n))):
-            at = np.flatnonzero(number == n)[part]
-            g, t = strengths[:, :n, at], times[:n, at]
-            J, theta, apart = solve_secular(g.sum(axis=0), t, relaxed[:, at].sum(axis=0))
-            terms = np.moveaxis(g, 1, 2)[:, np.newaxis] / apart  # (2, roots, waves, poles)
-            stiffness = relaxed[:, np.newaxis, at] - terms.sum(axis=-1)
-            size_of = relaxed[:, np.newaxis, at] + np.abs(terms).sum(axis=-1)
-            kappa = np.where(size_of[0] < size_of[1], -stiffness[0], stiffness[1])
-            weights[:n, at], thetas[:n, at] = J * kappa**2, theta
+    found = retardation(strengths.sum(axis=0) / times, times, relaxed.sum(axis=0), 0.0)
+    for k, (J, theta, origin, distance) in enumerate(zip(*found, strict=True)):
+        at = J > 0
+        terms = strengths[:, :, at] / ((origin - times)[:, at] + distance[at])  # (2, times, waves)
+        stiffness, size_of = relaxed[:, at] - terms.sum(axis=1), relaxed[:, at] + np.abs(terms).sum(axis=1)
+        kappa = np.where(size_of[0] < size_of[1], -stiffness[0], stiffness[1])
+        weights[k, at], thetas[k, at] = J[at] * kappa**2, theta[at]
     return weights, thetas

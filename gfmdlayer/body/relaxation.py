@@ -20,22 +20,22 @@ modulus A has the compliance
     1/G(s) = 1/Ginf + sum_k J_k/(1 + s theta_k),             sum_k G_k tau_k/(theta_k - tau_k) = A
 
 with one retardation time theta_k between each relaxation time and the next longer one, and one beyond the
-longest.
+longest. The same holds for the modes of a stiffness, with w_k in place of G_k and K_0 in place of A.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Material
+from gfmdlayer.kernels import kernel
 
 # Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
 NEGLIGIBLE = 1e-15
@@ -46,8 +46,8 @@ _DEEP = 50.0
 # Where exp(-2x) < 1/4, N(-P) at the two poles, which vanishes with exp(-2x), is computed from N - D.
 _THIN = math.log(2.0)
 
-# Number of (pole, branch, branch) terms for which secular equations are solved at once: they fit the cache.
-_CHUNK = 2**17
+# Times that rounding may have made different are one where they differ by no more than this part.
+SAME_TIME = 1e-13
 
 # The iteration needed at most 16 steps in all tests; it ends when rounding no longer changes a root.
 _MOST_ITERATIONS = 100
@@ -258,87 +258,91 @@ def retardation_spectrum(
 ) -> tuple[FloatArray, FloatArray]:
     """Compliances J_k > 0 and times theta_k > tau_k, (n, m), of Prony solids of relaxed moduli A, (m,)."""
     # All have the same moduli G_k > 0 and ascending, distinct times tau_k. The sum of the compliances J_k is
-    # 1/A - 1/(A + sum_k G_k). Raises ArithmeticError if the iteration does not converge.
-    compliances, thetas = np.empty((2, moduli.size, relaxed.size))
-    for part in columns_at_once(moduli.size, relaxed.size):
-        compliances[:, part], thetas[:, part], _ = solve_secular(moduli * times, times, relaxed[part])
-    return compliances, thetas
+    # 1/A - 1/(A + sum_k G_k).
+    if moduli.size == 1:
+        thetas = times * (1 + moduli / relaxed)
+        return (moduli / relaxed * times / thetas / relaxed)[np.newaxis], thetas[np.newaxis]
+    every = np.ones(relaxed.size)
+    found = retardation(np.outer(moduli, every), np.outer(times, every), relaxed, 0.0)
+    return found.compliances, found.times
 
 
-def columns_at_once(modes: int, columns: int) -> Iterator[slice]:
-    """Yield the columns for which secular equations are solved together."""
-    width = max(1, _CHUNK // modes**2)
-    for start in range(0, columns, width):
-        yield slice(start, start + width)
+class Retardation(NamedTuple):
+    """The compliances 1/K = 1/K_inf + sum_k J_k/(1 + s theta_k) of m stiffnesses, each (n, m)."""
+
+    compliances: FloatArray  # J_k >= 0; 0 where there is no mode
+    times: FloatArray  # theta_k > 0: origin + distance, exactly even where the times are close
+    origins: FloatArray  # the nearer of the relaxation times around theta_k
+    distances: FloatArray
 
 
-def solve_secular(
-    strengths: FloatArray, times: FloatArray, relaxed: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Solve sum_k strengths_k/(theta - tau_k) = A, by the iteration of Bunch, Nielsen and Sorensen (1978)."""
-    # Strengths G_k tau_k > 0 and ascending, distinct times tau_k are (n,), or (n, m) for columns of their
-    # own; `relaxed` is A > 0, (m,). Return compliances and roots, both (n, m),
-    #
-    #     J_k = 1/(theta_k sum_j strengths_j/(theta_k - tau_j)^2),        theta_k,
-    #
-    # and the differences theta_k - tau_j, (n, m, n). A root is stored as its distance from the nearer of the
-    # two poles around it, so that it is accurate however close the times are (Numer. Math. 31, 31-48).
-    n = len(times)
-    poles, bounds = times.reshape(n, -1), relaxed.min() if times.ndim == 1 else relaxed
-    # A pole of strength zero beyond the last root makes that root like the others. Its distance from the
-    # longest time is kept separately: added to the time it may vanish, in a body that is almost rigid.
-    reach = np.atleast_1d(4 * strengths.sum(axis=0) / bounds)
-    ends = np.concatenate((poles, poles[-1:] + reach))
-    gap = np.concatenate((np.diff(poles, axis=0), reach[np.newaxis]))
-    below = np.tril(np.ones((n, 1)) * strengths.T[..., np.newaxis, :])  # ([m,] roots, poles)
-    sides = np.stack((below, strengths.T[..., np.newaxis, :] - below), axis=-1)
-    if times.ndim == 2:
-        sides = np.moveaxis(sides, 1, 0)
+def retardation(weights: FloatArray, times: FloatArray, relaxed: FloatArray, same: float) -> Retardation:
+    """Return the compliances of stiffnesses with the modes w_j >= 0, theta_j, (n, m), and K_0 > 0, (m,)."""
+    # Times that differ by no more than the part `same` are one. To compile a sort would take a second.
+    found: Retardation = _retardation(weights, times, np.argsort(times, axis=0), relaxed, same)
+    return found
 
-    distance = np.array(np.broadcast_to(gap / 2, (n, relaxed.size)))
-    values, _ = _secular_sums(poles[..., np.newaxis] - poles.T, distance, sides)
-    upward = values.sum(axis=-1) < relaxed
-    sign = np.where(upward, 1, -1)
-    nearer = np.arange(n)[:, np.newaxis] + ~upward
-    origin = np.take_along_axis(np.broadcast_to(ends, (n + 1, relaxed.size)), nearer, axis=0)
-    offsets = origin[..., np.newaxis] - poles.T
+
+@kernel
+def _retardation(
+    weights: FloatArray, times: FloatArray, order: IntArray, relaxed: FloatArray, same: float
+) -> Retardation:
+    shape = weights.shape
+    compliances, origins, distances = np.zeros(shape), np.ones(shape), np.zeros(shape)
+    poles, strengths = np.empty(shape[0]), np.empty(shape[0])
+    for m in range(shape[1]):
+        n = 0
+        for j in order[:, m]:
+            strength = weights[j, m] * times[j, m]
+            if not strength > 0:
+                continue
+            if n > 0 and times[j, m] - poles[n - 1] <= same * times[j, m]:
+                strengths[n - 1] += strength
+                continue
+            poles[n], strengths[n] = times[j, m], strength
+            n += 1
+        for j in range(n):
+            distance, origin = _root(poles[:n], strengths[:n], relaxed[m], j)
+            slope = 0.0
+            for k in range(n):
+                slope += strengths[k] / ((poles[origin] - poles[k]) + distance) ** 2
+            origins[j, m], distances[j, m] = poles[origin], distance
+            compliances[j, m] = 1 / ((poles[origin] + distance) * slope)
+    return Retardation(compliances, origins + distances, origins, distances)
+
+
+@kernel(inner=True)
+def _root(poles: FloatArray, strengths: FloatArray, relaxed: float, j: int) -> tuple[float, int]:
+    """Return the root behind pole j: its signed distance from the nearer pole, and the pole's number."""
+    # The sum over either side is replaced by its nearest pole and a constant (Bunch, Nielsen and Sorensen,
+    # Numer. Math. 31 (1978) 31-48); behind the last pole stands one of no strength.
+    n = poles.size
+    gap = poles[j + 1] - poles[j] if j + 1 < n else 4 * strengths.sum() / relaxed
+    value = 0.0
+    for k in range(n):
+        value += strengths[k] / ((poles[j] - poles[k]) + gap / 2)
+    upward = value < relaxed or j + 1 == n
+    origin = j if upward else j + 1
+    sign = 1.0 if upward else -1.0
+    distance = gap / 2
     for _ in range(_MOST_ITERATIONS):
-        values, slopes = _secular_sums(offsets, sign * distance, sides)
-        near, far = np.moveaxis(np.where(upward[..., np.newaxis], values, -values[..., ::-1]), -1, 0)
-        near_slope, far_slope = np.moveaxis(
-            np.where(upward[..., np.newaxis], slopes, slopes[..., ::-1]), -1, 0
-        )
-        residual = sign * relaxed - near - far
-        last, distance = distance, _next_distance(distance, gap, residual, near_slope, far_slope)
-        converged = np.abs(distance - last) <= _ROUNDING * distance
-        if (converged | (np.abs(residual) <= _ROUNDING * (relaxed + near - far))).all():
+        near, far, near_slope, far_slope = 0.0, 0.0, 0.0, 0.0
+        for k in range(n):
+            inverse = 1 / ((poles[origin] - poles[k]) + sign * distance)
+            term = sign * strengths[k] * inverse
+            if (k <= j) == upward:
+                near += term
+                near_slope += strengths[k] * inverse * inverse
+            else:
+                far -= term
+                far_slope += strengths[k] * inverse * inverse
+        residual = sign * relaxed - near + far
+        s, u = near_slope * distance**2, far_slope * (gap - distance) ** 2
+        C = (residual + s / distance - u / (gap - distance)) * gap
+        b, root = C + s + u, math.hypot(C - s + u, 2 * math.sqrt(s * u))
+        new = 2 * s * gap / (b + root) if b > 0 else gap * (root - b) / (2 * abs(C))
+        moved = abs(new - distance)
+        distance = new
+        if moved <= _ROUNDING * distance or abs(residual) <= _ROUNDING * (relaxed + near + far):
             break
-    else:
-        raise ArithmeticError("no convergence to the retardation times of a body")
-    theta = origin + sign * distance
-    _, slopes = _secular_sums(offsets, sign * distance, sides)
-    return 1 / (theta * slopes.sum(axis=-1)), theta, offsets + (sign * distance)[..., np.newaxis]
-
-
-def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """sum_k G_k tau_k/(theta - tau_k) over the poles below and above a root, and minus its derivative."""
-    # `offsets` holds origin - tau_k, shape (n, m, n), and y theta - origin, shape (n, m); `sides` the
-    # strengths on either side, shape (n, n, 2), or (n, m, n, 2) where columns differ. Both results have shape
-    # (n, m, 2).
-    inverse = 1 / (offsets + y[..., np.newaxis])
-    if sides.ndim == 3:
-        return inverse @ sides, (inverse * inverse) @ sides
-    rows = inverse[..., np.newaxis, :]
-    return (rows @ sides)[..., 0, :], ((rows * rows) @ sides)[..., 0, :]
-
-
-def _next_distance(
-    distance: FloatArray, gap: FloatArray, residual: FloatArray, near_slope: FloatArray, far_slope: FloatArray
-) -> FloatArray:
-    """Distance m from the nearer pole where s/m - u/(gap - m) = C."""
-    # The sum over either side is replaced by its nearest pole and a constant: s and u match its derivative
-    # and C its value; `residual` is the relaxed modulus less both sums.
-    s, u = near_slope * distance**2, far_slope * (gap - distance) ** 2
-    C = (residual + s / distance - u / (gap - distance)) * gap
-    b, root = C + s + u, np.hypot(C - s + u, 2 * np.sqrt(s * u))
-    return np.asarray(2 * s * gap / np.where(b > 0, b + root, 4 * np.abs(C) * s / (root + np.abs(b))))
+    return sign * distance, origin

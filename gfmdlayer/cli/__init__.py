@@ -13,16 +13,15 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from typing import Any
 
-from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, input_problems, refuse
+from gfmdlayer.cli import editing, fits, folders, results, run, verify
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, Verb, input_problems, refuse
 
-# Each is a module with a function of its name.
-VERBS: tuple[Any, ...] = tuple(import_module(f"gfmdlayer.cli.{verb}") for verb in (
-    "new", "run", "check", "status", "clean", "plot", "report", "leak", "fit_material", "fit_indentation",
-    "verify", "schema", "completion",
-))  # fmt: skip
+VERBS: tuple[Verb, ...] = (
+    editing.new, run.run, run.check, folders.status, folders.clean, results.plot, results.report,
+    results.leak, fits.fit_material, fits.fit_indentation, verify.verify, editing.schema, editing.completion,
+)  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -89,16 +88,16 @@ def command_line() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for verb in VERBS:  # the first line of the module is the help
-        name, first = verb.__name__.rpartition(".")[2], (verb.__doc__ or "").partition("\n")[0]
-        summary = first.partition(": ")[2].rstrip(".")
+    for verb in VERBS:
+        words = verb.meaning.partition("\n")[0].rstrip(".")
+        summary = words[0].lower() + words[1:]
         added = verbs.add_parser(
-            name.replace("_", "-"),
+            verb.name,
             help=summary,
             description=summary,
-            epilog=f"example:\n  {verb.EXAMPLE}",
+            epilog=f"example:\n  {verb.example}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         verb.add_options(added)
-        added.set_defaults(verb=getattr(verb, name))
+        added.set_defaults(verb=verb.run)
     return parser

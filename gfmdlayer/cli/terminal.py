@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from textwrap import dedent
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gfmdlayer.files.locks import printable
 
@@ -25,6 +25,34 @@ STATUSES = (
 )
 LISTED = 20  # entries of a list before it is cut short
 REPORTED = 100  # problems of a configuration before the list is cut short
+
+
+class Verb(NamedTuple):
+    """A verb: a function that returns the exit status; the first line of its docstring is its help."""
+
+    run: Callable[[argparse.Namespace], int]
+    add_options: Callable[[argparse.ArgumentParser], None]
+    example: str
+
+    @property
+    def name(self) -> str:
+        """Word on the command line."""
+        return self.run.__name__.replace("_", "-")
+
+    @property
+    def meaning(self) -> str:
+        """The docstring, which begins with the help."""
+        first, _, rest = (self.run.__doc__ or "").partition("\n")
+        return f"{first}\n{dedent(rest)}".strip()
+
+
+def verb(
+    options: str | Callable[[argparse.ArgumentParser], None], example: str
+) -> Callable[[Callable[[argparse.Namespace], int]], Verb]:
+    """Make a function a verb; a text describes its options as `arguments` takes them."""
+    if isinstance(options, str):
+        return partial(Verb, add_options=partial(arguments, described=options), example=example)
+    return partial(Verb, add_options=options, example=example)
 
 
 def folder_name(name: str) -> str:
@@ -50,7 +78,7 @@ def arguments(parser: argparse._ActionsContainer, described: str, **types: Any) 
 
     A meaning begins after two spaces and goes on in lines that begin with a space. Metavars give the types.
     """
-    for line in re.sub(r"\n +", " ", dedent(described).strip()).splitlines():
+    for line in filter(None, re.sub(r"\n +", " ", dedent(described).strip()).splitlines()):
         form, meaning = re.split(r" {2,}", line, maxsplit=1)
         form, _, default = form.partition(" = ")
         name, *values = form.split()
@@ -84,13 +112,7 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], help=meaning)
 
 
-def add_out(parser: argparse.ArgumentParser) -> None:
-    """Add the results folder and the number of processes to a verb."""
-    text = """
-    --out DIR  results folder (default: results/NAME)
-    --jobs N = 1  processes (default: 1)
-    """
-    arguments(parser, text)
+OUT = "--out DIR  results folder (default: results/NAME)\n--jobs N = 1  processes (default: 1)"
 
 
 def refuse(*problems: str) -> int:

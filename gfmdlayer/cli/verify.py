@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, FAILED, arguments, refuse
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, refuse, verb
 
 if TYPE_CHECKING:
     from gfmdlayer.verification.rows import Check, Outcome
@@ -14,22 +14,17 @@ if TYPE_CHECKING:
 _STATUSES = "exit status: 0 every row inside its bound; 1 some row outside; 2 bad input"
 _COLUMNS = "  {:66}{:>14} {:>14} {:>10}"
 
-EXAMPLE = f"gfmdlayer verify --quick\n\n{_STATUSES}"
+_VERIFY = """
+--out DIR = results/verification  folder for verification.md and its pictures
+  (default: results/verification)
+--quick  small grids: less than a minute
+--jobs N = 1  processes (default: 1)
+"""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    text = """
-    --out DIR = results/verification  folder for verification.md and its pictures
-      (default: results/verification)
-    --quick  small grids: less than a minute
-    --jobs N = 1  processes (default: 1)
-    """
-    arguments(parser, text)
-
-
+@verb(_VERIFY, f"gfmdlayer verify --quick\n\n{_STATUSES}")
 def verify(options: argparse.Namespace) -> int:
-    """Compare with theory and with other methods."""
+    """Compare with closed forms, limits, orders, energy balances and other methods."""
     import os
 
     from gfmdlayer.execution.workers import threads_each
@@ -38,7 +33,7 @@ def verify(options: argparse.Namespace) -> int:
         return refuse(f"--jobs {options.jobs}: must be 1 or more")
     threads_each(os.environ)
     from gfmdlayer.verification import verify
-    from gfmdlayer.verification.report import summary
+    from gfmdlayer.verification.rows import summary
 
     outcomes: list[tuple[Check, Outcome]] = []
 
@@ -53,7 +48,7 @@ def verify(options: argparse.Namespace) -> int:
 
 
 def _print(check: Check, outcome: Outcome) -> None:
-    from gfmdlayer.verification.report import row_cells
+    from gfmdlayer.verification.rows import row_cells
 
     lines = [check.title]
     for row in outcome.rows:

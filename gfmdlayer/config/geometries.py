@@ -30,6 +30,7 @@ _PERIODIC = {
     "output": ("patches", "histograms", "observables", "leakage", "conductance", "stiffness", "inside",
                "keep_state"),
 }  # fmt: skip
+FINEST = 1e-9  # least tolerance of an isolated indenter: far below it nodes fill the memory (1e-20: 238 GiB)
 _LOAD = "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
 
 
@@ -153,6 +154,9 @@ def _problems_of_revolution(config: Any) -> Iterator[Problem]:
         yield Problem(("interface",), message, _GEOMETRY)
     if config.trajectory.control == "load":
         yield Problem(("trajectory", "control"), _LOAD, _GEOMETRY)
+    if config.time.tolerance is not None and config.time.tolerance < FINEST:
+        message = f"got {config.time.tolerance!r}; must be >= {FINEST:g} with grid.geometry: axisymmetric"
+        yield Problem(("time", "tolerance"), message, _GEOMETRY)
     if config.output.snapshots == "every":
         message = "got 'every'; must be a list of times with grid.geometry: axisymmetric"
         yield Problem(("output", "snapshots"), message, _GEOMETRY)

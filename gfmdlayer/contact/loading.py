@@ -45,7 +45,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.interface.law import HARD_WALL, Interaction
-from gfmdlayer.resumable import Resumable, State
+from gfmdlayer.resumable import Saving
 from gfmdlayer.time_functions import Trajectory
 
 Values = TypeVar("Values", FloatArray, ComplexArray)
@@ -80,8 +80,10 @@ class DetachedInterval:
 
 
 @dataclass(frozen=True)
-class Loading(Resumable):
+class Loading(Saving):
     """The punch, and the quantity that is prescribed over time."""
+
+    KEPT = ("detached.begin", "detached.end")
 
     punch: FloatArray  # height above its lowest point, one value a point
     trajectory: Trajectory
@@ -155,16 +157,6 @@ class Loading(Resumable):
                 return True
         return False
 
-    def state(self) -> State:
-        """Return the interval in which the punch is detached, if it is."""
-        detached = self.detached
-        return {"begin": detached.begin, "end": detached.end} if math.isfinite(detached.begin) else {}
-
-    def restore(self, state: State) -> None:
-        """Continue from there."""
-        if "begin" in state:
-            self.detached.begin, self.detached.end = float(state["begin"]), float(state["end"])
-
     @cached_property
     def size(self) -> int:
         """Number of points of the grid."""
@@ -182,8 +174,10 @@ def pulled_off(problem: Problem, solution: Solution) -> bool:
     return bool(nearest > problem.interface.range and problem.ranks.maximum(strongest) < -load)
 
 
-class Imprint:
+class Imprint(Saving):
     """The height W that punch and surface have lost, one value a point; accepted steps change it."""
+
+    KEPT = ("depth",)
 
     def __init__(self, size: int, hardness: float) -> None:
         # With an infinite hardness nothing yields, and it has no points.
@@ -200,12 +194,3 @@ class Imprint:
         """Add the flow of an accepted step."""
         if solution.flow is not None:
             self.depth = self.depth + solution.flow
-
-    def state(self) -> State:
-        """Return the height lost."""
-        return {"depth": self.depth} if self.yields else {}
-
-    def restore(self, state: State) -> None:
-        """Continue from there."""
-        if self.yields:
-            self.depth = np.asarray(state["depth"])

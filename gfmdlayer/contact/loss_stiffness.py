@@ -26,9 +26,8 @@ import numpy.typing as npt
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, project, surface_at
 from gfmdlayer.contact.residual import scales_over
-from gfmdlayer.grid.ranks import Ranks
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.resumable import State
 
 # Contact with a large loss stiffness, by guesses of the contact set
 #
@@ -229,6 +228,7 @@ class LossStiffnessSolver:
     def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:
         # `weights` are those of each mode in the mean over the surface.
         self.starts_from = solver.starts_from
+        self.compile, self.state, self.restore = solver.compile, solver.state, solver.restore
         self._solver, self._transforms = solver, transforms
         self._weights = np.ravel(weights)
 
@@ -242,7 +242,7 @@ class LossStiffnessSolver:
         extra = np.divide(problem.loss_stiffness**2, problem.stiffness, where=stiff, out=np.zeros(stiff.size))
         symmetric = problem.stiffness + extra
         difference = extra - 1j * problem.loss_stiffness
-        mixture = _Mixture(symmetric * self._weights, problem.ranks)
+        mixture = Mixing(_MIXED, symmetric * self._weights, problem.ranks)
         last = self._guess(problem, start)
         transforms, iterations, released = 1, 0, 0.0
         # What pivoting does not know, and a surface of which it has a part only.
@@ -275,18 +275,6 @@ class LossStiffnessSolver:
             state, contact = self._by_pivoting(problem, state, contact, tolerance)
         # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
-
-    def compile(self) -> None:
-        """Compile the solver's own kernels."""
-        self._solver.compile()
-
-    def state(self) -> State:
-        """Return the state of the solver."""
-        return self._solver.state()
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self._solver.restore(state)
 
     def _by_pivoting(
         self, problem: Problem, so_far: Solution, contact: BoolArray, tolerance: float
@@ -337,27 +325,30 @@ def _with_loss(
     return replace(state, residual=residual, converged=residual <= tolerance)
 
 
-class _Mixture:
-    """Anderson mixing: the displacement to try next, from those tried and those found with them."""
+class Mixing:
+    """Anderson mixing of a fixed-point iteration: what to try next, from what was tried and found."""
 
-    def __init__(self, weight: FloatArray, ranks: Ranks) -> None:
-        self._weight, self._ranks = weight, ranks
-        self._found: list[ComplexArray] = []
-        self._steps: list[ComplexArray] = []
+    def __init__(self, most: int, weight: float | FloatArray = 1.0, ranks: Ranks = ALONE) -> None:
+        # At most so many are mixed. `weight` of each value in the square of a step.
+        self._most, self._weight, self._ranks = most, weight, ranks
+        self._found: list[Spectral] = []
+        self._steps: list[Spectral] = []
         self._best = np.inf
 
-    def next(self, tried: ComplexArray, found: ComplexArray) -> ComplexArray:
-        """Add a displacement tried and the one found with it; return the next to try."""
+    def next(self, tried: Any, found: Any) -> Any:
+        """Add an array tried and the one found with it; return the next to try."""
         step = found - tried
         size = self._ranks.total(self._part(step, step))
+        if size == 0:
+            return found
         if size > self._best:
             last = self._found[-1]
             self._found, self._steps = [], []
             self._best = np.inf
             return last
         self._best = size
-        self._found = [*self._found[1 - _MIXED :], found]
-        self._steps = [*self._steps[1 - _MIXED :], step]
+        self._found = [*self._found[1 - self._most :], found]
+        self._steps = [*self._steps[1 - self._most :], step]
         products = np.array([[self._part(f, g) for f in self._steps] for g in self._steps])
         gram = self._ranks.total(products) / size
         shares = np.linalg.pinv(gram, rcond=1e-12, hermitian=True).sum(axis=0)
@@ -365,6 +356,6 @@ class _Mixture:
             return found
         return np.asarray(np.tensordot(shares / shares.sum(), np.array(self._found), axes=1))
 
-    def _part(self, f: ComplexArray, g: ComplexArray) -> float:
-        """Mean of f g, of the modes of this process."""
+    def _part(self, f: Spectral, g: Spectral) -> float:
+        """Mean of f g, of the values of this process."""
         return float(np.sum(self._weight * (f.real * g.real + f.imag * g.imag)))

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import State
+from gfmdlayer.resumable import Saving
 
 _REACH = 32  # part of the surface, at least, on either side of the contact where the next may be
 _BLOCK = 256  # points that are passed over together where nothing is in contact
@@ -29,8 +30,10 @@ Weights = tuple[float, float, float]
 LastThree = tuple[FloatArray, FloatArray, FloatArray]
 
 
-class DisplacementPrediction:
+class DisplacementPrediction(Saving):
     """The parabola in time through the last three accepted displacements (fewer where there are fewer)."""
+
+    KEPT: ClassVar[tuple[str, ...]] = ("times", "fields")
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         # `size` is the number of points of this process; before the first step the guess is zero.
@@ -55,18 +58,11 @@ class DisplacementPrediction:
             return np.zeros(self._size)
         return _combined(_lagrange(self._times, time), _last_three(self._fields))
 
-    def state(self) -> State:
-        """Return the last steps."""
-        return {"times": list(self._times), "fields": np.array(self._fields)}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self._times.extend(state["times"].tolist())
-        self._fields.extend(state["fields"])
-
 
 class PressurePrediction(DisplacementPrediction):
     """Pressures extrapolated across moving edges of the contact, from the last three accepted steps."""
+
+    KEPT = (*DisplacementPrediction.KEPT, "gaps", "mu", "moves", "contact")
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         super().__init__(size, ranks)
@@ -100,19 +96,9 @@ class PressurePrediction(DisplacementPrediction):
         first, end = self._contact
         reach, size = max(self._size // _REACH, (end - first) // 2), self._size
         near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
-        return _extrapolate(_lagrange(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
-
-    def state(self) -> State:
-        """Return the last steps, and mu."""
-        learned = {"mu": self._mu, "moves": self._moves, "contact": self._contact}
-        return {**super().state(), "gaps": np.array(self._gaps), **learned}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        super().restore(state)
-        self._gaps.extend(state["gaps"])
-        self._mu, self._moves = float(state["mu"]), int(state["moves"])
-        self._contact = int(state["contact"][0]), int(state["contact"][1])
+        weights, guess = _lagrange(self._times, time), np.zeros(size)
+        _extrapolate(weights, pressures, gaps, self._mu, self._moves > 1, near, guess)
+        return guess
 
 
 def _lagrange(times: Sequence[float], time: float) -> Weights:
@@ -170,10 +156,10 @@ def _learn(
 
 @kernel(reorder=True)
 def _extrapolate(
-    w: Weights, p: LastThree, gaps: LastThree, mu: float, moving: bool, near: tuple[int, int]
-) -> FloatArray:
+    w: Weights, p: LastThree, gaps: LastThree, mu: float, moving: bool, near: tuple[int, int],
+    guess: FloatArray,
+) -> None:  # fmt: skip
     """Extrapolate point by point near the contact; most points are far from it."""
-    guess = np.zeros(p[0].size)
     for first in range(near[0], near[1], _BLOCK):
         end, possible = min(first + _BLOCK, near[1]), 0.0
         p0, p1, p2 = p[0][first:end], p[1][first:end], p[2][first:end]
@@ -184,7 +170,6 @@ def _extrapolate(
         if possible > 0.0:
             for i in range(p0.size):
                 guess[first + i] = _guess(w, (p0[i], p1[i], p2[i]), (gap0[i], gap1[i], gap2[i]), mu, moving)
-    return guess
 
 
 @kernel(inner=True)

@@ -14,7 +14,7 @@ import numpy as np
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.isolated import Isolated, period_for
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.resumable import Resumable, State
+from gfmdlayer.resumable import Saving
 
 # Pressures and tractions below this part of the largest do not count: their response may be wrong by as much
 # as that of the others (`body.isolated.TOLERANCE`).
@@ -23,8 +23,10 @@ _NEGLIGIBLE = 1e-3
 _DIRECTIONS = 64  # of a surface: a width is short by at most 0.12 %
 
 
-class Reach(Resumable):
+class Reach(Saving):
     """The part of the surface that was pressed, on the grid of a body with a reach."""
+
+    KEPT = ("origin", "support")
 
     def __init__(self, grid: Grid, body: Isolated) -> None:
         self._grid, self._body = grid, body
@@ -62,14 +64,6 @@ class Reach(Resumable):
             along = sum(cosine * x for cosine, x in zip(direction, axes, strict=True))
             np.maximum(furthest, support - along, out=furthest)
         return np.where(np.ravel(furthest) <= self._body.reach, field, math.nan)
-
-    def state(self) -> State:
-        """Return what was pressed."""
-        return {"origin": self._origin, "support": self._support}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self._origin, self._support = np.array(state["origin"]), np.array(state["support"])
 
     def _with(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return origin and support function with these pressures."""

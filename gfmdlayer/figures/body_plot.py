@@ -76,7 +76,8 @@ def body_figure(config: Config, style: Style = PAPER, title: str = "") -> Figure
         moduli.set_xlim(times[0], times[-1])
         moduli.legend()
         section.set_title(title, loc="left")
-        finish(figure)
+        symbols = ["$d$: thickness", r"$\nu$: Poisson's ratio", "$G$: relaxation modulus", "$t$: time"]
+        finish(figure, symbols + _as_configured(config))
     return figure
 
 
@@ -109,7 +110,8 @@ def _response_figure(config: Config, style: Style, title: str) -> Figure:
         relaxation.set_xlim(times[0], times[-1])
         for axes in (stiffness, relaxation):
             axes.legend()
-        finish(figure)
+        symbols = ["$K$: stiffness, pressure over displacement", "$q$: wavenumber", "$t$: time"]
+        finish(figure, symbols + _as_configured(config))
     return figure
 
 
@@ -157,6 +159,11 @@ def _draw_section(axes: Axes, config: Config, body: Layers, blocks: list[Block],
         top -= 0.25
     axes.set(xlim=(0, 1), ylim=(top, 0.06))
     axes.axis("off")
+
+
+def _as_configured(config: Config) -> list[str]:
+    """Note for a configuration that names no units."""
+    return [] if config.units else ["numbers in the units of the configuration"]
 
 
 def _quantity(config: Config, symbol: str, words: str) -> Quantity:

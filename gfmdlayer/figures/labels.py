@@ -21,8 +21,9 @@ from matplotlib.axis import Axis, XAxis
 from matplotlib.font_manager import font_scalings
 from matplotlib.ticker import FixedLocator, Formatter, LogLocator, MaxNLocator, NullFormatter
 
-from gfmdlayer.observables import INDENTATION, TOTALS, known_columns
-from gfmdlayer.results.schema import OVER_TIME, SYMBOLS
+from gfmdlayer.observables import INDENTATION, TOTALS, known_columns, known_numbers
+from gfmdlayer.observables.costly import SHEAR, VON_MISES
+from gfmdlayer.results.schema import OVER_TIME, SYMBOLS, VARIABLES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,55 +33,16 @@ if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
 
-PAPER_SYMBOLS = {
-    **{name: column.symbol for name, column in known_columns().items() if column.symbol},
-    **{column.name: column.symbol for column in INDENTATION if column.symbol},
-    **{column.name: column.symbol for column in TOTALS.values() if column is not None and column.symbol},
-    "area_interpolated": "A",  # the same quantity as the counted area
-    "total_work_of_separation": r"W_\mathrm{sep}",
-    "contact_area_interpolated": r"\tilde{a}",  # the same quantity as the counted area
-    "mean_stress": r"\bar{p}",
-    "mean_gap": r"\bar{g}",
-    "pull_off_force": r"F_\mathrm{pull}",
-    "pull_off_stress": r"\bar{p}_\mathrm{pull}",
-    "work_of_separation": r"W_\mathrm{sep}",
+_COLUMNS = (
+    *known_columns().values(), *known_numbers().values(), *INDENTATION, *filter(None, TOTALS.values()),
+    VON_MISES, SHEAR, *VARIABLES.values(),
+)  # fmt: skip
+PAPER_SYMBOLS = {column.name: column.symbol for column in _COLUMNS if column.symbol} | {
     "tangential_work": r"\int\,\bar{t}\,\mathrm{d}D",
-    "loop_area": r"\oint\,\bar{p}\,\mathrm{d}\delta",
-    "loop_work": r"\oint\,F\,\mathrm{d}\delta",
-    "traction": r"\tau",
-    **{f"flow_{each}": f"K_{{{each}}}" for each in ("xx", "xy", "yy")},
-    **{f"hydraulic_gap_{each}": f"h_{each}" for each in "xy"},
-    **{f"critical_gap_{each}": rf"u_{{\mathrm{{c}}{each}}}" for each in "xy"},
-    "spot_radius": r"a_\mathrm{eq}",
-    "resistance": "R",
-    "tangential_force": r"\bar{t}",
-    "transverse_force": r"\bar{t}_\perp",
-    "interface_friction": r"\mu_\mathrm{interface}",
-    "hysteresis_friction": r"\mu_\mathrm{hysteresis}",
-    "stick_area": r"\tilde{a}_\mathrm{stick}",
-    "slip_heat": r"w_\mathrm{slip}",
-    "tangential_displacement": "D",
-    "creepage": r"\xi",
-    **{f"shear_{axis}": f"t_{axis}" for axis in "xy"},
-    **{f"slip_velocity_{axis}": rf"\dot{{s}}_{axis}" for axis in "xy"},
-    "displacement": "u",
-    "displacement_body": "u_1",
-    "displacement_counterbody": "u_2",
-    "pressure": "p",
-    "gap": "g",
-    "imprint": "W",
-    "x": "x",
-    "y": "y",
-    "z": "z",
-    **{f"stress_{axes}": rf"\sigma_{{{axes}}}" for axes in ("xx", "yy", "zz", "xy", "xz", "yz")},
-    **{f"displacement_{axis}": f"u_{axis}" for axis in "xyz"},
-    "von_mises": r"\sigma_\mathrm{Mises}",
+    "loop_area": r"\int\,\bar{p}\,\mathrm{d}\delta",
+    "loop_work": r"\int\,F\,\mathrm{d}\delta",
     "largest_shear": r"\tau_\mathrm{max}",
     "shear_on_plane": r"\tau_z",
-    "largest_von_mises": r"\max\,\sigma_\mathrm{Mises}",
-    "largest_shear_stress": r"\max\,\tau_\mathrm{max}",
-    "time": "t",
-    "snapshot": "t",
 }
 # Last parts of keys, inside a section that is swept as a whole -> symbol; KINDS have none.
 SYMBOLS_OF_KEYS = {key.rpartition(".")[2]: symbol for key, (_, symbol) in reversed(SYMBOLS.items())}

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from gfmdlayer.figures.labels import Quantity, quantity, symbol, value_labels
-from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import OVER_TIME, SAME_TIME, ResultsError
 from gfmdlayer.validation.problems import nearest
 
@@ -200,18 +199,18 @@ def _number(text: str | float) -> float:
 
 
 def default_columns(dataset: Dataset) -> list[str]:
-    """Return the columns that have a panel: those declared with a symbol.
+    """Return the columns that have a panel where no others are asked for.
 
     Under a prescribed load or force the depth replaces the mean pressure; where cases differ in the control,
     both are drawn.
     """
-    names = [name for name, column in known_columns().items() if column.symbol]
+    names = ["contact_area", "mean_pressure", "friction", "temperature"]
     if INTERPOLATED in dataset.data_vars:
         names[names.index("contact_area")] = INTERPOLATED
     control, depth = dataset.attrs.get("control"), _own_name(dataset, "depth")
     is_swept = any(key.attrs["key"] == "trajectory.control" for key in swept(dataset))
     if "contact_radius" in dataset:
-        own = (_own_name(dataset, column.name) for column in INDENTATION if column.symbol)
+        own = (_own_name(dataset, name) for name in ("force", "depth", "contact_radius"))
         return [name for name in own if name in dataset.data_vars]
     if "area_interpolated" in dataset:
         force = _own_name(dataset, "force")

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact import problem as frictionless
+from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
 from gfmdlayer.friction.newton import INNER, Newton
 from gfmdlayer.friction.problem import Law, Problem, Solution, State, norms
@@ -36,7 +37,7 @@ _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where
 # Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
 _FEWEST, _APART = 64, 64
 _ROUNDS = 40  # of normal and frictional contact, where the interface attracts
-_MIXED = 4  # rounds that the next one is mixed of, besides the last
+MIXED = 5  # rounds that the next one is mixed of
 # Residual of a round in parts of the change of the attraction in the last one, and of the tolerance: errors
 # of tractions move the gap, and with it the attraction, by up to a hundred times as much. And the least one.
 _OF_A_ROUND, _FINER, _LEAST_TOLERANCE = 0.01, 0.1, 1e-9
@@ -234,7 +235,7 @@ class FrictionSolver:
         axes, law = problem.response.normal.ndim, problem.interface
         shear = np.zeros((axes, problem.heights.size)) if start is None else start[1:]
         released, steps, off = 0.0, 0, 1.0 if problem.response.couples else 0.0
-        mixing = Mixing()
+        mixing = Mixing(MIXED)
         least = max(_FINER * tolerance, min(tolerance, _LEAST_TOLERANCE))
         for turn in range(_ROUNDS):
             enough = max(least, min(_OF_A_ROUND * off, _COARSE_TOLERANCE))
@@ -243,7 +244,7 @@ class FrictionSolver:
             attraction = law.traction(gap)
             p = _of_the_wall(normal.pressure, attraction, gap)
             if normal.converged and not p.any() and (shear.any() or normal.residual > tolerance):
-                shear, mixing, off = np.zeros_like(shear), Mixing(), 0.0
+                shear, mixing, off = np.zeros_like(shear), Mixing(MIXED), 0.0
                 continue
             if not normal.converged or not p.any():
                 apart = self._smooth(problem, given, normal, tolerance)
@@ -327,30 +328,6 @@ class FrictionSolver:
             )
             guess = _finer(below.x, *shapes[::-1])
         return newton.solve(problem, guess, tolerance, limit)
-
-
-class Mixing:
-    """Anderson's acceleration of a fixed-point iteration."""
-
-    def __init__(self) -> None:
-        # Of image and of residual, from round to round.
-        self._changes: list[tuple[FloatArray, FloatArray]] = []
-        self._last: tuple[FloatArray, FloatArray] | None = None
-
-    def next(self, x: FloatArray, image: FloatArray) -> FloatArray:
-        """Return the next x, from its image: the combination of the last ones with the least residual."""
-        residual = image - x
-        if self._last is not None:
-            self._changes.append((image - self._last[0], residual - self._last[1]))
-            del self._changes[:-_MIXED]
-        self._last = image, residual
-        if not self._changes:
-            return image
-        images, residuals = (
-            np.array(each).reshape(len(self._changes), -1) for each in zip(*self._changes, strict=True)
-        )
-        parts = np.linalg.lstsq(residuals.T, residual.ravel(), rcond=1e-10)[0]
-        return np.asarray(image - (parts @ images).reshape(x.shape))
 
 
 class _Level:

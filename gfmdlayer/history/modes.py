@@ -47,15 +47,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import State
+from gfmdlayer.kernels import filled, kernel
+from gfmdlayer.resumable import Saving
 
 # In the compiled loops spectra are real arrays of twice the length, alternating real and imaginary parts, and
 # their factors are repeated for both, as vector units need it. The loops take the wavenumbers in blocks, and
@@ -184,7 +184,7 @@ def advance(
     for j in range(moduli.size):
         remainder += moduli[j] * factors.remainder[j]
         curvature_loss += moduli[j] * factors.curvature_loss[j]
-    change, curved = np.empty(_BLOCK), np.zeros(_BLOCK)
+    change, curved = filled(_BLOCK, 0.0), filled(_BLOCK, 0.0)
     for start in range(0, u.size, _BLOCK):
         part_ = slice(start, min(start + _BLOCK, u.size))
         spring, shape, new, old = springs[part_], branches.energy_shape[part_], new_u[part_], u[part_]
@@ -267,8 +267,10 @@ def backward_euler(x: FloatArray) -> Factors:
 SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": exponential}
 
 
-class Modes:
-    """The relaxing modes of a surface: their history, stiffness and energy; an `error_control.Integrator`."""
+class Modes(Saving):
+    """The relaxing modes of a surface: their history, stiffness and energy; an `Integrator`."""
+
+    KEPT: ClassVar[tuple[str, ...]] = ("u", "branches.stretch", "local.stretch", "stored", "dissipated")
 
     stiffness: FloatArray  # kappa of the last `terms`, (nq,)
     loss_stiffness: FloatArray | None = None  # its imaginary part under a moving punch
@@ -369,23 +371,6 @@ class Modes:
         parts = np.concatenate((heaviest, local.weights / glassy[local.position]))
         longest = self._times[parts > tolerance].max(initial=0.0)
         return self._sums.maximum(float(contrast)) * self._sums.maximum(float(longest))
-
-    def state(self) -> State:
-        """Return displacement, stretches and energies."""
-        return {
-            "u": self.u,
-            "branch_stretch": self._branches.stretch,
-            "local_stretch": self._local.stretch,
-            "stored": self.stored,
-            "dissipated": self.dissipated,
-        }
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self.u[:] = state["u"]
-        self._branches.stretch[:] = state["branch_stretch"]
-        self._local.stretch[:] = state["local_stretch"]
-        self.stored, self.dissipated = float(state["stored"]), float(state["dissipated"])
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms` for this displacement."""

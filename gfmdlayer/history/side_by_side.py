@@ -89,7 +89,7 @@ def _halves(both: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
 
 
 class SideBySide:
-    """The histories of a body and its counterbody as one integrator; see `error_control.Integrator`."""
+    """The histories of a body and its counterbody as one integrator; see `adaptive_steps.Integrator`."""
 
     def __init__(self, bodies: tuple[Modes, Modes], sums: Sums, ratio: float = 0.0) -> None:
         # `ratio` is the velocity of the contact along the counterbody over the one along the body.

@@ -42,7 +42,6 @@ from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import Modes, exponential, shortest_time
 from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import State
 from gfmdlayer.time_functions import Trajectory
 
 # phi_5 by its series where |z| < 1: the first term left out is below rounding.
@@ -62,6 +61,8 @@ class Waves(NamedTuple):
 
 class SlidingModes(Modes):
     """The relaxing modes of a surface in the frame of a moving punch, by the exponential scheme."""
+
+    KEPT = (*Modes.KEPT, "waves.stretch", "time")
 
     loss_stiffness: FloatArray  # (nq,), imaginary part of the stiffness at the end of the step
     slope: ComplexArray  # (nq,), i q, with the mean q of the two waves of a mode
@@ -142,15 +143,6 @@ class SlidingModes(Modes):
         self.stored += self._sums.total(twice) / 2
         self.dissipated += max(self._sums.total(heat), 0.0)  # rounding can make a heat of zero negative
         self._time += self.step
-
-    def state(self) -> State:
-        """Return springs, stretches and time."""
-        return {**super().state(), "stretch": self._waves.stretch, "time": self._time}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        super().restore(state)
-        self._waves.stretch[:], self._time = state["stretch"], float(state["time"])
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms` for this displacement."""

@@ -48,7 +48,6 @@ from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import RELEVANT, Modes, Scheme, exponential
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import State
 
 # Upper half plane of the 14 poles of the best rational approximation of exp(-x) on [0, inf), by Caratheodory
 # and Fejer (Trefethen, Weideman & Schmelzer, BIT 46 (2006) 653), and residues that fit (1 - exp(-x))/x in the
@@ -267,6 +266,8 @@ def network_energy(elements: Elements, xi: FloatArray, u: FloatArray, energy: Fl
 class StackModes(Modes):
     """A stack whose layers have reduced times of their own: modes of the uppermost layer, and a network."""
 
+    KEPT = (*Modes.KEPT, "xi", "time")
+
     def __init__(
         self,
         internal: InternalVariables,
@@ -367,15 +368,6 @@ class StackModes(Modes):
     def internal(self) -> tuple[ComplexArray, IntArray]:
         """The internal vectors xi, (positions, internal), and the numbers of their waves."""
         return self._xi[..., 0] + 1j * self._xi[..., 1], self._position
-
-    def state(self) -> State:
-        """Return the history, with the internal vectors."""
-        return {**super().state(), "internal": self._xi, "time": self._time}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        super().restore(state)
-        self._xi, self._time = np.array(state["internal"]), float(state["time"])
 
     def _rates(self, begin: float, length: float) -> FloatArray:
         """Mean rate at which the reduced time of each layer elapses in a step; at its begin for length 0."""

@@ -9,7 +9,7 @@ from dataclasses import astuple, dataclass
 from itertools import islice, pairwise
 from typing import Any
 
-from gfmdlayer.resumable import State
+from gfmdlayer.resumable import Saving
 
 # Times closer than this part of the run are the same: output times are rounded decimals and sums.
 SAME_TIME = 1e-10
@@ -50,8 +50,10 @@ def fingerprint(stops: Iterable[Instant]) -> str:
     return hashlib.sha256(repr([astuple(stop) for stop in stops]).encode()).hexdigest()
 
 
-class FixedSteps:
+class FixedSteps(Saving):
     """Steps that are known before the run; each is accepted."""
+
+    KEPT = ("count",)  # of accepted steps
 
     def __init__(self, instants: Iterable[Instant], stops: Sequence[Instant], step: float) -> None:
         # Between two of the `stops` all steps have the length of the later one, at most `step`.
@@ -81,14 +83,6 @@ class FixedSteps:
         begun = passed == 0 or self._stops[passed - 1].time < time
         step = self._stops[passed].step if begun else 0.0
         return Course(time, passed, fingerprint(self._stops[:passed]), step=step)
-
-    def state(self) -> State:
-        """Return the number of accepted steps, with which `restore` continues."""
-        return {"count": self._count}
-
-    def restore(self, state: State) -> None:
-        """Continue after that number of steps."""
-        self._count = int(state["count"])
 
 
 def equal_steps(

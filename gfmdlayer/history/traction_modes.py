@@ -50,15 +50,17 @@ from gfmdlayer.friction.response import Response
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.modes import RELEVANT, Factors, Scheme, exponential
 from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import CompositeState, State
+from gfmdlayer.resumable import CompositeState, Saving, State
 
 _UNKNOWN_CURVATURE = 0.25  # part of a change that may be curvature, where no earlier displacement is known
 _NO_CONTACT = 1e-10  # part of the product of norms below which a work is rounding
 _NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
 
 
-class VectorModes:
+class VectorModes(Saving):
     """Relaxing modes of n components at waves; `weights` of these in a mean over the surface."""
+
+    KEPT = ("x", "stretch", "stored", "dissipated")
 
     def __init__(
         self, spectrum: VectorSpectrum, scheme: Scheme = exponential, weights: FloatArray | None = None
@@ -108,16 +110,6 @@ class VectorModes:
         """Displacements at the beginning of the next step."""
         return self.x * self._phases[:, np.newaxis]
 
-    def state(self) -> State:
-        """Return displacements, stretches and energies."""
-        energies = {"stored": self.stored, "dissipated": self.dissipated}
-        return {"x": self.x, "stretch": self._stretch, **energies}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self.x[:], self._stretch[:] = state["x"], state["stretch"]
-        self.stored, self.dissipated = float(state["stored"]), float(state["dissipated"])
-
     def _prepare(self, step: float) -> None:
         """Compute the stiffness and the factors for the length of a step."""
         if step == self.step:
@@ -161,7 +153,8 @@ class TractionModes:
         self.size = grid.size
         self.phases: ComplexArray | None = None
         self._response: Response | None = None
-        self._state = CompositeState(**dict(zip(("in_plane", "across"), self.parts, strict=False)))
+        history = CompositeState(**dict(zip(("in_plane", "across"), self.parts, strict=False)))
+        self.state, self.restore = history.state, history.restore
 
     @property
     def stored(self) -> float:
@@ -245,14 +238,6 @@ class TractionModes:
         relevant = loss > tolerance * loss.sum()
         slow = float(times[:, chosen][relevant].max(initial=0.0))
         return max(2 * math.pi / (float(longest) * speed), slow)
-
-    def state(self) -> State:
-        """Return the states of all modes."""
-        return self._state.state()
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self._state.restore(state)
 
     def moved(self, loads: list[ComplexArray]) -> list[ComplexArray]:
         """Return the response of the waves to loads, (W, U) and V."""

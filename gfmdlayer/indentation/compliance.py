@@ -5,7 +5,7 @@ material, D(s) = (1 - nu)/G(s) per wavelength. The rest is
 
     C(q, s) = q/K(q, s) - D(s),       which decays like (q d)^2 exp(-2 q d) over a layer of thickness d
 
-D and C are sums of retarded modes, which follow from the relaxing modes of any body (`body.creep`).
+D and C are sums of retarded modes, which follow from the relaxing modes of any body (`body.relaxation`).
 
 C is integrated over q by Gauss's rule in panels that double in width.
 """
@@ -19,7 +19,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.creep import retardation
+from gfmdlayer.body.relaxation import SAME_TIME, retardation
 
 # Wavenumbers, times the size of the contact: of the surface's material; and those at which C is searched.
 _SURFACE = 1e8
@@ -109,7 +109,7 @@ def compliance(body: Body, features: Features, q: FloatArray, weights: FloatArra
     every = np.append(q, features.surface)
     spectrum = body.spectrum(every)
     instant = every / spectrum.glassy
-    modes, times = retardation(spectrum.weights, spectrum.times, spectrum.relaxed)
+    modes, times, *_ = retardation(spectrum.weights, spectrum.times, spectrum.relaxed, SAME_TIME)
     modes *= every
     kept, far = modes[:, :-1].any(axis=1), modes[:, -1] > 0
     J, T = modes[far, -1], times[far, -1]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
     from gfmdlayer.config import Config
-    from gfmdlayer.indentation.isolated import IsolatedIndentation
+    from gfmdlayer.indentation.indent import IsolatedIndentation
     from gfmdlayer.model import Progress, Resume
     from gfmdlayer.results.journal import Recorder
 
@@ -60,7 +60,7 @@ class IsolatedContact(Model):
         """The contact that the configuration describes."""
         import numpy as np
 
-        from gfmdlayer.indentation.isolated import DEFAULT_TOLERANCE, IsolatedIndentation
+        from gfmdlayer.indentation.indent import DEFAULT_TOLERANCE, IsolatedIndentation
         from gfmdlayer.indentation.solve import History
 
         config, drive = self.config, self.programme.drive

@@ -18,7 +18,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.creep import relaxation
+from gfmdlayer.body.network import relaxation
 from gfmdlayer.indentation.compliance import (
     Compliance,
     Features,
@@ -568,11 +568,11 @@ def follow(
     space = space or find_space(body, profile, history, tolerance, adhesion)
     kept = np.unique(np.array(snapshots, dtype=float))
     within = 0.1 * tolerance * float(np.abs(history.value).max())
-    turns = history.time[corners(history.time, history.value, within)]
-    knots = np.unique(np.concatenate((turns, kept, np.array(stops, dtype=float))))
+    turns = np.union1d(history.time[corners(history.time, history.value, within)], kept)
+    knots = np.union1d(turns, np.array(stops, dtype=float))
     return in_growing_space(
         lambda space: _to_tolerance(
-            space.compliance(body), space, profile, history, (knots, kept), tolerance, adhesion
+            space.compliance(body), space, profile, history, (turns, knots, kept), tolerance, adhesion
         ),
         space,
         profile,
@@ -600,18 +600,21 @@ def _to_tolerance(
     space: Space,
     profile: Revolution,
     history: History,
-    landing: tuple[FloatArray, FloatArray],
+    landing: tuple[FloatArray, FloatArray, FloatArray],
     tolerance: float,
     adhesion: Edge,
 ) -> Indentation:
-    """Choose steps by a coarse run, and refine them until the estimated error is within the tolerance."""
-    knots, kept = landing
+    """Choose steps by a coarse run, and refine them until the estimated error is within the tolerance.
+
+    Steps grade at the times in `turns`, land on those in `knots`, and keep their fields at those in `kept`.
+    """
+    turns, knots, kept = landing
     shortest = min(
         (float(each.min()) for each in (body.local_times, body.times) if each.size), default=math.inf
     )
-    first = on_steps(body, space, profile, history, graded_steps(knots, shortest), adhesion)
+    first = on_steps(body, space, profile, history, graded_steps(turns, shortest), adhesion)
     if math.isinf(shortest) and math.isinf(adhesion.speed):
-        time = even_steps(first, knots, 0.1)
+        time = _landing(even_steps(first, turns, 0.1), knots)
         shift = tolerance * float(knots[-1] - knots[0]) if adhesion.work else math.inf
         for _ in range(_MOST_MESHES):
             # Each step is exact: only a jump and the largest pull depend on their steps.
@@ -623,7 +626,7 @@ def _to_tolerance(
             parts[coarse] = _PARTS_OF_JUMP
             time = _refined(time, parts, knots)
         return found._replace(error=math.inf)
-    time = even_steps(first, knots, _FIRST_SPREAD * tolerance ** (1 / _ORDER))
+    time = _landing(even_steps(first, turns, _FIRST_SPREAD * tolerance ** (1 / _ORDER)), knots)
     solutions, shift = 0, tolerance * float(knots[-1] - knots[0]) if adhesion.work else 0.0
     for mesh in range(_MOST_MESHES):
         found, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
@@ -658,14 +661,20 @@ def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance:
 
 
 def _refined(time: FloatArray, parts: FloatArray, knots: FloatArray) -> FloatArray:
-    """Times with so many steps in place of each; the knots stay."""
+    """Times with so many steps in place of each; the knots are among them."""
     count = np.concatenate(([0.0], np.cumsum(parts)))
     at = np.interp(knots, time, count)
     found = []
-    for begin, end in pairwise(at.tolist()):
+    for knot, (begin, end) in zip(knots, pairwise(at.tolist()), strict=False):
         steps = max(1, math.ceil(end - begin - 1e-9))
         found.append(np.interp(np.linspace(begin, end, steps + 1)[:-1], count, time))
+        found[-1][0] = knot
     return np.append(np.concatenate(found), knots[-1])
+
+
+def _landing(time: FloatArray, knots: FloatArray) -> FloatArray:
+    """Times about as dense as these, the knots among them."""
+    return _refined(time, np.ones(time.size - 1), knots)
 
 
 def _passed_before(radius: FloatArray) -> IntArray:

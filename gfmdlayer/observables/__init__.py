@@ -17,14 +17,19 @@ from gfmdlayer.observables.contact import (
     of_one_contact,
     totals,
 )
-from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
+from gfmdlayer.observables.costly import (
+    SPARSE,
+    Conductance,
+    Inside,
+    Leakage,
+    SealEstimates,
+    SpotRadius,
+    Stiffness,
+)
 from gfmdlayer.observables.energy_balance import Bodies, EnergyBalance
 from gfmdlayer.observables.friction import Friction, Slip
-from gfmdlayer.observables.inside import PLACE, SHEAR, VON_MISES, Inside
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.observables.steady_state import SteadyState
-from gfmdlayer.observables.transport import SPARSE as _OF_TRANSPORT
-from gfmdlayer.observables.transport import Conductance, Leakage, SealEstimates, SpotRadius, Stiffness
+from gfmdlayer.observables.numerics import Effort, SeriesError, SpectrumError, SteadyState
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -38,6 +43,7 @@ __all__ = [
     "Column",
     "Observable",
     "columns",
+    "declared",
     "known_columns",
     "known_numbers",
     "observables",
@@ -69,11 +75,6 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "spectrum_error": SpectrumError,
     "steady_state": SteadyState,
 }
-
-# Columns that are NaN in the rows between two others.
-SPARSE = (
-    _OF_TRANSPORT | {each.name for each in (VON_MISES, *PLACE, SHEAR)} | {"interface_peel", "interface_shear"}
-)
 
 
 def observables(case: Parts) -> dict[str, Observable]:

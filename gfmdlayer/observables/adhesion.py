@@ -23,14 +23,13 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute
     from gfmdlayer.config import Config
 
 PART = 0.1  # of the largest traction; points with more are attracted
-_RETRACTION = "over the steps in which the depth falls or rests"
 
 
 class Adhesion(Observable):
@@ -45,32 +44,21 @@ class Adhesion(Observable):
     It is per area of the cell, like all energies, and adds up over several retractions.
     """
 
-    COLUMNS = (
-        Column(
-            "interface_energy",
-            "energy of the interface per area, zero far away",
-            "pressure length",
-            origin="mean over the whole cell",
-        ),
-        Column(
-            "attractive_area",
-            f"part of the surface out of contact with at least {PART:g} of the largest traction",
-            origin="over the cell",
-        ),
-        Column("largest_tension", "largest tension of the surface", "pressure", origin="over the points"),
-    )
-    NUMBERS = (
-        Column(
-            "pull_off_force", "pull-off force, the largest pull in retraction", "force", origin=_RETRACTION
-        ),
-        Column("pull_off_stress", "pull-off force over the area of the cell", "pressure", origin=_RETRACTION),
-        Column(
-            "work_of_separation",
-            "work of separation per area of the cell",
-            "pressure length",
-            origin="over the steps in which the depth falls",
-        ),
-    )
+    COLUMNS = declared(f"""
+        interface_energy | energy of the interface per area, zero far away | pressure length |
+          mean over the whole cell
+        attractive_area | part of the surface out of contact with at least {PART:g} of the largest traction |
+          1 | over the cell
+        largest_tension | largest tension of the surface | pressure | over the points
+        """)
+    NUMBERS = declared(r"""
+        pull_off_force | pull-off force, the largest pull in retraction | force |
+          over the steps in which the depth falls or rests | F_\mathrm{pull}
+        pull_off_stress | pull-off force over the area of the cell | pressure |
+          over the steps in which the depth falls or rests | \bar{p}_\mathrm{pull}
+        work_of_separation | work of separation per area of the cell | pressure length |
+          over the steps in which the depth falls | W_\mathrm{sep}
+        """)
     KEPT = "force", "stress", "work", "last"
 
     @classmethod

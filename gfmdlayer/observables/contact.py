@@ -7,22 +7,23 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.observables.observable import AcceptedStep, Bins, Column, Observable, Parts, Value
+from gfmdlayer.observables.observable import AcceptedStep, Bins, Column, Observable, Parts, Value, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.config.sections import Histogram
 
 
-TIME = Column("time", "time", "time", origin="from the beginning of the run")
-AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
-              symbol=r"\tilde{a}", origin="over the cell")  # fmt: skip
-PRESSURE = Column("mean_pressure", "mean pressure over the cell ptilde = pbar / (2 G0)", symbol=r"\tilde{p}",
-                  origin="mean over the whole cell; G0 of the uppermost layer")  # fmt: skip
-DEPTH = Column("depth", "indentation depth of the punch", "length",
-               origin="from the height at which the punch touches the surface at rest")  # fmt: skip
-RESIDUAL = Column("residual", "residual of the contact problem when the step was accepted",
-                  origin="relative to the largest pressure and the depth")  # fmt: skip
+TIME, AREA, PRESSURE, DEPTH, RESIDUAL = declared(r"""
+    time | time | time | from the beginning of the run | t
+    contact_area | relative contact area atilde, contact points / all points | 1 | over the cell | \tilde{a}
+    mean_pressure | mean pressure over the cell ptilde = pbar / (2 G0) | 1 |
+      mean over the whole cell; G0 of the uppermost layer | \tilde{p}
+    depth | indentation depth of the punch | length |
+      from the height at which the punch touches the surface at rest | \delta
+    residual | residual of the contact problem when the step was accepted | 1 |
+      relative to the largest pressure and the depth
+    """)
 
 
 class ContactMeans(Observable):
@@ -47,17 +48,11 @@ class ContactMeans(Observable):
 class Force(Observable):
     """Mean pressure over the cell, and the force over the cell: of a line contact, per length of the line."""
 
-    COLUMNS = (
-        Column(
-            "mean_stress", "mean pressure over the cell pbar", "pressure", origin="mean over the whole cell"
-        ),
-        Column(
-            "force",
-            "force on the punch over the cell",
-            "force",
-            origin="mean_stress times the area of the cell; of a line, its period",
-        ),
-    )
+    COLUMNS = declared(r"""
+        mean_stress | mean pressure over the cell pbar | pressure | mean over the whole cell | \bar{p}
+        force | force on the punch over the cell | force |
+          mean_stress times the area of the cell; of a line, its period | F
+        """)
 
     def __init__(self, case: Parts) -> None:
         self._cell = math.prod(case.grid.period)
@@ -78,18 +73,12 @@ UPSIDE_DOWN = (
 class Resolution(Observable):
     """Contact area by edges between the points; attribute `most_contact_points`, the most in any step."""
 
-    COLUMNS = (
-        Column(
-            "contact_area_interpolated",
-            "relative contact area, the edge located between the points",
-            origin="over the cell; the edge from pressure and gap beside it",
-        ),
-        Column(
-            "contact_area_error",
-            "estimated error of contact_area_interpolated",
-            origin="over the cell; from the number of points across the contact",
-        ),
-    )
+    COLUMNS = declared(r"""
+        contact_area_interpolated | relative contact area, the edge located between the points | 1 |
+          over the cell; the edge from pressure and gap beside it | \tilde{a}
+        contact_area_error | estimated error of contact_area_interpolated | 1 |
+          over the cell; from the number of points across the contact
+        """)
     KEPT = "most", "upside_down"
 
     def __init__(self, case: Parts) -> None:
@@ -133,15 +122,11 @@ class Resolution(Observable):
 class Yielding(Observable):
     """Work of the pressures that have reached the hardness, and the area at the hardness."""
 
-    COLUMNS = (
-        Column(
-            "plastic_work",
-            "plastic work per area, the hardness (less the attraction in contact) times the mean imprint",
-            "pressure length",
-            origin="from the beginning of the run",
-        ),
-        Column("yielded_area", "part of the surface whose pressure is the hardness", origin="over the cell"),
-    )
+    COLUMNS = declared("""
+        plastic_work | plastic work per area, the hardness (less the attraction in contact) times the mean
+          imprint | pressure length | from the beginning of the run
+        yielded_area | part of the surface whose pressure is the hardness | 1 | over the cell
+        """)
     KEPT = ("work",)
 
     @classmethod
@@ -161,10 +146,10 @@ class Yielding(Observable):
         return {"plastic_work": self._work, "yielded_area": self._sums.mean(at_hardness)}
 
 
-MEAN_GAP = Column(
-    "mean_gap", "mean gap between surface and punch", "length", origin="over the whole cell; 0 in contact"
-)
-PATCHES = Column("patches", "number of connected patches of contact", dtype="i8", origin="in the cell")
+MEAN_GAP, PATCHES = declared(r"""
+    mean_gap | mean gap between surface and punch | length | over the whole cell; 0 in contact | \bar{g}
+    patches | number of connected patches of contact | 1 | in the cell | | i8
+    """)
 
 
 class ContactStatistics(Observable):
@@ -235,14 +220,11 @@ def _bin_edges(asked: Histogram) -> tuple[float, ...]:
 class Temperature(Observable):
     """Temperature of the body, and the factor of relaxation times of the uppermost material with a shift."""
 
-    COLUMNS = (
-        Column("temperature", "temperature of the body", "degrees Celsius", symbol="T", origin="as given"),
-        Column(
-            "shift_factor",
-            "aT, factor of relaxation times, of the uppermost material with a shift",
-            origin="from the relaxation times at the reference temperature",
-        ),
-    )
+    COLUMNS = declared("""
+        temperature | temperature of the body | degrees Celsius | as given | T
+        shift_factor | aT, factor of relaxation times, of the uppermost material with a shift | 1 |
+          from the relaxation times at the reference temperature
+        """)
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -250,7 +232,7 @@ class Temperature(Observable):
         return None if config.temperature is None else cls.COLUMNS
 
     def __init__(self, case: Parts) -> None:
-        self._reduced_time = next(filter(None, case.reduced_times))
+        self._reduced_time = next(filter(None, case.programme.reduced_times))
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return both at the end of the step."""
@@ -260,87 +242,54 @@ class Temperature(Observable):
 
 # Columns of isolated contacts; forces and energies are those of the whole contact.
 
-_WHOLE, _ENERGY, _SINCE = "of the whole contact", "force length", "from the beginning of the run"
-
 INDENTATION = (
     TIME,
-    Column("force", "force on the indenter", "force", symbol="F", origin=_WHOLE),
-    Column(
-        "depth",
-        "depth of the indenter below the undeformed surface",
-        "length",
-        symbol=r"\delta",
-        origin="from the undeformed surface",
-    ),
-    Column("contact_radius", "radius of the contact", "length", symbol="a", origin="from the axis"),
-    Column("work", "work done by the indenter", _ENERGY, origin=_SINCE),
-    Column("stored", "elastic energy stored", _ENERGY, origin="from the body at rest"),
-    Column("dissipated", "energy dissipated", _ENERGY, origin=_SINCE),
-    Column("energy_residual", "work - stored - dissipated", _ENERGY, origin=_SINCE),
+    *declared(r"""
+    force | force on the indenter | force | of the whole contact | F
+    depth | depth of the indenter below the undeformed surface | length | from the undeformed surface | \delta
+    contact_radius | radius of the contact | length | from the axis | a
+    work | work done by the indenter | force length | from the beginning of the run
+    stored | elastic energy stored | force length | from the body at rest
+    dissipated | energy dissipated | force length | from the beginning of the run
+    energy_residual | work - stored - dissipated | force length | from the beginning of the run
+    """),
 )
 
-_ON_A_LINE = {"length^2": "length", _ENERGY: "force / length length"}  # per length of the line
+_ON_A_LINE = {"length^2": "length", "force length": "force / length length"}  # per length of the line
+_TOTALS = declared(r"""
+    area | contact area, contact points times the area of a point | length^2 |
+      of the whole contact; of a line, its width | A
+    area_interpolated | contact area, the edge located between the points | length^2 |
+      of the whole contact; the edge from pressure and gap beside it | A
+    area_error | estimated error of area_interpolated | length^2 |
+      from the number of points across the contact
+    work | work done by the punch, and by a changing voltage | force length | from the beginning of the run
+    stored | elastic energy stored | force length | from the body at rest
+    dissipated | energy dissipated | force length | from the beginning of the run
+    energy_residual | work - stored - dissipated - energy of the interface - plastic work - lost in
+      instabilities | force length | from the beginning of the run
+    plastic_work | plastic work, the hardness (less the attraction in contact) times the volume of the
+      imprint | force length | from the beginning of the run
+    yielded_area | area whose pressure is the hardness | length^2 | of the whole contact
+    lost | energy lost in instabilities | force length | from the beginning of the run
+    instability_energy | energy lost in each instability | force length | of the whole contact
+    interface_energy | energy of the interface, zero far away | force length | of the whole contact
+    attracted_area | area out of contact with at least a tenth of the largest traction | length^2 |
+      of the whole contact
+    total_work_of_separation | work of separation | force length |
+      over the steps in which the depth falls | W_\mathrm{sep}
+    """)
+_NAMED_ANEW = {
+    "contact_area": "area", "contact_area_interpolated": "area_interpolated",
+    "contact_area_error": "area_error", "attractive_area": "attracted_area",
+    "work_of_separation": "total_work_of_separation",
+}  # fmt: skip
+_OF_A_CELL = ("mean_pressure", "mean_stress", "mean_gap", "pull_off_stress")
 
 # By the columns, and attributes, of a periodic contact; None: has no meaning without a cell.
-TOTALS: dict[str, Column | None] = {
-    "contact_area": Column(
-        "area",
-        "contact area, contact points times the area of a point",
-        "length^2",
-        symbol="A",
-        origin="of the whole contact; of a line, its width",
-    ),
-    "mean_pressure": None,
-    "mean_stress": None,
-    "mean_gap": None,
-    "contact_area_interpolated": Column(
-        "area_interpolated",
-        "contact area, the edge located between the points",
-        "length^2",
-        origin="of the whole contact; the edge from pressure and gap beside it",
-    ),
-    "contact_area_error": Column(
-        "area_error",
-        "estimated error of area_interpolated",
-        "length^2",
-        origin="from the number of points across the contact",
-    ),
-    "work": Column("work", "work done by the punch, and by a changing voltage", _ENERGY, origin=_SINCE),
-    "stored": Column("stored", "elastic energy stored", _ENERGY, origin="from the body at rest"),
-    "dissipated": Column("dissipated", "energy dissipated", _ENERGY, origin=_SINCE),
-    "energy_residual": Column(
-        "energy_residual",
-        "work - stored - dissipated - energy of the interface - plastic work - lost in instabilities",
-        _ENERGY,
-        origin=_SINCE,
-    ),
-    "plastic_work": Column(
-        "plastic_work",
-        "plastic work, the hardness (less the attraction in contact) times the volume of the imprint",
-        _ENERGY,
-        origin=_SINCE,
-    ),
-    "yielded_area": Column("yielded_area", "area whose pressure is the hardness", "length^2", origin=_WHOLE),
-    "lost": Column("lost", "energy lost in instabilities", _ENERGY, origin=_SINCE),
-    "instability_energy": Column(
-        "instability_energy", "energy lost in each instability", _ENERGY, origin=_WHOLE
-    ),
-    "interface_energy": Column(
-        "interface_energy", "energy of the interface, zero far away", _ENERGY, origin=_WHOLE
-    ),
-    "attractive_area": Column(
-        "attracted_area",
-        "area out of contact with at least a tenth of the largest traction",
-        "length^2",
-        origin=_WHOLE,
-    ),
-    "pull_off_stress": None,
-    "work_of_separation": Column(
-        "total_work_of_separation",
-        "work of separation",
-        _ENERGY,
-        origin="over the steps in which the depth falls",
-    ),
+TOTALS: dict[str, Column | None] = dict.fromkeys(_OF_A_CELL) | {
+    {new: name for name, new in _NAMED_ANEW.items()}.get(column.name, column.name): column
+    for column in _TOTALS
 }
 
 

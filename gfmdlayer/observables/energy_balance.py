@@ -35,7 +35,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import Point, Row, across, work_over_fold
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
 from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
@@ -43,36 +43,30 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
 
 
-_UNITS, _SINCE = "pressure length", "from the beginning of the run"
-
-
 class EnergyBalance(Observable):
     """Work, stored and dissipated energy, and the residual of their balance."""
 
-    COLUMNS = (
-        Column("work", "work done by the punch, and by a changing voltage, per area", _UNITS, origin=_SINCE),
-        Column("stored", "elastic energy stored per area", _UNITS, origin="from the body at rest"),
-        Column("dissipated", "energy dissipated per area", _UNITS, origin=_SINCE),
-        Column(
-            "energy_residual",
-            "work - stored - dissipated - energy of the interface - plastic work - heat of slip - lost in "
-            "instabilities, per area",
-            _UNITS,
-            origin=_SINCE,
-        ),
-    )
-
-    LOST = Column("lost", "energy lost in instabilities per area", _UNITS, origin=_SINCE)
+    COLUMNS = declared("""
+        work | work done by the punch, and by a changing voltage, per area | pressure length |
+          from the beginning of the run
+        stored | elastic energy stored per area | pressure length | from the body at rest
+        dissipated | energy dissipated per area | pressure length | from the beginning of the run
+        energy_residual | work - stored - dissipated - energy of the interface - plastic work - heat of slip
+          - lost in instabilities, per area | pressure length | from the beginning of the run
+        """)
+    LOST = declared("""
+        lost | energy lost in instabilities per area | pressure length | from the beginning of the run
+        """)
     KEPT = "work", "lost", "energies", "torn"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
         """Return the balance, with the loss where the interface attracts."""
-        return (cls.LOST, *cls.COLUMNS) if config.interfaces else cls.COLUMNS
+        return (*cls.LOST, *cls.COLUMNS) if config.interfaces else cls.COLUMNS
 
     def __init__(self, case: Parts) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
-        self._interface, self._has_losses = case.interface, bool(case.config.interfaces)
+        self._interface, self._has_losses = case.programme.interface, bool(case.config.interfaces)
         self._yields = case.config.hardness is not None
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
@@ -168,12 +162,15 @@ _NAMES = "body", "counterbody"
 class Bodies(Observable):
     """Stored and dissipated energy of each of two deformable bodies; the balance has their sums."""
 
-    COLUMNS = (
-        *(Column(f"stored_{name}", f"elastic energy stored in the {name}, per area", _UNITS,
-                 origin="from the body at rest") for name in _NAMES),
-        *(Column(f"dissipated_{name}", f"energy dissipated in the {name}, per area", _UNITS,
-                 origin=_SINCE) for name in _NAMES),
-    )  # fmt: skip
+    COLUMNS = declared("""
+        stored_body | elastic energy stored in the body, per area | pressure length | from the body at rest
+        stored_counterbody | elastic energy stored in the counterbody, per area | pressure length |
+          from the body at rest
+        dissipated_body | energy dissipated in the body, per area | pressure length |
+          from the beginning of the run
+        dissipated_counterbody | energy dissipated in the counterbody, per area | pressure length |
+          from the beginning of the run
+        """)
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:

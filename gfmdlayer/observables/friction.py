@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -46,22 +46,14 @@ class Friction(Observable):
     contact.
     """
 
-    COLUMNS = (
-        Column("position", "position of the punch along x", "length", origin="from its place at t = 0"),
-        Column(
-            "tangential_force",
-            "mean tangential stress against the motion",
-            "pressure",
-            origin="mean over the whole cell of pressure times slope of the surface, and of shear traction",
-        ),
-        Column("friction", "tangential force / normal force", symbol=r"\mu", origin="of the whole cell"),
-        Column(
-            "contact_centre",
-            "centre of pressure along x, from the middle of the punch",
-            "length",
-            origin="from the middle of the punch",
-        ),
-    )
+    COLUMNS = declared(r"""
+        position | position of the punch along x | length | from its place at t = 0
+        tangential_force | mean tangential stress against the motion | pressure | mean over the whole cell of
+          pressure times slope of the surface, and of shear traction | \bar{t}
+        friction | tangential force / normal force | 1 | of the whole cell | \mu
+        contact_centre | centre of pressure along x, from the middle of the punch | length |
+          from the middle of the punch
+        """)
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -79,10 +71,10 @@ class Friction(Observable):
         grid = case.grid
         self._sums = grid.sums
         self._two = case.integrator if case.config.two_bodies else None
-        if case.velocity is None:
+        if (velocity := case.programme.velocity) is None:
             self._position = None
             return
-        self._position = partial(distance, case.velocity)
+        self._position = partial(distance, velocity)
         self._transforms, self._period = case.transforms, grid.period[0]
         one, other = grid.wavenumbers_x
         # The grid does not distinguish the shortest wave from its opposite; their mean has no slope there.
@@ -111,10 +103,6 @@ class Friction(Observable):
         }
 
 
-_SINCE, _CELL = "from the beginning of the run", "over the cell"
-_FROM_ROWS = "the first row in which it is so"
-
-
 class Slip(Observable):
     """Friction by parts, stick, heat of slip, and the displacement of the punch along the surface.
 
@@ -122,34 +110,27 @@ class Slip(Observable):
     at which no point sticks any more, and at which one sticks again; NaN where that does not happen.
     """
 
-    COLUMNS = (
-        Column("interface_friction", "shear traction / pressure, means over the cell", origin=_CELL),
-        Column(
-            "hysteresis_friction",
-            "tangential force by the loss of the body / normal force",
-            origin="loss of the body per distance and area, over mean pressure",
-        ),
-        Column("stick_area", "part of the surface that sticks to the punch", origin=_CELL),
-        Column("slip_heat", "heat of slip per area", "pressure length", origin=_SINCE),
-        Column(
-            "tangential_displacement",
-            "displacement of the punch along the surface, of its rolling the sliding part",
-            "length",
-            origin=_SINCE,
-        ),
-        Column("creepage", "sliding speed of the punch over its velocity", origin="over the step"),
-        Column(
-            "transverse_force",
-            "mean shear traction across the tangential drive",
-            "pressure",
-            origin="mean over the whole cell, to the left of the drive",
-        ),
-    )
-    NUMBERS = (
-        Column("first_slip", "time at which slip begins", "time", origin=_FROM_ROWS),
-        Column("full_slip", "time at which no point sticks any more", "time", origin=_FROM_ROWS),
-        Column("restick", "time at which a point sticks again after full slip", "time", origin=_FROM_ROWS),
-    )
+    COLUMNS = declared(r"""
+        interface_friction | shear traction / pressure, means over the cell | 1 | over the cell |
+          \mu_\mathrm{interface}
+        hysteresis_friction | tangential force by the loss of the body / normal force | 1 |
+          loss of the body per distance and area, over mean pressure | \mu_\mathrm{hysteresis}
+        stick_area | part of the surface that sticks to the punch | 1 | over the cell |
+          \tilde{a}_\mathrm{stick}
+        slip_heat | heat of slip per area | pressure length | from the beginning of the run |
+          w_\mathrm{slip}
+        tangential_displacement | displacement of the punch along the surface, of its rolling the sliding
+          part | length | from the beginning of the run | D
+        creepage | sliding speed of the punch over its velocity | 1 | over the step | \xi
+        transverse_force | mean shear traction across the tangential drive | pressure |
+          mean over the whole cell, to the left of the drive | \bar{t}_\perp
+        """)
+    NUMBERS = declared("""
+        first_slip | time at which slip begins | time | the first row in which it is so
+        full_slip | time at which no point sticks any more | time | the first row in which it is so
+        restick | time at which a point sticks again after full slip | time |
+          the first row in which it is so
+        """)
     KEPT = "heat", "position", "times"
 
     @classmethod

@@ -7,12 +7,14 @@ estimates of cost need these modules, so the modules import neither numpy nor co
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from textwrap import dedent
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
-from gfmdlayer.resumable import State
+from gfmdlayer.resumable import Saving
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute, BoolArray, FloatArray
@@ -23,10 +25,8 @@ if TYPE_CHECKING:
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
-    from gfmdlayer.history.error_control import Integrator
-    from gfmdlayer.history.reduced_time import ReducedTime
-    from gfmdlayer.interface.law import Interaction
-    from gfmdlayer.time_functions import Constant, Table
+    from gfmdlayer.history.adaptive_steps import Integrator
+    from gfmdlayer.programme import Programme
 
 Value: TypeAlias = "float | FloatArray"
 
@@ -62,14 +62,14 @@ class Places(Bins):
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the rows: a number for each accepted step, or one for each bin."""
+    """One column of the rows, a number for each accepted step or for each bin; or a field of a snapshot."""
 
     name: str  # in the files
     long_name: str  # its meaning
     units: str = "1"  # in words, see `results.schema`; "1" for dimensionless quantities
     dtype: str = "f8"  # in the files, as numpy names it
     along: Bins | None = None  # bins of a distribution, or `Places`; a number without them
-    symbol: str = ""  # in mathtext; a number with a symbol has a panel among the curves
+    symbol: str = ""  # in mathtext, of the figures
     origin: str = ""  # from where, or over what, it is measured; for the reference
 
     @property
@@ -86,6 +86,19 @@ class Column:
     def described(self) -> dict[str, str]:
         """Attributes of the variable in a file."""
         return {"long_name": self.long_name, "units": self.units}
+
+
+def declared(table: str) -> tuple[Column, ...]:
+    """Return the columns of a text, each in a line "name | meaning | units | origin [| symbol [| dtype]]".
+
+    A line goes on in those that are indented further.
+    """
+    found = []
+    for line in re.sub(r"\n +", " ", dedent(table).strip()).splitlines():
+        name, meaning, units, origin, *more = (part.strip() for part in line.split("|"))
+        symbol, dtype = (*more, *("", "f8")[len(more) :])
+        found.append(Column(name, meaning, units, dtype, symbol=symbol, origin=origin))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +136,10 @@ class Parts(Protocol):
     config: Config
 
     @property
+    def programme(self) -> Programme:
+        """The quantities imposed over time."""
+
+    @property
     def grid(self) -> Grid:
         """The periodic grid."""
 
@@ -146,31 +163,11 @@ class Parts(Protocol):
         """The time integrator, of the kind that the configuration asks for."""
 
     @property
-    def interface(self) -> Interaction:
-        """Interaction of surface and punch across the gap, at any time."""
-
-    @property
-    def velocity(self) -> Constant | Table | None:
-        """Velocity of the punch along x; None where it stays."""
-
-    @property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches."""
 
-    @property
-    def reduced_time(self) -> ReducedTime | None:
-        """The reduced time in which the whole body relaxes; None where it has none."""
 
-    @property
-    def reduced_times(self) -> tuple[ReducedTime | None, ...]:
-        """The reduced time of each of the laws; None for one whose times do not change."""
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Times at which the slope of a prescribed quantity jumps."""
-
-
-class Observable:
+class Observable(Saving):
     """Measures columns of each accepted step.
 
     Parameters
@@ -197,7 +194,6 @@ class Observable:
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()
     NUMBERS: ClassVar[tuple[Column, ...]] = ()
-    KEPT: ClassVar[tuple[str, ...]] = ()
     finished: bool = False
     attributes: Mapping[str, Attribute] = MappingProxyType({})
     warning: str = ""
@@ -221,16 +217,3 @@ class Observable:
     def measure(self, step: AcceptedStep) -> Mapping[str, Value]:  # noqa: ARG002
         """Return the values of the columns, by name."""
         return {}
-
-    def state(self) -> State:
-        """Return the attributes in KEPT."""
-        return {name: getattr(self, f"_{name}") for name in self.KEPT}
-
-    def restore(self, state: State) -> None:
-        """Continue from the state of another run."""
-        import numpy as np
-
-        for name in self.KEPT:
-            held = np.asarray(state[name]).tolist()  # numbers as they were: a sum may begin as a whole 0
-            in_tuple = isinstance(getattr(self, f"_{name}"), tuple)
-            setattr(self, f"_{name}", tuple(held) if in_tuple else held)

@@ -29,7 +29,7 @@ from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.files.locks import regular_and_no_link
 from gfmdlayer.observables import Column
 from gfmdlayer.results.provenance import now, provenance
-from gfmdlayer.results.schema import BELOW, FIELDS, VARIABLES, ResultsError, Variable
+from gfmdlayer.results.schema import BELOW, FIELDS, VARIABLES, ResultsError
 
 if TYPE_CHECKING:
     import xarray
@@ -322,7 +322,7 @@ class Recording:
                     found[name] = ((each.along.name,), np.array(edges), meaning)
         return found
 
-    def _snapshots(self, lengths: Mapping[str, int], known: Mapping[str, Variable]) -> dict[str, Any]:
+    def _snapshots(self, lengths: Mapping[str, int], known: Mapping[str, Column]) -> dict[str, Any]:
         times = np.array([time for time, *_ in self.fields], dtype=np.float64)
         found: dict[str, Any] = {"snapshot": (("snapshot",), times, known["snapshot"].described)}
         first = self.fields[0] if self.fields else (0.0, 0.0, 0.0)  # as in a file
@@ -333,7 +333,7 @@ class Recording:
         return found
 
     def _below(
-        self, lengths: Mapping[str, int], known: Mapping[str, Variable], places: Sequence[Place]
+        self, lengths: Mapping[str, int], known: Mapping[str, Column], places: Sequence[Place]
     ) -> dict[str, Any]:
         """Return the fields below the surface, NaN in the snapshots that have none."""
         found: dict[str, Any] = {}

@@ -9,33 +9,14 @@ and "1" for dimensionless quantities.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from gfmdlayer.observables.observable import declared
 from gfmdlayer.validation.sections import described
 
 
 class ResultsError(OSError):
     """A results file or folder that cannot be written or read; the message names it and says why."""
-
-
-@dataclass(frozen=True)
-class Variable:
-    """Meaning, units, numpy type and origin of a coordinate or field; observables declare columns."""
-
-    long_name: str
-    units: str = "1"
-    dtype: str = "f8"
-    origin: str = ""
-
-    def in_units(self, unit: Callable[[str], str]) -> Variable:
-        """Return the variable with the label of its unit in place of the words."""
-        return replace(self, units=unit(self.units))
-
-    @property
-    def described(self) -> dict[str, str]:
-        """Attributes of the variable in a file."""
-        return {"long_name": self.long_name, "units": self.units}
 
 
 class Parameter(NamedTuple):
@@ -46,46 +27,52 @@ class Parameter(NamedTuple):
     units: str
 
 
-_VARIABLES = """\
-x | position along x | length | f8 | from the middle of the cell, and of the punch
-y | position along y | length | f8 | from the middle of the cell
-snapshot | time of the snapshot | time | f8 | from the beginning of the run
-displacement | normal displacement of the surface, positive upward | length | f8 | from the surface at rest
-pressure | contact pressure, positive in compression | pressure | f8 | at each point, of the wall
-gap | gap between surface and punch, zero in contact | length | f8 | at each point
-traction | traction across the gap, positive in attraction | pressure | f8 | at each point, of the interface
-imprint | height that the surfaces have lost | length | f8 | at each point, from the beginning of the run
-shear_x | shear traction of the punch on the surface along x | pressure | f8 | at each point
-shear_y | shear traction of the punch on the surface along y | pressure | f8 | at each point
-slip_velocity_x | velocity of the surface against the punch along x, zero where it sticks | length / time |
-  f8 | at each point in contact, mean over the step; else NaN
-slip_velocity_y | velocity of the surface against the punch along y, zero where it sticks | length / time |
-  f8 | at each point in contact, mean over the step; else NaN
-z | depth below the surface | length | f8 | of the undeformed body; an interface is there twice
-layer | number of the layer at the depth | 1 | i8 | from the surface, 0
-displacement_x | displacement along x | length | f4 | below the surface
-displacement_y | displacement along y | length | f4 | below the surface
-displacement_z | displacement along z, positive downward | length | f4 | below the surface
-stress_xx | normal stress along x, positive in tension | pressure | f4 | below the surface
-stress_yy | normal stress along y, positive in tension | pressure | f4 | below the surface
-stress_zz | normal stress along z, of an interface the peel stress, positive in tension | pressure | f4 |
-  below the surface
-stress_xy | shear stress xy | pressure | f4 | below the surface
-stress_xz | shear stress xz | pressure | f4 | below the surface
-stress_yz | shear stress yz | pressure | f4 | below the surface
-von_mises | von Mises stress | pressure | f4 | below the surface
-spring | number of the spring | 1 | i8 | from the surface, 0
-spring_strain | strain of each spring of the layers | length | f8 | for other depths
-spring_force | force of each spring of the layers | pressure | f8 | for other depths
-displacement_body | normal displacement of the surface of the body, positive out of it | length | f8 | from
-  the surface at rest
-displacement_counterbody | normal displacement of the surface of the counterbody, positive out of it |
-  length | f8 | from the surface at rest
-case | number of the case and of its file in cases/ | 1 | i8 | from 0
-"""
-VARIABLES: dict[str, Variable] = {
-    name: Variable(*about)
-    for name, *about in (row.split(" | ") for row in _VARIABLES.replace("\n  ", " ").splitlines())
+# Coordinates and fields; observables declare the columns of the rows.
+VARIABLES = {
+    variable.name: variable
+    for variable in declared(r"""
+    x | position along x | length | from the middle of the cell, and of the punch; from the axis of an
+      isolated indenter | x
+    y | position along y | length | from the middle of the cell | y
+    snapshot | time of the snapshot | time | from the beginning of the run | t
+    displacement | normal displacement of the surface, positive upward | length | from the surface at
+      rest | u
+    pressure | contact pressure, positive in compression | pressure | at each point, of the wall | p
+    gap | gap between surface and punch, zero in contact | length | at each point | g
+    traction | traction across the gap, positive in attraction | pressure | at each point, of the
+      interface | \tau
+    imprint | height that the surfaces have lost | length | at each point, from the beginning of the run
+      | W
+    shear_x | shear traction of the punch on the surface along x | pressure | at each point | t_x
+    shear_y | shear traction of the punch on the surface along y | pressure | at each point | t_y
+    slip_velocity_x | velocity of the surface against the punch along x, zero where it sticks | length /
+      time | at each point in contact, mean over the step; else NaN | \dot{s}_x
+    slip_velocity_y | velocity of the surface against the punch along y, zero where it sticks | length /
+      time | at each point in contact, mean over the step; else NaN | \dot{s}_y
+    z | depth below the surface | length | of the undeformed body; an interface is there twice | z
+    layer | number of the layer at the depth | 1 | from the surface, 0 | | i8
+    displacement_x | displacement along x | length | below the surface | u_x | f4
+    displacement_y | displacement along y | length | below the surface | u_y | f4
+    displacement_z | displacement along z, positive downward | length | below the surface | u_z | f4
+    stress_xx | normal stress along x, positive in tension | pressure | below the surface | \sigma_{xx}
+      | f4
+    stress_yy | normal stress along y, positive in tension | pressure | below the surface | \sigma_{yy}
+      | f4
+    stress_zz | normal stress along z, of an interface the peel stress, positive in tension | pressure |
+      below the surface | \sigma_{zz} | f4
+    stress_xy | shear stress xy | pressure | below the surface | \sigma_{xy} | f4
+    stress_xz | shear stress xz | pressure | below the surface | \sigma_{xz} | f4
+    stress_yz | shear stress yz | pressure | below the surface | \sigma_{yz} | f4
+    von_mises | von Mises stress | pressure | below the surface | \sigma_\mathrm{Mises} | f4
+    spring | number of the spring | 1 | from the surface, 0 | | i8
+    spring_strain | strain of each spring of the layers | length | for other depths
+    spring_force | force of each spring of the layers | pressure | for other depths
+    displacement_body | normal displacement of the surface of the body, positive out of it | length |
+      from the surface at rest | u_1
+    displacement_counterbody | normal displacement of the surface of the counterbody, positive out of it
+      | length | from the surface at rest | u_2
+    case | number of the case and of its file in cases/ | 1 | from 0 | | i8
+    """)
 }
 
 # Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness, shear

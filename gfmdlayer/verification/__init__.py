@@ -1,9 +1,8 @@
 """Verification: `gfmdlayer verify` compares results with theory, row by row.
 
-    rows.py     a row of the table, a curve of convergence, a check
+    rows.py     a row of the table, a curve of convergence, a check; the report and its pictures
     theory.py   closed forms of elastic contact, and bounds on the errors of grid and solver
     runs.py     runs of the paper's default case, in memory
-    report.py   the table in Markdown, and the plots of convergence
 
 The other modules contain the checks. A check is a function that yields rows; its docstring gives the theory
 and derives the bounds. The table of all checks is here: add a new check to a group of `_GROUPS`.
@@ -27,8 +26,7 @@ from gfmdlayer.verification import (
     stacks,
     transport,
 )
-from gfmdlayer.verification.report import write_report
-from gfmdlayer.verification.rows import Check, Outcome, carry_out
+from gfmdlayer.verification.rows import Check, Outcome, carry_out, write_report
 
 _GROUPS = {
     "Closed forms": (

@@ -11,7 +11,7 @@ from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.isolated import TOLERANCE
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
-from gfmdlayer.indentation.isolated import IsolatedIndentation
+from gfmdlayer.indentation.indent import IsolatedIndentation
 from gfmdlayer.indentation.solve import Edge, History, follow, on_steps
 from gfmdlayer.punch.revolution import Revolution, cone, flat, paraboloid, sphere
 from gfmdlayer.verification.rows import Row

@@ -32,8 +32,8 @@ from gfmdlayer.contact.nested.solver import nest
 from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePrediction
 from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history import adaptive_steps, error_control
-from gfmdlayer.history.error_control import ErrorControl
+from gfmdlayer.history import adaptive_steps
+from gfmdlayer.history.adaptive_steps import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.kernels import kernel
 from gfmdlayer.model import ConvergenceError, simulate, warm_up
@@ -397,7 +397,7 @@ ADAPTIVE = (
         patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
     _Ablation(
-        "part of the unknown curvature: all", patches=lambda: [(error_control, "_UNKNOWN_CURVATURE", 1.0)]
+        "part of the unknown curvature: all", patches=lambda: [(adaptive_steps, "_UNKNOWN_CURVATURE", 1.0)]
     ),
     _Ablation(
         "limits of growth",

@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.common import Cell, Effort, Table, bare_pairs, seconds
 from benchmarks.slabs import configuration
 
-from gfmdlayer.contact.nested.passes import ParallelPasses
+from gfmdlayer.contact.nested.iteration import ParallelPasses
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.simulation import Case
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mpmath import matrix, mp, mpf
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Elastic, Prony, Zener
 from gfmdlayer.body.stack import Layer, LayerStack, merged
 from gfmdlayer.history.modes import SCHEMES, Modes
-from tests.body.printed import modulus
+from tests.body.printed import surface_stiffness
 
 # Of the stiffness: some tens of roundings of 2^-53 in each of at most seven layers.
 ROUNDING = 1e-13
@@ -23,50 +22,9 @@ SPECTRUM = 1e-11
 FREQUENCIES = np.array([0, 1e-4j, 0.1 + 0.03j, 1j, 30j, 1e4 + 1e4j, 1e9])
 
 
-def layer_matrix(x, nu):
-    """Tractions on (W, U) of the upper and lower face, by their displacements, for q = G = 1."""
-    # From the basis psi = exp(-z), exp(z - x): (U, W) = (psi, psi') and (z psi, z psi' - (3 - 4 nu) psi).
-    displacement, traction = matrix(4, 4), matrix(4, 4)
-    for column, (sign, kind) in enumerate(((-1, 0), (-1, 1), (1, 0), (1, 1))):
-        for row, z in ((0, mpf(0)), (2, x)):
-            psi = mp.exp(sign * z - (x if sign > 0 else 0))
-            slope, outward = sign * psi, -1 if row == 0 else 1
-            if kind == 0:
-                W, U, normal, shear = slope, psi, 2 * psi, 2 * slope
-            else:
-                W, U = z * slope - (3 - 4 * nu) * psi, z * psi
-                normal = 2 * (-2 * (1 - nu) * slope + z * psi)
-                shear = (4 * nu - 2) * psi + 2 * z * slope
-            displacement[row, column], displacement[row + 1, column] = W, U
-            traction[row, column], traction[row + 1, column] = outward * normal, outward * shear
-    return traction * displacement**-1
-
-
-def exact_stiffness(body, q, s):
-    """K(q, s) by elimination from the base upwards, in as many digits as leave fifty."""
-    depths = [mpf(q) * mpf(layer.thickness) for layer in body.layers if math.isfinite(layer.thickness)]
-    thinnest, thickest = min(depths), min(max(depths), mpf(400))
-    with mp.workdps(60 + int(thickest) + 8 * len(depths) * math.ceil(max(0.0, -float(mp.log10(thinnest))))):
-        impedance = None if body.rigid else matrix(2, 2)
-        for layer in reversed(body.layers):
-            nu, G = mpf(layer.poisson), modulus(layer.material, s)
-            x = mpf(q) * mpf(layer.thickness)
-            if x > 400:  # exp(-400) of the rest is below rounding
-                c = 3 - 4 * nu
-                impedance = G / c * matrix([[4 * (1 - nu), 4 * nu - 2], [4 * nu - 2, 4 * (1 - nu)]])
-                continue
-            M = layer_matrix(x, nu) * G
-            impedance = (
-                M[:2, :2]
-                if impedance is None
-                else M[:2, :2] - M[:2, 2:] * (M[2:, 2:] + impedance) ** -1 * M[2:, :2]
-            )
-        return complex(mpf(q) * (impedance[0, 0] - impedance[0, 1] * impedance[1, 0] / impedance[1, 1]))
-
-
 def assert_exact(body, q):
     """Assert the stiffness and that of the spectrum, and that no weight is negative."""
-    exact = np.array([exact_stiffness(body, q, s) for s in FREQUENCIES])
+    exact = np.array([surface_stiffness(body, q, s, shear=False) for s in FREQUENCIES])
     np.testing.assert_allclose(body.stiffness(q, FREQUENCIES), exact, rtol=ROUNDING)
     spectrum = body.spectrum(q)
     assert (spectrum.weights >= 0).all()

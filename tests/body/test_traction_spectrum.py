@@ -2,14 +2,13 @@
 
 import math
 
-import mpmath as mp
 import numpy as np
 import pytest
 
 from gfmdlayer.body.body import bonded_layer
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.body.stack import Layer, LayerStack
-from tests.body.printed import modulus
+from tests.body.printed import surface_stiffness
 
 # Of K: some tens of roundings in each of the layers, times the condition of the modes, (Ginf/G0)^(1/2).
 ROUNDING = 1e-11
@@ -123,24 +122,6 @@ def random_stack(random):
     return LayerStack((*layers, layer(math.inf)) if base == 0 else tuple(layers), rigid=bool(base == 1))
 
 
-def exact(stack, q, s):
-    """Return K over (W, U) to 60 digits: series of the matrix exponentials of the equations of elasticity."""
-    q, layers = mp.mpf(q), list(stack.layers)
-    states = mp.matrix([[0, 0], [0, 0], [1, 0], [0, 1]] if stack.rigid else [[1, 0], [0, 1], [0, 0], [0, 0]])
-    if math.isinf(layers[-1].thickness):
-        base = layers.pop()
-        nu, G = mp.mpf(base.poisson), modulus(base.material, s)
-        C = mp.matrix([[2 - 2 * nu, 1 - 2 * nu], [1 - 2 * nu, 2 - 2 * nu]]) / (2 * G * q)
-        states[2:, :] = -(C**-1)
-    for layer in reversed(layers):
-        nu, G = mp.mpf(layer.poisson), modulus(layer.material, s)
-        ratio, give = nu / (1 - nu), (1 - 2 * nu) / (2 * G * (1 - nu))  # give is 0 where incompressible
-        equations = [[0, ratio * q, give, 0], [-q, 0, 0, 1 / G], [0, 0, 0, q]]
-        equations.append([0, 2 * G / (1 - nu) * q**2, -ratio * q, 0])
-        states = mp.expm(-mp.mpf(layer.thickness) * mp.matrix(equations), method="taylor") * states
-    return np.array((-states[2:, :] * states[:2, :] ** -1).tolist()).astype(complex)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_random_stacks_obey_the_equations_of_elasticity(seed):
     """Incompressible layers and complex frequencies too, at any ratio of moduli."""
@@ -148,9 +129,8 @@ def test_random_stacks_obey_the_equations_of_elasticity(seed):
     stack = random_stack(random)
     depth = sum(layer.thickness for layer in stack.layers if math.isfinite(layer.thickness))
     q = np.array([0.02, 0.5, 10.0]) / depth
-    with mp.workdps(60):
-        for s in (0.0, 10 ** random.uniform(-3, 3) * 1j):
-            found = stack.traction_spectrum(q).in_plane.stiffness(s)
-            for K, one in zip(found, q, strict=True):
-                expected = exact(stack, one, s)
-                np.testing.assert_allclose(K, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())
+    for s in (0.0, 10 ** random.uniform(-3, 3) * 1j):
+        found = stack.traction_spectrum(q).in_plane.stiffness(s)
+        for K, one in zip(found, q, strict=True):
+            expected = surface_stiffness(stack, one, s)
+            np.testing.assert_allclose(K, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())

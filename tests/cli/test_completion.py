@@ -7,15 +7,14 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.cli import VERBS, main
-from gfmdlayer.cli.completion import SHELLS
 
 
-@pytest.mark.parametrize("shell", SHELLS)
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_each_shell_gets_a_script_with_every_verb(shell, capsys):
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
     for verb in VERBS:
-        assert verb.__name__.rpartition(".")[2].replace("_", "-") in script
+        assert verb.name in script
 
 
 @pytest.mark.parametrize(

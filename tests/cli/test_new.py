@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.cli import main
-from gfmdlayer.cli.new import TEMPLATES, commented
+from gfmdlayer.cli.editing import TEMPLATES, commented
 from gfmdlayer.config import load
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.workers import assemble

@@ -49,14 +49,12 @@ def test_zip_takes_the_first_with_the_first(read):
 @pytest.mark.parametrize(
     ("formula", "values"),
     [
-        (
-            "layer.thickness: {from: 1.0e-3, to: 1.0e+2, points: 6, spacing: log}",
-            [1e-3, 0.01, 0.1, 1, 10, 100],
-        ),
+        ("layer.thickness: {from: 1.0e-3, to: 1.0e+2, points: 6, spacing: log}",
+         [1e-3, 0.01, 0.1, 1, 10, 100]),
         ("layer.thickness: {from: 0.1, to: 0.5, points: 5}", [0.1, 0.2, 0.3, 0.4, 0.5]),
         ("grid.points: {from: 16, to: 128, points: 4, spacing: log}", [16, 32, 64, 128]),
     ],
-)
+)  # fmt: skip
 def test_values_by_a_formula_are_those_of_the_list(read, formula, values):
     key = formula.partition(":")[0]
     config, listed = read(f"{{{formula}}}"), read(f"{{{key}: {values}}}")

@@ -480,18 +480,14 @@ def test_words_become_labels_and_stay_without_units():
         ("{length: Pa, stress: Pa, time: s}", "units.length: got the text 'Pa'; must be a unit of length"),
         ("{length: m, stress: mpa, time: s}", "units.stress: got the text 'mpa'; must be a unit of stress"),
         ("{length: m, stress: MPA, time: s}", "did you mean 'MPa'?"),
-        (
-            "{length: 1.0, stress: Pa, time: s}",
-            "units.length: got 1.0; must be a unit of length, such as m, mm",
-        ),
+        ("{length: 1.0, stress: Pa, time: s}",
+         "units.length: got 1.0; must be a unit of length, such as m, mm"),
         ("{lenght: m, stress: Pa, time: s}", "units.lenght: unknown key; allowed: length, stress, time"),
         ("SI", "units: got the text 'SI'; must be a mapping"),
-        (
-            "{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}",
-            "sweep.units.length: cannot be swept",
-        ),
+        ("{length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}",
+         "sweep.units.length: cannot be swept"),
     ],
-)
+)  # fmt: skip
 def test_other_names_and_sweeps_of_labels_are_refused(tmp_path, units, message):
     assert message in "\n".join(problems(tmp_path, f"name: a\nunits: {units}\n"))
 

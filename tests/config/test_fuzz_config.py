@@ -87,11 +87,9 @@ DOTTED = leaves(Config(name="all"))
 def misspelt(key):
     places = st.integers(0, len(key) - 1)
     return st.one_of(
-        places.map(lambda i: key[:i] + key[i + 1 :]),
-        places.map(lambda i: key[: i + 1] + key[i:]),
-        st.just(key.upper()),
-        st.just(f"'{key}\\0'"),
-    )
+        places.map(lambda i: key[:i] + key[i + 1 :]), places.map(lambda i: key[: i + 1] + key[i:]),
+        st.just(key.upper()), st.just(f"'{key}\\0'"),
+    )  # fmt: skip
 
 
 def flow(values, keys):

@@ -162,11 +162,9 @@ def test_each_default_with_a_dimension_is_named_beside_units():
 def test_a_step_that_is_too_long_for_the_relaxation_is_noted_with_its_error(ramp, step):
     """Against the advised step, whose error is 0.002; one digit of an estimate that is within a third."""
     case = {
-        "layer": {"material": {"G0": 1.0, "Ginf": 10.0, "tau": 1e-3}},
-        "halfspace": {"shear_modulus": 1e3},
-        "grid": {"points": 256},
-        "trajectory": {"ramp_time": ramp},
-    }
+        "layer": {"material": {"G0": 1.0, "Ginf": 10.0, "tau": 1e-3}}, "halfspace": {"shear_modulus": 1e3},
+        "grid": {"points": 256}, "trajectory": {"ramp_time": ramp},
+    }  # fmt: skip
     (note,) = [note for note in of(case | {"time": {"end": 0.02, "step": step}}) if "long beside" in note]
     error = float(note.partition("may be ")[2].partition(" ")[0])
     enough = float(note.partition("use time.step: ")[2].partition(",")[0])
@@ -210,10 +208,8 @@ def test_what_friction_does_not_hold_or_resolve_is_noted():
 def test_the_period_of_an_oscillation_is_a_time():
     drive = {"kind": "oscillation", "displacement": 1e-5}
     law = {
-        "interface": {"law": "coulomb", "coefficient": 0.4},
-        "units": UNITS,
-        "halfspace.shear_modulus": 8e10,
-    }
+        "interface": {"law": "coulomb", "coefficient": 0.4}, "units": UNITS, "halfspace.shear_modulus": 8e10,
+    }  # fmt: skip
     trajectory = {"control": "load", "load": 1e4, "ramp_time": 1.0, "tangential": drive}
     time = {"end": 4.0, "step": 0.01}
     found = of(SI | law | {"halfspace.shear_modulus": 8e10, "trajectory": trajectory, "time": time})

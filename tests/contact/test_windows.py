@@ -18,7 +18,8 @@ from gfmdlayer.grid.grid import NOWHERE, Grid, parts, periodic_extent
 from gfmdlayer.grid.transforms import Transforms
 
 TOLERANCE = 1e-10
-SHAPES = [(1024,), (1000,), (243 * 4,), (512, 256), (390, 780)]
+SHAPES = [(1024,), (1000,), (243 * 4,), (260, 390)]
+SHAPES += [pytest.param(shape, marks=pytest.mark.slow) for shape in ((512, 256), (390, 780))]
 CONDITIONS = ["fixed mean", "free mean", "load"]
 each_shape = pytest.mark.parametrize("shape", SHAPES)
 each_condition = pytest.mark.parametrize("condition", CONDITIONS)
@@ -214,18 +215,17 @@ def test_spans_go_on_at_the_beginning(rows, points, expected):
     assert periodic_extent(pressure.ravel(), (8, 16)) == expected
 
 
-@pytest.mark.parametrize("control", ["depth", "load"])
-def test_warming_up_comes_to_a_window(control):
-    """What it leaves is compiled by all ranks at once."""
-    program = f"""
+def test_warming_up_under_a_load_comes_to_a_window():
+    """What it leaves is compiled by all ranks at once. tests/simulation has the same under a depth."""
+    program = """
 from pathlib import Path
 from gfmdlayer.config import load
 from gfmdlayer.contact.active_set import windows
 from gfmdlayer.model import warm_up
 config = load(Path("configs/indentation.yaml"))
-trajectory = {{"control": "{control}", "{control}": 0.01, "ramp_time": 1.0}}
+trajectory = {"control": "load", "load": 0.01, "ramp_time": 1.0}
 assert not windows.solve.overloads
-warm_up(config.with_values({{"solver": {{"method": "active_set"}}, "trajectory": trajectory}}))
+warm_up(config.with_values({"solver": {"method": "active_set"}, "trajectory": trajectory}))
 assert windows.solve.overloads
 """
     subprocess.run([sys.executable, "-c", program], cwd=Path(__file__).parents[2], check=True)

@@ -4,8 +4,6 @@ import sys
 from contextlib import chdir
 from pathlib import Path
 
-import h5py
-import numpy as np
 import pytest
 
 from gfmdlayer.config import load
@@ -32,18 +30,3 @@ def run_here(capsys):
         return summary, capsys.readouterr().err
 
     return run
-
-
-@pytest.fixture(scope="session")
-def bits():
-    """Return the bits of every variable of an HDF5 file, or of every such file in a results folder."""
-
-    def bits(place):
-        place, found = Path(place), {}
-        for path in sorted(place.rglob("*.h5")) if place.is_dir() else [place]:
-            prefix = f"{path.relative_to(place)}:" if place.is_dir() else ""
-            with h5py.File(path) as h5:
-                found |= {f"{prefix}{name}": np.asarray(h5[name]).tobytes() for name in h5}
-        return found
-
-    return bits

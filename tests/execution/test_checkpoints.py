@@ -25,17 +25,11 @@ from gfmdlayer.resumable import CompositeState
 
 MADE_BY = {"format": "1", "digest": "abc", "numpy_version": "2.4"}
 STATE = {"solver.age": np.arange(3), "steps.time": np.asarray(0.25)}
-CONFIG = Config(name="tiny").with_values(
-    {
-        "grid.points": 32,
-        "time.end": 1.0,
-        "time.step": 0.1,
-        "time.integrator": "backward_euler",
-        "output.snapshots": [0.2, 0.8],
-        "output.histograms": {"gap": {"max": 0.1, "bins": 3}},
-        "output.patches": True,
-    }
-)
+CONFIG = Config(name="tiny").with_values({
+    "grid.points": 32, "time.end": 1.0, "time.step": 0.1, "time.integrator": "backward_euler",
+    "output.snapshots": [0.2, 0.8], "output.histograms": {"gap": {"max": 0.1, "bins": 3}},
+    "output.patches": True,
+})  # fmt: skip
 CASE = SweepCase(7, CONFIG, {})
 
 

@@ -29,6 +29,7 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.status import StatusFile, running
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.results.reader import attributes, is_complete
+from tests.studies import OTHERS
 
 SOAK = Path(__file__).parents[2] / "scripts" / "soak.py"
 STUDY = """\
@@ -39,27 +40,21 @@ output: {snapshots: [0.1, 0.4]}
 sweep: {layer.thickness: [0.05, 0.1]}
 """
 RUN = ("run", "faulty.yaml", "--out", "out", "--checkpoint-every", "0")
-OTHERS = (
-    *("my_analysis.h5", "0000-copy.h5", "notes.failed", "x.aside", "00001.h5", "0001.h5.bak", "run.running"),
-    *("thesis.part", "notes.running", "backup-2024-deadbeef.part", "12.checkpoint", "old.journal"),
-)
 
 # Event, file and the number of the access: 1 for the first one.
 MOMENTS = {
     "the folder is claimed": ("open", "config.yaml.*.part", 1),
-    "plans are kept": ("open", "*.wisdom.*.part", 1),
-    "a case begins": ("open", "0000.running.*.part", 1),
+    "plans are kept": ("open", "*.wisdom.*.part", 1), "a case begins": ("open", "0000.running.*.part", 1),
     "the journal is begun": ("open", "0000.journal", 1),
     "a checkpoint is written": ("open", "0000.checkpoint.*.part", 3),
     "a checkpoint gets its name": ("os.rename", "0000.checkpoint", 4),
-    "a case is written": ("open", "0000.h5.*.part", 1),
-    "a case gets its name": ("os.rename", "0000.h5", 1),
+    "a case is written": ("open", "0000.h5.*.part", 1), "a case gets its name": ("os.rename", "0000.h5", 1),
     "a checkpoint is removed": ("os.remove", "0000.checkpoint", 1),
     "a journal is removed": ("os.remove", "0000.journal", 1),
     "the next case is under way": ("os.rename", "0001.checkpoint", 5),
     "the sweep is written": ("open", "sweep.h5.*.part", 1),
     "the sweep gets its name": ("os.rename", "sweep.h5", 1),
-}
+}  # fmt: skip
 
 
 def lose_permission():

@@ -22,9 +22,9 @@ grid: {points: [40, 36], period: 1.0}
 layer: {thickness: 0.1, material: {model: zener, G0: 1.0, Ginf: 10.0, tau: 0.1}}
 punch: {shape: self_affine, hurst: 0.8, rms_slope: 0.1, short_cutoff: 0.2, seed: 3}
 trajectory: {control: load, load: 0.02, ramp_time: 0.2}
-time: {end: 0.4, step: 0.1}
+time: {end: 0.3, step: 0.1}
 solver: {method: nested_gradient, tolerance: 1.0e-10}
-output: {snapshots: [0.2, 0.4], patches: true, histograms: {pressure: {max: 0.5, bins: 4}}}
+output: {snapshots: [0.2, 0.3], patches: true, histograms: {pressure: {max: 0.5, bins: 4}}}
 """
 ROUGH = "self_affine, hurst: 0.8, rms_slope: 0.1, short_cutoff: 0.2, seed: 3"
 ATTRACTIVE = SURFACE.replace("method: nested_gradient, ", "")
@@ -37,7 +37,7 @@ CASES = {
     "isolated": SURFACE.replace("period: 1.0", "period: [1.0, 0.9], boundary: isolated")
     .replace("load: 0.02", "force: 0.02").replace("control: load", "control: force")
     .replace(ROUGH, "parabola").replace(", histograms: {pressure: {max: 0.5, bins: 4}}", ""),
-    "sliding": SURFACE.replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 1.0")
+    "sliding": SURFACE.replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 1.0").replace("0.3", "0.4")
     .replace("patches: true", "patches: true, inside: {depths: [0.03, 0.1], every: 1}")
     + "interface: {law: hard_wall, hardness: 0.4}\n",
     "adhesive": ATTRACTIVE.replace("[40, 36]", "[72, 60]"),
@@ -110,7 +110,7 @@ def of_two_ranks(tmp_path_factory):
             process = over_ranks(2, program)
             assert process.returncode != 0
             assert process.stderr.count("goes on from time") == 1, process.stderr
-        assert case("adhesive-killed").time[-1] == 0.4
+        assert case("adhesive-killed").time[-1] == 0.3
         for name in ("begun", "sliding-killed"):
             left = {path.name for path in Path(f"{name}/cases").iterdir()}
             assert left >= {"0000.checkpoint", "0000.journal"}
@@ -151,7 +151,7 @@ def test_groups_share_a_sweep_of_a_measured_surface_that_no_rank_holds(of_two_ra
     """Ranks that make no groups, or go on with a case that other ranks began, are refused once."""
     np.save("heights.npy", np.random.default_rng(2).normal(size=(40, 36)).cumsum(axis=1))
     text = SURFACE.replace(next(line for line in SURFACE.splitlines() if line.startswith("punch")), MEASURED)
-    Path("groups.yaml").write_text(text.replace("end: 0.4", "end: 0.2").replace(", 0.4]", "]"))
+    Path("groups.yaml").write_text(text.replace("end: 0.3", "end: 0.2").replace(", 0.3]", "]"))
     shutil.copytree(of_two_ranks / "begun", "adhesive")
     process = over_ranks(
         4,

@@ -128,32 +128,29 @@ def test_only_the_new_cases_of_a_grown_sweep_are_computed(run_here):
     assert {path: path.read_bytes() for path in before} == before
 
 
-def test_a_longer_end_without_a_kept_state_is_computed_again_and_says_so(run_here, bits):
-    run_here(study({}, output__keep_state=False))
-    assert not list(Path("out/cases").glob("*.state"))
-    _, log = run_here(study({}, output__keep_state=False, time__end=2.0))
-    assert "computed again: case 0001: time.end: 1.0 -> 2.0" in log
-    run_here(study({}, time__end=2.0), "once")
+SPRINGPOT = {"model": "fractional_zener", "G0": 1.0, "Ginf": 10.0, "tau": 1.0, "exponent": 0.5}
+# Why a longer end cannot go on: the keys of the study, those that change with the end, and their message.
+AGAIN = {
+    "without a kept state": ({"output__keep_state": False}, {}, ""),
+    "a snapshot before the kept state": (
+        steps("paper"), {"output__snapshots": [0.4, 0.6]}, "; output.snapshots: (0.4,) -> (0.4, 0.6)",
+    ),
+    "a law whose series belongs to the end": ({"layer__material": SPRINGPOT}, {}, ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("reason", AGAIN)
+def test_a_longer_end_that_no_state_reaches_is_computed_again_and_says_so(reason, run_here, bits):
+    before, change, said = AGAIN[reason]
+    after = before | change | {"time__end": 2.0}
+    run_here(study({}, **before))
+    assert before.get("output__keep_state", True) or not list(Path("out/cases").glob("*.state"))
+    _, log = run_here(study({}, **after))
+    assert f"computed again: case 0001: time.end: 1.0 -> 2.0{said}" in log
+    run_here(study({}, **after | {"output__keep_state": True}), "once")
     same(Path("out"), Path("once"), bits)
     with open_results("out") as only:
         assert only["time"][-1] == 2.0
-
-
-def test_a_snapshot_before_the_kept_state_is_computed_again(run_here, bits):
-    run_here(study({}, **steps("paper")))
-    _, log = run_here(study({}, **steps("paper") | {"output__snapshots": [0.4, 0.6], "time__end": 2.0}))
-    assert "computed again: case 0001: time.end: 1.0 -> 2.0; output.snapshots: (0.4,) -> (0.4, 0.6)" in log
-    run_here(study({}, **steps("paper") | {"output__snapshots": [0.4, 0.6], "time__end": 2.0}), "once")
-    same(Path("out"), Path("once"), bits)
-
-
-def test_a_law_whose_series_belongs_to_the_end_is_computed_again(run_here, bits):
-    springpot = {"model": "fractional_zener", "G0": 1.0, "Ginf": 10.0, "tau": 1.0, "exponent": 0.5}
-    run_here(study({}, layer__material=springpot))
-    _, log = run_here(study({}, layer__material=springpot, time__end=2.0))
-    assert "computed again: case 0001: time.end: 1.0 -> 2.0" in log
-    run_here(study({}, layer__material=springpot, time__end=2.0), "once")
-    same(Path("out"), Path("once"), bits)
 
 
 def test_asking_for_the_state_later_changes_nothing_in_what_is_complete(run_here):

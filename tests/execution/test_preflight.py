@@ -12,13 +12,8 @@ from gfmdlayer.execution import preflight
 from gfmdlayer.execution.folder import FolderError
 from gfmdlayer.execution.sweep import Shard
 from gfmdlayer.execution.workers import assemble
+from tests.studies import TINY
 
-TINY = """\
-name: tiny
-grid: {points: 32}
-time: {end: 0.03, step: 0.01}
-trajectory: {ramp_time: 0.03}
-"""
 ONE, TWO = frozenset({0}), frozenset({0, 1})
 
 

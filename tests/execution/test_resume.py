@@ -42,12 +42,9 @@ RUNS = [
 ]
 # A film that jumps into contact, is pulled out of it, and comes again under a load.
 ADHESIVE = {
-    "layer": {"thickness": 0.1, "poisson": 0.3},
-    "halfspace.shear_modulus": float("inf"),
-    "interface": {"law": "exponential", "work": 0.1, "range": 5e-3},
-    "time.end": 3.0,
-    "output.snapshots": [],
-}
+    "layer": {"thickness": 0.1, "poisson": 0.3}, "halfspace.shear_modulus": float("inf"),
+    "interface": {"law": "exponential", "work": 0.1, "range": 5e-3}, "time.end": 3.0, "output.snapshots": [],
+}  # fmt: skip
 BODIES |= {
     "adhesive": ADHESIVE
     | {"trajectory": {"kind": "approach_retract", "start": -0.05, "final": -0.12, "retract_speed": 0.1}},

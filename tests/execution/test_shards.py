@@ -23,14 +23,9 @@ from gfmdlayer.execution.sweep import Shard, SweepCase, cases
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.results.reader import open_results
+from tests.studies import TINY
 from tests.waiting import SLOWLY, until
 
-TINY = """\
-name: tiny
-grid: {points: 32}
-time: {end: 0.03, step: 0.01}
-trajectory: {ramp_time: 0.03}
-"""
 SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf], halfspace.shear_modulus: [1, 2]}\n"
 # The first case of each of two shards takes long enough to be caught at work.
 LONG = "sweep: {time.end: [20, 19, 0.03, 0.04]}\n"

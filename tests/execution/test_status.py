@@ -159,13 +159,13 @@ def test_of_very_many_failures_some_are_read(make):
 
 
 def test_a_watch_ends_when_nothing_is_left_to_wait_for(make, monkeypatch):
-    monkeypatch.setattr("gfmdlayer.cli.status.WATCH_INTERVAL", 0.01)
+    monkeypatch.setattr("gfmdlayer.cli.folders.WATCH_INTERVAL", 0.01)
     folder = make(3, h5=range(1))
     shown = io.StringIO()
     monkeypatch.setattr(sys, "stdout", shown)
 
     looks = iter((lambda: None, lambda: None, lambda: folder.case(1).touch(), lambda: folder.case(2).touch()))
-    monkeypatch.setattr("gfmdlayer.cli.status.time.sleep", lambda _: next(looks)())
+    monkeypatch.setattr("gfmdlayer.cli.folders.time.sleep", lambda _: next(looks)())
     assert main(["status", str(folder.path), "--watch"]) == 0
     # A file gets a line for every change, and none where nothing has changed.
     assert [
@@ -198,7 +198,7 @@ def test_an_interrupt_that_is_dropped_on_the_way_still_ends_a_watch(make, monkey
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("gfmdlayer.cli.status.time.sleep", struck)
+    monkeypatch.setattr("gfmdlayer.cli.folders.time.sleep", struck)
     before = signal.getsignal(signal.SIGINT)
     assert main(["status", str(folder.path), "--watch"]) == 0
     assert "1 complete" in shown.getvalue()

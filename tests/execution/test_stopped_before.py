@@ -128,7 +128,7 @@ def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(verb, monkeypatc
         raise KeyboardInterrupt
 
     monkeypatch.setattr("gfmdlayer.execution.interrupts.listen", interrupted)
-    monkeypatch.setattr("gfmdlayer.cli.check.read_config", interrupted)
+    monkeypatch.setattr("gfmdlayer.cli.run.read_config", interrupted)
     assert main([verb, "a.yaml"]) == 75
     assert capsys.readouterr().err == "gfmdlayer: stopped\n"
 

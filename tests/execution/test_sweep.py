@@ -20,20 +20,9 @@ from gfmdlayer.execution.workers import assemble
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.periodic import PeriodicContact
 from gfmdlayer.results.reader import open_results
+from tests.studies import OTHERS, TINY
 
-TINY = """\
-name: tiny
-grid: {points: 32}
-time: {end: 0.03, step: 0.01}
-trajectory: {ramp_time: 0.03}
-"""
 SWEEP = "sweep: {layer.thickness: [0.02, 0.1], halfspace.shear_modulus: [1, 2, .inf]}\n"
-
-# Files of others, with names that are almost ours.
-OTHERS = (
-    *("my_analysis.h5", "0000-copy.h5", "notes.failed", "x.aside", "00001.h5", "0001.h5.bak", "run.running"),
-    *("thesis.part", "notes.running", "backup-2024-deadbeef.part", "12.checkpoint", "old.journal0"),
-)
 
 
 def configure(text=TINY + SWEEP, *overrides):
@@ -76,23 +65,18 @@ def test_a_run_leaves_config_cases_and_sweep():
         assert not results["mean_pressure"].isnull().any()
 
 
-def test_complete_cases_are_not_run_again(monkeypatch):
+def test_complete_cases_are_not_run_again_and_the_name_may_change(monkeypatch):
     run(configure())
     before = {path: path.read_bytes() for path in Path("out/cases").glob("*.h5")}
     forbid_simulating(monkeypatch)
-    assert run(configure()).count("complete") == 6
+    for name in ("tiny", "other"):
+        assert run(configure(TINY + SWEEP, f"name={name}")).count("complete") == 6
     assert before == {path: path.read_bytes() for path in before}
-
-
-def test_a_name_may_change(monkeypatch):
-    run(configure(TINY))
-    assert Path("out/sweep.h5").exists()  # also of a single case
-    forbid_simulating(monkeypatch)
-    assert run(configure(TINY, "name=other")).count("complete") == 1
 
 
 def test_another_configuration_is_refused_with_the_keys_that_differ():
     run(configure(TINY))
+    assert Path("out/sweep.h5").exists()  # also of a single case
     before = Path("out/config.yaml").read_bytes()
     with pytest.raises(FolderError) as caught:
         run(configure(TINY, "layer.thickness=0.2", "punch.radius=0.5"))

@@ -99,19 +99,8 @@ def faults(figure, *, is_si):
 
 
 OF_A_UNIT = (
-    r"$\delta$",
-    "$F$",
-    "$p$",
-    "$u$",
-    "$x$",
-    "$t$",
-    r"$\bar{p}$",
-    "$d$",
-    "$w$",
-    "$v$",
-    "work",
-    "stored",
-)
+    r"$\delta$", "$F$", "$p$", "$u$", "$x$", "$t$", r"$\bar{p}$", "$d$", "$w$", "$v$", "work", "stored",
+)  # fmt: skip
 
 
 def contacts(figure):

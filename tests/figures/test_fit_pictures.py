@@ -73,12 +73,10 @@ def of_a_map(shape, *, si):
 
 
 DRAWN = {
-    "master curve": of_a_master_curve,
-    "relaxation curve": of_a_relaxation_curve,
-    "force curve": of_a_force_curve,
-    "map": lambda _, *, si: of_a_map((5, 7), si=si),
+    "master curve": of_a_master_curve, "relaxation curve": of_a_relaxation_curve,
+    "force curve": of_a_force_curve, "map": lambda _, *, si: of_a_map((5, 7), si=si),
     "curves in a row": lambda _, *, si: of_a_map((12,), si=si),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("si", [False, True])

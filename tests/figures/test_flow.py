@@ -9,13 +9,11 @@ from gfmdlayer.figures.field_plots import flow_figure
 from gfmdlayer.results.schema import ResultsError
 
 SEAL = {
-    "grid": {"points": [32, 32]},
-    "layer": {"thickness": float("inf")},
+    "grid": {"points": [32, 32]}, "layer": {"thickness": float("inf")},
     "punch": {"shape": "sinusoid", "amplitude": 0.01, "wavelength": 1.0},
-    "trajectory": {"control": "load", "load": 0.02, "ramp_time": 0.1},
-    "time": {"end": 1.0, "step": 0.1},
+    "trajectory": {"control": "load", "load": 0.02, "ramp_time": 0.1}, "time": {"end": 1.0, "step": 0.1},
     "output": {"snapshots": [0.2, 1.0], "leakage": {"every": 4}},
-}
+}  # fmt: skip
 
 
 def test_each_snapshot_has_a_map_of_the_pressure_and_one_of_the_flow():

@@ -7,17 +7,14 @@ import gfmdlayer
 from gfmdlayer.figures import curves_figure
 from gfmdlayer.figures.field_plots import inside_figure
 from gfmdlayer.figures.plots import plot_results
-from gfmdlayer.figures.report.cases import Listed
-from gfmdlayer.figures.report.page import payload
+from gfmdlayer.figures.report.page import Listed, payload
 from gfmdlayer.results.schema import ResultsError
 
 RUN = {
-    "layer": {"thickness": 0.03, "poisson": 0.3},
-    "halfspace": {"shear_modulus": 0.2, "poisson": 0.4},
-    "time": {"end": 0.4, "step": 0.2},
-    "trajectory": {"depth": 0.01, "ramp_time": 0.2},
+    "layer": {"thickness": 0.03, "poisson": 0.3}, "halfspace": {"shear_modulus": 0.2, "poisson": 0.4},
+    "time": {"end": 0.4, "step": 0.2}, "trajectory": {"depth": 0.01, "ramp_time": 0.2},
     "output": {"snapshots": [0.2, 0.4], "inside": {"points": 4, "times": [0.4]}},
-}
+}  # fmt: skip
 
 
 def text_of(axes):

@@ -12,14 +12,12 @@ from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 
 KEYS = {
-    "name": "pull",
-    "grid": {"points": 128},
-    "layer": {"thickness": 0},
+    "name": "pull", "grid": {"points": 128}, "layer": {"thickness": 0},
     "interface": {"law": "exponential", "work": 2e-3, "range": 1e-2},
     "trajectory": {"kind": "approach_retract", "depth": 0.002, "start": -0.03, "approach_speed": 0.02},
     "time": {"step": 0.1, "integrator": "exponential"},
     "sweep": {"trajectory.retract_speed": [0.013, 0.02], "interface.work": [1e-3, 2e-3]},
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -102,8 +100,8 @@ def test_the_legend_of_a_loop_over_two_keys_has_the_looks_of_its_curves(results)
 def test_a_loop_of_an_isolated_contact_has_the_work_of_its_force(results):
     with open_case(results / "cases" / "0001.h5") as case:
         cell, isolated = loop_figure(results, case), loop_figure(results, case.drop_vars("mean_stress"))
-    assert r"\oint\,\bar{p}" in cell.axes[0].get_title(loc="left")
-    assert r"\oint\,F" in isolated.axes[0].get_title(loc="left")
+    assert r"\int\,\bar{p}" in cell.axes[0].get_title(loc="left")
+    assert r"\int\,F" in isolated.axes[0].get_title(loc="left")
 
 
 def test_a_loop_leaves_out_the_depths_at_which_the_punch_is_away(results):
@@ -162,12 +160,10 @@ def test_the_area_under_tension_begins_where_the_punch_turns(results):
 def test_the_loops_of_a_sweep_along_the_surface_have_their_work_in_the_legend(tmp_path):
     shaken = {"tangential": {"kind": "oscillation", "displacement": 0.002, "start": 0.2, "period": 0.8}}
     run = {
-        "grid": {"points": 64},
-        "interface": {"law": "coulomb", "coefficient": 0.4},
+        "grid": {"points": 64}, "interface": {"law": "coulomb", "coefficient": 0.4},
         "trajectory": {"control": "load", "load": 0.02, "ramp_time": 0.2, **shaken},
-        "time": {"end": 1.0, "step": 0.1},
-        "sweep": {"trajectory.tangential.displacement": [0.001, 0.002]},
-    }
+        "time": {"end": 1.0, "step": 0.1}, "sweep": {"trajectory.tangential.displacement": [0.001, 0.002]},
+    }  # fmt: skip
     gfmdlayer.run(run, out=tmp_path / "shaken")
     sweep = open_results(tmp_path / "shaken")
     figure = loop_figure(tmp_path / "shaken", sweep, y="friction")

@@ -66,18 +66,13 @@ def test_along_the_papers_own_ramp_they_begin_together(figure2):
     assert np.ptp([found["contact_area"][1] for found in figure2]) <= POINT
 
 
-def test_the_contact_is_the_same_without_a_layer_and_with_nothing_but(figure2):
-    np.testing.assert_allclose(figure2[0]["contact_area"], figure2[-1]["contact_area"], atol=POINT, rtol=0)
-
-
-def test_without_a_layer_nothing_changes_in_the_hold(figure2):
-    assert np.ptp(held(figure2[0], "contact_area")) == 0
-    np.testing.assert_allclose(held(figure2[0], "mean_pressure"), figure2[0]["mean_pressure"][-1], rtol=1e-4)
-
-
-def test_with_nothing_but_the_layer_the_contact_is_constant_in_the_hold(figure2):
-    assert np.ptp(held(figure2[-1], "contact_area")) <= POINT
-    assert (np.diff(held(figure2[-1], "mean_pressure")) < 0).all()
+def test_without_a_layer_and_with_nothing_but_the_contact_is_the_same_and_constant_in_the_hold(figure2):
+    without, alone = figure2[0], figure2[-1]
+    np.testing.assert_allclose(without["contact_area"], alone["contact_area"], atol=POINT, rtol=0)
+    assert np.ptp(held(without, "contact_area")) == 0
+    np.testing.assert_allclose(held(without, "mean_pressure"), without["mean_pressure"][-1], rtol=1e-4)
+    assert np.ptp(held(alone, "contact_area")) <= POINT
+    assert (np.diff(held(alone, "mean_pressure")) < 0).all()
 
 
 def test_the_contact_rises_with_the_thickness_to_a_sixteenth_and_falls_again(figure2):

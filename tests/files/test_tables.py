@@ -6,25 +6,11 @@ import pytest
 from gfmdlayer.files import tables
 
 CONTENTS = [
-    "0 0\n1 2\n",
-    "time, depth\n0, 0.1\n1; 2 # a remark\n\n# another\n2\t3\n",
-    "\ufeff0 0\r\n1 2e-300\r\n",
-    "0 0\n1 nan\n",
-    "0 0\n1 inf\n",
-    "0 0\n1 1e31\n",
-    "0 0\n0 1\n",
-    "0 0\n1 2 3\n",
-    "0 0 0\n1 2 3\n",
-    "0 0\n1 x\n",
-    "t 3\n0 0\n1 2\n",
-    "0 0\n",
-    "# 1 2\n",
-    "",
-    "0 0\n1 1_0\n",
-    "0 0\n1 ٣\n",
-    "0 .1\n1, ,2.\n",
+    "0 0\n1 2\n", "time, depth\n0, 0.1\n1; 2 # a remark\n\n# another\n2\t3\n", "\ufeff0 0\r\n1 2e-300\r\n",
+    "0 0\n1 nan\n", "0 0\n1 inf\n", "0 0\n1 1e31\n", "0 0\n0 1\n", "0 0\n1 2 3\n", "0 0 0\n1 2 3\n",
+    "0 0\n1 x\n", "t 3\n0 0\n1 2\n", "0 0\n", "# 1 2\n", "", "0 0\n1 1_0\n", "0 0\n1 ٣\n", "0 .1\n1, ,2.\n",
     "0 0x1\n1 2\n",
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("content", CONTENTS)

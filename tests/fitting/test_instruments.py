@@ -24,14 +24,10 @@ TIME = np.linspace(0.0, 5.0, 201)
 ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")
 TRUTH = (1.0, 4.0, 0.7)
 MODEL = {
-    "layer": {
-        "thickness": 1.0,
-        "poisson": 0.5,
-        "material": {"model": "zener", "G0": 1.0, "Ginf": 4.0, "tau": 0.7},
-    },
-    "halfspace": {"shear_modulus": math.inf},
-    "punch": {"shape": "parabola", "radius": 5.0},
-}
+    "layer": {"thickness": 1.0, "poisson": 0.5,
+     "material": {"model": "zener", "G0": 1.0, "Ginf": 4.0, "tau": 0.7}},
+    "halfspace": {"shear_modulus": math.inf}, "punch": {"shape": "parabola", "radius": 5.0},
+}  # fmt: skip
 START = MODEL | {
     "layer": MODEL["layer"] | {"material": {"model": "zener", "G0": 2.0, "Ginf": 5.0, "tau": 1.5}}
 }
@@ -79,13 +75,10 @@ def test_creep_gives_the_thickness_of_a_layer_that_a_fit_of_relaxation_loses():
     found = gfmdlayer.indent(body, gfmdlayer.Sphere(radius=5e-6), time, force=force)
     depth = np.interp(time, found.time, found.depth) + 3e-9 * np.random.default_rng(0).standard_normal(401)
     model = {
-        "layer": {
-            "thickness": 3e-6,
-            "material": {"model": "zener", "G0": 1000.0, "Ginf": 3000.0, "tau": 1.0},
-        },
-        "halfspace": {"shear_modulus": math.inf},
-        "punch": {"shape": "sphere", "radius": 5e-6},
-    }
+        "layer": {"thickness": 3e-6,
+         "material": {"model": "zener", "G0": 1000.0, "Ginf": 3000.0, "tau": 1.0}},
+        "halfspace": {"shear_modulus": math.inf}, "punch": {"shape": "sphere", "radius": 5e-6},
+    }  # fmt: skip
     fit = fit_indentation(ForceCurve("creep", time, depth, force), model, [*ZENER, "layer.thickness"])
     assert {each.prescribed for each in fit.curves[0].curve.segments} == {"force"}
     for each, truth in zip(fit.parameters, (1500.0, 6000.0, 0.8, 2e-6), strict=True):

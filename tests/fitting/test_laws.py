@@ -39,10 +39,10 @@ def test_law_is_found_again_in_its_own_curve(kind, law):
 
 
 def test_every_law_may_be_fitted_by_the_command():
-    from gfmdlayer.cli.fit_material import add_options
+    from gfmdlayer.cli.fits import fit_material
 
     parser = ArgumentParser()
-    add_options(parser)
+    fit_material.add_options(parser)
     for law in ("prony", *MODELS):
         assert parser.parse_args(["data.csv", "--law", law]).law == law
 

@@ -15,7 +15,7 @@ from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.error_control import ErrorControl
+from gfmdlayer.history.adaptive_steps import ErrorControl
 from gfmdlayer.history.modes import Modes, exponential
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.time_functions import Constant

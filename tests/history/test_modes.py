@@ -13,7 +13,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.error_control import ErrorControl
+from gfmdlayer.history.adaptive_steps import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 
 EPS = np.finfo(float).eps

@@ -9,7 +9,7 @@ from gfmdlayer.body.pair import in_series
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.error_control import ErrorControl
+from gfmdlayer.history.adaptive_steps import ErrorControl
 from gfmdlayer.history.modes import Modes, backward_euler, exponential
 from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.sliding_modes import SlidingModes
@@ -132,17 +132,13 @@ def test_steady_sliding_has_the_compliances_of_both_velocities_for_any_step():
 
 RIGID = {"shear_modulus": float("inf")}
 ROLLING = {
-    "grid": {"points": 256},
-    "layer": {"thickness": 0.1, "material": {"G0": 1.0, "Ginf": 10.0, "tau": 0.5}},
+    "grid": {"points": 256}, "layer": {"thickness": 0.1, "material": {"G0": 1.0, "Ginf": 10.0, "tau": 0.5}},
     "halfspace": RIGID,
-    "counterbody": {
-        "layer": {"thickness": 0.07, "material": {"G0": 2.0, "Ginf": 6.0, "tau": 0.1}},
-        "halfspace": RIGID,
-    },
+    "counterbody": {"layer": {"thickness": 0.07, "material": {"G0": 2.0, "Ginf": 6.0, "tau": 0.1}},
+     "halfspace": RIGID},
     "trajectory": {"control": "load", "load": 0.01, "ramp_time": 0.2, "velocity": 0.3},
-    "time": {"end": 2.0, "step": "adaptive", "tolerance": 1e-4},
-    "output": {"snapshots": [2.0]},
-}
+    "time": {"end": 2.0, "step": "adaptive", "tolerance": 1e-4}, "output": {"snapshots": [2.0]},
+}  # fmt: skip
 
 
 def moving(ratio, **keys):

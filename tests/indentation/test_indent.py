@@ -34,12 +34,8 @@ def test_every_variable_has_a_meaning_and_units():
         ({"radius": [1.0, 2.0]}, [0, 1], {"depth": [0, 0.1]}, "radius: got .*one number"),
         ({"radius": 1.0}, [0, 1], {}, "depth, force: got neither; must be one of the two"),
         ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "force": [0, 1]}, "got both; must be one of the two"),
-        (
-            {"radius": 1.0},
-            [0, 1],
-            {"depth": [0, 0.1], "work_of_adhesion": "0.1"},
-            "got '0.1'; must be a number",
-        ),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "work_of_adhesion": "0.1"},
+         "got '0.1'; must be a number"),
         ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "edge_speed": 0.1}, "must have a work_of_adhesion > 0"),
         ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "tolerance": 1e-20}, "tolerance: got 1e-20; must be"),
         ({"radius": 1.0}, [0, 0], {"depth": [0, 0.1]}, "time: got 0 after 0; must ascend"),
@@ -49,7 +45,7 @@ def test_every_variable_has_a_meaning_and_units():
         ({"radius": 1.0}, [0, 1], {"force": [0, -1]}, "must be >= 0 without adhesion"),
         ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "snapshots": [2.0]}, "between the first and the last"),
     ],
-)
+)  # fmt: skip
 def test_impossible_input_is_refused(indenter, time, values, said):
     with pytest.raises((TypeError, ValueError), match=said):
         gfmdlayer.indent(BODY, indenter, time, **values)

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 import gfmdlayer
 from gfmdlayer import LayeredHalfspace, Prony, Zener, bonded_layer
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.indentation.isolated import IsolatedIndentation
+from gfmdlayer.indentation.indent import IsolatedIndentation
 from gfmdlayer.indentation.solve import (
     History,
     find_space,
@@ -143,6 +143,16 @@ def test_contact_is_lost_and_found_again_to_the_tolerance(name):
     )
     at = np.isin(finer.time, run.time)
     np.testing.assert_allclose(run.force, finer.force[at], rtol=0, atol=1e-4 * run.force.max())
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_many_times_to_land_on_do_not_multiply_the_steps(name):
+    """Between two of them the run takes a single step, in quarters, if the tolerance needs no more."""
+    stops = np.linspace(0.0, float(RAMP_HOLD_RETRACT.time[-1]), 401)
+    run = follow(BODIES[name], revolution.sphere(5.0), RAMP_HOLD_RETRACT, stops=stops.tolist())
+    assert np.isin(stops, run.time).all()
+    assert run.time.size < 1.2 * 4 * stops.size
+    assert run.error < 1e-4
 
 
 def test_flat_punch_leaves_a_halfspace_at_once_at_the_time_when_its_force_vanishes():

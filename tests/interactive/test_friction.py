@@ -56,10 +56,8 @@ def test_fields_are_labelled_and_frictionless_contact_is_that_without_friction()
     [
         ({"friction": -0.1}, r"friction\.coefficient: got -0\.1; must be a number >= 0"),
         ({"friction": [[0.3]]}, r"friction\.coefficient: got a list of 1; must be a number >= 0"),
-        (
-            {"friction": {"mu": 0.1}},
-            "friction: got mu; must be a number, or a mapping of coefficient, strength",
-        ),
+        ({"friction": {"mu": 0.1}},
+         "friction: got mu; must be a number, or a mapping of coefficient, strength"),
         ({"tangential_force": 0.0009}, "tangential_force: .* the punch slides away"),
         ({"tangential_force": (0.0, 1.0)}, r"tangential_force: got .*; must be a number, finite"),
         ({"tangential_force": 0.0, "tangential_displacement": 0.0}, "must be one of the two"),
@@ -67,7 +65,7 @@ def test_fields_are_labelled_and_frictionless_contact_is_that_without_friction()
         ({"method": "fire"}, "method: not with friction"),
         ({"previous": "without friction"}, "has no displ"),
     ],
-)
+)  # fmt: skip
 def test_bad_input_is_named(given, message):
     if "previous" in given:
         given = {"previous": solve(halfspace(1.0), Parabola(radius=0.25), force=0.002, points=256)}

@@ -28,13 +28,8 @@ def test_hertz_sphere_by_huber_off_the_axis():
     # The mean of a contact without lateral support, p (1 + 2 nu)/2 in place of p nu/(1 - nu).
     support = (nu / (1 - nu) - (1 + 2 * nu) / 2) * p.mean()
     known = {
-        "xx": -0.140323,
-        "yy": -0.140323,
-        "xy": -0.023489,
-        "zz": -0.505510,
-        "xz": -0.140457,
-        "yz": -0.140457,
-    }
+        "xx": -0.140323, "yy": -0.140323, "xy": -0.023489, "zz": -0.505510, "xz": -0.140457, "yz": -0.140457,
+    }  # fmt: skip
     for name, value in known.items():
         stress = found[f"stress_{name}"].item() + support * (name in ("xx", "yy"))
         assert abs(stress - value) < 2e-3, name  # spacing^1.5 at the rim over the distance to it

@@ -12,21 +12,14 @@ from gfmdlayer import ConfigError
 from gfmdlayer.transport.leakage import flow_through
 
 ROUGH = {
-    "shape": "self_affine",
-    "hurst": 0.8,
-    "roll_off": 0.5,
-    "short_cutoff": 0.0625,
-    "rms_slope": 0.1,
+    "shape": "self_affine", "hurst": 0.8, "roll_off": 0.5, "short_cutoff": 0.0625, "rms_slope": 0.1,
     "seed": 1,
-}
+}  # fmt: skip
 SEAL = {
-    "grid": {"points": [64, 64]},
-    "layer": {"thickness": float("inf")},
-    "punch": ROUGH,
+    "grid": {"points": [64, 64]}, "layer": {"thickness": float("inf")}, "punch": ROUGH,
     "trajectory": {"control": "load", "load": 0.03, "ramp_time": 0.1},
-    "time": {"end": 10.0, "step": "adaptive", "tolerance": 1e-2},
-    "output": {"snapshots": [0.1, 10.0]},
-}
+    "time": {"end": 10.0, "step": "adaptive", "tolerance": 1e-2}, "output": {"snapshots": [0.1, 10.0]},
+}  # fmt: skip
 
 
 @cache

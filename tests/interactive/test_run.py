@@ -61,19 +61,15 @@ def test_a_case_in_memory_is_that_of_its_file(config):
     "sweep",
     [
         {"layer.thickness": [0.05, 0.1], "layer.material.tau": [1, 2]},
-        {
-            "zip": {
-                "layer.thickness": [0.05, 0.1],
-                "punch": [{"radius": 0.5}, {"shape": "wedge", "slope": 0.1}],
-            }
-        },
+        {"zip": {"layer.thickness": [0.05, 0.1],
+         "punch": [{"radius": 0.5}, {"shape": "wedge", "slope": 0.1}]}},
         {"output.patches": [False, True]},
         {"output.histograms.gap": [{"max": 1.0, "bins": 3}, {"max": 1.0, "bins": 4}]},
         {"grid.points": [64, 128]},
         {"trajectory.depth": [0.005, 0.01]},
     ],
     ids=["product", "list", "a column of one", "other bins", "grids", "named as a column"],
-)
+)  # fmt: skip
 def test_a_sweep_in_memory_is_that_of_its_file(sweep):
     config = SURFACE | {"sweep": sweep}
     with gfmdlayer.run(config, out="out") as written:
@@ -334,7 +330,7 @@ def test_a_dimension_is_not_named_as_an_argument_of_sel():
 INTERRUPTED = """
 import os, signal
 import gfmdlayer, gfmdlayer.execution.run
-from gfmdlayer.observables.effort import Effort
+from gfmdlayer.observables.numerics import Effort
 
 measure, rows = Effort.measure, 0
 
@@ -405,7 +401,7 @@ def test_doubts_about_a_configuration_are_warnings_at_the_line_of_the_call(optio
 def test_progress_grows_to_its_end(monkeypatch, sweep):
     spy = _Spy()
     monkeypatch.setattr("gfmdlayer.interactive.run.chosen_display", lambda _: spy)
-    monkeypatch.setattr("gfmdlayer.interactive.progress.INTERVAL", -1.0)
+    monkeypatch.setattr("gfmdlayer.interactive.run.INTERVAL", -1.0)
     gfmdlayer.run(LINE | ({"sweep": sweep} if sweep else {}))
     assert spy.fractions == sorted(spy.fractions)
     assert spy.fractions[-1] == 1.0
@@ -415,7 +411,7 @@ def test_progress_grows_to_its_end(monkeypatch, sweep):
 
 def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch):
     from gfmdlayer.execution.schedule import Progress
-    from gfmdlayer.interactive import progress
+    from gfmdlayer.interactive import run as progress
 
     made = []
 

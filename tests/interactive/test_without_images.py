@@ -202,13 +202,10 @@ def test_an_own_body_of_springs_has_the_force_of_the_overlap():
 @pytest.mark.parametrize("points", [64, [64, 64]], ids=["line", "surface"])
 def test_no_column_is_a_mean_over_the_cell(points):
     config = Config(
-        name="a",
-        grid={"points": points, "boundary": "isolated"},
-        halfspace={"shear_modulus": math.inf},
-        trajectory={"control": "force", "force": 0.01},
-        output={"patches": True},
+        name="a", grid={"points": points, "boundary": "isolated"}, halfspace={"shear_modulus": math.inf},
+        trajectory={"control": "force", "force": 0.01}, output={"patches": True},
         interface={"law": "exponential", "work": 0.01, "range": 0.01},
-    )
+    )  # fmt: skip
     found = {each.name: each for each in columns(config)}
     assert {"force", "area", "work"} < set(found)
     for each in found.values():

@@ -14,18 +14,11 @@ from gfmdlayer.results.journal import Journal, Recording
 
 LAW = {"law": "exponential", "work": 1e-3, "range": 4e-3}
 PULL = {
-    "grid": {"points": 256},
-    "layer": {"thickness": 0},
-    "interface": LAW,
-    "trajectory": {
-        "kind": "approach_retract",
-        "start": -0.01,
-        "depth": 0.002,
-        "approach_speed": 0.01,
-        "retract_speed": 0.01,
-    },
+    "grid": {"points": 256}, "layer": {"thickness": 0}, "interface": LAW,
+    "trajectory": {"kind": "approach_retract", "start": -0.01, "depth": 0.002, "approach_speed": 0.01,
+     "retract_speed": 0.01},
     "time": {"step": 0.02},
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import spence
 
 import gfmdlayer
 from gfmdlayer.config import Config
@@ -16,9 +15,7 @@ from gfmdlayer.model import simulate
 from gfmdlayer.observables import contact_statistics
 from gfmdlayer.observables.contact_statistics import T0, closed_gap, in_contact
 from gfmdlayer.verification.runs import Recording
-
-MODULUS = 4.0  # E*
-RADIUS = 0.25
+from gfmdlayer.verification.theory import E_STAR, RADIUS, parabola_depth, parabola_pressure
 
 
 def interpolated_area(touching, pressure, gap):
@@ -29,7 +26,7 @@ def interpolated_area(touching, pressure, gap):
 def pressed(punch, load):
     """A halfspace of period 1 under a punch and a mean pressure."""
     grid = Grid(punch.shape, (1.0,) * punch.ndim)
-    stiffness = MODULUS / 2 * grid.wavenumbers.ravel()
+    stiffness = E_STAR / 2 * grid.wavenumbers.ravel()
     height = float(np.ptp(punch))
     problem = Problem(stiffness, np.zeros(stiffness.size, complex), punch.ravel(), load, None, height)
     solver = ConjugateGradient(Transforms(punch.shape))
@@ -56,7 +53,7 @@ def parabola(n, shift):
 
 def load_of(width):
     """Mean pressure under a periodic parabola, from the part of the line in contact."""
-    return -MODULUS / (2 * math.pi * RADIUS) * math.log(math.cos(math.pi * width / 2))
+    return float(parabola_pressure(width / 2))
 
 
 @pytest.mark.parametrize(("n", "width"), [(256, 20.0), (255, 33.3), (512, 60.7), (512, 171.9)])
@@ -71,7 +68,7 @@ def test_a_line_contact_is_as_wide_as_the_closed_form(n, width):
 def test_a_sphere_makes_a_circle_of_the_radius_of_hertz(radius):
     n = 128
     x, y = from_middle(n, 0.3)[:, None], from_middle(n, 0.85)
-    hertz = 4 * MODULUS * (radius / n) ** 3 / 3  # the force on a sphere of radius 1
+    hertz = 4 * E_STAR * (radius / n) ** 3 / 3  # the force on a sphere of radius 1
     found = math.sqrt(area((x**2 + y**2) / 2, hertz) / math.pi)
     # Neighbours at a distance of 128 cells lift the surface by a parabola of relative curvature (a/L)^3; the
     # sum over them is below 5 (a/L)^3, and a^3 goes with the radius of curvature.
@@ -149,8 +146,7 @@ def test_the_depth_gives_the_same_width_while_a_halfspace_relaxes():
     n = 512
     values = {"grid.points": n, "layer.thickness": math.inf, "time": {"end": 3.0, "step": 0.1}}
     simulate(Config(name="halfspace").with_values(values), recording)
-    half = np.pi * np.asarray(recording["contact_area_interpolated"]) / 2
-    found = (np.pi**2 / 6 - spence(np.sin(half) ** 2)) / np.pi**2
+    found = parabola_depth(np.asarray(recording["contact_area_interpolated"]) / 2)
     depth = np.asarray(recording["depth"])
     wide = depth > 0.002  # 20 points
     # d(depth)/d(width) = (2 / pi) tan(half) -ln cos^2... is below 0.5 here: a twentieth of a cell.

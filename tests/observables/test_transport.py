@@ -26,13 +26,10 @@ FREQUENCIES = [0.0, 0.5, float("inf")]
 OUTPUT = {
     "observables": ["critical_gap_x", "critical_gap_y", "flow_bruggeman", "spot_radius"],
     "leakage": {"every": 4},
-    "conductance": {
-        "body": {"resistivity": 2.0, "films": [{"thickness": 0.02, "resistivity": 5.0}]},
-        "punch": {"resistivity": 1.0},
-    },
-    "stiffness": {"frequencies": FREQUENCIES, "every": 3},
-    "snapshots": [0.1, 0.5, 1.0],
-}
+    "conductance": {"body": {"resistivity": 2.0, "films": [{"thickness": 0.02, "resistivity": 5.0}]},
+     "punch": {"resistivity": 1.0}},
+    "stiffness": {"frequencies": FREQUENCIES, "every": 3}, "snapshots": [0.1, 0.5, 1.0],
+}  # fmt: skip
 CASE = {
     "name": "seal",
     "grid": {"points": [64, 32], "period": [1.0, 0.5]},

@@ -15,13 +15,10 @@ from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 
 KEYS = {
-    "name": "half",
-    "units": {"length": "mm", "stress": "MPa", "time": "s"},
-    "grid": {"points": 64},
-    "time": {"end": 0.3, "step": 0.1},
-    "output": {"snapshots": [0.3]},
+    "name": "half", "units": {"length": "mm", "stress": "MPa", "time": "s"}, "grid": {"points": 64},
+    "time": {"end": 0.3, "step": 0.1}, "output": {"snapshots": [0.3]},
     "sweep": {"layer.thickness": [0.1, 0.2], "trajectory.depth": [0.01, 0.02]},
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

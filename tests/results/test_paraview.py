@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 
 from gfmdlayer.body.solid import Place
-from gfmdlayer.results import paraview
+from gfmdlayer.results import writer
 from gfmdlayer.results.reader import is_complete, open_case
 from gfmdlayer.results.schema import in_order
 from gfmdlayer.results.writer import CaseWriter
@@ -80,13 +80,13 @@ def test_fields_below_the_surface_lie_on_points_at_their_depths_at_their_times(t
 
 def test_points_are_written_in_blocks(tmp_path, monkeypatch):
     whole = values_of_points(write_case(tmp_path))
-    monkeypatch.setattr(paraview, "BLOCK", 35)  # 4 rows of 12
+    monkeypatch.setattr(writer, "POINTS_WRITTEN", 35)  # 4 rows of 12
     np.testing.assert_array_equal(values_of_points(write_case(tmp_path)), whole)
 
 
 def values_of_points(described):
     with h5py.File(described.with_suffix(".h5")) as h5:
-        return np.asarray(h5[paraview.POINTS][()])
+        return np.asarray(h5[writer.POINTS][()])
 
 
 def test_described_case_stays_a_complete_case_for_xarray(tmp_path):

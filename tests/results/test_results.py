@@ -38,6 +38,12 @@ def write_sweep(folder, values):
     return [CaseRecord(i, path, v) for i, (path, v) in enumerate(zip(paths, values, strict=True))]
 
 
+def collected(folder, records, keys, **how):
+    """Collect cases over swept keys, and open the sweep."""
+    collect(folder, records, Swept(keys, **how))
+    return open_results(folder)
+
+
 def damage(path, variable="contact_area"):
     """Change a bit of a variable on the disk."""
     with h5py.File(path) as h5:
@@ -215,22 +221,17 @@ def test_two_writers_of_one_case_write_to_different_files(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def run_python(code, *arguments):
-    command = [sys.executable, "-c", code, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
-
-
 def test_killed_process_leaves_nothing_under_the_final_name(tmp_path):
-    code = """
-import os, sys
-import numpy as np
-from gfmdlayer.results.writer import CaseWriter
-with CaseWriter(sys.argv[1], {"x": np.arange(8.0)}) as case:
-    case.row(time=0.0, depth=0.0)
-    case.snapshot(0.0, np.zeros(8), np.zeros(8))
-    os._exit(9)
-"""
-    assert run_python(code, tmp_path / "0000.h5").returncode == 9
+    process = os.fork()
+    if process == 0:
+        try:
+            with CaseWriter(tmp_path / "0000.h5", {"x": X}) as case:
+                case.row(time=0.0, depth=0.0)
+                case.snapshot(0.0, X, X)
+                os._exit(9)
+        finally:
+            os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 9
     (left,) = tmp_path.iterdir()
     assert left.name.startswith("0000.h5.")
     assert left.name.endswith(".part")
@@ -257,7 +258,8 @@ for limit in range(0, 180_000, 9973):
         print(error)
 """
     path = tmp_path / "0000.h5"
-    ended = run_python(code, path)
+    command = [sys.executable, "-c", code, str(path)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.splitlines() == [f"{path}: cannot be written: File too large"] * 19
     assert list(tmp_path.iterdir()) == []
@@ -319,8 +321,7 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path):
     thick, moduli = [0, 0.25, float("inf")], [1.0, 10.0]
     keys = ["layer.thickness", "halfspace.shear_modulus"]
     records = write_sweep(tmp_path, [dict(zip(keys, (d, g), strict=True)) for d in thick for g in moduli])
-    collect(tmp_path, records, Swept(keys))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, keys) as data:
         assert data["contact_area"].dims == ("thickness", "shear_modulus", "time")
         np.testing.assert_array_equal(data["thickness"], thick)
         assert data["thickness"].attrs["key"] == "layer.thickness"
@@ -337,8 +338,7 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path):
 def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path):
     keys = ["layer.thickness", "halfspace.shear_modulus"]
     records = write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in product((0.1, 0.2), (1, 2, 3))])
-    collect(tmp_path, records, Swept(keys))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, keys) as data:
         assert data["displacement"].dims == ("thickness", "shear_modulus", "snapshot", "x")
         assert data["displacement"].attrs["units"] == data["x"].attrs["units"] == "length"
         expected = np.arange(1.0, 7.0).reshape(2, 3, 1, 1) * X  # case number plus one, times X
@@ -363,8 +363,7 @@ def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path):
 
 def test_snapshots_on_different_grids_are_not_put_together(tmp_path):
     records = write_sweep(tmp_path, [{"grid.period": 1.0}, {"grid.period": 2.0}])
-    collect(tmp_path, records, Swept(["grid.period"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["grid.period"]) as data:
         assert "contact_area" in data
         assert not {"displacement", "pressure"} & set(data.data_vars)
     records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
@@ -395,8 +394,7 @@ def test_cases_that_ended_in_a_steady_state_keep_their_last_row(tmp_path):
                 )
             case.note(settled=1 if index < 2 else 0)
         records.append(CaseRecord(index, path, {"trajectory.velocity": float(index)}))
-    collect(tmp_path, records, Swept(["trajectory.velocity"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["trajectory.velocity"]) as data:
         np.testing.assert_array_equal(data["time"], range(5))
         assert data["velocity"].attrs["symbol"] == "v"
         for index, end in enumerate(ends):
@@ -414,8 +412,9 @@ def test_shared_last_parts_take_the_whole_key():
 def test_list_of_combinations_has_one_dimension(tmp_path):
     keys = ["layer.thickness", "layer.material.Ginf"]
     pairs = [(0.1, 10.0), (0.2, 20.0), (0.1, 30.0)]
-    collect(tmp_path, write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in pairs]), Swept(keys))
-    with open_results(tmp_path) as data:
+    with collected(
+        tmp_path, write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in pairs]), keys
+    ) as data:
         assert data["contact_area"].dims == ("case", "time")
         np.testing.assert_array_equal(data["case"], [0, 1, 2])
         np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2, 0.1])
@@ -434,8 +433,7 @@ def test_list_of_combinations_has_one_dimension(tmp_path):
     ],
 )
 def test_values_that_are_no_numbers_become_text(tmp_path, key, values, labels):
-    collect(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), Swept([key]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), [key]) as data:
         assert data["b"].to_numpy().tolist() == labels
         assert data["contact_area"].sel(b=labels[1], time=1.0) == 2.0
 
@@ -444,8 +442,7 @@ def test_failed_and_missing_cases_are_nan_and_named(tmp_path):
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2, 0.3)])
     records[0] = CaseRecord(0, records[0].source, records[0].values, "did not converge at time 0.2")
     records[2].source.unlink()
-    collect(tmp_path, records, Swept(["layer.thickness"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["layer.thickness"]) as data:
         np.testing.assert_array_equal(data["contact_area"].sel(time=1.0), [np.nan, 2.0, np.nan])
         expected = ["0000: did not converge at time 0.2", "0002: no complete result file"]
         assert data.attrs["failed"].splitlines() == expected
@@ -453,8 +450,7 @@ def test_failed_and_missing_cases_are_nan_and_named(tmp_path):
 
 def test_sweep_where_every_case_failed_opens(tmp_path):
     records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, "no") for i in range(2)]
-    collect(tmp_path, records, Swept(["a.b"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["a.b"]) as data:
         assert data.sizes == {"b": 2, "time": 0}
 
 
@@ -503,8 +499,7 @@ def test_output_times_are_a_common_axis_to_the_end_of_the_longest_case(tmp_path,
 
 def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path):
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2)])
-    collect(tmp_path, records, Swept(["layer.thickness"], listed=True))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["layer.thickness"], listed=True) as data:
         assert data["contact_area"].dims == ("case", "time")
         np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2])
 
@@ -513,8 +508,7 @@ def test_a_thousand_failures_are_named(tmp_path):
     # Beyond the 64 kB that HDF5 allows an attribute of fixed length.
     reason = "ConvergenceError: t = 0.1: residual 1e-3 after 20000 iterations of fire; the tolerance is 1e-6"
     records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, reason) for i in range(1000)]
-    collect(tmp_path, records, Swept(["a.b"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["a.b"]) as data:
         assert len(data.attrs["failed"]) > 65_536
         assert data.attrs["failed"].splitlines() == [f"{i:04d}: {reason}" for i in range(1000)]
 
@@ -522,8 +516,7 @@ def test_a_thousand_failures_are_named(tmp_path):
 def test_a_damaged_case_is_left_out_of_the_sweep_and_no_other(tmp_path):
     records = write_sweep(tmp_path, [{"a.b": i} for i in range(3)])
     damage(records[1].source)
-    collect(tmp_path, records, Swept(["a.b"]))
-    with open_results(tmp_path) as data:
+    with collected(tmp_path, records, ["a.b"]) as data:
         assert data["contact_area"].isnull().all("time").to_numpy().tolist() == [False, True, False]
         assert data.attrs["failed"] == "0001: no complete result file"
 

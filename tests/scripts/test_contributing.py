@@ -42,7 +42,7 @@ time: {{end: 2.0, step: 0.125}}
 solver: {{tolerance: 1.0e-9}}""",
     "a body": f"{GRID}\nbody: {{kind: winkler, k: 5.0}}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
     "an interface law": f"{GRID}\ninterface: {{law: two_ranges, work: 1.0e-3, range: 0.05, far: 1}}\n{STEPS}",
-    "a solver": f"{GRID}\nsolver: {{method: projected_gradient}}\n{STEPS}",
+    "a solver": f"grid: {{points: 32}}\nsolver: {{method: projected_gradient}}\n{STEPS}",
     "a geometry": f"grid: {{geometry: spring}}\nsweep: {{layer.material.G0: [1.0, 3.0]}}\n{STEPS}",
     "an observable": f"{GRID}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
 }
@@ -82,10 +82,8 @@ REFUSALS = {
 }
 SCRIPT = "import sys; from gfmdlayer.cli import main; print([main(each.split()) for each in sys.argv[1:]])"
 VERBS = (
-    "check a-geometry.yaml",
-    "status results/a-geometry",
-    "plot results/a-geometry --y force --out a.png",
-)
+    "check a-geometry.yaml", "status results/a-geometry", "plot results/a-geometry --y force --out a.png",
+)  # fmt: skip
 
 
 def sections():
@@ -133,13 +131,9 @@ def folder(tmp_path_factory):
     ends = [0] * len(commands) + [2] * len(REFUSALS)
     commands += [f"check {title.replace(' ', '-')}.bad" for title in REFUSALS]
     ran = subprocess.run(
-        [sys.executable, "-c", SCRIPT, *commands],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(copy)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+        [sys.executable, "-c", SCRIPT, *commands], cwd=folder, env=os.environ | {"PYTHONPATH": str(copy)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert ran.stdout.split("\n")[-2:-1] == [str(ends)], ran.stdout + ran.stderr
     (folder / "said").write_text(ran.stdout + ran.stderr)
     return folder

@@ -19,13 +19,10 @@ from gfmdlayer.results.writer import CaseWriter
 
 EXAMPLES = Path(__file__).parents[2] / "scripts" / "examples"
 TINY = {
-    "name": "tiny",
-    "grid": {"points": 1024},
-    "time": {"end": 4.0, "step": 0.1},
-    "solver": {"method": "active_set"},
-    "output": {"snapshots": [1.0, 4.0]},
+    "name": "tiny", "grid": {"points": 1024}, "time": {"end": 4.0, "step": 0.1},
+    "solver": {"method": "active_set"}, "output": {"snapshots": [1.0, 4.0]},
     "sweep": {"layer.thickness": [0.0625, 0.25], "layer.material.Ginf": [2, 5, 10]},
-}
+}  # fmt: skip
 
 
 def example(monkeypatch, name, *arguments):

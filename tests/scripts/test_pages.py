@@ -1,4 +1,4 @@
-"""The code of README.md and of the pages of docs/ works, in order of each; that of CONTRIBUTING.md compiles.
+"""The code of README.md and of the pages of docs/ works, in order of each.
 
 A block is left out where the line before it is a comment that begins with "not run" and says why.
 """
@@ -22,10 +22,8 @@ from gfmdlayer.config import load
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
-    ROOT / "README.md",
-    *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs").glob("[gt]*/*.md")),
-]
+    ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("[gt]*/*.md")),
+]  # fmt: skip
 BLOCK = re.compile(r"^(<!-- not run[^\n]*-->\n)?```([{}\w]*)[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
@@ -120,10 +118,3 @@ def test_configurations_load(block, clone):
     whole = block.code if "name:" in block.code else f"name: part\n{block.code}"
     (clone / "case.yaml").write_text(whole)
     load("case.yaml")
-
-
-@pytest.mark.parametrize(
-    "block", [b for b in blocks(ROOT / "CONTRIBUTING.md") if "import" in b.code], ids=str
-)
-def test_examples_for_contributors_compile(block):
-    compile(block.code, str(block), "exec")

@@ -36,14 +36,10 @@ def relaxing(**more):
         "tangential": {"displacement": 0.004, "start": 2.0, "ramp_time": 2.0},
     }
     return {
-        "grid": {"points": 256},
-        "layers": [{"thickness": 0.05, "poisson": 0.5}],
-        "halfspace": {"shear_modulus": 1.0, "poisson": 0.3},
-        "interface": COULOMB,
-        "trajectory": trajectory,
-        "time": {"end": 4.0, "step": 0.1},
-        **more,
-    }
+        "grid": {"points": 256}, "layers": [{"thickness": 0.05, "poisson": 0.5}],
+        "halfspace": {"shear_modulus": 1.0, "poisson": 0.3}, "interface": COULOMB, "trajectory": trajectory,
+        "time": {"end": 4.0, "step": 0.1}, **more,
+    }  # fmt: skip
 
 
 def test_partial_slip_is_the_difference_of_two_pressures():
@@ -84,16 +80,19 @@ def test_oblique_loading_sticks():
     assert float(found.stick_area[-1]) == float(found.contact_area[-1])
 
 
-def test_rolling_with_creepage_is_carters():
+@pytest.mark.parametrize(
+    ("points", "within"), [(1024, 0.02), pytest.param(2048, 0.01, marks=pytest.mark.slow)]
+)
+def test_rolling_with_creepage_is_carters(points, within):
     """Q/(mu P) = 1 - (1 - xi R/(mu a))^2: 0.2736 (F. W. Carter, 1926), within 1 % with 115 points in contact.
 
-    The material moves by two points of the grid a step, five contact widths from the start.
+    The error is of first order. The material moves by two points a step, five contact widths from the start.
     """
     trajectory = {"control": "force", "force": 0.01, "ramp_time": 0.01, "velocity": 0.2, "creepage": 0.005}
     config = halfspace(0.5, interface=COULOMB | {"coefficient": 0.3}, trajectory=trajectory)
-    config |= {"grid": {"points": 2048}, "time": {"end": 1.5, "step": 2 / 2048 / 0.2}}
+    config |= {"grid": {"points": points}, "time": {"end": 1.5, "step": 2 / points / 0.2}}
     found = run(config)
-    assert float(found.friction[-1]) / 0.3 == pytest.approx(0.2736, rel=0.01)
+    assert float(found.friction[-1]) / 0.3 == pytest.approx(0.2736, rel=within)
     assert float(found.creepage[-1]) == pytest.approx(0.005, rel=1e-9)
     coarse = {"grid.points": 512, "time.step": 1 / 512 / 0.2}
     force = 0.01 * float(run(config, coarse).friction[-1])
@@ -119,18 +118,12 @@ def test_a_strip_creeps_without_a_force(thickness, poisson):
     carried = np.cumsum(p[order]) - 0.5 * p[order]
     median = np.interp(0.5 * p.sum(), carried, stretch[order])
     keys = {
-        "layer.thickness": thickness,
-        **({"halfspace": {"shear_modulus": base}} if base == math.inf else {}),
+        "layer.thickness": thickness, **({"halfspace": {"shear_modulus": base}} if base == math.inf else {}),
         "interface": COULOMB | {"coefficient": 1e-4},
-        "trajectory": {
-            "control": "force",
-            "force": 0.01,
-            "ramp_time": 0.01,
-            "velocity": 0.2,
-            "tangential": {"control": "force", "force": 0.0},
-        },
+        "trajectory": {"control": "force", "force": 0.01, "ramp_time": 0.01, "velocity": 0.2,
+         "tangential": {"control": "force", "force": 0.0}},
         "time": {"end": 0.6, "step": 1 / 256 / 0.2},
-    }
+    }  # fmt: skip
     found = run(halfspace(poisson), keys | {"grid.points": 256, "solver.tolerance": 1e-7})
     assert float(found.creepage[-1]) == pytest.approx(-median, rel=1 / 13)
     assert (median > 0) == (poisson == 0.5)
@@ -269,14 +262,9 @@ def test_without_friction_an_adhesive_contact_stays_that_without_friction():
     The residual 1e-8 of the stress moves the surface by some 1e-6 of its displacement.
     """
     load = {
-        "control": "load",
-        "kind": "approach_retract",
-        "load": 0.01,
-        "final": -0.02,
-        "cycles": 2,
-        "approach_speed": 0.02,
-        "retract_speed": 0.02,
-    }
+        "control": "load", "kind": "approach_retract", "load": 0.01, "final": -0.02, "cycles": 2,
+        "approach_speed": 0.02, "retract_speed": 0.02,
+    }  # fmt: skip
     drive = {"tangential": {"displacement": 1e-3, "start": 1.0}}
     config = relaxing(time={"end": 4.0, "step": 0.1}, solver={"tolerance": 1e-8})
     smooth, bare = (

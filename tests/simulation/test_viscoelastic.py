@@ -117,15 +117,6 @@ def test_poissons_ratio_of_a_halfspace_scales_its_stiffness(run):
     np.testing.assert_allclose(glass["mean_pressure"], expected, rtol=1e-6, atol=1e-12)
 
 
-def test_one_prony_branch_is_a_zener_solid(run):
-    prony = {"model": "prony", "G0": 1.0, "branches": [{"G": 9.0, "tau": 1.0}]}
-    values = {"time.end": 2.0, "solver.tolerance": 1e-8}
-    for integrator in ("exponential", "backward_euler"):
-        zener = run(values | {"time.integrator": integrator})
-        other = run(values | {"time.integrator": integrator, "layer.material": prony})
-        np.testing.assert_allclose(other["mean_pressure"], zener["mean_pressure"], rtol=1e-6, atol=1e-12)
-
-
 SMALL = {"grid.points": 256, "time.end": 1.5, "time.step": 0.125, "output.snapshots": [1.5]}
 
 

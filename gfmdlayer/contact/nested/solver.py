@@ -28,8 +28,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.loop import iterate
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.iteration import Extent, Fields, Level, Search
+from gfmdlayer.contact.nested.iteration import Extent, Fields, Level, Search, project, settle
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import assess, scales_over
@@ -92,7 +91,7 @@ def _at_edges(
 def _smooth(
     first: int, end: int, p: FloatArray, before: FloatArray, after: FloatArray, gap: FloatArray, mu: float,
     smooth: FloatArray, deep: FloatArray,
-) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
+) -> None:  # fmt: skip
     """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too."""
     # Far from the contact any negative value does.
     rows, n = p.shape
@@ -111,7 +110,6 @@ def _smooth(
                 continue
             around = here[east] + here[west] + up[west] + up[j] + up[east] + down[west] + down[j] + down[east]
             smooth[i, j] = -mu * np.cbrt(gap[i, j] ** 2) if around > 0.0 else -1.0
-    return (0.0,), (0.0,)
 
 
 @kernel(inner=True)
@@ -129,7 +127,7 @@ def _weights(part: float) -> Any:
 def _interpolate(
     first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], p: FloatArray,
     smooth: FloatArray, deep: FloatArray, target: FloatArray,
-) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
+) -> None:  # fmt: skip
     """Interpolate rows of the fine grid from coarse fields, with rows beside those of this process."""
     # `place` is the row of the whole fine grid that is the first here, and the row of the coarse fields that
     # is the first of the grid; `whole` the rows of the whole grids, fine and coarse.
@@ -160,7 +158,6 @@ def _interpolate(
                 s = (1.0 - y) * ((1.0 - x) * smooth[row, m] + x * smooth[row, right])
                 s += y * ((1.0 - x) * smooth[row + 1, m] + x * smooth[row + 1, right])
                 target[i * columns + j] = np.sqrt(s) if s > 0.0 else 0.0
-    return (0.0,), (0.0,)
 
 
 def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> float:
@@ -300,7 +297,7 @@ class NestedGradient:
         """Compile the kernels that few steps come to."""
         single = np.zeros(1, np.float32)
         for p in (single, np.zeros(1)):
-            passes.project(0, 1, 1.0, 0.0, None, p, single, single, single)
+            project(0, 1, 1.0, 0.0, None, p, single, single, single)
 
     def _level_of(self, problem: Problem) -> Level:
         """The operators of the grid, made anew only where the stiffness has changed."""
@@ -381,7 +378,7 @@ class NestedGradient:
         u = self._transforms.empty_field()
         flow = None if at.cap is None else np.empty_like(u)
         (touching, load, gaps, total), (residual, overlap) = fine.parallel(
-            passes.settle, 1.0 / pressure, 1.0 / depth, shift, at.cap, at.h, at.p, at.gap, u, flow
+            settle, 1.0 / pressure, 1.0 / depth, shift, at.cap, at.h, at.p, at.gap, u, flow
         )
         if given and self._grid.first_row == 0:
             spectrum[0] = total

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -359,6 +359,9 @@ CHANCE = 20.0  # a corner is removed if the sum of squares grows by less than th
 SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of the response
 
 
+Placing = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+
+
 @dataclass(frozen=True)
 class Drive:
     """A prescribed quantity of straight pieces."""
@@ -380,9 +383,9 @@ class Drive:
         times = time[corners(time, values, max(within, SIGMAS * noise))]
         noisy, chance = SIGMAS * noise > within, CHANCE * max(noise, within / SIGMAS) ** 2
         if noisy:
-            times = _pruned(time, values, times, chance)
+            times = _fewest(time, values, times, chance, _on_rows)
         if shifted := 2 < times.size <= MOST_SHIFTED[noisy]:  # corners lie between rows
-            times = _fewest_shifted(time, values, times, chance)
+            times = _fewest(time, values, times, chance, _shifted)
         at_corners, squares = _least_squares(time, values, times)
         columns = straight_derivatives(time, times, at_corners)[:, : None if shifted else times.size]
         freedom = max(time.size - columns.shape[1], 1)
@@ -406,12 +409,15 @@ class Drive:
         return np.asarray(self.time[np.concatenate(([True], jumps, [True]))])
 
 
-def _pruned(time: FloatArray, depth: FloatArray, corners: FloatArray, chance: float) -> FloatArray:
-    """Remove corners while the sum of squares grows by no more than `chance`."""
-    squares = _least_squares(time, depth, corners)[1]
+def _fewest(
+    time: FloatArray, values: FloatArray, corners: FloatArray, chance: float, placed: Placing
+) -> FloatArray:
+    """Place corners, and remove them while the sum of squares grows by no more than `chance`."""
+    corners = placed(time, values, corners)
+    squares = _least_squares(time, values, corners)[1]
     while corners.size > 2:
-        without = [np.delete(corners, i) for i in range(1, corners.size - 1)]
-        sums = [_least_squares(time, depth, each)[1] for each in without]
+        without = [placed(time, values, np.delete(corners, i)) for i in range(1, corners.size - 1)]
+        sums = [_least_squares(time, values, each)[1] for each in without]
         best = int(np.argmin(sums))
         if sums[best] > squares + chance:
             break
@@ -419,17 +425,8 @@ def _pruned(time: FloatArray, depth: FloatArray, corners: FloatArray, chance: fl
     return corners
 
 
-def _fewest_shifted(time: FloatArray, values: FloatArray, corners: FloatArray, chance: float) -> FloatArray:
-    """Shift corners to their best times, and remove those that the others then replace."""
-    corners = _shifted(time, values, corners)
-    squares = _least_squares(time, values, corners)[1]
-    while corners.size > 2:
-        without = [_shifted(time, values, np.delete(corners, i)) for i in range(1, corners.size - 1)]
-        sums = [_least_squares(time, values, each)[1] for each in without]
-        best = int(np.argmin(sums))
-        if sums[best] > squares + chance:
-            break
-        corners, squares = without[best], sums[best]
+def _on_rows(_time: FloatArray, _values: FloatArray, corners: FloatArray) -> FloatArray:
+    """Leave the corners on their rows."""
     return corners
 
 

@@ -265,7 +265,7 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
     for i, each in enumerate(problem.predictions):
         columns = np.stack([np.broadcast_to(column[i], each.used.shape) for column in derivatives], axis=1)
         band = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", columns, spread, columns), 0.0))
-        force, depth = each.in_columns(problem.config(u, each.curve.name), problem.correction(u, each.curve))
+        force, depth = each.in_columns(*problem.at(u, each))
         found = CurveFit(
             each.curve, force, depth, band, each.used & ~each.touch.uncertain, math.nan, math.nan
         )

@@ -563,7 +563,13 @@ class LeastSquares:
             for each in self.parameters
             if each.key in OF_A_CURVE and each.curve in {"", curve.name}
         }
-        return Correction(**({"stiffness": curve.stiffness or math.inf} | own), adhesion=self._sticking(u))
+        return Correction(
+            **({"stiffness": curve.stiffness or math.inf} | own), adhesion=adhesion_of(self.adhesion(u))
+        )
+
+    def at(self, u: FloatArray, each: Prediction) -> tuple[Config, Correction]:
+        """Return the configuration and the values of a curve at u."""
+        return self.config(u, each.curve.name), self.correction(u, each.curve)
 
     def adhesion(self, u: FloatArray) -> dict[str, str | float] | None:
         """Return the section `adhesion` of the model at u."""
@@ -572,24 +578,20 @@ class LeastSquares:
         values = self.values(u)
         return {key: values.get(f"{STICKING}{key}", given) for key, given in self.model.adhesion.items()}
 
-    def _sticking(self, u: FloatArray) -> Adhesion:
-        return adhesion_of(self.adhesion(u))
-
     def adapt(self, u: FloatArray) -> None:
         """Choose the times of the solutions for the responses at u, and the rows in contact by the data."""
         self._scatter = [None for _ in self.predictions]
         self.decorrelate()
         for each in self.predictions:
-            at = self.config(u, each.curve.name), self.correction(u, each.curve)
-            each.adapt(*at)
-            each.label(*at)
+            each.adapt(*self.at(u, each))
+            each.label(*self.at(u, each))
 
     def contact_stays(self, u: FloatArray) -> bool:
         """Whether the rows in contact, taken from the data again at u, are the same."""
         stays = True
         for each in self.predictions:
             before = each.touch.touching
-            each.label(self.config(u, each.curve.name), self.correction(u, each.curve))
+            each.label(*self.at(u, each))
             after = each.touch.touching
             stays &= before is after is None or bool(np.array_equal(before, after))  # type: ignore[arg-type]
         return stays
@@ -597,8 +599,7 @@ class LeastSquares:
     def weigh(self, u: FloatArray) -> None:
         """Find the covariance of the residuals by the noise of the prescribed quantities, at u."""
         for i, each in enumerate(self.predictions):
-            at = self.config(u, each.curve.name), self.correction(u, each.curve)
-            self._scatter[i], solutions = each.scatter(*at, self.noise_of_rows(i))
+            self._scatter[i], solutions = each.scatter(*self.at(u, each), self.noise_of_rows(i))
             self.solutions += solutions
         self.decorrelate()
 
@@ -665,10 +666,7 @@ class LeastSquares:
 
     def _jumps(self, u: FloatArray, rough: bool = False) -> list[FloatArray]:
         """Return the residuals of the places of jumps of each curve."""
-        return [
-            each.jumps(self.config(u, each.curve.name), self.correction(u, each.curve), rough)
-            for each in self.predictions
-        ]
+        return [each.jumps(*self.at(u, each), rough) for each in self.predictions]
 
     def jumps(self, u: FloatArray) -> FloatArray:
         """Return the places of all jumps at u, predicted less measured, over their errors."""
@@ -791,7 +789,7 @@ class LeastSquares:
 
     def _measured(self, u: FloatArray, each: Prediction, rough: bool = False) -> FloatArray:
         self.solutions += 1
-        return each.measured(self.config(u, each.curve.name), self.correction(u, each.curve), rough)
+        return each.measured(*self.at(u, each), rough)
 
     @cached_property
     def _euler(self) -> list[int] | None:

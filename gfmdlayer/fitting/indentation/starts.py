@@ -238,12 +238,11 @@ def _sticking(problem: LeastSquares, u: FloatArray) -> float:
     (kind,) = (str(value) for key, value in (problem.model.adhesion or {}).items() if key == "model")
     found = []
     for each in problem.predictions:
-        at = problem.correction(u, each.curve)
+        config, at = problem.at(u, each)
         force = each.curve.force - baseline(each.curve, at)
         pull = max(-float(np.min(force[each.used])), 3 * noise_of(each.curve.force))
         pull = max(pull, 1e-4 * float(np.max(force)))
         if kind == "jkr":
-            config = problem.config(u, each.curve.name)
             bare = each.contacts(config, at._replace(adhesion=Adhesion()))
             pull = work_for(pull, bare.equilibria)
         found.append(pull)
@@ -258,7 +257,7 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
     moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
     predicted, measured = [], []
     for each in problem.predictions:
-        config, at = problem.config(u, each.curve.name), problem.correction(u, each.curve)
+        config, at = problem.at(u, each)
         force, depth = each.response(config, at._replace(adhesion=Adhesion()))
         problem.solutions += 1
         since = each.curve.time - each.curve.time[0]

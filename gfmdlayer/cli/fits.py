@@ -1,4 +1,4 @@
-"""`gfmdlayer fit-indentation`: fit moduli, times and thicknesses to measured force curves of an indenter."""
+"""`fit-material` and `fit-indentation`: fits to measured curves."""
 
 from __future__ import annotations
 
@@ -11,26 +11,80 @@ from typing import TYPE_CHECKING, Any
 from gfmdlayer.cli.terminal import (
     COMPLETE,
     FAILED,
+    OUT,
     STATUSES,
-    add_out,
     arguments,
     conclude,
     input_problems,
     refuse,
+    verb,
 )
 
 if TYPE_CHECKING:
     from gfmdlayer.fitting.indentation.estimates import FitOptions
 
-EXAMPLE = (
+_FIT_MATERIAL = """
+data DATA  file with two or three columns; the first must increase
+--law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
+  (default: a Prony series)
+--columns NAMES  names of columns, such as "f, E', tan delta"
+--poisson NU = 0.5  Poisson's ratio, for E (default: 0.5)
+--out PATH  YAML file, or folder for it (default: NAME.yaml here)
+--branches N  number of branches (default: the fewest that fit)
+--relaxed-modulus G0  relaxed modulus (default: fitted)
+--normalise  write moduli in units of G0
+--temperature T  shift the times to this temperature
+--reference T0  temperature of the data
+--wlf C1 C2  WLF constants at T0
+--force  overwrite files
+"""
+
+
+@verb(
+    _FIT_MATERIAL,
+    "gfmdlayer fit-material configs/polymer.csv --temperature 35 --reference 25 --wlf 17.4 51.6",
+)
+def fit_material(options: argparse.Namespace) -> int:
+    """Fit a law to a measured curve: omega, G' and G'', or t and G."""
+    from gfmdlayer.body.shifts import WLF
+    from gfmdlayer.fitting import report
+    from gfmdlayer.fitting.measurement import FitError
+
+    given = [value for value in (options.temperature, options.reference, options.wlf) if value is not None]
+    if len(given) not in (0, 3):
+        return refuse("--temperature, --reference and --wlf: give all three or none")
+    if not -1 < options.poisson <= 0.5:
+        return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
+    try:
+        summary = report.fit_material(
+            Path(options.data),
+            None if options.out is None else Path(options.out),
+            law=options.law,
+            poisson=options.poisson,
+            names=options.columns,
+            branches=options.branches,
+            relaxed=options.relaxed_modulus,
+            temperature=options.temperature,
+            shift=WLF(**dict(zip(("C1", "C2"), options.wlf, strict=True)), reference=options.reference)
+            if given
+            else None,
+            normalise=options.normalise,
+            force=options.force,
+        )
+    except FitError as error:
+        return refuse(str(error))
+    print(summary)
+    return COMPLETE
+
+
+_OF_CURVES = (
     "gfmdlayer fit-indentation configs/gel.csv --model configs/gel.model.yml --contact detect\n"
     "  gfmdlayer fit-indentation map.h5 --model gel.model.yml --each --jobs 4 --out results/map\n\n"
     f"{STATUSES}"
 )
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
+def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
     arguments(parser, "data DATA ...  files of curves (text, HDF5, AFM formats), or folders")
     meaning = "file of body and indenter, with the keys of a configuration; several files are compared"
     parser.add_argument("--model", metavar="YAML", nargs="+", required=True, help=meaning)
@@ -54,12 +108,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     --each  fit each curve by itself into a results folder, with maps; also under mpirun or srun
     """
     arguments(parser, text)
-    add_out(parser)
+    arguments(parser, OUT)
     arguments(parser, "--restart  with --each: remove earlier results in DIR\n--force  overwrite files")
 
 
+@verb(_options_of_indentation, _OF_CURVES)
 def fit_indentation(options: argparse.Namespace) -> int:
-    """Fit moduli, times and thicknesses to measured force curves."""
+    """Fit moduli, times and thicknesses to measured force curves of an indenter."""
     from gfmdlayer.execution import interrupts, workers
     from gfmdlayer.fitting.indentation.estimates import FitOptions
     from gfmdlayer.fitting.measurement import FitError

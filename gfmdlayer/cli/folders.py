@@ -1,4 +1,4 @@
-"""`gfmdlayer status`: count the complete, running, failed and waiting cases."""
+"""`status` and `clean`: the cases of a results folder, and the files that killed runs left in it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, LISTED, arguments, count_cases, cut_short
+from gfmdlayer.cli.terminal import COMPLETE, LISTED, count_cases, cut_short, refuse, verb
 from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
@@ -20,15 +20,13 @@ if TYPE_CHECKING:
 
 WATCH_INTERVAL = 2.0  # seconds
 
-EXAMPLE = "gfmdlayer status results/figure2-quick"
+_STATUS = """
+directory DIR  results folder
+--watch  update until no case is left; Ctrl-C ends it
+"""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    arguments(parser, "directory DIR  results folder")
-    arguments(parser, "--watch  update until no case is left; Ctrl-C ends it")
-
-
+@verb(_STATUS, "gfmdlayer status results/figure2-quick")
 def status(options: argparse.Namespace) -> int:
     """Count the complete, running, failed and waiting cases."""
     from gfmdlayer.execution.folder import Folder
@@ -118,3 +116,33 @@ def _records(records: list[Record], number: int, state: str) -> list[str]:
     lines = cut_short(f"  {number} {state} like {r.index:04d}: {r.reason}" for number, r in firsts)
     unread = number - len(records)
     return [*lines, f"  {unread} more {state}; see cases/*.{state}"] if unread else lines
+
+
+@verb("directory DIR  results folder\n--yes  remove without asking", "gfmdlayer clean results/figure2-quick")
+def clean(options: argparse.Namespace) -> int:
+    """Remove unfinished files of killed runs, after listing them and asking; results stay."""
+    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.execution.growth import leftovers
+
+    folder = Folder(Path(options.directory))
+    try:
+        with leftovers(folder) as found:
+            if not found:
+                print("no unfinished files of killed runs")
+                return COMPLETE
+            size = sum(path.stat().st_size for path in found)
+            print(f"{len(found)} unfinished files of killed runs, {size:,} bytes:")
+            print("\n".join(cut_short(f"  {path.relative_to(folder.path)}" for path in found)))
+            if not options.yes and not sys.stdin.isatty():
+                return refuse("clean: cannot ask without a terminal; --yes removes these files")
+            if not options.yes and input("remove them? [y/N] ").strip().lower() not in {"y", "yes"}:
+                print("nothing was removed")
+                return COMPLETE
+            for path in found:
+                path.unlink(missing_ok=True)
+            print(f"removed {len(found)} files")
+    except OSError as error:
+        return refuse(f"{error.filename}: cannot be removed ({error.strerror})")
+    except (EOFError, KeyboardInterrupt):
+        print("\nnothing was removed")
+    return COMPLETE

@@ -1,7 +1,7 @@
-"""Columns of seals, switches and joints: flow through the gap, conductance and stiffness of the spots.
+"""Columns that cost much: flow through the gap, conductance and stiffness of the spots, stresses inside.
 
-They follow from the contact of an accepted step. The ranks of a case bring gap or contact to the first one,
-which computes them (`_whole`).
+They are measured in every n-th accepted step. The ranks of a case bring gap or contact to the first one,
+which computes flow, conductance and stiffness (`_whole`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, Places, Value
+from gfmdlayer.body.solid import DEPTH_PAIRS, Place
+from gfmdlayer.config.layers import interfaces
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, Places, Value, declared
 from gfmdlayer.transport import flow_memory
 
 if TYPE_CHECKING:
@@ -22,38 +24,48 @@ if TYPE_CHECKING:
     from gfmdlayer.config.sections import Conductor
     from gfmdlayer.resumable import State
 
-_CELL = "over the cell; valid while the fluid does not lift the surface"
-_PATH = "on the widest path; valid while the fluid does not lift the surface"
-_FLOW = "flow per width along {} by a drop of pressure per length along {}, times 12 viscosities"
-_PLATES = "distance of parallel plates with the same flow along {}"
-_THROAT = "points across the throat of the widest path along {}; below 6 the flow is only an estimate"
-_CRITICAL = "largest gap such that points with at least this gap lead through along {}"
-_SPOTS = "contact area of the step; from the mean potential of the surface"
-_FROZEN = "at the contact area of the step; from the mean height of the surface where it is prescribed"
-
 # Cost of a row in FFT pairs: the factors of an open gap; 13 iterations on the spots, of two pairs each.
 FLOW_PAIRS, SPOTS_PAIRS = 300.0, 26.0
 SPOTS_FIELDS = 12.0  # arrays of the grid
 _KIND = len("the throat along x")  # letters of a doubt that say its kind
 
-FLOW = (
-    *(Column(f"flow_{a}{b}", _FLOW.format(a, b), "length^3", origin=_CELL) for a, b in ("xx", "xy", "yy")),
-    *(Column(f"hydraulic_gap_{a}", _PLATES.format(a), "length", origin=_CELL) for a in "xy"),
-    Column("flow_imbalance", "difference of the flow between cross-sections, relative", origin=_CELL),
-)
-THROATS = tuple(Column(f"throat_points_{a}", _THROAT.format(a), origin=_PATH) for a in "xy")
-CRITICAL_GAPS = tuple(Column(f"critical_gap_{a}", _CRITICAL.format(a), "length", origin=_PATH) for a in "xy")
-BRUGGEMAN = Column(
-    "flow_bruggeman",
-    "(flow_xx flow_yy)^(1/2) of an isotropic surface by Bruggeman's effective medium, estimated",
-    "length^3",
-    origin="from the distribution of the gap; closed from a contact area of 0.42 on",
-)
-RADIUS = Column(
-    "spot_radius", "radius of one disc of equal resistance, (rho1 + rho2)/(4 R)", "length", origin=_SPOTS
-)
-RESISTANCE = Column("resistance", "resistance of the contact spots and the films", "ohm", origin=_SPOTS)
-SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE))  # NaN in the rows between two others
+_FILM = "over the cell; valid while the fluid does not lift the surface"
+_PATH = "on the widest path; valid while the fluid does not lift the surface"
+_FLOW = "flow per width along {} by a drop of pressure per length along {}, times 12 viscosities"
+FLOW = declared(f"""
+    flow_xx | {_FLOW.format("x", "x")} | length^3 | {_FILM} | K_{{xx}}
+    flow_xy | {_FLOW.format("x", "y")} | length^3 | {_FILM} | K_{{xy}}
+    flow_yy | {_FLOW.format("y", "y")} | length^3 | {_FILM} | K_{{yy}}
+    hydraulic_gap_x | distance of parallel plates with the same flow along x | length | {_FILM} | h_x
+    hydraulic_gap_y | distance of parallel plates with the same flow along y | length | {_FILM} | h_y
+    flow_imbalance | difference of the flow between cross-sections, relative | 1 | {_FILM}
+    """)
+THROATS = declared(f"""
+    throat_points_x | points across the throat of the widest path along x; below 6 the flow is only an
+      estimate | 1 | {_PATH}
+    throat_points_y | points across the throat of the widest path along y; below 6 the flow is only an
+      estimate | 1 | {_PATH}
+    """)
+*CRITICAL_GAPS, BRUGGEMAN = declared(rf"""
+    critical_gap_x | largest gap such that points with at least this gap lead through along x | length |
+      {_PATH} | u_{{\mathrm{{c}}x}}
+    critical_gap_y | largest gap such that points with at least this gap lead through along y | length |
+      {_PATH} | u_{{\mathrm{{c}}y}}
+    flow_bruggeman | (flow_xx flow_yy)^(1/2) of an isotropic surface by Bruggeman's effective medium,
+      estimated | length^3 | from the distribution of the gap; closed from a contact area of 0.42 on
+    """)
+RADIUS, RESISTANCE = declared(r"""
+    spot_radius | radius of one disc of equal resistance, (rho1 + rho2)/(4 R) | length |
+      contact area of the step; from the mean potential of the surface | a_\mathrm{eq}
+    resistance | resistance of the contact spots and the films | ohm |
+      contact area of the step; from the mean potential of the surface | R
+    """)
+STIFFNESS = declared("""
+    storage_stiffness | real part of the dynamic stiffness, in phase | pressure |
+      at the contact area of the step; from the mean height of the surface where it is prescribed
+    loss_stiffness | imaginary part of the dynamic stiffness, out of phase | pressure |
+      at the contact area of the step; from the mean height of the surface where it is prescribed
+    """)
 
 
 class Every(Observable):
@@ -304,11 +316,7 @@ class Stiffness(Every):
             return None
         along = Places("frequency", "frequency, cycles per time", "1 / time", asked.frequencies)
         units = "force / length" if len(config.grid.points) == 2 else "pressure"
-        meanings = (
-            ("storage_stiffness", "real part of the dynamic stiffness, in phase"),
-            ("loss_stiffness", "imaginary part of the dynamic stiffness, out of phase"),
-        )
-        return tuple(Column(name, words, units, along=along, origin=_FROZEN) for name, words in meanings)
+        return tuple(replace(column, units=units, along=along) for column in STIFFNESS)
 
     @classmethod
     def cost(cls, config: Config) -> tuple[float, float]:
@@ -332,7 +340,7 @@ class Stiffness(Every):
         if self._due(step.time):
             from gfmdlayer.observables.contact_statistics import in_contact
 
-            reduced = next(filter(None, self._case.reduced_times), None)
+            reduced = next(filter(None, self._case.programme.reduced_times), None)
             factor = 1.0 if reduced is None else reduced.factor(step.time)
             touching = in_contact(step.problem, step.solution)
             total = _whole(self._grid, touching, lambda contact: self._found(contact, factor))
@@ -362,6 +370,93 @@ class Stiffness(Every):
         return np.array(found)
 
 
+VON_MISES, *PLACE, SHEAR = declared(r"""
+    largest_von_mises | largest von Mises stress | pressure | over the depths of output.inside |
+      \max\,\sigma_\mathrm{Mises}
+    largest_von_mises_x | place of the largest von Mises stress: x | length | over the depths of output.inside
+    largest_von_mises_y | place of the largest von Mises stress: y | length | over the depths of output.inside
+    largest_von_mises_z | place of the largest von Mises stress: z | length | over the depths of output.inside
+    largest_shear_stress | largest shear stress on any plane | pressure | over the depths of output.inside |
+      \max\,\tau_\mathrm{max}
+    """)
+PEEL, PLANE_SHEAR = declared("""
+    interface_peel | largest tension | pressure | over each interface, the bond to a rigid base included
+    interface_shear | largest shear stress | pressure | over each interface, the bond to a rigid base included
+    """)
+
+
+class Inside(Every):
+    """Largest von Mises and shear stress, and largest peel and shear stress at each interface.
+
+    They are the largest at the points of the grid, at the depths of the configuration. Peel is tension across
+    the interface; where it is negative, the interface is everywhere in compression.
+    """
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns where they are asked for."""
+        asked = config.output.inside
+        if asked is None or asked.every is None:
+            return None
+        place = [each for each in PLACE if each.name[-1] != "y" or len(config.grid.points) == 2]
+        found = (VON_MISES, *place, SHEAR)
+        if not (depths := interfaces(config.solid)):
+            return found
+        numbers = tuple(map(float, range(len(depths))))  # the same in cases of other thicknesses
+        along = Places("interface", "number of the interface, from the surface", "1", numbers)
+        return *found, replace(PEEL, along=along), replace(PLANE_SHEAR, along=along)
+
+    @classmethod
+    def cost(cls, config: Config) -> tuple[float, float]:
+        """Return the work of a row in FFT pairs; its memory is that of a snapshot (`footprint`)."""
+        asked = config.output.inside
+        assert asked is not None
+        assert asked.every is not None
+        count = len(asked.places(config.solid, config.grid.period)) + len(interfaces(config.solid))
+        return DEPTH_PAIRS * count / asked.every, 0.0
+
+    def __init__(self, case: Parts) -> None:
+        config = case.config
+        asked = config.output.inside
+        assert asked is not None
+        assert asked.every is not None
+        super().__init__(case, asked.every)
+        self._case = case
+        self._interfaces = [Place(depth, i) for i, depth in enumerate(interfaces(config.solid))]
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
+        """Return the largest stresses."""
+        import numpy as np
+
+        if not self._due(step.time):
+            nothing = np.full(len(self._interfaces), math.nan)
+            return {name: nothing if name.startswith("interface") else math.nan for name in self._names}
+        from gfmdlayer.history.inside import STRESSES, largest_shear, shear_on_plane, von_mises
+
+        interior, springs, ranks = self._case.interior, self._case.springs(step), self._grid.ranks
+        assert interior is not None
+        largest, at, shear = -1.0, (0.0,) * (len(self._grid.points) + 1), 0.0
+        for place in interior.places:
+            stress = interior.at(springs, place, STRESSES)
+            equivalent = von_mises(stress)
+            shear = max(shear, float(largest_shear(stress, equivalent).max()))
+            number = int(np.argmax(equivalent))
+            if (found := float(equivalent.flat[number])) > largest:
+                index = np.unravel_index(number, equivalent.shape)
+                along = zip(self._grid.coordinates, index, strict=True)
+                largest, at = found, (*(float(x[i]) for x, i in along), place.depth)
+        # Of equal values the place at the least depth counts, and there the first one: all of one rank.
+        largest, at = max(ranks.all_of((largest, at)), key=lambda each: (each[0], -each[1][-1]))
+        row: dict[str, Any] = {VON_MISES.name: largest, SHEAR.name: ranks.maximum(shear)}
+        for axis, x in zip("xyz" if len(at) == 3 else "xz", at, strict=True):
+            row[f"largest_von_mises_{axis}"] = x if largest > 0 else math.nan
+        if self._interfaces:
+            fields = [interior.at(springs, place, ("zz", "xz", "yz")) for place in self._interfaces]
+            row["interface_peel"] = ranks.maximum(np.array([each["zz"].max() for each in fields]))
+            row["interface_shear"] = ranks.maximum(np.array([shear_on_plane(each).max() for each in fields]))
+        return {name: row[name] for name in self._names}
+
+
 def _spacing(grid: Any) -> tuple[float, float]:
     x, y = (length / n for length, n in zip(grid.period, grid.points, strict=True))
     return x, y
@@ -375,3 +470,9 @@ def _conductor(side: Conductor) -> tuple[tuple[tuple[float, float], ...], float]
     """Return films (thickness, conductivity) and the conductivity of the base."""
     films = tuple((each.thickness, 1 / each.resistivity) for each in side.films)
     return films, math.inf if side.resistivity == 0 else 1 / side.resistivity
+
+
+# Columns that are NaN in the rows between two others.
+SPARSE = frozenset(
+    each.name for each in (*FLOW, *THROATS, RESISTANCE, VON_MISES, *PLACE, SHEAR, PEEL, PLANE_SHEAR)
+)

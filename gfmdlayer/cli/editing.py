@@ -1,17 +1,18 @@
-"""`gfmdlayer new`: write a configuration to start from, with the meaning of every key.
+"""`new`, `schema` and `completion`: help in writing configurations and commands.
 
-The text follows from the model of the configuration; editors show the same meanings.
+A new configuration follows from the model of the configuration; editors show the same meanings.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, refuse
+from gfmdlayer.cli.terminal import COMPLETE, refuse, verb
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
@@ -116,19 +117,20 @@ output.patches: true
     ),
 }
 
-EXAMPLE = "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plot results/first"
 
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
+def _options_of_new(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", nargs="?", help="YAML file to write (default: KIND.yaml)")
     meaning = f"{', '.join(TEMPLATES)} (default: indentation)"
     parser.add_argument("--like", metavar="KIND", choices=TEMPLATES, default="indentation", help=meaning)
     parser.add_argument("--force", action="store_true", help="overwrite FILE")
 
 
+@verb(_options_of_new, "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plot results/first")
 def new(options: argparse.Namespace) -> int:
-    """Write a configuration to start from."""
+    """Write a configuration to start from, with the meaning of every key.
+
+    The text follows from the model of the configuration; editors show the same meanings.
+    """
     from gfmdlayer.config import ConfigError
     from gfmdlayer.files.whole import write_text
 
@@ -190,3 +192,38 @@ def _kinds(field: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:
     if isinstance(held, OneOf):
         lines = wrap(f"one of {', '.join(held.members)}", 100)
         yield from ((f"{indent}# {line}", "") for line in lines)
+
+
+@verb("", "gfmdlayer schema > gfmdlayer.schema.json")
+def schema(options: argparse.Namespace) -> int:  # noqa: ARG001
+    """Print the JSON Schema of a configuration, for editors."""
+    from gfmdlayer.config.json_schema import json_schema
+
+    print(json.dumps(json_schema(), indent=2))
+    return COMPLETE
+
+
+PATHS = {"CONFIG", "DATA", "DIR", "FILE", "PATH"}  # metavars of files and folders
+
+
+@verb("shell {bash,zsh,fish}  name of the shell", 'eval "$(gfmdlayer completion bash)"')
+def completion(options: argparse.Namespace) -> int:
+    """Print the script for a shell to complete verbs, options and file names."""
+    import shtab
+
+    from gfmdlayer.cli import command_line
+
+    parser = command_line()
+    for action in _actions(parser):
+        if action.metavar in PATHS:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+    print(shtab.complete(parser, options.shell))
+    return COMPLETE
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for each in action.choices.values():
+                yield from _actions(each)

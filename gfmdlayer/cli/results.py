@@ -1,0 +1,278 @@
+"""`plot`, `report` and `leak`: pictures, a page for the browser, and the leakage of results."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gfmdlayer.cli.terminal import COMPLETE, arguments, note_incomplete, refuse, verb
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from xarray import Dataset
+
+    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.figures.report.page import Listed
+
+KINDS = {
+    "curves": "contact area and mean pressure over time (depth if the load is prescribed; also friction for "
+    "a moving punch), or the columns --y over --x",
+    "loop": "force over depth for the whole run, with the area of the loop; --y tangential_force or friction "
+    "over the displacement along the surface",
+    "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
+    "stick": "where the surfaces stick and slip at the snapshot times, with the shear traction",
+    "inside": "sections with contours of a stress below the surface, --z; of a surface also the stresses at "
+    "the interfaces",
+    "waterfall": "pressure profiles through time",
+    "body": "the layers and their moduli; DIR may also be a configuration file",
+    "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
+}
+# The kinds of figure that take an option; None stands for no --kind: the curves and the snapshots.
+KINDS_WITH: dict[str, tuple[str | None, ...]] = {
+    "log": (None, "curves"),
+    "log_time": (None, "curves"),
+    "times": (None, "snapshots", "stick", "inside", "waterfall", "movie"),
+    "inset": (None, "curves"),
+    "x": (None, "curves", "map"),
+    "y": (None, "curves", "loop", "map"),
+    "z": ("map", "inside"),
+    "time": ("map", "curves", None),
+    "fps": ("movie",),
+}
+
+MOST_FRAMES = 100  # per second, the limit of a GIF
+
+
+def _options_of_plot(parser: argparse.ArgumentParser) -> None:
+    text = """
+    path DIR  results folder, or the file of one case
+    --out FILE  .png, .pdf or .svg; a movie: .mp4 or .gif (default: with the results)
+    """
+    arguments(parser, text)
+    kinds = parser.add_mutually_exclusive_group()
+    described = "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())
+    kinds.add_argument("--kind", choices=tuple(KINDS), help=f"{described} (default: curves and snapshots)")
+    meaning = "displacement and pressure, one frame for each snapshot: .mp4 with ffmpeg, else .gif"
+    kinds.add_argument("--movie", dest="kind", action="store_const", const="movie", help=meaning)
+    text = """
+    --style {paper,screen}  paper: for a journal (default); screen: for a talk (default of movies)
+    --case N  draw the snapshots of this case
+    --log AXES  logarithmic axes of the curves: x, y, x,y or none (default: time, where the durations of the
+      cases differ more than thirtyfold)
+    --log-time  --log x of curves over time
+    --times T ...  draw the snapshots of these times, all of them (default: of very many, some)
+    --inset T ...  draw punch and surface at these snapshot times in an inset of the curves
+    --select KEY=VALUE ...  draw only the cases with this (or the nearest) value of a swept key,
+      thickness=0.1, or with values in a range, thickness=0.1:0.5
+    --x NAME  time (default), a column, or a swept key; map: a swept key
+    --y NAME ...  columns, one panel for each (default: contact_area_interpolated and mean_pressure, or
+      depth under a load); loop: one column; map: a swept key
+    --z NAME ...  columns of the map; inside: the field
+    """
+    arguments(parser, text, AXES=_axes)
+    text = """
+    --time T  time of a map, or of curves over a swept key: a number, end (default), or the max or min over
+      time
+    --fps N  frames per second of a movie
+    """
+    arguments(parser, text, T=str)
+
+
+def _axes(text: str) -> tuple[str, ...]:
+    """Return the names of axes; an error of the parser for other words."""
+    names = tuple(text.split(",")) if text != "none" else ()
+    if not set(names) <= {"x", "y"}:
+        raise argparse.ArgumentTypeError(f"got {text!r}; must be x, y, x,y or none")
+    return names
+
+
+def _selected(texts: list[str]) -> dict[str, str]:
+    """Return the selected values by key; ValueError for another form."""
+    selected: dict[str, str] = {}
+    for text in texts:
+        key, _, value = (part.strip() for part in text.partition("="))
+        if not (key and value):
+            raise ValueError(f"--select: got {text!r}; must be KEY=VALUE, such as thickness=0.1")
+        if key in selected:
+            raise ValueError(f"--select: {key} is given twice; give it once, or as a range: 0.1:0.5")
+        selected[key] = value
+    return selected
+
+
+def _time(text: str | None) -> Any:
+    """Return the time of a map; ValueError for another word."""
+    if text in ("end", "max", "min", None):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"--time: got {text!r}; must be a number, end, max or min") from None
+
+
+@verb(_options_of_plot, "gfmdlayer plot results/figure2-quick --out figure2.pdf --log x")
+def plot(options: argparse.Namespace) -> int:
+    """Draw columns of results against time, each other or swept keys, and the snapshots."""
+    for name, kinds in KINDS_WITH.items():
+        if getattr(options, name) not in (None, False, (), [], "") and options.kind not in kinds:
+            allowed = " or ".join(f"--kind {kind}" for kind in kinds if kind)
+            return refuse(f"--{name.replace('_', '-')}: only with {allowed}")
+    try:
+        selected, time = _selected(options.select), _time(options.time)
+    except ValueError as error:
+        return refuse(str(error))
+    if options.fps is not None and not 1 <= options.fps <= MOST_FRAMES:
+        return refuse(f"--fps: got {options.fps}; must be a whole number from 1 to {MOST_FRAMES}")
+    from gfmdlayer.figures.plots import plot_results
+
+    given = {name: getattr(options, name) for name in ("kind", "case", "times", "log", "log_time", "inset")}
+    given |= {name: getattr(options, name) for name in ("y", "z", "fps")}
+    style = options.style or ("screen" if options.kind == "movie" else "paper")
+    more = {"x": options.x or "", "style": style, "time": time, "select": selected}
+    for picture in plot_results(options.path, options.out, **given, **more):
+        print(picture)
+    note_incomplete(Path(options.path))
+    return COMPLETE
+
+
+_REPORT = """
+path DIR  results folder, or the file of one case
+--out FILE  the page, .html (default: DIR/report.html)
+"""
+
+
+@verb(_REPORT, "gfmdlayer report results/figure2-quick")
+def report(options: argparse.Namespace) -> int:
+    """Write a page for the browser: curves, surfaces, cases, configuration, provenance."""
+    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.figures.report.page import Listed, write_report
+    from gfmdlayer.results.reader import open_case
+
+    path = Path(options.path)
+    if path.is_file():
+        out = path.with_name(f"{path.stem}-report.html")
+        open_case(path).close()  # refuses a file that is no case
+        number = int(path.stem) if path.stem.isdecimal() else 0
+        cases, title, config = [Listed(number, path, {})], path.stem, ""
+    else:
+        out, folder = path / "report.html", Folder(path)
+        cases, title = _listed(folder), path.resolve().name
+        config = folder.config.read_text(encoding="utf-8", errors="replace")
+    print(write_report(cases, Path(options.out or out), title, config))
+    note_incomplete(path)
+    return COMPLETE
+
+
+def _listed(folder: Folder) -> list[Listed]:
+    """Return all cases of a folder, with the state of each."""
+    from gfmdlayer.config.sweeps import combinations
+    from gfmdlayer.execution.status import overview
+    from gfmdlayer.figures.report.page import Listed
+    from gfmdlayer.results.stored import must_agree
+
+    numbers, seen = folder.case_numbers(), overview(folder)
+    states = dict.fromkeys(folder.numbers()["failed"], ("failed", ""))
+    states |= {record.index: ("failed", record.reason) for record in seen.failures}
+    states |= dict.fromkeys(folder.numbers()["h5"], ("complete", ""))
+    for case in seen.running:
+        states[case.index] = "running", f"at time {case.simulated_time:g} of {case.end:g}"
+    values = list(combinations(folder.stored_sweep()))
+    must_agree(folder.config, numbers, len(values))
+    return [
+        Listed(number, folder.case(number), swept, *states.get(number, ("waiting", "")))
+        for number, swept in zip(numbers, values, strict=True)
+    ]
+
+
+_WIDTHS = {
+    "time": 10, "flow_xx": 11, "flow_yy": 11, "hydraulic_gap_x": 15, "hydraulic_gap_y": 15, "leak_rate": 11,
+    "error": 8, "imbalance": 9, "throat": 6,
+}  # fmt: skip
+_LEAK = """
+path DIR  results folder, or the file of one case
+--case N  only this case of a sweep (default: all; the first is drawn)
+--along {x,y} = x  direction of the pressure drop (default: x)
+--viscosity ETA  of the fluid: pressure time
+--pressure-drop P  over the length of the seal: pressure
+--length L  length of the seal along the flow (default: the cell's)
+--width W  width of the seal across the flow (default: the cell's)
+--out FILE  the picture, .png, .pdf or .svg (default: NAME-leak.png with the results)
+--style {paper,screen} = paper  of the picture
+--fields FILE  write flow, pressure and all numbers of the case drawn to an .h5
+"""
+_OF_A_SEAL = (
+    "gfmdlayer run configs/seal-quick.yaml && "
+    "gfmdlayer leak results/seal-quick --viscosity 1.0e-6 --pressure-drop 1.0e-4"
+)
+
+
+@verb(_LEAK, _OF_A_SEAL)
+def leak(options: argparse.Namespace) -> int:
+    """Print how much a fluid leaks through the gap, from the snapshots of results."""
+    from gfmdlayer.figures.field_plots import flow_figure
+    from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
+    from gfmdlayer.figures.snapshot_plots import cases_with_snapshots
+    from gfmdlayer.files.whole import unfinished
+    from gfmdlayer.interactive.leakage import leakage
+    from gfmdlayer.results.reader import open_case, open_results
+    from gfmdlayer.results.schema import ResultsError
+
+    path, style = Path(options.path), STYLES[options.style]
+    if options.fields is not None:
+        check_suffix(Path(options.fields), (".h5",))
+    keys = ("viscosity", "pressure_drop", "along", "length", "width")
+    seal = {key: getattr(options, key) for key in keys}
+    with open_case(path) if path.is_file() else open_results(path) as results:
+        name = str(results.attrs.get("name") or path.resolve().stem)
+        default = path.with_name(f"{path.stem}-leak.png") if path.is_file() else path / f"{name}-leak.png"
+        picture = default if options.out is None else Path(options.out)
+        check_suffix(picture)
+        most = 1 if options.case is not None else sys.maxsize
+        with cases_with_snapshots(path, results, options.case, most) as cases:
+            if not cases:
+                raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
+            for i, (title, case) in enumerate(cases.items()):
+                label = title.replace("$", "")
+                with warnings.catch_warnings(record=True) as caught:
+                    warnings.simplefilter("always", UserWarning)
+                    found = leakage(case, fields=i == 0, **seal)
+                _print(label, found, options.along)
+                for each in caught:
+                    print(f"gfmdlayer: {label}{': ' * bool(label)}{each.message}", file=sys.stderr)
+                if i > 0:
+                    continue
+                if options.fields is not None:
+                    with unfinished(Path(options.fields), ".h5") as part:
+                        found.to_netcdf(part, engine="h5netcdf")
+                    print(options.fields)
+                if "fluid_pressure" in found:
+                    save(flow_figure(found, title, style), picture, style)
+                    print(picture)
+    return COMPLETE
+
+
+def _print(title: str, found: Dataset, along: str) -> None:
+    """Print a line for each snapshot."""
+    columns: dict[str, Any] = {"time": found["snapshot"]}
+    columns |= {name: found[name] for name in _WIDTHS if name in found}
+    columns["error"] = abs(found[f"flow_error_{along}"])
+    columns["imbalance"] = found["flow_imbalance"]
+    if f"throat_points_{along}" in found:
+        columns["throat"] = found[f"throat_points_{along}"]
+    if title:
+        print(title)
+    shown = {name: width for name, width in _WIDTHS.items() if name in columns}
+    print("  ".join(f"{name:>{width}}" for name, width in shown.items()))
+    print("  ".join(f"{_unit(columns, name):>{width}}" for name, width in shown.items()))
+    for i in range(found.sizes["snapshot"]):
+        print("  ".join(f"{float(columns[name][i]):>{width}.4g}" for name, width in shown.items()))
+
+
+def _unit(columns: Mapping[str, Any], name: str) -> str:
+    if name == "throat":
+        return "points"
+    unit = str(columns[name].attrs.get("units", "1"))
+    return "" if unit == "1" else unit.replace(" ", "")
