@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Material
 from gfmdlayer.kernels import kernel
@@ -276,16 +276,23 @@ class Retardation(NamedTuple):
     distances: FloatArray
 
 
-@kernel
 def retardation(weights: FloatArray, times: FloatArray, relaxed: FloatArray, same: float) -> Retardation:
     """Return the compliances of stiffnesses with the modes w_j >= 0, theta_j, (n, m), and K_0 > 0, (m,)."""
-    # Times that differ by no more than the part `same` are one.
+    # Times that differ by no more than the part `same` are one. To compile a sort would take a second.
+    found: Retardation = _retardation(weights, times, np.argsort(times, axis=0), relaxed, same)
+    return found
+
+
+@kernel
+def _retardation(
+    weights: FloatArray, times: FloatArray, order: IntArray, relaxed: FloatArray, same: float
+) -> Retardation:
     shape = weights.shape
     compliances, origins, distances = np.zeros(shape), np.ones(shape), np.zeros(shape)
     poles, strengths = np.empty(shape[0]), np.empty(shape[0])
     for m in range(shape[1]):
         n = 0
-        for j in np.argsort(times[:, m]):
+        for j in order[:, m]:
             strength = weights[j, m] * times[j, m]
             if not strength > 0:
                 continue

@@ -96,14 +96,12 @@ def check(found):
         assert error_within_reach(each, rng) < 1.1 * TOLERANCE  # between the nodes of the fit
 
 
-def test_random_bodies_answer_without_images_within_reach():
-    check(fitted(seed=4, count=8))
-
-
-@pytest.mark.slow
-def test_more_random_bodies_answer_without_images_within_reach():
-    """A second each; docs/theory/isolated.md has the figures of 300."""
-    check(fitted(seed=1, count=16))
+@pytest.mark.parametrize(
+    ("seed", "count"), [(4, 4), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((4, 8), (1, 16)))]
+)
+def test_random_bodies_answer_without_images_within_reach(seed, count):
+    """Up to a second each; docs/theory/isolated.md has the figures of 300."""
+    check(fitted(seed, count))
 
 
 def test_spectrum_is_the_stiffness_of_its_modes_and_the_body_s_own_beyond():

@@ -108,9 +108,10 @@ def least_eigenvalue(K, of, found):
     return float(np.linalg.eigvalsh(hessian)[0] / scale) if len(hessian) else 0.0
 
 
-def test_a_minimum_is_found_in_each_of_a_thousand_random_problems():
+@pytest.mark.parametrize("seeds", [range(90), pytest.param(range(90, 334), marks=pytest.mark.slow)])
+def test_a_minimum_is_found_in_each_of_a_thousand_random_problems(seeds):
     tolerance, count = 1e-6, 0
-    for seed in range(334):
+    for seed in seeds:
         start, K = None, None
         for each, shape in random_problems(seed):
             start = at_rest(each.obstacle.size) if start is None else start
@@ -128,7 +129,7 @@ def test_a_minimum_is_found_in_each_of_a_thousand_random_problems():
             # Near the end of a branch a residual t leaves u uncertain by sqrt(2 t) of the range.
             assert least_eigenvalue(K, each, found) >= -np.sqrt(2 * tolerance), seed
             count += 1
-    assert count > 1000
+    assert count == 3 * len(seeds)
 
 
 def energy(of, K, b, u):

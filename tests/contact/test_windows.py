@@ -18,7 +18,8 @@ from gfmdlayer.grid.grid import NOWHERE, Grid, parts, periodic_extent
 from gfmdlayer.grid.transforms import Transforms
 
 TOLERANCE = 1e-10
-SHAPES = [(1024,), (1000,), (243 * 4,), (512, 256), (390, 468)]
+SHAPES = [(1024,), (1000,), (243 * 4,), (260, 390)]
+SHAPES += [pytest.param(shape, marks=pytest.mark.slow) for shape in ((512, 256), (390, 780))]
 CONDITIONS = ["fixed mean", "free mean", "load"]
 each_shape = pytest.mark.parametrize("shape", SHAPES)
 each_condition = pytest.mark.parametrize("condition", CONDITIONS)

@@ -42,7 +42,7 @@ time: {{end: 2.0, step: 0.125}}
 solver: {{tolerance: 1.0e-9}}""",
     "a body": f"{GRID}\nbody: {{kind: winkler, k: 5.0}}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
     "an interface law": f"{GRID}\ninterface: {{law: two_ranges, work: 1.0e-3, range: 0.05, far: 1}}\n{STEPS}",
-    "a solver": f"{GRID}\nsolver: {{method: projected_gradient}}\n{STEPS}",
+    "a solver": f"grid: {{points: 32}}\nsolver: {{method: projected_gradient}}\n{STEPS}",
     "a geometry": f"grid: {{geometry: spring}}\nsweep: {{layer.material.G0: [1.0, 3.0]}}\n{STEPS}",
     "an observable": f"{GRID}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
 }

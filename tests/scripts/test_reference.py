@@ -3,6 +3,7 @@
 import re
 import runpy
 import sys
+from functools import cache
 from pathlib import Path
 
 import h5py
@@ -19,7 +20,6 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs/extensions"))  # where Sphinx finds them too
 PAGES = runpy.run_path(str(ROOT / "docs/extensions/reference_pages.py"))
 EXAMPLES = PAGES["EXAMPLES"]
-SCHEMA = json_schema()
 # Pure numbers. A new key with a number belongs here, or its meaning ends with its dimension.
 PURE = {
     *("alpha", "exponent", "gamma", "hurst", "poisson", "rms_slope", "slope", "smoothing", "taper"),
@@ -28,9 +28,15 @@ PURE = {
 }
 
 
+@cache
+def sections():
+    """Return the schema of each section."""
+    return json_schema()["$defs"]
+
+
 def keys():
     """Yield section, key and schema of each key."""
-    for section, found in SCHEMA["$defs"].items():
+    for section, found in sections().items():
         for key, value in found.get("properties", {}).items():
             if "." not in key:  # those of samples and sweeps are the others' again
                 yield section, key, value
@@ -39,6 +45,10 @@ def keys():
 def has_fractions(value):
     members = [*value.get("anyOf", ()), *value.get("oneOf", ()), value.get("items", {})]
     return value.get("type") == "number" or any(has_fractions(each) for each in members if each)
+
+
+def test_each_section_has_an_example():
+    assert sections().keys() == EXAMPLES.keys()
 
 
 def test_numbers_say_their_dimension():
@@ -85,12 +95,12 @@ def files(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("files")
-@pytest.mark.parametrize("section", SCHEMA["$defs"])
+@pytest.mark.parametrize("section", EXAMPLES)
 def test_the_examples_of_a_section_are_valid_and_have_all_its_keys(section):
     """A key that is a section has its own examples; the keys of sweeps are the other sections'."""
     for example in EXAMPLES[section].split("\n---\n"):
         Path("example.yaml").write_text(f"name: example\n{example}\n")
         load("example.yaml")
-    for key, value in SCHEMA["$defs"][section].get("properties", {}).items():
+    for key, value in sections()[section].get("properties", {}).items():
         if section not in {"Sweep", "Zip"} and "." not in key and not PAGES["_sections"](value):
             assert re.search(rf"\b{key}: ", EXAMPLES[section]), (section, key)

@@ -44,13 +44,13 @@ def silent(_quick):
     yield from ()
 
 
-# Those that take more than a second each, and those whose claims tests/body and tests/transport make, too.
+# Those that take more than a second each, and those whose claims the tests of their rooms make, too.
 LONG = {"flat_punch", "thin_films", "over_time", "rate_dependence", "peeled_thin_layer"}
-LONG |= {"series_of_laws", "leakage"}
+LONG |= {"series_of_laws", "leakage", "time_steps", "runs", "yielding"}
 
 
 @pytest.mark.parametrize(
-    ("long", "least"), [(False, 56), pytest.param(True, 37, marks=pytest.mark.slow)], ids=["short", "long"]
+    ("long", "least"), [(False, 43), pytest.param(True, 50, marks=pytest.mark.slow)], ids=["short", "long"]
 )
 def test_every_row_of_the_table_is_inside_its_bound(long, least, tmp_path, monkeypatch, capsys):
     checks = tuple(check for check in CHECKS if (check.find.__name__ in LONG) == long)
