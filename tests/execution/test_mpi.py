@@ -216,7 +216,7 @@ ENDS = {
 
 
 @pytest.mark.parametrize(("other", "end"), [(key, end) for key, (_, ends) in ENDS.items() for end in ends])
-def test_a_rank_that_dies_ends_the_job_while_the_other(other, end):
+def test_a_rank_that_dies_while_the_other_works_ends_the_job(other, end):
     """Within the two minutes of `over_ranks`, instead of hanging it."""
     program, _ = ENDS[other]
     assert over_ranks(2, "-c", program.format(end)).returncode not in (0, 75)
