@@ -90,7 +90,7 @@ def command_line() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     for verb in VERBS:
         words = verb.meaning.partition("\n")[0].rstrip(".")
-        summary = words[0].lower() + words[1:]
+        summary = words[:1].lower() + words[1:]  # python -OO has no docstrings
         added = verbs.add_parser(
             verb.name,
             help=summary,

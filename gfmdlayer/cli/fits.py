@@ -77,7 +77,7 @@ def fit_material(options: argparse.Namespace) -> int:
     return COMPLETE
 
 
-_OF_CURVES = (
+_EXAMPLES_OF_INDENTATION = (
     "gfmdlayer fit-indentation configs/gel.csv --model configs/gel.model.yml --contact detect\n"
     "  gfmdlayer fit-indentation map.h5 --model gel.model.yml --each --jobs 4 --out results/map\n\n"
     f"{STATUSES}"
@@ -112,7 +112,7 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
     arguments(parser, "--restart  with --each: remove earlier results in DIR\n--force  overwrite files")
 
 
-@verb(_options_of_indentation, _OF_CURVES)
+@verb(_options_of_indentation, _EXAMPLES_OF_INDENTATION)
 def fit_indentation(options: argparse.Namespace) -> int:
     """Fit moduli, times and thicknesses to measured force curves of an indenter."""
     from gfmdlayer.execution import interrupts, workers

@@ -203,13 +203,13 @@ path DIR  results folder, or the file of one case
 --style {paper,screen} = paper  of the picture
 --fields FILE  write flow, pressure and all numbers of the case drawn to an .h5
 """
-_OF_A_SEAL = (
+_EXAMPLE_OF_LEAK = (
     "gfmdlayer run configs/seal-quick.yaml && "
     "gfmdlayer leak results/seal-quick --viscosity 1.0e-6 --pressure-drop 1.0e-4"
 )
 
 
-@verb(_LEAK, _OF_A_SEAL)
+@verb(_LEAK, _EXAMPLE_OF_LEAK)
 def leak(options: argparse.Namespace) -> int:
     """Print how much a fluid leaks through the gap, from the snapshots of results."""
     from gfmdlayer.figures.field_plots import flow_figure

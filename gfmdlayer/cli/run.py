@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from gfmdlayer.execution.workers import WorkerPool
 
 
-def _of_cases(parser: argparse.ArgumentParser) -> None:
+def _options_of_cases(parser: argparse.ArgumentParser) -> None:
     add_config(parser)
     arguments(parser, OUT)
 
 
-def _of_a_run(parser: argparse.ArgumentParser) -> None:
-    _of_cases(parser)
+def _options_of_run(parser: argparse.ArgumentParser) -> None:
+    _options_of_cases(parser)
     text = f"""
     --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)
     --ranks-per-case N = 1  MPI ranks that share a case, each with a part of its surface (default: 1)
@@ -68,7 +68,7 @@ def shard(text: str) -> Shard:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-@verb(_of_a_run, f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}")
+@verb(_options_of_run, f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}")
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet; also under mpirun or srun."""
     from gfmdlayer.execution import interrupts, workers
@@ -139,7 +139,7 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
 MOST_EXPLAINED = 8  # cases whose methods are listed
 
 
-@verb(_of_cases, "gfmdlayer check configs/figure2.yaml")
+@verb(_options_of_cases, "gfmdlayer check configs/figure2.yaml")
 def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration; run nothing."""
     from gfmdlayer.execution import preflight

@@ -47,7 +47,7 @@ from gfmdlayer.contact.pressure_form import (
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.contact.residual import residual_scales
 from gfmdlayer.grid.transforms import Plans, Transforms
-from gfmdlayer.kernels import LANES, compiling, kernel, maximum
+from gfmdlayer.kernels import LANES, compiling, filled, kernel, maximum
 from gfmdlayer.resumable import Stateless
 
 _ROUNDING = 1e-14  # part of a pressure that is left where it was to vanish
@@ -305,7 +305,7 @@ def _try_step(
 @kernel(reorder=True, inner=True)
 def _reach(p: FloatArray, step: FloatArray) -> float:
     """Part of a step up to which no pressure becomes negative."""
-    fastest = np.zeros(LANES)  # relative fall of a pressure
+    fastest = filled(LANES, 0.0)  # relative fall of a pressure
     for first in range(0, p.size, LANES):
         ps, steps = p[first : first + LANES], step[first : first + LANES]
         for i in range(ps.size):

@@ -96,7 +96,9 @@ class PressurePrediction(DisplacementPrediction):
         first, end = self._contact
         reach, size = max(self._size // _REACH, (end - first) // 2), self._size
         near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
-        return _extrapolate(_lagrange(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
+        weights, guess = _lagrange(self._times, time), np.zeros(size)
+        _extrapolate(weights, pressures, gaps, self._mu, self._moves > 1, near, guess)
+        return guess
 
 
 def _lagrange(times: Sequence[float], time: float) -> Weights:
@@ -154,10 +156,10 @@ def _learn(
 
 @kernel(reorder=True)
 def _extrapolate(
-    w: Weights, p: LastThree, gaps: LastThree, mu: float, moving: bool, near: tuple[int, int]
-) -> FloatArray:
+    w: Weights, p: LastThree, gaps: LastThree, mu: float, moving: bool, near: tuple[int, int],
+    guess: FloatArray,
+) -> None:  # fmt: skip
     """Extrapolate point by point near the contact; most points are far from it."""
-    guess = np.zeros(p[0].size)
     for first in range(near[0], near[1], _BLOCK):
         end, possible = min(first + _BLOCK, near[1]), 0.0
         p0, p1, p2 = p[0][first:end], p[1][first:end], p[2][first:end]
@@ -168,7 +170,6 @@ def _extrapolate(
         if possible > 0.0:
             for i in range(p0.size):
                 guess[first + i] = _guess(w, (p0[i], p1[i], p2[i]), (gap0[i], gap1[i], gap2[i]), mu, moving)
-    return guess
 
 
 @kernel(inner=True)

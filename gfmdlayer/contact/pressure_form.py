@@ -13,10 +13,10 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
-from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, violation
+from gfmdlayer.contact.residual import ResidualFloor, residual_scales, scales_of, violation
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, kernel, minimum
+from gfmdlayer.kernels import LANES, filled, kernel, minimum
 
 _ROUNDING = 1e-12  # part of the height of the punch
 # Heights, as part of the depth at which the lowest mode carries the load, that no tolerance above 1e-8 tells
@@ -76,14 +76,11 @@ def apply_to(
     backward(plans, work, found)
 
 
-@kernel
 def per_point(stiffness: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
     """Compliance and stiffness of the modes per point, as unnormalised transforms need them."""
-    compliance, shared = np.empty(stiffness.size), np.empty(stiffness.size)
-    for k in range(stiffness.size):
-        compliance[k] = 1.0 / (size * stiffness[k]) if stiffness[k] != 0.0 else 0.0
-        shared[k] = stiffness[k] / size
-    return compliance, shared
+    compliance = np.zeros(stiffness.size)
+    np.divide(1.0, size * stiffness, out=compliance, where=stiffness != 0.0)
+    return compliance, stiffness / size
 
 
 def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, ComplexArray]:
@@ -183,7 +180,7 @@ def feasible_solution(
     # where overlap remains.
     n = at.p.size
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
-    overlap, assessment = _write_state(system, at, free, u, pressure, spectrum)
+    overlap = _write_state(system, at, free, u, pressure, spectrum)
     depth = residual_scales(pressure, u, system.floor)[1]
     clear = overlap == 0.0 or overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * system.floor.depth)
     return make_solution(
@@ -193,7 +190,6 @@ def feasible_solution(
         spectrum,
         spent=(transforms, iterations),
         within=tolerance if clear else -1.0,
-        assessment=assessment,
     )
 
 
@@ -278,7 +274,7 @@ def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArra
         lift, shift = 0.0, -lowest
     elif lift > _LARGEST_LIFT:
         lift = 0.0
-    clamped = np.zeros(LANES)
+    clamped = filled(LANES, 0.0)
     for first in range(0, n, LANES):
         gap, gap0, h = (
             at.gap[first : first + LANES],
@@ -298,7 +294,7 @@ def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArra
 @kernel(reorder=True)
 def satisfies_kkt(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
     """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
-    pressure_scale, depth = residual_scales(p, system.h - gap, system.floor)
+    pressure_scale, depth = scales_of(p, system.h - gap, system.floor)
     off, per_pressure, per_gap = 0.0, 1.0 / pressure_scale, 1.0 / depth
     for i in range(p.size):
         known = p[i] == p[i]  # where the pressure is not a number, the gap gives the violation
@@ -315,12 +311,15 @@ def _write_state(
     u: FloatArray,
     pressure: FloatArray,
     spectrum: ComplexArray,
-) -> tuple[float, tuple[float, float, float, float]]:
-    """Write a state without overlap; return what was clamped, and its assessment."""
+) -> float:
+    """Write a state without overlap; return what was clamped."""
     lift, overlap = _raise_clear(system, at, u, pressure)
     n = at.p.size
     for k in range(free.size):
         spectrum[k] = n * (free[k] - (1.0 + lift) * system.compliance[k] * at.spectrum[k])
     if system.load_given:
-        spectrum[0] = u.sum()
-    return overlap, assess(pressure, u, system.h, system.floor)
+        total = 0.0
+        for i in range(n):
+            total += u[i]
+        spectrum[0] = total
+    return overlap

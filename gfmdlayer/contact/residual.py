@@ -16,7 +16,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.ranks import Ranks
-from gfmdlayer.kernels import LANES, kernel, maximum, minimum
+from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum
 
 # Pressures count against at least this part of what the lowest mode carries at the depth of the surface.
 # Without it a surface out of contact would compare rounding errors with rounding errors: those reach
@@ -57,15 +57,17 @@ def violation(pressure: float, gap: float, per_pressure: float, per_gap: float) 
 @nb.njit(inline="always")
 def scales(largest_pressure: float, deepest: float, floor: ResidualFloor) -> tuple[float, float]:
     """Scales (P, D) of the residual, from the largest pressure and the deepest point of the surface."""
-    depth = max(deepest, floor.depth, 1e-300)
-    pressure = max(largest_pressure, floor.pressure, _PRESSURE_FLOOR * floor.stiffness * depth, 1e-300)
+    # Each number of arguments of `max` takes its time to compile.
+    depth = max(max(deepest, floor.depth), 1e-300)
+    least = max(_PRESSURE_FLOOR * floor.stiffness * depth, 1e-300)
+    pressure = max(max(largest_pressure, floor.pressure), least)
     return pressure, min(depth, floor.range)
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def _extrema(pressure: FloatArray, u: FloatArray) -> tuple[float, float, float]:
     """Largest pressure and lowest displacement of a state without NaN, and the sum of the displacement."""
-    largest, lowest, total = np.zeros(LANES), np.full(LANES, np.inf), 0.0
+    largest, lowest, total = filled(LANES, 0.0), filled(LANES, np.inf), 0.0
     for first in range(0, u.size, LANES):
         ps, us = pressure[first : first + LANES], u[first : first + LANES]
         for i in range(us.size):
@@ -82,7 +84,7 @@ def scales_over(
     if ranks.count == 1:
         found: tuple[float, float] = residual_scales(pressure, u, floor)
         return found
-    largest, lowest, total = _extrema(pressure, u)
+    largest, lowest, total = _extrema_part(pressure, u)
     total, size = ranks.total(np.array([total, u.size])).tolist()
     largest, depth = ranks.maximum(np.array([largest, -lowest])).tolist()
     pressure_scale, depth_scale = scales.py_func(largest, max(total / size, 0.0) + depth, floor)
@@ -105,8 +107,20 @@ def assess_over(
 
 
 @kernel
+def _extrema_part(pressure: FloatArray, u: FloatArray) -> tuple[float, float, float]:
+    """`_extrema` of the part of a rank."""
+    return _extrema(pressure, u)
+
+
+@kernel
 def residual_scales(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
     """Scales (P, D) of the residual of a state: pressure and displacement, one value a point."""
+    return scales_of(pressure, u, floor)
+
+
+@kernel(inner=True)
+def scales_of(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
+    """`residual_scales` for kernels."""
     # Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
     # at any height.
     largest, lowest, total = _extrema(pressure, u)
@@ -118,7 +132,7 @@ def _violations(
     pressure: FloatArray, u: FloatArray, h: FloatArray, per_pressure: float, per_gap: float
 ) -> tuple[float, float, float, float]:
     """Largest violation, number of points in contact, and sums of pressure and gap."""
-    worst, touching, total, gaps = np.zeros(LANES), 0.0, 0.0, 0.0
+    worst, touching, total, gaps = filled(LANES, 0.0), 0.0, 0.0, 0.0
     for first in range(0, u.size, LANES):
         ps, us, hs = pressure[first : first + LANES], u[first : first + LANES], h[first : first + LANES]
         for i in range(us.size):
@@ -138,7 +152,7 @@ def assess(
     """Residual, contact area, mean pressure and mean gap of a state, one value a point each."""
     # The residual is NaN if anything is; a point is in contact where the pressure, and not the gap, is the
     # larger of the two in the residual's scales.
-    pressure_scale, depth = residual_scales(pressure, u, floor)
+    pressure_scale, depth = scales_of(pressure, u, floor)
     worst, touching, total, gaps = _violations(pressure, u, h, 1.0 / pressure_scale, 1.0 / depth)
     # The maxima are blind to NaN; the sums are not.
     finite = np.isfinite(total) and np.isfinite(gaps)

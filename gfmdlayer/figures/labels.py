@@ -22,7 +22,7 @@ from matplotlib.font_manager import font_scalings
 from matplotlib.ticker import FixedLocator, Formatter, LogLocator, MaxNLocator, NullFormatter
 
 from gfmdlayer.observables import INDENTATION, TOTALS, known_columns, known_numbers
-from gfmdlayer.observables.costly import SHEAR, VON_MISES
+from gfmdlayer.observables.inside import SHEAR, VON_MISES
 from gfmdlayer.results.schema import OVER_TIME, SYMBOLS, VARIABLES
 
 if TYPE_CHECKING:

@@ -19,7 +19,6 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import Completion, Sums
-from gfmdlayer.kernels import kernel
 
 COARSEST = 64  # points of an axis of the coarsest of nested grids, at least
 _SHORTEST = 64  # points of an axis of the smallest windows
@@ -187,41 +186,18 @@ Stretch = tuple[int, int]  # first point, which may be late on the periodic axis
 NOWHERE: tuple[Stretch, Stretch] = ((0, 0), (0, 0))
 
 
-@kernel
 def periodic_extent(pressure: FloatArray, shape: tuple[int, int]) -> tuple[Stretch, Stretch]:
     """Shortest periodic intervals of rows and of columns that hold all points with pressure > 0."""
     # `pressure` has the shape (rows * columns,), and `shape` is (rows, columns); a line has one row. Without
     # pressure the intervals are `NOWHERE`.
-    rows, columns = shape
-    in_row, in_column = np.zeros(rows), np.zeros(columns)
-    for row in range(rows):
-        in_row[row] = _count(pressure[row * columns : (row + 1) * columns], in_column)
-    return _shortest_interval(in_row), _shortest_interval(in_column)
+    pressed = pressure.reshape(shape) > 0.0
+    return _shortest_interval(pressed.any(axis=1)), _shortest_interval(pressed.any(axis=0))
 
 
-@kernel(reorder=True, inner=True)
-def _count(pressure: FloatArray, occupied: FloatArray) -> float:
-    """Count the points with pressure in a row, and add each to its column."""
-    total = 0.0
-    for i in range(pressure.size):
-        pressed = 1.0 if pressure[i] > 0.0 else 0.0
-        total += pressed
-        occupied[i] += pressed
-    return total
-
-
-@kernel(inner=True)
-def _shortest_interval(occupied: FloatArray) -> Stretch:
-    first, last, longest, after = -1, -1, 0, 0
-    for i in range(occupied.size):
-        if occupied[i] > 0.0:
-            if first < 0:
-                first = i
-            elif i - last > longest:
-                longest, after = i - last, i
-            last = i
-    if first < 0:
+def _shortest_interval(occupied: Any) -> Stretch:
+    places = np.flatnonzero(occupied)
+    if not places.size:
         return 0, 0
-    if first + occupied.size - last >= longest:
-        longest, after = first + occupied.size - last, first
-    return after, occupied.size - longest + 1
+    before = np.diff(places, prepend=places[-1] - occupied.size)  # from the last point; one more than free
+    widest = int(before.argmax())
+    return int(places[widest]), int(occupied.size - before[widest]) + 1

@@ -42,7 +42,7 @@ from gfmdlayer.history.modes import Modes
 from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.time_points import SAME_TIME, Course, FixedSteps, Instant, fingerprint
 from gfmdlayer.interface.law import Interaction
-from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.kernels import LANES, filled, kernel, maximum
 from gfmdlayer.resumable import Saving, State
 
 # The error of a step, and the curvature of u(t) from which it follows.
@@ -307,14 +307,14 @@ class Changes(Saving):
 @kernel(reorder=True)
 def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
     """Largest change of a gap, over the larger of the reach and the lesser of the gaps before and after."""
-    most = np.zeros(LANES)
+    most = filled(LANES, 0.0)
     for first in range(0, before.size, LANES):
         old, new = before[first : first + LANES], after[first : first + LANES]
         for i in range(old.size):
             change, gap = abs(new[i] - old[i]), min(old[i], new[i])
             change /= gap if gap > reach else reach
             most[i] = change if change > most[i] else most[i]
-    return most.max()  # type: ignore[no-any-return]
+    return maximum(most)  # type: ignore[no-any-return]
 
 
 @dataclass

@@ -54,7 +54,7 @@ import numpy as np
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import filled, kernel
 from gfmdlayer.resumable import Saving
 
 # In the compiled loops spectra are real arrays of twice the length, alternating real and imaginary parts, and
@@ -184,7 +184,7 @@ def advance(
     for j in range(moduli.size):
         remainder += moduli[j] * factors.remainder[j]
         curvature_loss += moduli[j] * factors.curvature_loss[j]
-    change, curved = np.empty(_BLOCK), np.zeros(_BLOCK)
+    change, curved = filled(_BLOCK, 0.0), filled(_BLOCK, 0.0)
     for start in range(0, u.size, _BLOCK):
         part_ = slice(start, min(start + _BLOCK, u.size))
         spring, shape, new, old = springs[part_], branches.energy_shape[part_], new_u[part_], u[part_]

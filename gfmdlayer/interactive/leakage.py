@@ -13,7 +13,7 @@ import numpy as np
 from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError
 from gfmdlayer.interactive.one_contact import config_of, derived
-from gfmdlayer.observables.costly import CRITICAL_GAPS, FLOW, THROATS
+from gfmdlayer.observables.transport import CRITICAL_GAPS, FLOW, THROATS
 from gfmdlayer.transport.leakage import doubts, flow_through, numbers_of
 from gfmdlayer.transport.percolation import Throat, throats
 from gfmdlayer.validation.problems import shown

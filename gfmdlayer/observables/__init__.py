@@ -17,19 +17,21 @@ from gfmdlayer.observables.contact import (
     of_one_contact,
     totals,
 )
-from gfmdlayer.observables.costly import (
-    SPARSE,
+from gfmdlayer.observables.energy_balance import Bodies, EnergyBalance
+from gfmdlayer.observables.friction import Friction, Slip
+from gfmdlayer.observables.inside import LARGEST, Inside
+from gfmdlayer.observables.numerics import Effort, SeriesError, SpectrumError, SteadyState
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
+from gfmdlayer.observables.transport import (
+    FLOW,
+    RESISTANCE,
+    THROATS,
     Conductance,
-    Inside,
     Leakage,
     SealEstimates,
     SpotRadius,
     Stiffness,
 )
-from gfmdlayer.observables.energy_balance import Bodies, EnergyBalance
-from gfmdlayer.observables.friction import Friction, Slip
-from gfmdlayer.observables.numerics import Effort, SeriesError, SpectrumError, SteadyState
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -75,6 +77,9 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "spectrum_error": SpectrumError,
     "steady_state": SteadyState,
 }
+
+# Columns that are NaN in the rows between two others.
+SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE, *LARGEST))
 
 
 def observables(case: Parts) -> dict[str, Observable]:

@@ -279,17 +279,16 @@ _TOTALS = declared(r"""
     total_work_of_separation | work of separation | force length |
       over the steps in which the depth falls | W_\mathrm{sep}
     """)
-_NAMED_ANEW = {
-    "contact_area": "area", "contact_area_interpolated": "area_interpolated",
-    "contact_area_error": "area_error", "attractive_area": "attracted_area",
-    "work_of_separation": "total_work_of_separation",
+_OTHER_NAMES = {
+    "area": "contact_area", "area_interpolated": "contact_area_interpolated",
+    "area_error": "contact_area_error", "attracted_area": "attractive_area",
+    "total_work_of_separation": "work_of_separation",
 }  # fmt: skip
 _OF_A_CELL = ("mean_pressure", "mean_stress", "mean_gap", "pull_off_stress")
 
 # By the columns, and attributes, of a periodic contact; None: has no meaning without a cell.
 TOTALS: dict[str, Column | None] = dict.fromkeys(_OF_A_CELL) | {
-    {new: name for name, new in _NAMED_ANEW.items()}.get(column.name, column.name): column
-    for column in _TOTALS
+    _OTHER_NAMES.get(column.name, column.name): column for column in _TOTALS
 }
 
 

@@ -26,15 +26,7 @@ def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     wall = problem.wall_pressure(solution.pressure, solution.gap)
     floor = problem.residual_floor
     pressure_scale, depth = scales_over(problem.ranks, wall, solution.displacement, floor)
-    return _touching(wall, solution.gap, 1.0 / pressure_scale, 1.0 / depth)
-
-
-@kernel
-def _touching(pressure: FloatArray, gap: FloatArray, per_pressure: float, per_gap: float) -> BoolArray:
-    found = np.empty(gap.size, np.bool_)
-    for i in range(gap.size):
-        found[i] = pressure[i] * per_pressure > gap[i] * per_gap
-    return found
+    return np.asarray(wall * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 
 def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:

@@ -31,33 +31,33 @@ class Parameter(NamedTuple):
 VARIABLES = {
     variable.name: variable
     for variable in declared(r"""
-    x | position along x | length | from the middle of the cell, and of the punch; from the axis of an
-      isolated indenter | x
+    x | position along x | length |
+      from the middle of the cell, and of the punch; from the axis of an isolated indenter | x
     y | position along y | length | from the middle of the cell | y
     snapshot | time of the snapshot | time | from the beginning of the run | t
-    displacement | normal displacement of the surface, positive upward | length | from the surface at
-      rest | u
+    displacement | normal displacement of the surface, positive upward | length |
+      from the surface at rest | u
     pressure | contact pressure, positive in compression | pressure | at each point, of the wall | p
     gap | gap between surface and punch, zero in contact | length | at each point | g
-    traction | traction across the gap, positive in attraction | pressure | at each point, of the
-      interface | \tau
-    imprint | height that the surfaces have lost | length | at each point, from the beginning of the run
-      | W
+    traction | traction across the gap, positive in attraction | pressure |
+      at each point, of the interface | \tau
+    imprint | height that the surfaces have lost | length |
+      at each point, from the beginning of the run | W
     shear_x | shear traction of the punch on the surface along x | pressure | at each point | t_x
     shear_y | shear traction of the punch on the surface along y | pressure | at each point | t_y
-    slip_velocity_x | velocity of the surface against the punch along x, zero where it sticks | length /
-      time | at each point in contact, mean over the step; else NaN | \dot{s}_x
-    slip_velocity_y | velocity of the surface against the punch along y, zero where it sticks | length /
-      time | at each point in contact, mean over the step; else NaN | \dot{s}_y
+    slip_velocity_x | velocity of the surface against the punch along x, zero where it sticks |
+      length / time | at each point in contact, mean over the step; else NaN | \dot{s}_x
+    slip_velocity_y | velocity of the surface against the punch along y, zero where it sticks |
+      length / time | at each point in contact, mean over the step; else NaN | \dot{s}_y
     z | depth below the surface | length | of the undeformed body; an interface is there twice | z
     layer | number of the layer at the depth | 1 | from the surface, 0 | | i8
     displacement_x | displacement along x | length | below the surface | u_x | f4
     displacement_y | displacement along y | length | below the surface | u_y | f4
     displacement_z | displacement along z, positive downward | length | below the surface | u_z | f4
-    stress_xx | normal stress along x, positive in tension | pressure | below the surface | \sigma_{xx}
-      | f4
-    stress_yy | normal stress along y, positive in tension | pressure | below the surface | \sigma_{yy}
-      | f4
+    stress_xx | normal stress along x, positive in tension | pressure |
+      below the surface | \sigma_{xx} | f4
+    stress_yy | normal stress along y, positive in tension | pressure |
+      below the surface | \sigma_{yy} | f4
     stress_zz | normal stress along z, of an interface the peel stress, positive in tension | pressure |
       below the surface | \sigma_{zz} | f4
     stress_xy | shear stress xy | pressure | below the surface | \sigma_{xy} | f4
@@ -69,8 +69,8 @@ VARIABLES = {
     spring_force | force of each spring of the layers | pressure | for other depths
     displacement_body | normal displacement of the surface of the body, positive out of it | length |
       from the surface at rest | u_1
-    displacement_counterbody | normal displacement of the surface of the counterbody, positive out of it
-      | length | from the surface at rest | u_2
+    displacement_counterbody | normal displacement of the surface of the counterbody, positive out of it |
+      length | from the surface at rest | u_2
     case | number of the case and of its file in cases/ | 1 | from 0 | | i8
     """)
 }

@@ -111,6 +111,12 @@ print(pstats.Stats(profile, stream=io.StringIO()).total_calls)
     assert 1_000 < int(calls) < most
 
 
+def test_help_needs_no_docstrings():
+    """There are none under `python -OO`."""
+    command = [sys.executable, "-OO", "-m", "gfmdlayer", "--help"]
+    assert "check" in subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True).stdout
+
+
 def test_version_is_that_of_the_distribution():
     assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
 

@@ -12,7 +12,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.contact.pressure_form import Iterate, System, apply_to
 from gfmdlayer.contact.residual import scales
 from gfmdlayer.grid.transforms import Plans, Transforms, backward
-from gfmdlayer.kernels import LANES, kernel, maximum, minimum
+from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum, summed
 
 _LINES = 2  # on either side that are close to a contact on a surface
 _REACH = 16  # points at least on either side of the contact where the gap is kept up to date
@@ -118,7 +118,7 @@ def _stretches(member: FloatArray, runs: IntArray) -> tuple[int, int]:
     count, points, inside = 0, 0, False
     for first in range(0, member.size, _BLOCK):
         block = member[first : first + _BLOCK]
-        total = block.sum()
+        total = summed(block)
         points += int(total)
         if total == (block.size if inside else 0.0):
             continue
@@ -197,12 +197,18 @@ def begin(  # groups of arrays; one call takes less time than two
     gap0, h = system.gap0, system.h
     for i in range(gap0.size):
         gap0[i] = h[i] - work.z[i]
-    set_guess(system, at, contact, guess, load)
+    _set_guess(system, at, contact, guess, load)
     now.exact = False
 
 
-@kernel(reorder=True)
+@kernel
 def set_guess(system: System, at: Iterate, contact: ContactSet, guess: FloatArray, load: float) -> None:
+    """`_set_guess` for Python."""
+    _set_guess(system, at, contact, guess, load)
+
+
+@kernel(reorder=True, inner=True)
+def _set_guess(system: System, at: Iterate, contact: ContactSet, guess: FloatArray, load: float) -> None:
     """Take over a guess of the pressure, which may be anything, and the contact set where it is positive."""
     p, total = at.p, 0.0
     for i in range(p.size):
@@ -244,9 +250,9 @@ def iterate(  # groups of arrays, and the limits of one call
     # one stretch, near which the gap is known, then needs no evaluation here.
     #
     # Returns whether set and pressure were found, the transforms and the iterations.
-    transforms, carried, now = 0, at.p.sum(), work.now[0]
+    transforms, carried, now = 0, summed(at.p), work.now[0]
     if not now.exact:
-        evaluate(plans, system, at, work)
+        _evaluate(plans, system, at, work)
         transforms += 2
     restart, last, iteration, done = True, 0.0, 0, 0
     moved = 0.0  # largest change of the pressure in the last iteration, on a line
@@ -262,7 +268,7 @@ def iterate(  # groups of arrays, and the limits of one call
         known = now.exact or (checked and contact.counts[0].runs == 1)
         if max(opened, tension, overlap) <= tolerance and not known:
             _restore_load(system, at, contact, carried)
-            evaluate(plans, system, at, work)
+            _evaluate(plans, system, at, work)
             transforms, last = transforms + 2, 0.0
             opened, tension, overlap = _violations(system, at, contact, work, shift)
         if max(opened, tension, overlap) <= tolerance:
@@ -278,7 +284,7 @@ def iterate(  # groups of arrays, and the limits of one call
             done += 1
             if _change_set(at.p, at.gap, contact, shift, now.exact):
                 _restore_load(system, at, contact, carried)
-                evaluate(plans, system, at, work)
+                _evaluate(plans, system, at, work)
                 transforms += 2
             if now.exact:
                 list_near(contact)
@@ -299,14 +305,14 @@ def iterate(  # groups of arrays, and the limits of one call
         now.exact, last = False, product
     if not now.exact:
         _restore_load(system, at, contact, carried)
-        evaluate(plans, system, at, work)
+        _evaluate(plans, system, at, work)
         transforms += 2
         _violations(system, at, contact, work, shift)
     return False, transforms, iteration
 
 
-@kernel(reorder=True)
-def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
+@kernel(reorder=True, inner=True)
+def _evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
     """Gap of the pressure at every point, and the mean displacement; two transforms."""
     now = work.now[0]
     apply_to(plans, system.compliance, at.p, at.spectrum, work.spectrum, at.gap)
@@ -320,7 +326,7 @@ def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
 def _restore_load(system: System, at: Iterate, contact: ContactSet, carried: float) -> None:
     """Scale the pressure to a given load, which points that have left and rounding have changed."""
     if system.load_given:
-        total = at.p.sum()
+        total = summed(at.p)
         factor = carried / total if total > 0.0 else 1.0
         for k in range(contact.counts[0].runs):
             for i in range(contact.runs[k, 0], contact.runs[k, 1]):
@@ -478,7 +484,7 @@ def _violations(
 @kernel(reorder=True, inner=True)
 def _outside(system: System, at: Iterate, contact: ContactSet, shift: float) -> tuple[float, float]:
     """Overlap outside the contact, as a gap, and deepest point."""
-    overlap, below = np.zeros(LANES), np.full(LANES, -_FAR)
+    overlap, below = filled(LANES, 0.0), filled(LANES, -_FAR)
     for first in range(0, at.gap.size, LANES):
         gap, h = at.gap[first : first + LANES], system.h[first : first + LANES]
         member = contact.member[first : first + LANES]

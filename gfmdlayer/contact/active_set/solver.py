@@ -37,7 +37,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.active_set.loop import begin, evaluate, iterate, make_contact, make_work, set_guess
+from gfmdlayer.contact.active_set.loop import begin, iterate, make_contact, make_work, set_guess
 from gfmdlayer.contact.active_set.windows import Windows
 from gfmdlayer.contact.bounded import safeguard
 from gfmdlayer.contact.pressure_form import (
@@ -141,11 +141,10 @@ class ActiveSet:
 
     def compile(self) -> None:
         """Compile the kernels of the whole surface and of failed solves, rare in ordinary steps."""
-        plans, at, work = self._transforms.plans, self._at, self._work
+        plans, at = self._transforms.plans, self._at
         system = compile_failure(at, self._transforms)
-        begin(plans, system, self._free, self._free, at, self._contact, work, at.gap, 0.0)
+        begin(plans, system, self._free, self._free, at, self._contact, self._work, at.gap, 0.0)
         self._iterate(system, 0.0, 0.0, 1)
-        evaluate(plans, system, at, work)
 
     def _iterate(self, system: System, shift: float, within: float, limit: int) -> tuple[bool, int, int]:
         """`iterate` in portions, between which a signal is noticed."""

@@ -26,7 +26,7 @@ from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.grid import NOWHERE, Stretch, parts, periodic_extent
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, address_of, call_at, kernel, minimum
+from gfmdlayer.kernels import LANES, address_of, call_at, filled, kernel, minimum
 
 
 @kernel(inner=True)
@@ -85,7 +85,7 @@ def _deform(surface: WholeSurface, spectrum: ComplexArray) -> None:
 @kernel(reorder=True, inner=True)
 def _clamp(surface: WholeSurface, rigid_shift: float, state: SurfaceState) -> tuple[float, float, float]:
     """Write displacement and gap without overlap; return the overlap, the lowest u, and the sum of gaps."""
-    overlap, lowest, gaps = np.zeros(LANES), np.full(LANES, np.inf), 0.0
+    overlap, lowest, gaps = filled(LANES, 0.0), filled(LANES, np.inf), 0.0
     for first in range(0, surface.z.size, LANES):
         z, h = surface.z[first : first + LANES], surface.h[first : first + LANES]
         us, apart = state.u[first : first + LANES], state.gap[first : first + LANES]
@@ -176,11 +176,12 @@ def solve(
     tolerance: float,
     rounds: int,
     limit: int,
-) -> tuple[bool, int, int, int, float, tuple[float, float, float, float], SurfaceState]:
+    state: SurfaceState,
+) -> tuple[bool, int, int, int, float, tuple[float, float, float, float]]:
     """Solve in a window that begins at a line and a point of the surface; `load`: given mean pressure."""
     # Returns whether contact and pressure were found, transforms of the whole surface and of the window,
-    # iterations, overlap of the whole surface that was cut off (as part of the depth), the result of
-    # `assess`, and the state.
+    # iterations, overlap of the whole surface that was cut off (as part of the depth), and the result of
+    # `assess`. Where the first is true the state is written; its pressure is zero before.
     _free_surface(surface)
     at, contact, work, system = window.at, window.contact, window.work, window.system
     carried = _gather(window, origin, surface, guess)
@@ -206,24 +207,15 @@ def solve(
         within = AIM * tolerance
         shift = within * now.depth_scale
     if not clear:
-        nothing = np.empty(0)
-        state = SurfaceState(nothing, nothing, nothing, np.empty(0, dtype=np.complex128))
-        return False, 1, transforms, iterations, 0.0, (np.nan, 0.0, 0.0, 0.0), state
-    size = surface.z.size
-    spectrum = np.empty(surface.b.size, dtype=np.complex128)
-    state = SurfaceState(np.empty(size), np.zeros(size), np.empty(size), spectrum)
+        return False, 1, transforms, iterations, 0.0, (np.nan, 0.0, 0.0, 0.0)
     overlap, assessment = extend_to_surface(window, origin, surface, state)
-    return True, 3, transforms, iterations, overlap, assessment, state
+    return True, 3, transforms, iterations, overlap, assessment
 
 
 @kernel(reorder=True)
-def overlaps(surface: WholeSurface) -> FloatArray:
-    """Overlap of the surface without pressure; a transform of the whole surface."""
+def free_surface(surface: WholeSurface) -> None:
+    """Write the surface without pressure; a transform of the whole surface."""
     _free_surface(surface)
-    overlap = np.empty(surface.z.size)
-    for i in range(overlap.size):
-        overlap[i] = max(surface.z[i] - surface.h[i], 0.0)
-    return overlap
 
 
 @kernel
@@ -377,13 +369,16 @@ class Windows:
         result, part, shape = WindowResult(), 0, _two(self._shape)
         extent = periodic_extent(guess, shape)
         if extent == NOWHERE and not self._system.load_given:
-            guess, result = overlaps(surface), WindowResult(transforms=1)
+            free_surface(surface)
+            guess, result = np.maximum(surface.z - surface.h, 0.0), WindowResult(transforms=1)
             extent = periodic_extent(guess, shape)
         while result.iterations < limit and (part := self._largest_part(extent, part)):
             spent, window = self._window(part)
             arguments = window, _origin(extent, window), surface, guess, problem.applied_pressure
-            done, whole, inside, more, overlap, assessment, state = solve(
-                self._iterate_at, *arguments, tolerance, rounds, limit - result.iterations
+            size = guess.size
+            state = SurfaceState(np.empty(size), np.zeros(size), np.empty(size), np.empty_like(surface.b))
+            done, whole, inside, more, overlap, assessment = solve(
+                self._iterate_at, *arguments, tolerance, rounds, limit - result.iterations, state
             )
             taken = result.transforms + spent + whole + inside / part ** len(self._shape)
             result = WindowResult(taken, result.iterations + more)

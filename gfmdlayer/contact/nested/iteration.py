@@ -42,7 +42,7 @@ from gfmdlayer.contact.stencil import REACH, apply_to_row, stencil
 from gfmdlayer.grid.fftw import WORTH_THREADS
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.kernels import LANES, kernel, maximum
+from gfmdlayer.kernels import LANES, filled, kernel, maximum
 
 # Passes over the points of a grid, between the transforms of the iteration.
 #
@@ -264,7 +264,7 @@ def extent(
     # Returns the sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap. With a cap,
     # the first two sums and the largest -gap are over the pressures below it.
     load, weighted, total = 0.0, 0.0, 0.0
-    largest, depth, overlap = np.zeros(LANES), np.full(LANES, -np.inf), np.full(LANES, -np.inf)
+    largest, depth, overlap = filled(LANES, 0.0), filled(LANES, -np.inf), filled(LANES, -np.inf)
     larger, deeper, lower = largest.copy(), depth.copy(), overlap.copy()
     widest, wider = overlap.copy(), overlap.copy()
     for begin in range(first, end, LANES):
@@ -330,7 +330,7 @@ def settle(
     # With a cap, overlap at the cap is no error: `flow` gets it, and u has it. Returns number of points in
     # contact, sums of p, gap and u; the residual and the overlap.
     touching, load, gaps, mean = 0.0, 0.0, 0.0, 0.0
-    worst, overlap = np.zeros(LANES), np.zeros(LANES)
+    worst, overlap = filled(LANES, 0.0), filled(LANES, 0.0)
     worse, deeper = worst.copy(), overlap.copy()
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)

@@ -215,7 +215,7 @@ def set_cycle(cycle: Cycle, work: Any) -> None:
     run_cycle(cycle, work, cycle.one)
 
 
-@kernel(reorder=True, inner=True, borrows=True)
+@kernel(reorder=True, inner=True)
 def _set_below(cycle: Cycle, level: int, stiffness: Any, below: Any) -> None:
     """Write the D of the next grid."""
     c, row = np.float32(cycle.point[level]), cycle.rows[5]
@@ -314,7 +314,7 @@ def _apply_beside(weights: Any, i: int, ring: Any, r: Any, D: Any, row: Any, bes
     _close(beside, r.size)
 
 
-@kernel(reorder=True, inner=True, borrows=True)
+@kernel(reorder=True, inner=True)
 def _descend(cycle: Cycle, level: int, force: Any, below: Any) -> None:
     """Write the force of the next grid, P^T share (r - (S + D) x)."""
     rows, columns = force.shape
@@ -344,7 +344,7 @@ def _descend(cycle: Cycle, level: int, force: Any, below: Any) -> None:
         _add_row(cycle, level, i, row, below)
 
 
-@kernel(reorder=True, inner=True, borrows=True)
+@kernel(reorder=True, inner=True)
 def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tuple[float, float]:
     """Write x + B (r - (S + D) x) for x = B r + share P x of the next grid, and return its sums."""
     total, across = 0.0, 0.0

@@ -20,7 +20,7 @@ from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.sums import Completion, greatest, summed
 from gfmdlayer.grid.transforms import Plans, backward, forward
 from gfmdlayer.interface.forms import Terms, term
-from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.kernels import LANES, filled, kernel
 
 _NO_CURVATURE = 1e-6  # part of the elastic stiffness along a direction below which its curvature is rounding
 _STIFF = 0.3  # curvature, over the stiffness of a point, from which on it outweighs the body's
@@ -160,8 +160,8 @@ def balance(
         # In full contact any lambda that keeps the pressure positive will do.
         multiplier = -total / count if count > 0.0 else -weakest
     pressure_scale, depth = scales(strongest + multiplier, deepest, system.floor)
-    per_pressure, per_gap, worst, total, count = 1.0 / pressure_scale, 1.0 / depth, np.zeros(LANES), 0.0, 0.0
-    most, least = np.full(LANES, -np.inf), np.full(LANES, np.inf)
+    per_pressure, per_gap, total, count = 1.0 / pressure_scale, 1.0 / depth, 0.0, 0.0
+    worst, most, least = filled(LANES, 0.0), filled(LANES, -np.inf), filled(LANES, np.inf)
     for first in range(0, at.u.size, LANES):
         end = first + LANES
         h, u, ps, free = system.h[first:end], at.u[first:end], step.pressure[first:end], step.free[first:end]
@@ -199,7 +199,7 @@ def _open_pressure(
     the sum and the number too.
     """
     total, count, mean = 0.0, 0.0, 0.0
-    most, least = np.full(LANES, -np.inf), np.full(LANES, np.inf)
+    most, least = filled(LANES, -np.inf), filled(LANES, np.inf)
     highest, lowest = most.copy(), least.copy()
     for first in range(0, at.u.size, LANES):
         end = first + LANES
@@ -449,7 +449,7 @@ def move(
     shift, n = 0.0, system.size
     for turn in range(60):
         total, free = 0.0, 0.0
-        most, least = np.full(LANES, -np.inf), np.full(LANES, np.inf)
+        most, least = filled(LANES, -np.inf), filled(LANES, np.inf)
         for first in range(0, to.u.size, LANES):
             end = first + LANES
             h, u, v, d = system.h[first:end], at.u[first:end], to.u[first:end], step.d[first:end]
@@ -532,7 +532,7 @@ def compare(
     end; the change of the energy without the interface's, exact by the mean of both stresses; and the
     largest difference of the traction from that which the curvature predicts, over the strength.
     """
-    first, last, elastic, most = 0.0, 0.0, 0.0, np.zeros(LANES)
+    first, last, elastic, most = 0.0, 0.0, 0.0, filled(LANES, 0.0)
     for begun in range(0, at.u.size, LANES):
         end = begun + LANES
         u, v, hold = at.u[begun:end], to.u[begun:end], held[begun:end]

@@ -87,7 +87,8 @@ _WELL_WITHIN = 0.3  # part of the tolerance that they aim at in the end
 _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two states of a branch
 _CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
 _RESOLVED = 0.3  # likewise down the energy
-_LONGER, _SHORTER = 8.0, 4.0  # growth and cut of the steps down the energy, at most
+_LONGER, _SHORTER = 8.0, 2.0  # growth and cut of the steps down the energy, at most
+_ESCAPE = 0.3  # damping after a negative curvature, over the largest pressure out of balance per range
 _TOO_FAR = 0.25  # part of such a step that is taken at least
 _AT_REST = 0.1  # damping, over kappa_1, below which there is none
 _SETTLED = 0.1  # error of the traction in a step without damping at which the descent ends
@@ -180,7 +181,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         lack = (mean - of_u) * system.size
         lack = lack if abs(mean - of_u) > _LIFTED * abs(mean0) + _OF_SUMS * depth and mean0 != 0.0 else 0.0
         # A flat surface is in balance at any mean: the residual does not tell whether it has moved.
-        if (done == 1.0 and residual <= tolerance and lack == 0.0) or iterations == limit or pulled_off:
+        if (done == 1.0 and residual <= tolerance and lack == 0.0) or pulled_off:
             break
         (strongest,) = greatest(system.over, (step.pressure.max(),))
         aim = tolerance * max(system.strength, strongest)
@@ -188,6 +189,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             released += drop if is_lost(system, drop, unstable) else 0.0
             descends, unstable, drop, damping = False, False, 0.0, 0.0
             continue
+        if iterations == limit:
+            break
         iterations += 1
         inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
         unit = max(largest, 1e-30)
@@ -198,8 +201,9 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         if least < 0.0:
             done = done if descends else min(1.0, done + _SHORTEST)
             descends, settled, unstable = True, False, True
-            # Where there is no curvature at all, as of a punch that is pulled off, a step by the range.
-            damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
+            # Where there is no curvature at all, as of a punch that is pulled off, a step by some ranges.
+            escape = _ESCAPE * largest / min(system.range, _FAR)
+            damping = max(2.0 * damping, damping - 2.0 * least, escape)
             continue
         if done == 0.0 and not descends and not tangent:
             keep_tangent(fields.origin, step, unit, unit / unit_of(system.kappa_1))

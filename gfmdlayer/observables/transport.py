@@ -1,7 +1,7 @@
-"""Columns that cost much: flow through the gap, conductance and stiffness of the spots, stresses inside.
+"""Columns of seals, switches and joints: flow through the gap, conductance and stiffness of the spots.
 
-They are measured in every n-th accepted step. The ranks of a case bring gap or contact to the first one,
-which computes flow, conductance and stiffness (`_whole`).
+They follow from the contact of an accepted step. The ranks of a case bring gap or contact to the first one,
+which computes them (`_whole`).
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.solid import DEPTH_PAIRS, Place
-from gfmdlayer.config.layers import interfaces
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, Places, Value, declared
 from gfmdlayer.transport import flow_memory
 
@@ -370,93 +368,6 @@ class Stiffness(Every):
         return np.array(found)
 
 
-VON_MISES, *PLACE, SHEAR = declared(r"""
-    largest_von_mises | largest von Mises stress | pressure | over the depths of output.inside |
-      \max\,\sigma_\mathrm{Mises}
-    largest_von_mises_x | place of the largest von Mises stress: x | length | over the depths of output.inside
-    largest_von_mises_y | place of the largest von Mises stress: y | length | over the depths of output.inside
-    largest_von_mises_z | place of the largest von Mises stress: z | length | over the depths of output.inside
-    largest_shear_stress | largest shear stress on any plane | pressure | over the depths of output.inside |
-      \max\,\tau_\mathrm{max}
-    """)
-PEEL, PLANE_SHEAR = declared("""
-    interface_peel | largest tension | pressure | over each interface, the bond to a rigid base included
-    interface_shear | largest shear stress | pressure | over each interface, the bond to a rigid base included
-    """)
-
-
-class Inside(Every):
-    """Largest von Mises and shear stress, and largest peel and shear stress at each interface.
-
-    They are the largest at the points of the grid, at the depths of the configuration. Peel is tension across
-    the interface; where it is negative, the interface is everywhere in compression.
-    """
-
-    @classmethod
-    def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return the columns where they are asked for."""
-        asked = config.output.inside
-        if asked is None or asked.every is None:
-            return None
-        place = [each for each in PLACE if each.name[-1] != "y" or len(config.grid.points) == 2]
-        found = (VON_MISES, *place, SHEAR)
-        if not (depths := interfaces(config.solid)):
-            return found
-        numbers = tuple(map(float, range(len(depths))))  # the same in cases of other thicknesses
-        along = Places("interface", "number of the interface, from the surface", "1", numbers)
-        return *found, replace(PEEL, along=along), replace(PLANE_SHEAR, along=along)
-
-    @classmethod
-    def cost(cls, config: Config) -> tuple[float, float]:
-        """Return the work of a row in FFT pairs; its memory is that of a snapshot (`footprint`)."""
-        asked = config.output.inside
-        assert asked is not None
-        assert asked.every is not None
-        count = len(asked.places(config.solid, config.grid.period)) + len(interfaces(config.solid))
-        return DEPTH_PAIRS * count / asked.every, 0.0
-
-    def __init__(self, case: Parts) -> None:
-        config = case.config
-        asked = config.output.inside
-        assert asked is not None
-        assert asked.every is not None
-        super().__init__(case, asked.every)
-        self._case = case
-        self._interfaces = [Place(depth, i) for i, depth in enumerate(interfaces(config.solid))]
-
-    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
-        """Return the largest stresses."""
-        import numpy as np
-
-        if not self._due(step.time):
-            nothing = np.full(len(self._interfaces), math.nan)
-            return {name: nothing if name.startswith("interface") else math.nan for name in self._names}
-        from gfmdlayer.history.inside import STRESSES, largest_shear, shear_on_plane, von_mises
-
-        interior, springs, ranks = self._case.interior, self._case.springs(step), self._grid.ranks
-        assert interior is not None
-        largest, at, shear = -1.0, (0.0,) * (len(self._grid.points) + 1), 0.0
-        for place in interior.places:
-            stress = interior.at(springs, place, STRESSES)
-            equivalent = von_mises(stress)
-            shear = max(shear, float(largest_shear(stress, equivalent).max()))
-            number = int(np.argmax(equivalent))
-            if (found := float(equivalent.flat[number])) > largest:
-                index = np.unravel_index(number, equivalent.shape)
-                along = zip(self._grid.coordinates, index, strict=True)
-                largest, at = found, (*(float(x[i]) for x, i in along), place.depth)
-        # Of equal values the place at the least depth counts, and there the first one: all of one rank.
-        largest, at = max(ranks.all_of((largest, at)), key=lambda each: (each[0], -each[1][-1]))
-        row: dict[str, Any] = {VON_MISES.name: largest, SHEAR.name: ranks.maximum(shear)}
-        for axis, x in zip("xyz" if len(at) == 3 else "xz", at, strict=True):
-            row[f"largest_von_mises_{axis}"] = x if largest > 0 else math.nan
-        if self._interfaces:
-            fields = [interior.at(springs, place, ("zz", "xz", "yz")) for place in self._interfaces]
-            row["interface_peel"] = ranks.maximum(np.array([each["zz"].max() for each in fields]))
-            row["interface_shear"] = ranks.maximum(np.array([shear_on_plane(each).max() for each in fields]))
-        return {name: row[name] for name in self._names}
-
-
 def _spacing(grid: Any) -> tuple[float, float]:
     x, y = (length / n for length, n in zip(grid.period, grid.points, strict=True))
     return x, y
@@ -470,9 +381,3 @@ def _conductor(side: Conductor) -> tuple[tuple[tuple[float, float], ...], float]
     """Return films (thickness, conductivity) and the conductivity of the base."""
     films = tuple((each.thickness, 1 / each.resistivity) for each in side.films)
     return films, math.inf if side.resistivity == 0 else 1 / side.resistivity
-
-
-# Columns that are NaN in the rows between two others.
-SPARSE = frozenset(
-    each.name for each in (*FLOW, *THROATS, RESISTANCE, VON_MISES, *PLACE, SHEAR, PEEL, PLANE_SHEAR)
-)
