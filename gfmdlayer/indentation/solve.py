@@ -85,6 +85,9 @@ _ROUGH_EDGE = 1e-10
 # Change of the rate, relative to the largest, from which a time of the history is a breakpoint.
 _JUMP = 1e-3
 
+# Largest ratio of the lengths of two steps through which a parabola leads.
+_UNEVEN = 16.0
+
 # Times such as 0.3 and 3 * 0.1 that differ by no more than this part are one: no step leads between them.
 _SAME_TIME = 1e-13
 
@@ -504,17 +507,18 @@ def halved(time: FloatArray) -> FloatArray:
 def _extrapolated(coarse: Indentation, fine: Indentation, history: History, adhesion: Edge) -> Indentation:
     """Return a run on halved steps without its error of second order, by the run on the steps.
 
-    The gain is known where both runs touch, or both do not; between these times it is a parabola, and beyond
-    them constant. For the runs lose contact at other times. The gain of the radius is that of its square:
-    where contact is lost the radius falls like a root of time.
+    The gain is known where both runs touch, or both do not; between these times it is a parabola, beside much
+    shorter steps a line, and beyond them constant. For the runs lose contact at other times. The gain of the
+    radius is that of its square: where contact is lost the radius falls like a root of time.
     """
-    t, breaks = coarse.time, np.isin(coarse.time, breakpoints_of(history))
+    t, steps, breaks = coarse.time, np.diff(coarse.time), np.isin(coarse.time, breakpoints_of(history))
+    even = np.maximum(steps[1:], steps[:-1]) <= _UNEVEN * np.minimum(steps[1:], steps[:-1])
     cases = []
     for touching in (True, False):
         rows = ((fine.radius[::2] > 0) == touching) & ((coarse.radius > 0) == touching)
         if rows.any():
             rows[:-1] |= rows[1:] & (fine.radius[:-2:2] == coarse.radius[:-1])  # where contact begins
-            smooth = rows[:-2] & rows[1:-1] & rows[2:] & ~breaks[1:-1]
+            smooth = rows[:-2] & rows[1:-1] & rows[2:] & ~breaks[1:-1] & even
             cases.append(((fine.radius > 0) == touching, rows, smooth))
 
     def better(of_fine: FloatArray, of_coarse: FloatArray) -> FloatArray:

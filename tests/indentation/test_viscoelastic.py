@@ -349,3 +349,16 @@ def test_steps_land_once_on_times_that_rounding_made_different(control):
     assert time[-1] == 0.3
     assert kept.time.tolist() == [0.2, 0.3]
     assert np.isfinite(kept.pressure).all()
+
+
+@pytest.mark.parametrize("before", [1e-4, 1e-8, 1e-12])
+def test_a_time_to_land_on_close_to_the_end_does_not_change_the_depth(before):
+    # The contact shrinks to a point as the load vanishes, while the body recovers.
+    history = History(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.1, 0.0]), True)
+    body, tolerance = bonded_layer(1.0, Zener(1.0, 10.0, 0.3)), 1e-3
+    alone, landing = (
+        follow(body, sphere(1.0), history, tolerance=tolerance, stops=stops) for stops in ([], [2 - before])
+    )
+    depth = np.interp(landing.time, alone.time, alone.depth)
+    # Each run is within the tolerance.
+    assert np.abs(landing.depth - depth).max() < 2 * tolerance * alone.depth.max()
