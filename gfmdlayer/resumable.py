@@ -44,8 +44,14 @@ class Saving:
             held, key = getattr(owner, attribute), name.replace(".", "_")
             if held is None and key not in state:
                 continue
+            if key not in state:
+                raise ValueError(f"it has no {key} of {type(self).__name__}")
             value = np.asarray(state[key])
             if isinstance(held, np.ndarray):
+                if value.shape != held.shape:
+                    raise ValueError(
+                        f"{key} of {type(self).__name__} has the shape {value.shape}; must have {held.shape}"
+                    )
                 held[...] = value
             elif isinstance(held, deque):
                 held.clear()

@@ -279,6 +279,7 @@ class Retardation(NamedTuple):
 def retardation(weights: FloatArray, times: FloatArray, relaxed: FloatArray, same: float) -> Retardation:
     """Return the compliances of stiffnesses with the modes w_j >= 0, theta_j, (n, m), and K_0 > 0, (m,)."""
     # Times that differ by no more than the part `same` are one. To compile a sort would take a second.
+    # Raises ArithmeticError if the iteration does not converge.
     found: Retardation = _retardation(weights, times, np.argsort(times, axis=0), relaxed, same)
     return found
 
@@ -343,6 +344,7 @@ def _root(poles: FloatArray, strengths: FloatArray, relaxed: float, j: int) -> t
         new = 2 * s * gap / (b + root) if b > 0 else gap * (root - b) / (2 * abs(C))
         moved = abs(new - distance)
         distance = new
-        if moved <= _ROUNDING * distance or abs(residual) <= _ROUNDING * (relaxed + near + far):
-            break
-    return sign * distance, origin
+        settled = moved <= _ROUNDING * distance or abs(residual) <= _ROUNDING * (relaxed + near + far)
+        if settled and distance > 0:
+            return sign * distance, origin
+    raise ArithmeticError("no convergence to the retardation times of a body")

@@ -25,6 +25,7 @@ from gfmdlayer.indentation.solve import (
     History,
     Indentation,
     Space,
+    distinct,
     find_space,
     follow,
     in_growing_space,
@@ -172,6 +173,10 @@ class IsolatedIndentation:
         return find_space(self.body, self.profile, self.history, self.tolerance, self.adhesion)
 
     @cached_property
+    def _kept(self) -> FloatArray:
+        return distinct(self.snapshots, self.history.time)
+
+    @cached_property
     def radii(self) -> FloatArray:
         """Distances from the axis of the profiles, shape (points,)."""
         extent = _EXTENT * self._space.nodes.reach if self.extent is None else self.extent
@@ -189,7 +194,7 @@ class IsolatedIndentation:
             tolerance=self.tolerance,
             adhesion=self.adhesion,
             stops=self.stops,
-            snapshots=self.snapshots,
+            snapshots=self._kept,
             space=self._space,
         )
         if not found.error <= self.tolerance:
@@ -213,15 +218,17 @@ class IsolatedIndentation:
 
     def _on_equal_steps(self, step: float) -> Indentation:
         """Take equal steps of at most this length between breakpoints and snapshots, and their halves."""
-        knots = np.unique(np.array([*self.history.time, *self.snapshots, *self.stops]))
+        knots = np.union1d(self.history.time, self._kept)
+        knots = np.union1d(knots, distinct(self.stops, knots))
         parts = [
             np.linspace(begin, end, max(1, math.ceil((end - begin) / (2 * step) - 1e-6)) + 1)[:-1]
             for begin, end in pairwise(knots.tolist())
         ]
         time = np.append(np.concatenate(parts), knots[-1])
-        kept = np.unique(np.array(self.snapshots, dtype=float))
         return in_growing_space(
-            lambda space: on_quartered_steps(self.body, space, self.profile, self.history, time, kept)[0],
+            lambda space: on_quartered_steps(self.body, space, self.profile, self.history, time, self._kept)[
+                0
+            ],
             self._space,
             self.profile,
             self.tolerance,
@@ -252,8 +259,7 @@ class IsolatedIndentation:
 
     def profiles(self) -> Profiles:
         """Return the profiles at the snapshots."""
-        times = np.unique(np.array(self.snapshots, dtype=float))
-        return profiles(self.solved, self.profile, times, self.radii)
+        return profiles(self.solved, self.profile, self._kept, self.radii)
 
     @cached_property
     def warnings(self) -> list[str]:
@@ -390,7 +396,7 @@ def indent(
         fields = run.profiles()
         data |= {name: (("snapshot", "r"), getattr(fields, name), about[name]) for name in FIELDS}
         coordinates |= {
-            name: (name, each, about[name]) for name, each in (("snapshot", times), ("r", fields.r))
+            name: (name, each, about[name]) for name, each in (("snapshot", fields.time), ("r", fields.r))
         }
     for line in run.warnings:
         warnings.warn(line, stacklevel=2)

@@ -85,6 +85,9 @@ _ROUGH_EDGE = 1e-10
 # Change of the rate, relative to the largest, from which a time of the history is a breakpoint.
 _JUMP = 1e-3
 
+# Times such as 0.3 and 3 * 0.1 that differ by no more than this part are one: no step leads between them.
+_SAME_TIME = 1e-13
+
 # Wavenumber, times the contact radius, at which the body responds like its surface's material.
 _FAR = 1e8
 
@@ -555,7 +558,7 @@ def follow(
     tolerance: float = 1e-4,
     adhesion: Edge = NO_ADHESION,
     stops: Sequence[float] = (),
-    snapshots: Sequence[float] = (),
+    snapshots: Sequence[float] | FloatArray = (),
     space: Space | None = None,
 ) -> Indentation:
     """Follow a history on steps chosen for a tolerance, on nodes from `find_space` unless they are given.
@@ -566,10 +569,10 @@ def follow(
     contact radius is not found.
     """
     space = space or find_space(body, profile, history, tolerance, adhesion)
-    kept = np.unique(np.array(snapshots, dtype=float))
+    kept = distinct(snapshots, history.time)
     within = 0.1 * tolerance * float(np.abs(history.value).max())
     turns = np.union1d(history.time[corners(history.time, history.value, within)], kept)
-    knots = np.union1d(turns, np.array(stops, dtype=float))
+    knots = np.union1d(turns, distinct(stops, turns))
     return in_growing_space(
         lambda space: _to_tolerance(
             space.compliance(body), space, profile, history, (turns, knots, kept), tolerance, adhesion
@@ -578,6 +581,17 @@ def follow(
         profile,
         tolerance,
     )
+
+
+def distinct(asked: Sequence[float] | FloatArray, times: FloatArray) -> FloatArray:
+    """Ascending times; those equal to one of the given times but for rounding are that one."""
+    found: FloatArray = np.array(asked, dtype=float)
+    for near in (times.searchsorted(found).clip(max=times.size - 1) - each for each in (0, 1)):
+        other = times[near]
+        found = np.where(np.abs(found - other) <= _SAME_TIME * np.abs(other), other, found)
+    found = np.unique(found)
+    apart = np.diff(found) > _SAME_TIME * np.abs(found[1:])
+    return np.asarray(found[np.append(True, apart)[: found.size]])
 
 
 def in_growing_space(

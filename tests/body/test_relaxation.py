@@ -188,3 +188,12 @@ def test_retardation_times_interlace_and_compliances_add_up(material, relaxed):
     assert (times[:-1] <= taus[1:, np.newaxis]).all()
     creep = moduli.sum() / (A * (A + moduli.sum()))
     np.testing.assert_allclose(compliances.sum(axis=0), creep, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("moduli", "relaxed"), [((1.0, 2.0), 1e-300), ((1.0, 2.0), 1e200), ((1e-320, 1.0), 1.0)]
+)
+def test_retardation_times_out_of_the_range_of_floats_are_refused(moduli, relaxed):
+    # Squares of distances such as 2e300, 1e-200 and 1e-320 are no floats.
+    with pytest.raises(ArithmeticError, match="no convergence to the retardation times"):
+        retardation_spectrum(np.array(moduli), np.array([1.0, 2.0]), np.array([relaxed]))

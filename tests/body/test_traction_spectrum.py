@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from mpmath import mp
 
 from gfmdlayer.body.body import bonded_layer
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.body.stack import Layer, LayerStack
-from tests.body.printed import surface_stiffness
+from tests.body.printed import layer_matrix, surface_stiffness
 
 # Of K: some tens of roundings in each of the layers, times the condition of the modes, (Ginf/G0)^(1/2).
 ROUNDING = 1e-11
@@ -120,6 +121,21 @@ def random_stack(random):
     layers = [layer(10 ** random.uniform(-2.5, 0.5)) for _ in range(random.integers(1, 6))]
     base = random.integers(3)
     return LayerStack((*layers, layer(math.inf)) if base == 0 else tuple(layers), rigid=bool(base == 1))
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.3, 0.5])
+def test_a_layer_in_fifty_digits_obeys_the_equations_of_elasticity(nu):
+    """Displacements W, U and tractions over the depth, by the series of the matrix exponential; q = G = 1."""
+    with mp.workdps(60):
+        x, nu = mp.mpf(1.7), mp.mpf(nu)
+        ratio, give = nu / (1 - nu), (1 - 2 * nu) / (2 - 2 * nu)
+        equations = [[0, ratio, give, 0], [-1, 0, 0, 1], [0, 0, 0, 1], [0, 2 / (1 - nu), -ratio, 0]]
+        through = mp.expm(x * mp.matrix(equations), method="taylor")
+        # Of both faces; tractions are outward, and so minus those of the equations on the upper one.
+        displacements, tractions = mp.zeros(4), mp.zeros(4)
+        displacements[:2, :2], displacements[2:, :] = mp.eye(2), through[:2, :]
+        tractions[:2, 2:], tractions[2:, :] = -mp.eye(2), through[2:, :]
+        assert mp.mnorm(layer_matrix(x, nu) * displacements - tractions) < 1e-50
 
 
 @pytest.mark.parametrize("seed", range(6))

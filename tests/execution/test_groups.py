@@ -40,7 +40,7 @@ CASES = {
     "sliding": SURFACE.replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 1.0").replace("0.3", "0.4")
     .replace("patches: true", "patches: true, inside: {depths: [0.03, 0.1], every: 1}")
     + "interface: {law: hard_wall, hardness: 0.4}\n",
-    "adhesive": ATTRACTIVE.replace("[40, 36]", "[72, 60]"),
+    "adhesive": ATTRACTIVE.replace("[40, 36]", "[72, 60]").replace("0.3", "0.4"),
     "smooth": ATTRACTIVE.replace("ramp_time: 0.2", "ramp_time: 0.2, velocity: 1.0")
     .replace(ROUGH, "parabola"),
 }  # fmt: skip
@@ -110,7 +110,7 @@ def of_two_ranks(tmp_path_factory):
             process = over_ranks(2, program)
             assert process.returncode != 0
             assert process.stderr.count("goes on from time") == 1, process.stderr
-        assert case("adhesive-killed").time[-1] == 0.3
+        assert case("adhesive-killed").time[-1] == 0.4
         for name in ("begun", "sliding-killed"):
             left = {path.name for path in Path(f"{name}/cases").iterdir()}
             assert left >= {"0000.checkpoint", "0000.journal"}

@@ -37,7 +37,7 @@ PROGRAM = """
 from gfmdlayer.cli import main
 run = ["run", "tiny.yaml", "--out"]
 first = main([*run, "ranks"])
-raise SystemExit(first + 2 * main([*run, "other"]) + 4 * main([*run, "jobs", "--jobs", "2"]))
+raise SystemExit(first + 4 * main([*run, "other"]) + 16 * main([*run, "jobs", "--jobs", "2"]))
 """
 
 
@@ -65,7 +65,7 @@ def test_ranks_give_the_same_bits_as_one_process(sweep, run_here, bits):
 
 def test_one_rank_writes_to_the_terminal_and_a_failing_case_does_not_stop_the_others(sweep):
     folder, process = sweep
-    assert process.returncode % 2 == 1, process.stderr
+    assert process.returncode % 4 == 1, process.stderr
     assert process.stdout.startswith("1 of 3 cases failed:\n")
     assert "0000: ConvergenceError" in process.stdout
     assert len(process.stdout.splitlines()) == 3
@@ -79,7 +79,7 @@ def test_one_rank_writes_to_the_terminal_and_a_failing_case_does_not_stop_the_ot
 
 def test_what_ranks_cannot_do_is_refused(sweep):
     folder, process = sweep
-    assert process.returncode == 1 + 2 * 2 + 4 * 2
+    assert process.returncode // 4 == 2 + 4 * 2
     assert not list(folder.glob("other/**/*.h5"))
     assert not (folder / "jobs").exists()
     assert process.stderr.count("another configuration") == 1
@@ -216,7 +216,7 @@ ENDS = {
 
 
 @pytest.mark.parametrize(("other", "end"), [(key, end) for key, (_, ends) in ENDS.items() for end in ends])
-def test_a_rank_that_dies_ends_the_job_while_the_other(other, end):
+def test_a_rank_that_dies_while_the_other_works_ends_the_job(other, end):
     """Within the two minutes of `over_ranks`, instead of hanging it."""
     program, _ = ENDS[other]
     assert over_ranks(2, "-c", program.format(end)).returncode not in (0, 75)

@@ -235,3 +235,12 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(b
     case = Case(config, transforms=hasty(careful))
     simulate(case, parts, resume=lambda everything: everything.restore(kept[0]))
     assert bits(parts) == bits(whole)
+
+
+def test_a_state_of_another_body_or_grid_is_refused_in_words():
+    case = Case(Config(name="parts").with_values(SMALL))
+    state = case.resumable.state()
+    with pytest.raises(ValueError, match="has no local_stretch of Modes"):
+        case.resumable.restore({key: value for key, value in state.items() if "local_stretch" not in key})
+    with pytest.raises(ValueError, match=r"u of Modes has the shape \(1,\); must have \(33,\)"):
+        case.resumable.restore(state | {"integrator.u": np.zeros(1)})

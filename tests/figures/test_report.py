@@ -266,11 +266,11 @@ def assert_legible(page, flaws):
 
 def test_in_a_browser_a_sweep_is_legible_a_slider_moves_the_profile_selectors_the_curves(run, visit, flaws):
     page = visit(run(SWEEP) / "report.html", ready="html[data-ready]")
-    assert_legible(page, flaws)
     with open_case(case_path(run(SWEEP), 0)) as case:
         case.load()
     surface, pressure = "Array.from(g.data[0].y)", "Array.from(g.data[1].y)"
     np.testing.assert_allclose(drawn(page, "profile", surface), case["displacement"][2], rtol=SINGLE)
+    assert_legible(page, flaws)
     page.focus("#time")
     page.keyboard.press("ArrowLeft")
     assert page.text_content("#time-value") == "t/τ = 0.2"
@@ -341,6 +341,7 @@ def test_in_a_browser_a_surface_is_legible_and_has_maps_a_cut_and_distributions(
 
 def test_in_a_browser_as_wide_as_a_phone_a_surface_is_legible_and_all_is_reached_by_keys(run, visit, flaws):
     page = visit(run(SURFACE) / "report.html", ready="html[data-ready]", width=375)
+    assert page.evaluate("document.documentElement.scrollWidth") == 375
     assert_legible(page, flaws)
     assert page.evaluate("document.documentElement.scrollWidth") == 375
     controls = page.eval_on_selector_all(

@@ -43,9 +43,13 @@ def rms(values):
 
 
 def fractional_zener(kind, abscissa, alpha):
-    """Curve of a solid of G0 = tau = 1; tests/body compares it with the integral over its spectrum."""
-    solid = FractionalZener(1.0, 100.0, 1.0, alpha)
-    return kind("fractional", abscissa, kind("", abscissa, np.empty(0)).predicted(solid, abscissa))
+    """Cole-Cole form of a solid of G0 = tau = 1, or its relaxation, which tests/body integrates."""
+    if kind is RelaxationCurve:
+        relaxation = FractionalZener(1.0, 100.0, 1.0, alpha).relaxation_modulus(abscissa)
+        return kind("mittag-leffler", abscissa, relaxation[np.newaxis])
+    power = (1j * abscissa) ** alpha
+    modulus = 1 + 99 * power / (1 + power)
+    return kind("cole-cole", abscissa, np.stack([modulus.real, modulus.imag]))
 
 
 @KINDS

@@ -163,6 +163,9 @@ def test_a_film_under_a_rising_voltage_is_pulled_in_when_theory_says(tmp_path):
     # eps0 V^2/2 over the square of h0 after it, and of 2/3 (g0 + h0) before.
     jumped = 1 - (insulation / (2 / 3 * (gap + insulation))) ** 2
     assert 0 <= found["instability_time"][0] / time - 1 < 1.1 * tolerance / jumped / 2
+    touches = recording["contact_area"] > 0
+    assert not touches[recording["time"] < time].any()
+    assert touches[recording["time"] > 1.001 * time].all()
     # The voltage does all the work: the punch is at rest. Its part in the balance is the trapezium of V dV.
     separation = 0.3
     assert recording["lost"][-1] > 0

@@ -332,3 +332,20 @@ def test_force_in_place_of_depth_in_the_middle_of_a_history_gives_the_same_conta
     again = on_halved_steps(body, space, profile, mixed, times)
     assert np.abs(again.depth - found.depth).max() < 1e-4 * found.depth.max()
     assert np.abs(again.force - found.force).max() < 1e-4 * found.force.max()
+
+
+@pytest.mark.parametrize("control", ["depth", "force"])
+def test_steps_land_once_on_times_that_rounding_made_different(control):
+    # 3 * 0.1 is not 0.3, and 3 * 0.1 beyond the end of a run is its end.
+    history = History(np.array([0.0, 0.1, 0.3]), np.array([0.0, 0.05, 0.02]), control == "force")
+    stops = [0.1 * i for i in (1, 2, 3)] + [0.2, np.nextafter(0.1, 1)]
+    snapshots = [0.2, np.nextafter(0.2, 1), np.nextafter(0.3, 0)]
+    run = IsolatedIndentation(
+        BODIES["soft base"], sphere(1.0), history, 1e-2, snapshots=snapshots, stops=stops, points=11
+    )
+    time, kept = run.solved.time, run.profiles()
+    assert (np.diff(time) > 0).all()
+    assert np.isin([0.1, 0.2, 0.3], time).all()
+    assert time[-1] == 0.3
+    assert kept.time.tolist() == [0.2, 0.3]
+    assert np.isfinite(kept.pressure).all()
