@@ -82,14 +82,16 @@ from gfmdlayer.grid.transforms import Plans, Transforms
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import State
 
-_INEXACT = 0.1  # part of the force that the conjugate gradients may leave, at most
+# Part of the force that the conjugate gradients may leave, at most, and while damping follows the descent.
+_INEXACT, _INEXACT_DAMPED = 0.1, 0.3
 _WELL_WITHIN = 0.3  # part of the tolerance that they aim at in the end
 _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two states of a branch
 _CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
-_RESOLVED = 0.3  # likewise down the energy
-_LONGER, _SHORTER = 8.0, 2.0  # growth and cut of the steps down the energy, at most
+_RESOLVED = 0.5  # likewise down the energy
+# Growth of the steps down the energy, at most, and after one that was refused; and their cut.
+_LONGER, _LONGER_AFTER, _SHORTER = 8.0, 2.0, 2.0
 _ESCAPE = 0.3  # damping after a negative curvature, over the largest pressure out of balance per range
-_TOO_FAR = 0.25  # part of such a step that is taken at least
+_TOO_FAR = 0.1  # part of such a step that is taken at least
 _AT_REST = 0.1  # damping, over kappa_1, below which there is none
 _SETTLED = 0.1  # error of the traction in a step without damping at which the descent ends
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
@@ -124,6 +126,7 @@ class Progress(NamedTuple):
     mean: float  # mean displacement at the beginning of that motion
     damping: float
     descends: bool
+    refused: bool  # whether the last step of the descent was refused
     unstable: bool  # whether the descent has met an energy that is not convex
     drop: float  # sum over the points of the energy lost in this descent
     released: float  # likewise in those that have ended
@@ -165,8 +168,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     held, step = fields.held, fields.step
     at, to, swapped = fields.at, fields.to, False
     (
-        done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, energy,
-        exact, tangent, pairs, _,
+        done, mean0, damping, descends, refused, unstable, drop, released, pulled_off, multiplier, residual,
+        energy, exact, tangent, pairs, _,
     ) = given  # fmt: skip
     iterations, settled, evaluated = 0, False, np.isnan(energy)
     if evaluated:
@@ -192,7 +195,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         if iterations == limit:
             break
         iterations += 1
-        inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
+        inexact = _INEXACT_DAMPED if damping > 0.0 else _INEXACT
+        inexact = min(inexact, np.sqrt(residual)) if done == 1.0 else inexact
         unit = max(largest, 1e-30)
         spent = begin(single, system, at.curvature, step, damping, lack, unit)
         more, least = minimise(single, system, step, _WELL_WITHIN * aim / unit, inexact)
@@ -200,7 +204,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         pairs += IN_SINGLE * spent
         if least < 0.0:
             done = done if descends else min(1.0, done + _SHORTEST)
-            descends, settled, unstable = True, False, True
+            descends, settled, refused, unstable = True, False, True, True
             # Where there is no curvature at all, as of a punch that is pulled off, a step by some ranges.
             escape = _ESCAPE * largest / min(system.range, _FAR)
             damping = max(2.0 * damping, damping - 2.0 * least, escape)
@@ -259,7 +263,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
                 continue
         if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
-            descends, settled = True, False
+            descends, settled, refused = True, False, True
             damping = max(_SHORTER * damping, _AT_REST * system.kappa_1)
             stiffest, softest = greatest(system.over, (at.curvature.max(), -at.curvature.min()))
             if damping > _HOPELESS * (system.kappa_1 + max(stiffest, softest)):
@@ -275,7 +279,9 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             unstable = unstable or last < first  # the energy falls ever more steeply
         settled = damping == 0.0 and way == 1.0 and error < _SETTLED
         # The error grows as the square of the step, and the step as the inverse of the damping.
-        damping *= min(max(np.sqrt(error / _RESOLVED), 1.0 / _LONGER), 1.0) / way
+        longer = _LONGER_AFTER if refused else _LONGER
+        damping *= min(max(np.sqrt(error / _RESOLVED), 1.0 / longer), 1.0) / way
+        refused = False
         damping = 0.0 if damping < _AT_REST * system.kappa_1 else damping
         if system.load < 0.0 and not system.mean_is_fixed:
             pulled_off = lost(system, at)
@@ -288,6 +294,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         mean0,
         damping,
         descends,
+        refused,
         unstable,
         drop,
         released,
@@ -686,9 +693,9 @@ class Newton:
             u[:] = 0.0
             project(u, system.h, system.mean_is_fixed, sums.ranks)
         return Progress(
-            done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
-            multiplier=multiplier, residual=np.inf, energy=energy, exact=True, tangent=False,
-            pairs=float(done == 0.0), iterations=0,
+            done, mean, damping=0.0, descends=False, refused=False, unstable=False, drop=0.0, released=0.0,
+            pulled_off=False, multiplier=multiplier, residual=np.inf, energy=energy, exact=True,
+            tangent=False, pairs=float(done == 0.0), iterations=0,
         )  # fmt: skip
 
 
