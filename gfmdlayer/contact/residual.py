@@ -59,9 +59,8 @@ def scales(largest_pressure: float, deepest: float, floor: ResidualFloor) -> tup
     """Scales (P, D) of the residual, from the largest pressure and the deepest point of the surface."""
     # Each number of arguments of `max` takes its time to compile.
     depth = max(max(deepest, floor.depth), 1e-300)
-    least = max(_PRESSURE_FLOOR * floor.stiffness * depth, 1e-300)
-    pressure = max(max(largest_pressure, floor.pressure), least)
-    return pressure, min(depth, floor.range)
+    pressure = max(max(largest_pressure, floor.pressure), _PRESSURE_FLOOR * floor.stiffness * depth)
+    return max(pressure, 1e-300), min(depth, floor.range)  # not zero, where the depth is not a number
 
 
 @kernel(reorder=True, inner=True)
