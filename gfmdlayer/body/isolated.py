@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.network import relaxation
-from gfmdlayer.body.relaxation import SAME_TIME, Spectrum, retardation
+from gfmdlayer.body.relaxation import SAME_BRANCH, Spectrum, retardation
 from gfmdlayer.body.solid import WIDEST
 from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.body.wavevectors import Wavevectors
@@ -283,7 +283,7 @@ def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, Floa
     """Return Laplace variables, and the retardation times of the body in the lowest waves and longer ones."""
     q = np.concatenate((np.geomspace(1e-4 / period, low.min(), 60), np.geomspace(low.min(), low.max(), 20)))
     modes = body.spectrum(q)
-    J, T, *_ = retardation(modes.weights, modes.times, modes.relaxed, SAME_TIME)
+    J, T, *_ = retardation(modes.weights, modes.times, modes.relaxed, SAME_BRANCH)
     T = np.sort(T[J * modes.relaxed > _LEAST])
     if not T.size:
         return np.zeros(1), np.zeros(0)

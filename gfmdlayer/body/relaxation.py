@@ -47,7 +47,7 @@ _DEEP = 50.0
 _THIN = math.log(2.0)
 
 # Times that rounding may have made different are one where they differ by no more than this part.
-SAME_TIME = 1e-13
+SAME_BRANCH = 1e-13
 
 # The iteration needed at most 16 steps in all tests; it ends when rounding no longer changes a root.
 _MOST_ITERATIONS = 100

@@ -19,7 +19,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.relaxation import SAME_TIME, retardation
+from gfmdlayer.body.relaxation import SAME_BRANCH, retardation
 
 # Wavenumbers, times the size of the contact: of the surface's material; and those at which C is searched.
 _SURFACE = 1e8
@@ -109,7 +109,7 @@ def compliance(body: Body, features: Features, q: FloatArray, weights: FloatArra
     every = np.append(q, features.surface)
     spectrum = body.spectrum(every)
     instant = every / spectrum.glassy
-    modes, times, *_ = retardation(spectrum.weights, spectrum.times, spectrum.relaxed, SAME_TIME)
+    modes, times, *_ = retardation(spectrum.weights, spectrum.times, spectrum.relaxed, SAME_BRANCH)
     modes *= every
     kept, far = modes[:, :-1].any(axis=1), modes[:, -1] > 0
     J, T = modes[far, -1], times[far, -1]

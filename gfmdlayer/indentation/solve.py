@@ -19,6 +19,7 @@ import numpy as np
 from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.body.network import relaxation
+from gfmdlayer.history.time_points import SAME_TIME
 from gfmdlayer.indentation.compliance import (
     Compliance,
     Features,
@@ -87,9 +88,6 @@ _JUMP = 1e-3
 
 # Largest ratio of the lengths of two steps through which a parabola leads.
 _UNEVEN = 16.0
-
-# Times such as 0.3 and 3 * 0.1 that differ by no more than this part are one: no step leads between them.
-_SAME_TIME = 1e-13
 
 # Wavenumber, times the contact radius, at which the body responds like its surface's material.
 _FAR = 1e8
@@ -588,13 +586,14 @@ def follow(
 
 
 def distinct(asked: Sequence[float] | FloatArray, times: FloatArray) -> FloatArray:
-    """Ascending times; those equal to one of the given times but for rounding are that one."""
+    """Ascending times; those equal to one of the given times but for rounding, as 3 * 0.1, are that one."""
     found: FloatArray = np.array(asked, dtype=float)
+    same = SAME_TIME * max(float(np.abs(each).max(initial=0.0)) for each in (found, times))
     for near in (times.searchsorted(found).clip(max=times.size - 1) - each for each in (0, 1)):
         other = times[near]
-        found = np.where(np.abs(found - other) <= _SAME_TIME * np.abs(other), other, found)
+        found = np.where(np.abs(found - other) <= same, other, found)
     found = np.unique(found)
-    apart = np.diff(found) > _SAME_TIME * np.abs(found[1:])
+    apart = np.diff(found) > same
     return np.asarray(found[np.append(True, apart)[: found.size]])
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gfmdlayer import LayeredHalfspace, Prony, Zener
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.body.relaxation import SAME_TIME, retardation
+from gfmdlayer.body.relaxation import SAME_BRANCH, retardation
 from gfmdlayer.indentation.compliance import Features, find_features
 from gfmdlayer.indentation.solve import make_space
 
@@ -50,7 +50,7 @@ def test_modes_sum_to_the_direct_compliance(layer, material):
 def test_retardation_inverts_any_relaxing_stiffness(branches, relaxed):
     """K(s) times its compliance is 1, for branches of any weights and times, equal ones too."""
     weights, times = np.array(branches).T[:, :, np.newaxis]
-    J, T, *_ = retardation(weights, times, np.array([relaxed]), SAME_TIME)
+    J, T, *_ = retardation(weights, times, np.array([relaxed]), SAME_BRANCH)
     s = np.geomspace(1e-8, 1e8, 33)
     cycles = s * times
     K = relaxed + (weights * cycles / (1 + cycles)).sum(axis=0)
