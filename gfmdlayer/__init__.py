@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from gfmdlayer.body.solid import Solid
     from gfmdlayer.body.stack import Layer, LayerStack
     from gfmdlayer.body.wavevectors import Wavevectors
+    from gfmdlayer.case.case import Case
+    from gfmdlayer.case.model import ConvergenceError, simulate
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.fitting.indentation.curve import ForceCurve
     from gfmdlayer.fitting.indentation.design import design_indentation
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
-    from gfmdlayer.model import ConvergenceError, simulate
     from gfmdlayer.punch.self_affine import SelfAffine
     from gfmdlayer.punch.simple_shapes import (
         BluntedCone,
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
         Wedge,
     )
     from gfmdlayer.results.reader import open_case, open_results
-    from gfmdlayer.simulation import Case
 
 __all__ = [
     "WLF", "Anisotropic", "Arrhenius", "BluntedCone", "Case", "Cone", "Config", "ConfigError",
@@ -70,8 +70,8 @@ _MODULES = {
     "gfmdlayer.interactive.inside": ("inside",),
     "gfmdlayer.interactive.leakage": ("leakage",),
     "gfmdlayer.interactive.run": ("run",),
-    "gfmdlayer.model": ("ConvergenceError", "simulate"),
-    "gfmdlayer.simulation": ("Case",),
+    "gfmdlayer.case.model": ("ConvergenceError", "simulate"),
+    "gfmdlayer.case.case": ("Case",),
     "gfmdlayer.interactive.solve": ("solve",),
     "gfmdlayer.interface.adhesion": ("Dugdale", "Electrostatic", "Exponential", "LennardJones"),
     "gfmdlayer.punch.simple_shapes": (

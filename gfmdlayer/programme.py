@@ -20,8 +20,8 @@ from gfmdlayer.body.shifts import Shift
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points
-from gfmdlayer.history.time_points import Instant
 from gfmdlayer.interface.interface import Coulomb
+from gfmdlayer.step import Instant
 from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, Trajectory
 
 if TYPE_CHECKING:
@@ -229,6 +229,12 @@ class Programme:
         attracts = self.config.interfaces or "interface" in vars(self)
         every = self.drive, self.velocity, self.tangential, self.interface if attracts else None, thermal
         return tuple(time for each in every if each is not None for time in each.breakpoints)
+
+    @property
+    def least_scales(self) -> tuple[float, float]:
+        """Smallest scales of response and depth: the range of an interface that attracts, else zero."""
+        reach = self.interface.range if self.interface.attracts else 0.0
+        return reach if self.config.trajectory.control != "depth" else 0.0, reach
 
     @property
     def output_times(self) -> tuple[float, ...]:

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import settings
 from scipy.optimize import nnls
 
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.model import simulate
 from gfmdlayer.verification import runs, theory
 
 # `pytest tests/test_fuzz_*.py --hypothesis-profile=long` is the long run. Without it a test that has passed

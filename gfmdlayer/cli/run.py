@@ -142,11 +142,11 @@ MOST_EXPLAINED = 8  # cases whose methods are listed
 @verb(_options_of_cases, "gfmdlayer check configs/figure2.yaml")
 def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration; run nothing."""
+    from gfmdlayer.case.model import model_of
+    from gfmdlayer.case.notes import notes
     from gfmdlayer.execution import preflight
     from gfmdlayer.execution.cost import estimate, total
     from gfmdlayer.execution.sweep import Cases, label
-    from gfmdlayer.model import model_of
-    from gfmdlayer.notes import notes
 
     config, directory = read_config(options)
     every = Cases(config)

@@ -1,6 +1,6 @@
 """The geometries of a contact, as a configuration sees them. Imports no numerics.
 
-`GEOMETRIES` is the one table of `grid.geometry`. Each geometry names its `Model` (`gfmdlayer/model.py`).
+`GEOMETRIES` is the one table of `grid.geometry`. Each geometry names its `Model` (`gfmdlayer/case/model.py`).
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ def _of_the_punch(punch: Any) -> Iterator[Problem]:
 
 GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default
     "periodic": Geometry(
-        "gfmdlayer.periodic:PeriodicContact", 16384, True, _problems_in_a_cell, _plainly_possible_in_a_cell
+        "gfmdlayer.case.case:Case", 16384, True, _problems_in_a_cell, _plainly_possible_in_a_cell
     ),
     "axisymmetric": Geometry(
         "gfmdlayer.indentation.model:IsolatedContact",

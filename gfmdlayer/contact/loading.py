@@ -6,7 +6,7 @@ a rigid base. There kappa_0 u_0 = b_0/n - p, and
 
     u = w - mean(w) + u_0,        depth = mean(w) - u_0.
 
-A load that pulls more than the interface holds has no equilibrium, and the punch detaches (`pulled_off`).
+A load that pulls more than the interface holds has no equilibrium, and the punch detaches (`is_pulled_off`).
 Until the load presses again it lies out of reach. The surface is free of stress, and the depth of the punch
 counts as the depth at which it would just touch.
 
@@ -46,6 +46,7 @@ from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.resumable import Saving
+from gfmdlayer.step import Ended
 from gfmdlayer.time_functions import Trajectory
 
 Values = TypeVar("Values", FloatArray, ComplexArray)
@@ -97,12 +98,20 @@ class Loading(Saving):
     ) -> Problem:
         """Return the contact problem at the end of a step; that of a load has no mean."""
         if self.by_depth:
-            obstacle, load, interface = self.punch - self.trajectory(time), None, self.interface.at(time)
+            obstacle, load = self.punch - self.prescribed(time), None
         else:
-            obstacle, load = self.obstacle, self._load(time)
+            obstacle, load = self.obstacle, self.prescribed(time)
             kappa, b = self._without_mean(kappa), self._without_mean(b)
-            interface = HARD_WALL if self.detached.covers(time) else self.interface.at(time)
-        return Problem(kappa, b, obstacle, load, loss_stiffness, self.height, interface, self.ranks)
+        law = self.law(time)
+        return Problem(kappa, b, obstacle, load, loss_stiffness, self.height, law, self.ranks)
+
+    def prescribed(self, time: float) -> float:
+        """Depth, or mean pressure: none while the punch is out of reach."""
+        return 0.0 if self.detached.covers(time) else self.trajectory(time)
+
+    def law(self, time: float) -> Interaction:
+        """Interaction across the gap: none while the punch is out of reach."""
+        return HARD_WALL if self.detached.covers(time) else self.interface.at(time)
 
     @cached_property
     def obstacle(self) -> FloatArray:
@@ -117,14 +126,11 @@ class Loading(Saving):
         ranks, height = self.ranks, 0.0
         stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
         if stiffness > 0:
-            height = (history.real / self.size - self._load(time)) / stiffness
+            height = (history.real / self.size - self.prescribed(time)) / stiffness
         shift = ranks.mean(solution.displacement) - height
         depth, spectrum = shift + self.lowest, solution.spectrum.copy()
         ranks.set_mean_wave(spectrum, height * self.size)
         return Surface(solution.displacement, spectrum, depth, depth, shift)
-
-    def _load(self, time: float) -> float:
-        return 0.0 if self.detached.covers(time) else self.trajectory(time)
 
     def _without_mean(self, values: Values) -> Values:
         rest = values.copy()
@@ -146,16 +152,21 @@ class Loading(Saving):
         """Times between which a load has pulled the punch off."""
         return DetachedInterval()
 
-    def detach(self, time: float, end: float) -> bool:
-        """Detach a punch that is pulled off at a time; return whether it comes back before the end."""
+    def detach(self, time: float, end: float) -> None:
+        """Detach a punch that is pulled off at a time; Ended where it does not come back before the end."""
         corners = [time, *(point for point in self.trajectory.breakpoints if time < point < end), end]
         for before, after in pairwise(corners):
             if self.trajectory(after) > 0:
                 load = self.trajectory(before), self.trajectory(after)
                 back = before + (after - before) * load[0] / (load[0] - load[1])
                 self.detached.begin, self.detached.end = time, back
-                return True
-        return False
+                return
+        raise self.pulled_off(time)
+
+    def pulled_off(self, time: float) -> Ended:
+        """Return the reason to end a run whose load has pulled the punch off for good."""
+        reason = f"PULLED OFF at t = {time:.6g}: no contact carries the load of {self.trajectory(time):.6g}"
+        return Ended(reason, pull_off_time=time)
 
     @cached_property
     def size(self) -> int:
@@ -163,15 +174,14 @@ class Loading(Saving):
         return self.ranks.total(self.punch.size)
 
 
-def pulled_off(problem: Problem, solution: Solution) -> bool:
+def is_pulled_off(load: float | None, gap: FloatArray, interface: Interaction, ranks: Ranks = ALONE) -> bool:
     """Whether the given load pulls the punch away: it is out of range, where no traction is as large."""
     # Further away the traction is less still, so that there is no equilibrium left to find. The state is the
     # last one of the solver, which need not have converged.
-    load, gap = problem.mean_pressure, solution.gap
-    if load is None or load >= 0 or not problem.interface.attracts:
+    if load is None or load >= 0 or not interface.attracts:
         return False
-    nearest, strongest = problem.ranks.minimum(gap.min()), problem.interface.traction(gap).max()
-    return bool(nearest > problem.interface.range and problem.ranks.maximum(strongest) < -load)
+    nearest, strongest = ranks.minimum(gap.min()), interface.traction(gap).max()
+    return bool(nearest > interface.range and ranks.maximum(strongest) < -load)
 
 
 class Imprint(Saving):

@@ -28,7 +28,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
-from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over
+from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over, scales_over
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.kernels import kernel
@@ -126,6 +126,14 @@ class Solution:
     # where the branch ends. NaN from solvers that do not know it.
     margin: float = math.nan
     flow: FloatArray | None = None  # height lost in the step, where the pressure is at the hardness
+
+
+def in_contact(problem: Problem, solution: Solution) -> BoolArray:
+    """Whether each point is in contact: pressure larger than gap, each in the scale of the residual."""
+    wall = problem.wall_pressure(solution.pressure, solution.gap)
+    floor = problem.residual_floor
+    pressure_scale, depth = scales_over(problem.ranks, wall, solution.displacement, floor)
+    return np.asarray(wall * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 
 class Solver(Resumable, Protocol):

@@ -14,6 +14,8 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gfmdlayer.case.model import ConvergenceError, Model, model_of
+from gfmdlayer.case.notes import notes
 from gfmdlayer.config import digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.execution import CHECKPOINT_EVERY
@@ -28,8 +30,6 @@ from gfmdlayer.files.cache import user_cache
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.wisdom import RankWisdom, planned
-from gfmdlayer.model import ConvergenceError, Model, model_of
-from gfmdlayer.notes import notes
 from gfmdlayer.results import checkpoint, provenance
 from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
 from gfmdlayer.results.journal import Journal, Position

@@ -14,10 +14,10 @@ from functools import lru_cache
 from pathlib import Path
 from statistics import median
 
+from gfmdlayer.case.footprint import pair_seconds
+from gfmdlayer.case.model import Footprint, model_of
 from gfmdlayer.config import Config
 from gfmdlayer.files.cache import user_cache
-from gfmdlayer.footprint import pair_seconds
-from gfmdlayer.model import Footprint, model_of
 
 AROUND = 3  # seconds of a pair with the solver's passes around it, over those of the bare pair; measured
 CASE_SECONDS = 0.03  # of a case beside its steps

@@ -20,6 +20,7 @@ from functools import partial
 from pathlib import Path
 from statistics import fmean
 
+from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
@@ -33,7 +34,6 @@ from gfmdlayer.execution.schedule import Outcome, Schedule, State
 from gfmdlayer.execution.sweep import Cases, InTurn, OwnCases, Shard, SweepCase, examined
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, read_json
-from gfmdlayer.notes import notes
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import attributes, is_complete
 from gfmdlayer.results.schema import ResultsError

@@ -193,8 +193,8 @@ def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[s
 
 def _input_errors(configs: Iterable[Config], ranks: Ranks | None) -> Iterator[tuple[str, str]]:
     """Check each combination of the decisive sections once."""
+    from gfmdlayer.case.model import model_of
     from gfmdlayer.grid.ranks import ALONE
-    from gfmdlayer.model import model_of
 
     seen = set()
     for config in configs:

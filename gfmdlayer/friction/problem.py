@@ -186,6 +186,32 @@ class Solution:
         """Points in contact."""
         return np.asarray(self.pressure > 0)
 
+    @property
+    def closed_gap(self) -> FloatArray:
+        """Gap without rounding: zero in contact, and nowhere less."""
+        return np.where(self.contact, 0.0, np.maximum(self.gap, 0.0))
+
+
+def apart(problem: Problem, depth: float) -> Solution:
+    """Return the state of a punch that does not touch."""
+    axes, points = problem.response.normal.ndim, problem.heights.size
+    offset = np.zeros((1 + axes, points)) if problem.offset is None else problem.offset
+    path = np.zeros(axes) if problem.path is None else problem.path
+    return Solution(
+        pressure=np.zeros(points),
+        traction=np.zeros((axes, points)),
+        displacement=offset,
+        gap=problem.gap_at_rest - depth,
+        slip=problem.slip_at_rest - path[:, np.newaxis],
+        depth=depth,
+        path=path,
+        stick=np.zeros(points, dtype=bool),
+        residual=0.0,
+        pairs=0.0,
+        iterations=0,
+        converged=True,
+    )
+
 
 def norms(vectors: FloatArray) -> FloatArray:
     """Lengths of vectors, of shape (components, points)."""

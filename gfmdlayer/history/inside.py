@@ -26,7 +26,7 @@ from gfmdlayer.body.relaxation import Spectrum, distinct_branches
 from gfmdlayer.body.solid import Place
 from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history.adaptive_steps import Integrator
+from gfmdlayer.history.errors import Integrator
 from gfmdlayer.history.modes import Modes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.kernels import kernel

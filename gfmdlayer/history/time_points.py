@@ -5,24 +5,15 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from itertools import islice, pairwise
 from typing import Any
 
 from gfmdlayer.resumable import Saving
+from gfmdlayer.step import Instant
 
 # Times closer than this part of the run are the same: output times are rounded decimals and sums.
 SAME_TIME = 1e-10
-
-
-@dataclass(frozen=True)
-class Instant:
-    """A time point: its time, the length of the step to it, and whether it is a snapshot or a breakpoint."""
-
-    time: float
-    step: float
-    snapshot: bool = False
-    breakpoint: bool = False
 
 
 @dataclass(frozen=True)
@@ -47,7 +38,8 @@ class Course:
 
 def fingerprint(stops: Iterable[Instant]) -> str:
     """Return a hash of the stops, exact to the last bit."""
-    return hashlib.sha256(repr([astuple(stop) for stop in stops]).encode()).hexdigest()
+    every = [(stop.time, stop.step, stop.snapshot, stop.breakpoint) for stop in stops]
+    return hashlib.sha256(repr(every).encode()).hexdigest()
 
 
 class FixedSteps(Saving):

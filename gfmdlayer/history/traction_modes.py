@@ -18,21 +18,7 @@ At the largest wavenumber of an even axis +q and -q share a mode of the grid. Ea
 half of the traction; the sum of both displacements is seen. So what is odd along the axis vanishes at the
 points, as in `friction.response`, and yet relaxes.
 
-The history takes the displacements x = (W, u) as linear over a step. The curvature c = dt^2 x''/2 follows
-from the last three accepted displacements, which are carried with the material. The history advances with it,
-and the traction at the end of the step is too small by delta f = sum_j v_j curvature_gain_j v_j^H c.
-
-Where the punch moves by the depth d and the path D, the change v of x over the step does the work
-
-    <v, f> = p d + t.D        (means over the surface; and the heat of slip)
-
-on the tractions f = (p, t), so that <v, delta f> over |d| p + |D| |t|, with the largest means so far, is the
-relative error of pressure or tangential force. While the punch rests, v is the displacement itself, or the
-last change in which the punch moved. The rest of delta f moves the free surface. Under an interface that
-attracts, where the mean pressure goes through zero, <v, delta f>/|v| counts relative to the largest stress.
-
-Slip makes the tractions depend on the path too. That error has nothing to do with relaxation, and is not
-estimated: the programme bounds the steps where surfaces slip.
+The displacements x of all waves stand in one array, (W, U) of each wave and then V of each.
 """
 
 from __future__ import annotations
@@ -50,10 +36,8 @@ from gfmdlayer.friction.response import Response
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.modes import RELEVANT, Factors, Scheme, exponential
 from gfmdlayer.kernels import kernel
-from gfmdlayer.resumable import CompositeState, Saving, State
+from gfmdlayer.resumable import CompositeState, Saving
 
-_UNKNOWN_CURVATURE = 0.25  # part of a change that may be curvature, where no earlier displacement is known
-_NO_CONTACT = 1e-10  # part of the product of norms below which a work is rounding
 _NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
 
 
@@ -84,7 +68,7 @@ class VectorModes(Saving):
     def terms(self, step: float) -> tuple[NDArray[Any], ComplexArray]:
         """Return kappa, (nq, n, n), and b, (nq, n), at the end of a step."""
         self._prepare(step)
-        return self._stiffness, self._pull(self._factors.gain, self.begun, self._factors.decay)
+        return self.stiffness, self._pull(self._factors.gain, self.begun, self._factors.decay)
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""
@@ -116,8 +100,8 @@ class VectorModes(Saving):
             return
         self.step, times, v = step, self.spectrum.times, self.spectrum.vectors
         self._factors = Factors(*(each.reshape(times.shape) for each in self._scheme(step / times.ravel())))
-        self._stiffness = self.spectrum.relaxed.copy()
-        _stiffen(v, self._factors.gain, self._stiffness)
+        self.stiffness = self.spectrum.relaxed.copy()
+        _stiffen(v, self._factors.gain, self.stiffness)
 
     def _pull(self, gain: FloatArray, x: ComplexArray, decay: FloatArray | None) -> ComplexArray:
         """Return sum_j v_j (gain_j v_j^H x - decay_j y_j), (nq, n); the second term with a decay."""
@@ -129,6 +113,8 @@ class VectorModes(Saving):
 
 class TractionModes:
     """The history of a surface: displacements (W, u_x[, u_y]) = C tractions (p, t_x[, t_y]) + offset."""
+
+    slope = None  # of the surface: the tangential force follows from tractions
 
     def __init__(
         self,
@@ -148,39 +134,55 @@ class TractionModes:
         self._along[0, still] = 1.0
         weights = np.ravel(grid.parseval_weights)[self._mode] / self._share
         parts = [spectrum.in_plane, VectorSpectrum.of(spectrum.across)]
-        self.parts = [VectorModes(_at(each, self._mode), scheme, weights) for each in parts[: self._axes]]
-        self.weights = weights
-        self.size = grid.size
+        every = [_at(each, self._mode) for each in parts[: self._axes]]
+        self.components = [VectorModes(each, scheme, weights) for each in every]
+        self.weights = np.concatenate([np.repeat(weights, n) for n in (2, 1)[: self._axes]])
         self.phases: ComplexArray | None = None
         self._response: Response | None = None
-        history = CompositeState(**dict(zip(("in_plane", "across"), self.parts, strict=False)))
+        history = CompositeState(**dict(zip(("in_plane", "across"), self.components, strict=False)))
         self.state, self.restore = history.state, history.restore
 
     @property
     def stored(self) -> float:
         """Elastic energy per area after the last step."""
-        return sum(part.stored for part in self.parts)
+        return sum(part.stored for part in self.components)
 
     @property
     def dissipated(self) -> float:
         """Heat of relaxation per area since the start."""
-        return sum(part.dissipated for part in self.parts)
+        return sum(part.dissipated for part in self.components)
 
     @property
     def shortest_time(self) -> float:
         """Shortest relevant relaxation time; infinite for an elastic body."""
-        return min(part.shortest_time for part in self.parts)
+        return min(part.shortest_time for part in self.components)
+
+    @property
+    def step(self) -> float:
+        """Length of the last step."""
+        return self.components[0].step
+
+    @property
+    def past(self) -> ComplexArray:
+        """Displacements of the waves at the beginning of the next step, carried with the material."""
+        return _joined([part.begun for part in self.components])
+
+    u = past  # there is one body
+
+    def parts(self, x: ComplexArray) -> ComplexArray:
+        """Return the displacements themselves: there is one body."""
+        return x
 
     @property
     def displacement(self) -> ComplexArray:
         """Transforms of W, u_x[, u_y] at the beginning of the next step, carried with the material."""
-        return self._seen([part.begun for part in self.parts])
+        return self._seen([part.begun for part in self.components])
 
     def terms(self, step: float) -> tuple[Response, ComplexArray]:
         """Return the response to tractions at the end of a step, and the displacements without tractions."""
         # The response is the same object for steps of equal length.
-        known = self._response is not None and step == self.parts[0].step
-        found = [part.terms(step) for part in self.parts]
+        known = self._response is not None and step == self.components[0].step
+        found = [part.terms(step) for part in self.components]
         if not known:
             count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
             in_plane, across = (kappa[:count] for kappa, _ in (found[0], found[-1]))
@@ -201,16 +203,37 @@ class TractionModes:
             loads.append((n[0] * of_modes[2] - n[1] * of_modes[1])[:, np.newaxis])
         return loads
 
-    def under(self, loads: list[ComplexArray]) -> list[ComplexArray]:
-        """Return the displacements of the waves, (W, U) and V, at the end of the step of the last `terms`."""
-        return self.moved([b + load for b, load in zip(self._b, loads, strict=True)])
+    def under(self, tractions: ComplexArray) -> ComplexArray:
+        """Return the displacements of the waves at the end of the step of the last `terms`."""
+        loads = self.loads(tractions)
+        return _joined(self.moved([b + load for b, load in zip(self._b, loads, strict=True)]))
 
-    def advance(self, tractions: ComplexArray, curvatures: list[ComplexArray] | None = None) -> None:
-        """Advance the history over the step of the last `terms`; `curvatures` are dt^2 x''/2, if known."""
-        every, given = self.under(self.loads(tractions)), curvatures or (None,) * self._axes
-        for part, x, c in zip(self.parts, every, given, strict=True):
-            part.advance(x, c)
+    def force(self, x: ComplexArray) -> ComplexArray:
+        """Return the tractions on the waves at the end of the step of the last `terms`."""
+        every = zip(self.components, self._split(x), self._b, strict=True)
+        return _joined([np.einsum("qab,qb->qa", part.stiffness, each) - b for part, each, b in every])
+
+    def missing_stress(self, x: ComplexArray, curvature: ComplexArray) -> ComplexArray:  # noqa: ARG002
+        """Return the part of the tractions that is due to the curvature dt^2 x''/2."""
+        own = zip(self.components, self._split(curvature), strict=True)
+        return _joined([part.curvature_stress(c) for part, c in own])
+
+    def response_to(self, loads: ComplexArray) -> ComplexArray:
+        """Return the displacements of the waves under tractions on them."""
+        return _joined(self.moved(self._split(loads)))
+
+    def advance(self, x: ComplexArray, curvature: ComplexArray | None = None) -> None:
+        """Advance the history over the step of the last `terms` to displacements of the waves."""
+        bent = [None] * self._axes if curvature is None else self._split(curvature)
+        for part, each, c in zip(self.components, self._split(x), bent, strict=True):
+            part.advance(each, c)
         self.phases = None
+
+    def _split(self, x: ComplexArray) -> list[ComplexArray]:
+        """Return (W, U) and V of the waves."""
+        count = self._mode.size
+        in_plane = x[: 2 * count].reshape(count, 2)
+        return [in_plane] if self._axes == 1 else [in_plane, x[2 * count :].reshape(count, 1)]
 
     def carry(self, *distance: float) -> None:
         """Move the contact along the surface in the next step: what lies at x + distance is then at x."""
@@ -218,7 +241,7 @@ class TractionModes:
         if any(distance):
             shifts = np.array(distance)[:, np.newaxis] * self._vectors
             self.phases = np.exp(1j * shifts.sum(axis=0))
-        for part in self.parts:
+        for part in self.components:
             part.turn(self.phases)
 
     def carried(self, spectrum: ComplexArray) -> ComplexArray:
@@ -227,12 +250,18 @@ class TractionModes:
             return spectrum
         return spectrum * self.phases[: spectrum.shape[-1]]
 
+    def carried_waves(self, x: ComplexArray) -> ComplexArray:
+        """Return values of the waves as they are carried with the material in the next step."""
+        if self.phases is None:
+            return x
+        return _joined([each * self.phases[:, np.newaxis] for each in self._split(x)])
+
     def slowest(self, tolerance: float) -> float:
         """Return the longest time on the way to the steady state, see `SlidingModes.slowest`."""
         q, speed = np.abs(self._vectors[0]), abs(self._velocity)
         longest = q[q > 0].min()
         chosen = (q > 0) & (q < 1.5 * longest)
-        times, vectors = self.parts[0].spectrum.times, self.parts[0].spectrum.vectors
+        times, vectors = self.components[0].spectrum.times, self.components[0].spectrum.vectors
         cycles = q[chosen] * speed * times[:, chosen]
         loss = (np.abs(vectors[:, chosen]) ** 2).sum(axis=-1) * cycles / (1 + cycles**2)
         relevant = loss > tolerance * loss.sum()
@@ -264,122 +293,9 @@ class TractionModes:
         return found
 
 
-class TractionControl:
-    """Controls the error of `TractionModes` with the exponential scheme and steps that vary in length."""
-
-    def __init__(self, modes: TractionModes, tolerance: float) -> None:
-        # The tolerance is the largest error of pressure and tangential force relative to their largest values
-        # so far (of the depth, where the load is given), and of the displacement relative to the largest
-        # depth.
-        self._modes, self.tolerance = modes, tolerance
-        self._velocities: list[ComplexArray] | None = None  # of the waves over the last step
-        self._motion: list[ComplexArray] | None = None  # change of them over the last step of a moving punch
-        self._last_step = 0.0
-        self._largest = np.zeros(2)  # mean pressure and mean shear traction
-        self._largest_stress = 0.0
-        self._moved = np.zeros(2)
-
-    @property
-    def shortest_time(self) -> float:
-        """Shortest relevant relaxation time of the body."""
-        return self._modes.shortest_time
-
-    def moves(self, depth: float, path: float) -> None:
-        """Take note of how far the punch moves in the step that is to be judged."""
-        self._moved = np.abs(np.array([depth, path]))
-
-    def advance(self, tractions: ComplexArray) -> None:
-        """Advance the history over the step of the last `terms`, with the curvature that is now known."""
-        modes, step = self._modes, self._modes.parts[0].step
-        now, before = modes.under(modes.loads(tractions)), [part.begun for part in modes.parts]
-        curvatures = self._curvatures(now)
-        modes.advance(tractions, curvatures)
-        if step > 0:
-            self._velocities = [(x - x_0) / step for x, x_0 in zip(now, before, strict=True)]
-            self._last_step = step
-        self._largest = np.maximum(self._largest, self._sizes(tractions))
-
-    def discard_velocity(self) -> None:
-        """Discard the velocity of the surface, which does not predict its displacement after a breakpoint."""
-        self._velocities = None
-
-    def deforms(self, tractions: ComplexArray) -> bool:
-        """Return whether there are tractions."""
-        return bool(tractions.any())
-
-    def error(
-        self,
-        tractions: ComplexArray,
-        *,
-        moving: bool,  # noqa: ARG002
-        deep: bool,
-        attracted: bool = False,
-    ) -> tuple[float, float]:
-        """Estimate the errors of forces and of the displacement, see `ErrorControl.error`."""
-        modes, loads = self._modes, self._modes.loads(tractions)
-        now = modes.under(loads)
-        change = [x - part.begun for x, part in zip(now, modes.parts, strict=True)]
-        curvatures = self._curvatures(now) or [_UNKNOWN_CURVATURE * each for each in change]
-        missing = [part.curvature_stress(c) for part, c in zip(modes.parts, curvatures, strict=True)]
-        largest = np.maximum(self._largest, self._sizes(tractions))
-        if self._moved.any():
-            self._motion = change
-        squares = self._mean(loads, loads)
-        self._largest_stress = max(self._largest_stress, math.sqrt(squares)) if attracted else 0.0
-        ratio = part = 0.0
-        for v, least in ((now if deep else None, 0.0), (self._motion, float(self._moved @ largest))):
-            if v is None:
-                continue
-            if attracted:
-                norm = math.sqrt(self._mean(v, v)) * self._largest_stress
-                part = max(part, abs(self._mean(v, missing)) / norm if norm > 0 else 0.0)
-                continue
-            work = max(abs(self._mean(v, loads)), least)
-            if work**2 > _NO_CONTACT**2 * self._mean(v, v) * squares:
-                ratio = max(ratio, self._mean(v, missing) / work, key=abs)
-        off = modes.moved([m - ratio * f for m, f in zip(missing, loads, strict=True)])
-        return part if attracted else abs(ratio), math.sqrt(self._mean(off, off))
-
-    def _sizes(self, tractions: ComplexArray) -> FloatArray:
-        """Return the means of pressure and shear traction."""
-        p, *shear = np.abs(tractions[:, 0]) / self._modes.size
-        return np.array([p, math.hypot(*shear)])
-
-    def _mean(self, one: Sequence[ComplexArray], other: Sequence[ComplexArray]) -> float:
-        """Return the mean over the surface of the product of two fields of the waves."""
-        products = sum((a.conj() * b).real.sum(axis=1) for a, b in zip(one, other, strict=True))
-        return float(self._modes.weights @ products)
-
-    def _curvatures(self, now: Sequence[ComplexArray]) -> list[ComplexArray] | None:
-        """dt^2 x''/2 from the divided difference of the last three displacements, these included."""
-        if self._velocities is None:
-            return None
-        modes, step = self._modes, self._modes.parts[0].step
-        ratio, found = step / (step + self._last_step), []
-        for x, v, part in zip(now, self._velocities, modes.parts, strict=True):
-            carried = v if modes.phases is None else v * modes.phases[:, np.newaxis]
-            found.append(ratio * (x - part.begun - step * carried))
-        return found
-
-    def state(self) -> State:
-        """Return the history and the last motion of the surface."""
-        held: dict[str, ComplexArray] = {}
-        for name, parts in (("velocity", self._velocities), ("motion", self._motion)):
-            held |= {f"{name}_{i}": each for i, each in enumerate(parts or ())}
-        largest = {"largest": self._largest, "largest_stress": self._largest_stress}
-        return {**self._modes.state(), **held, "last_step": self._last_step, **largest}
-
-    def restore(self, state: State) -> None:
-        """Continue from a state."""
-        self._modes.restore({name: value for name, value in state.items() if "." in name})
-        every = range(len(self._modes.parts))
-        velocities, motion = (
-            [state[f"{name}_{i}"] for i in every] if f"{name}_0" in state else None
-            for name in ("velocity", "motion")
-        )
-        self._velocities, self._motion = velocities, motion
-        self._last_step, self._largest = float(state["last_step"]), np.asarray(state["largest"])
-        self._largest_stress = float(state["largest_stress"])
+def _joined(parts: Sequence[ComplexArray]) -> ComplexArray:
+    """Return the values of all waves in one array."""
+    return np.concatenate([each.ravel() for each in parts])
 
 
 def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:

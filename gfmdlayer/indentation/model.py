@@ -11,8 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.footprint import HEADER, REAL, ROWS, count_steps
-from gfmdlayer.model import PROGRAM, ConvergenceError, Footprint, Model, compile_by, make_body, series_of
+from gfmdlayer.case.footprint import HEADER, REAL, ROWS, count_steps
+from gfmdlayer.case.model import PROGRAM, ConvergenceError, Footprint, Model, compile_by, make_body, series_of
 from gfmdlayer.observables.contact import INDENTATION
 from gfmdlayer.observables.observable import Column
 from gfmdlayer.resumable import CompositeState
@@ -21,9 +21,9 @@ from gfmdlayer.validation.sections import files_named
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
+    from gfmdlayer.case.model import Progress, Resume
     from gfmdlayer.config import Config
     from gfmdlayer.indentation.indent import IsolatedIndentation
-    from gfmdlayer.model import Progress, Resume
     from gfmdlayer.results.journal import Recorder
 
 # Steps of an isolated contact at least, their work in points times FFT pairs, and their seconds.

@@ -24,6 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.body.solid import Solid
+from gfmdlayer.case.model import ConvergenceError, model_of
+from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.reader import from_python, gives
 from gfmdlayer.config.sweeps import swept_keys
@@ -40,8 +42,6 @@ from gfmdlayer.files.cache import MemoryFile, user_cache
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.wisdom import planned
-from gfmdlayer.model import ConvergenceError, model_of
-from gfmdlayer.notes import notes
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
 from gfmdlayer.results.gathering import CaseRecord, Swept, labelled

@@ -15,10 +15,14 @@ from gfmdlayer.body.body import Body, check_body
 from gfmdlayer.body.isolated import isolated as without_images
 from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.solid import Solid
+from gfmdlayer.case.checks import too_deep, weak
+from gfmdlayer.case.model import ConvergenceError
+from gfmdlayer.case.normal import NormalContact
+from gfmdlayer.case.parts import Parts
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import Loading
-from gfmdlayer.contact.problem import why_not_converged
+from gfmdlayer.contact.problem import in_contact, why_not_converged
 from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.friction.problem import Law as Bound
@@ -31,21 +35,12 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, number_in, numbers_in
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
-from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import totals
 from gfmdlayer.observables.contact import FEWEST, UPSIDE_DOWN
-from gfmdlayer.observables.contact_statistics import (
-    area_error,
-    closed_gap,
-    in_contact,
-    interpolated_area,
-    is_upside_down,
-)
-from gfmdlayer.periodic import too_deep, weak
+from gfmdlayer.observables.contact_statistics import area_error, interpolated_area, is_upside_down
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import fitting, numbers, outward_heights
-from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant
 from gfmdlayer.validation.problems import nearest, shown
 
@@ -237,11 +232,11 @@ def solve(
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
-    case = Case(config, grid=grid, body=body, punch=heights, interface=law)
-    problem = case.imprint.under(loading.problem(kappa, nothing, 0.0))
+    contact = NormalContact(Parts(config, grid=grid, body=body, punch=heights, interface=law))
+    problem = contact.imprint.under(loading.problem(kappa, nothing, 0.0))
     if message := _beyond_the_hardness(problem):
         raise ConfigError([message])
-    solution = case.solve(problem, 0.0)
+    solution = contact.solve(problem, 0.0)
     if not solution.converged:
         solver = config.solver
         reason = why_not_converged(problem, solution, solver.method, solver.tolerance)
@@ -254,7 +249,7 @@ def solve(
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
     surface = loading.surface(solution, kappa, nothing, 0.0)
-    parts = _parts(case, surface, glassy=instantaneous) if reach is None else {}
+    parts = _parts(contact.parts, surface, glassy=instantaneous) if reach is None else {}
     return _dataset(grid, problem, solution, surface, reach, parts)
 
 
@@ -345,14 +340,14 @@ def _beyond_the_hardness(problem: Problem) -> str:
     return f"mean pressure: got {target!r}; must be below {most}"
 
 
-def _parts(case: Case, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:
+def _parts(parts: Parts, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:
     """Return the displacement of each body of a pair; nothing for one body."""
-    body = case.body
+    body = parts.body
     if not isinstance(body, Pair):
         return {}
-    part = np.ravel(body.part_of_second(case.grid.waves, glassy=glassy))
-    second = case.transforms.backward(part * surface.spectrum) / case.grid.size
-    first = case.transforms.backward((1 - part) * surface.spectrum) / case.grid.size
+    part = np.ravel(body.part_of_second(parts.grid.waves, glassy=glassy))
+    second = parts.transforms.backward(part * surface.spectrum) / parts.grid.size
+    first = parts.transforms.backward((1 - part) * surface.spectrum) / parts.grid.size
     return {"displacement_body": first, "displacement_counterbody": second}
 
 
@@ -372,7 +367,7 @@ def _dataset(
     fields = {
         "displacement": surface.displacement,
         "pressure": solution.pressure,
-        "gap": closed_gap(problem, solution),
+        "gap": np.where(touching, 0.0, solution.gap),
         "contact": touching,
         **imprint,
         **parts,

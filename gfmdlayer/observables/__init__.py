@@ -21,7 +21,7 @@ from gfmdlayer.observables.energy_balance import Bodies, EnergyBalance
 from gfmdlayer.observables.friction import Friction, Slip
 from gfmdlayer.observables.inside import LARGEST, Inside
 from gfmdlayer.observables.numerics import Effort, SeriesError, SpectrumError, SteadyState
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 from gfmdlayer.observables.transport import (
     FLOW,
     RESISTANCE,
@@ -41,7 +41,6 @@ __all__ = [
     "OBSERVABLES",
     "SPARSE",
     "TOTALS",
-    "AcceptedStep",
     "Column",
     "Observable",
     "columns",
@@ -82,7 +81,7 @@ OBSERVABLES: dict[str, type[Observable]] = {
 SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE, *LARGEST))
 
 
-def observables(case: Parts) -> dict[str, Observable]:
+def observables(case: Observed) -> dict[str, Observable]:
     """Make the observables that the configuration of a simulation asks for, by name."""
     return {name: made(case) for name, made in OBSERVABLES.items() if made.columns(case.config) is not None}
 

@@ -23,11 +23,12 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute
     from gfmdlayer.config import Config
+    from gfmdlayer.step import Step
 
 PART = 0.1  # of the largest traction; points with more are attracted
 
@@ -66,7 +67,7 @@ class Adhesion(Observable):
         """Return the columns of a case whose interface attracts."""
         return cls.COLUMNS if config.interfaces else None
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         self._sums = case.grid.sums
         self._force = self._stress = self._work = 0.0
         self._last: tuple[float, ...] = ()  # depth and mean pressure
@@ -77,19 +78,16 @@ class Adhesion(Observable):
         values = self._force, self._stress, self._work
         return {column.name: value for column, value in zip(self.NUMBERS, values, strict=True)}
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the columns, and remember the pull."""
-        from gfmdlayer.observables.contact_statistics import in_contact
-
-        solution, law = step.solution, step.problem.interface
-        traction = law.traction(solution.gap)
-        apart = ~in_contact(step.problem, solution)
-        self._pull(step.surface.depth, solution.mean_pressure, float(step.row["force"]))
-        attracted = apart & (traction >= PART * law.strength) if law.attracts else apart & False
+        law, fields = step.interface, step.fields
+        apart = ~fields["touching"]
+        self._pull(step.depth, step.mean_pressure, float(step.row["force"]))
+        attracted = apart & (fields["traction"] >= PART * law.strength) if law.attracts else apart & False
         return {
-            "interface_energy": self._sums.mean(law.energy(solution.gap)),
+            "interface_energy": self._sums.mean(law.energy(fields["distance"])),
             "attractive_area": self._sums.mean(attracted.astype(float)),
-            "largest_tension": max(-self._sums.minimum(float(solution.pressure.min())), 0.0),
+            "largest_tension": max(-self._sums.minimum(float(fields["pressure"].min())), 0.0),
         }
 
     def _pull(self, depth: float, pressure: float, force: float) -> None:
@@ -162,7 +160,7 @@ class Instabilities(Observable):
         """Return no columns, in a case whose interface attracts."""
         return () if config.interfaces else None
 
-    def __init__(self, _case: Parts) -> None:
+    def __init__(self, _case: Observed) -> None:
         self._lost, self._count = 0.0, 0
         self._found: list[tuple[float, float, float, float]] = []  # times, depths, energies, bounds of errors
         self._last: Point = 0.0, 0.0  # depth and mean pressure
@@ -178,9 +176,9 @@ class Instabilities(Observable):
         listed = dict(zip(names, np.array(self._found).reshape(-1, 4).T, strict=True))
         return {"instabilities": self._count} | {f"instability_{name}": each for name, each in listed.items()}
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Remember the energy that was lost in a step."""
-        lost, now = float(step.row["lost"]), (step.surface.depth, step.solution.mean_pressure)
+        lost, now = float(step.row["lost"]), (step.depth, step.mean_pressure)
         if lost > self._lost:
             self._found.append((step.time, now[0], lost - self._lost, across(self._last, now)))
             self._lost, self._count = lost, self._count + 1

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.observables.observable import AcceptedStep, Bins, Column, Observable, Parts, Value, declared
+from gfmdlayer.observables.observable import Bins, Column, Observable, Observed, Value, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.config.sections import Histogram
+    from gfmdlayer.step import Step
 
 
 TIME, AREA, PRESSURE, DEPTH, RESIDUAL = declared(r"""
@@ -31,17 +32,17 @@ class ContactMeans(Observable):
 
     COLUMNS = TIME, AREA, PRESSURE, DEPTH, RESIDUAL
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         self._unit = 2 * case.config.solid.unit
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the columns of the solution."""
         return {
             "time": step.time,
-            "contact_area": step.solution.contact_area,
-            "mean_pressure": step.solution.mean_pressure / self._unit,
-            "depth": step.surface.depth,
-            "residual": step.solution.residual,
+            "contact_area": step.contact_area,
+            "mean_pressure": step.mean_pressure / self._unit,
+            "depth": step.depth,
+            "residual": step.residual,
         }
 
 
@@ -54,12 +55,12 @@ class Force(Observable):
           mean_stress times the area of the cell; of a line, its period | F
         """)
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         self._cell = math.prod(case.grid.period)
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return pbar, and pbar times the area of the cell or its length."""
-        mean = step.solution.mean_pressure
+        mean = step.mean_pressure
         return {"mean_stress": mean, "force": mean * self._cell}
 
 
@@ -79,10 +80,10 @@ class Resolution(Observable):
         contact_area_error | estimated error of contact_area_interpolated | 1 |
           over the cell; from the number of points across the contact
         """)
-    KEPT = "most", "upside_down"
+    KEPT = ("most",)
 
-    def __init__(self, case: Parts) -> None:
-        self._grid, self._most, self._upside_down = case.grid, 0, False
+    def __init__(self, case: Observed) -> None:
+        self._grid, self._punch, self._most = case.grid, case.punch, 0
 
     @property
     def attributes(self) -> Mapping[str, int]:  # type: ignore[override]
@@ -94,28 +95,21 @@ class Resolution(Observable):
         """A line where these are few."""
         if not 0 < self._most < FEWEST:
             return ""
+        from gfmdlayer.observables.contact_statistics import is_upside_down
+
         touching = f"{self._most} point{'s' * (self._most != 1)}"
-        advice = UPSIDE_DOWN if self._upside_down else "take more grid.points"
+        advice = UPSIDE_DOWN if is_upside_down(self._punch, self._grid) else "take more grid.points"
         return f"COARSE: at most {touching} in contact; {advice}"
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the area, and remember the number of points."""
-        from gfmdlayer.observables.contact_statistics import (
-            area_error,
-            in_contact,
-            interpolated_area,
-            is_upside_down,
-        )
+        from gfmdlayer.observables.contact_statistics import area_error, interpolated_area
 
-        if step.time == 0.0:
-            self._upside_down = is_upside_down(step.problem.obstacle, self._grid)
-        solution, shape = step.solution, self._grid.shape
-        touching = in_contact(step.problem, solution)
-        pressure = step.problem.wall_pressure(solution.pressure, solution.gap)
+        names, shape = ("touching", "wall_pressure", "distance"), self._grid.shape
+        touching, pressure, distance = (step.fields[name].reshape(shape) for name in names)
         self._most = max(self._most, self._grid.ranks.total(int(touching.sum())))
-        fields = touching.reshape(shape), pressure.reshape(shape), solution.gap.reshape(shape)
-        area = interpolated_area(*fields, self._grid)
-        error = area_error(fields[0], area, self._grid)
+        area = interpolated_area(touching, pressure, distance, self._grid)
+        error = area_error(touching, area, self._grid)
         return {"contact_area_interpolated": area, "contact_area_error": error}
 
 
@@ -134,15 +128,13 @@ class Yielding(Observable):
         """Return the columns of a case whose surfaces yield."""
         return None if config.hardness is None else cls.COLUMNS
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         self._sums, self._work = case.grid.sums, 0.0
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return both; the work adds up over the steps."""
-        problem, solution = step.problem, step.solution
-        flow = solution.flow
-        self._work += 0.0 if flow is None else problem.flow_stress * self._sums.mean(flow)
-        at_hardness = problem.at_hardness(solution.pressure, solution.gap).astype(float)
+        self._work += step.plastic_work
+        at_hardness = step.fields["at_hardness"].astype(float)
         return {"plastic_work": self._work, "yielded_area": self._sums.mean(at_hardness)}
 
 
@@ -177,27 +169,27 @@ class ContactStatistics(Observable):
             found.append(Column("gap_histogram", name, along=bins, origin="over the cell"))
         return tuple(found)
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         import numpy as np
 
         asked = {column.name: column.along for column in self.columns(case.config)}
         self._grid, self._counts_patches = case.grid, PATCHES.name in asked
         self._edges = {name: np.array(bins.edges) for name, bins in asked.items() if bins is not None}
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
+    def measure(self, step: Step) -> Mapping[str, Value]:
         """Return mean gap, patches and histograms."""
-        solution = step.solution
-        found: dict[str, Value] = {"mean_gap": solution.mean_gap}
+        found: dict[str, Value] = {"mean_gap": step.mean_gap}
         if not (self._counts_patches or self._edges):
             return found
-        from gfmdlayer.observables.contact_statistics import count_patches, histogram, in_contact
+        from gfmdlayer.observables.contact_statistics import count_patches, histogram
 
-        touching = in_contact(step.problem, solution)
+        touching = step.fields["touching"]
         if self._counts_patches:
             found["patches"] = count_patches(touching.reshape(self._grid.shape), self._grid)
         for name, edges in self._edges.items():
             of_pressure = name == "pressure_histogram"
-            values, chosen = (solution.pressure, touching) if of_pressure else (solution.gap, ~touching)
+            values = step.fields["pressure" if of_pressure else "distance"]
+            chosen = touching if of_pressure else ~touching
             found[name] = histogram(values, chosen, edges, self._grid.ranks)
         return found
 
@@ -231,10 +223,10 @@ class Temperature(Observable):
         """Return the columns of a case with a temperature."""
         return None if config.temperature is None else cls.COLUMNS
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         self._reduced_time = next(filter(None, case.programme.reduced_times))
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return both at the end of the step."""
         temperature = self._reduced_time.temperature(step.time)
         return {"temperature": temperature, "shift_factor": self._reduced_time.shift.factor(temperature)}

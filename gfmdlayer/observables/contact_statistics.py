@@ -1,7 +1,4 @@
-"""Points in contact, histograms over them, their connected patches, and their area between the points.
-
-A point is in contact if its pressure is larger than its gap, each in the scale of the residual.
-"""
+"""Histograms over the points in contact, their connected patches, and their area between the points."""
 
 from __future__ import annotations
 
@@ -12,21 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.contact.problem import Problem, Solution
-from gfmdlayer.contact.residual import scales_over
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
 
 _CUSP = 3.0  # a cusp bends so many times more than the smooth part; on a parabola of n points it is n times
-
-
-def in_contact(problem: Problem, solution: Solution) -> BoolArray:
-    """Return whether each point is in contact."""
-    wall = problem.wall_pressure(solution.pressure, solution.gap)
-    floor = problem.residual_floor
-    pressure_scale, depth = scales_over(problem.ranks, wall, solution.displacement, floor)
-    return np.asarray(wall * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 
 def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:
@@ -49,11 +36,6 @@ def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:
 
     at_the_edge = any(i in (0, n - 1) for i, n in zip(touches, heights.shape, strict=True))
     return at_the_edge and bend(touches) > _CUSP * bend(deepest)
-
-
-def closed_gap(problem: Problem, solution: Solution) -> FloatArray:
-    """Return the gap, exactly zero where there is contact."""
-    return np.where(in_contact(problem, solution), 0.0, solution.gap)
 
 
 def histogram(values: FloatArray, chosen: BoolArray, edges: ArrayLike, ranks: Ranks = ALONE) -> FloatArray:

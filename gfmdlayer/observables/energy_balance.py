@@ -35,12 +35,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import Point, Row, across, work_over_fold
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.config import Config
+    from gfmdlayer.step import Step
 
 
 class EnergyBalance(Observable):
@@ -64,37 +65,35 @@ class EnergyBalance(Observable):
         """Return the balance, with the loss where the interface attracts."""
         return (*cls.LOST, *cls.COLUMNS) if config.interfaces else cls.COLUMNS
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
         self._interface, self._has_losses = case.programme.interface, bool(case.config.interfaces)
-        self._yields = case.config.hardness is not None
+        self._by_depth = case.config.trajectory.control == "depth"
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[Row] = deque(maxlen=2)  # of the way up to here
         # Positions and tangential stresses; displacements of the punch and shear tractions, along each axis.
         self._tangential: deque[tuple[Point, ...]] = deque(maxlen=2)
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the balance; position and tangential force are read from the row, if it has them."""
         stored, dissipated, attraction = step.energy.stored, step.energy.dissipated, self._attraction(step)
         # Other parts of the energy of the contact.
         attraction += float(step.row.get("plastic_work", 0.0)) + float(step.row.get("slip_heat", 0.0))
         energies = stored + dissipated + attraction
-        now = Row(step.time, step.surface.depth, step.solution.mean_pressure, step.solution.margin)
+        now = Row(step.time, step.depth, step.mean_pressure, step.margin)
         tangential = _tangential(step)
-        from gfmdlayer.interface.law import HARD_WALL  # columns are known without numpy
-
-        torn = self._interface.attracts and step.problem.interface is HARD_WALL
-        if torn != self._torn or not self._rows:  # pressed in, pulled off or back: the path is not known
+        # Pressed in, pulled off or back: the path is not known.
+        if step.detached != self._torn or not self._rows:
             self._work += energies - self._energies
             self._rows.clear()
         else:
             self._work += self._work_of_step(step, now, tangential, energies - self._energies)
-        self._torn, self._energies = torn, energies
+        self._torn, self._energies = step.detached, energies
         self._rows.append(now)
         self._tangential.append(tangential)
         if self._interface.breakpoints:  # it depends on time
-            self._field = step.time, step.solution.gap
+            self._field = step.time, step.fields["distance"]
         return ({"lost": self._lost} if self._has_losses else {}) | {
             "work": self._work,
             "stored": stored,
@@ -102,17 +101,14 @@ class EnergyBalance(Observable):
             "energy_residual": self._work - stored - dissipated - attraction - self._lost,
         }
 
-    def _work_of_step(
-        self, step: AcceptedStep, now: Row, tangential: tuple[Point, ...], gained: float
-    ) -> float:
+    def _work_of_step(self, step: Step, now: Row, tangential: tuple[Point, ...], gained: float) -> float:
         """Work over a step in which the energies grow by `gained`, plus the loss."""
-        released = step.solution.released_energy if self._has_losses else 0.0
+        released = step.released_energy if self._has_losses else 0.0
         over = None
         if released > 0:
-            over = work_over_fold(*self._rows, now, depth_given=step.problem.mean_pressure is None)
+            over = work_over_fold(*self._rows, now, depth_given=self._by_depth)
         points = [row.point for row in (*self._rows, now)]
-        flow = step.solution.flow if self._yields else None
-        if flow is not None and self._sums.mean(flow) > 0:
+        if step.plastic_work > 0:
             points = points[-2:]  # the depth may jump where points yield, and no parabola leads over a jump
         normal, part = over or (_area(*points), 0.5)
         work = normal + sum(_area(*curve) for curve in zip(*self._tangential, tangential, strict=True))
@@ -125,20 +121,20 @@ class EnergyBalance(Observable):
             self._lost, work = self._lost + lost, gained + lost
         return work
 
-    def _attraction(self, step: AcceptedStep) -> float:
+    def _attraction(self, step: Step) -> float:
         """Energy of the interface per area."""
-        interface = step.problem.interface
+        interface = step.interface
         if interface.attracts and "interface_energy" not in step.row:  # given in place of the configuration's
-            return self._sums.mean(interface.energy(step.solution.gap))
+            return self._sums.mean(interface.energy(step.fields["distance"]))
         return float(step.row.get("interface_energy", 0.0))
 
-    def _work_of_the_field(self, time: float, before: FloatArray, step: AcceptedStep, part: float) -> float:
+    def _work_of_the_field(self, time: float, before: FloatArray, step: Step, part: float) -> float:
         """Change of the energy of the interface since `time` by its explicit time dependence.
 
         It is a mean over the gap before, with the weight `part`, and the gap after.
         """
-        law, last = step.problem.interface, self._interface.at(time)
-        gaps = (part, before), (1 - part, step.solution.gap)
+        law, last = step.interface, self._interface.at(time)
+        gaps = (part, before), (1 - part, step.fields["distance"])
         return sum(share * self._sums.mean(law.energy(gap) - last.energy(gap)) for share, gap in gaps)
 
     def state(self) -> State:
@@ -177,23 +173,18 @@ class Bodies(Observable):
         """Return the columns of a case with a deformable counterbody."""
         return cls.COLUMNS if config.two_bodies else None
 
-    def __init__(self, case: Parts) -> None:
-        self._bodies = case.integrator.bodies
-
-    def measure(self, _step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the energies."""
-        own = [*zip(_NAMES, self._bodies, strict=True)]
+        own = [*zip(_NAMES, step.bodies, strict=True)]
         stored = {f"stored_{name}": body.stored for name, body in own}
         return stored | {f"dissipated_{name}": body.dissipated for name, body in own}
 
 
-def _tangential(step: AcceptedStep) -> tuple[Point, ...]:
+def _tangential(step: Step) -> tuple[Point, ...]:
     """Return each displacement along the surface with the mean tangential stress that does work on it."""
     position, force = (float(step.row.get(name, 0.0)) for name in ("position", "tangential_force"))
-    if step.shear is None:
-        return ((position, force),)
-    pairs = zip(step.shear.moved.tolist(), step.shear.traction.mean(axis=1).tolist(), strict=True)
-    return (position, force - step.shear.force + step.shear.stretch), *pairs
+    by_loss = force - step.shear_force + step.stretch
+    return (position, by_loss), *zip(step.moved, step.mean_shear, strict=True)
 
 
 def _area(*points: Point) -> float:

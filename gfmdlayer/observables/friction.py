@@ -22,11 +22,12 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.config import Config
+    from gfmdlayer.step import Step
 
 
 def direction(config: Config) -> FloatArray:
@@ -63,14 +64,13 @@ class Friction(Observable):
             return position, force, friction, centre
         return (force, friction) if config.friction else None
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         import numpy as np
 
         from gfmdlayer.time_functions import distance
 
         grid = case.grid
         self._sums = grid.sums
-        self._two = case.integrator if case.config.two_bodies else None
         if (velocity := case.programme.velocity) is None:
             self._position = None
             return
@@ -83,16 +83,14 @@ class Friction(Observable):
         phase = np.exp(2j * np.pi / self._period * x)
         self._phase = np.ravel(np.broadcast_to(phase, grid.shape))
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return position, tangential stress, friction and centre of pressure."""
-        pressure, mean = step.solution.pressure, self._sums.mean(step.solution.pressure)
-        shear = 0.0
-        if step.shear is not None:
-            shear = step.shear.force - step.shear.stretch
+        pressure = step.fields["pressure"]
+        mean, shear = self._sums.mean(pressure), step.shear_force - step.stretch
         if self._position is None:
             return {"tangential_force": shear, "friction": shear / mean if mean > 0 else math.nan}
         p = self._transforms.forward(pressure)
-        u = step.surface.spectrum if self._two is None else self._two.carried
+        u = step.fields["carried"]
         force = self._sums.total(float((self._slope * (p.imag * u.real - p.real * u.imag)).sum())) + shear
         angle = cmath.phase(self._sums.total((self._phase * pressure).sum(keepdims=True))[0])
         return {
@@ -142,7 +140,7 @@ class Slip(Observable):
         left_out |= {"transverse_force"} if len(config.grid.points) == 1 else set()
         return tuple(column for column in cls.COLUMNS if column.name not in left_out)
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         self._names = [column.name for column in self.columns(case.config) or ()]
         self._direction, self._heat, self._position = direction(case.config), 0.0, 0.0
         self._times = [math.nan] * len(self.NUMBERS)
@@ -152,28 +150,27 @@ class Slip(Observable):
         """Times of the events."""
         return {column.name: time for column, time in zip(self.NUMBERS, self._times, strict=True)}
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the columns of the case."""
-        shear, mean = step.shear, step.solution.mean_pressure
-        assert shear is not None
-        self._heat -= float((shear.mean_traction * shear.slip).sum(axis=0).mean())
-        n, touching, force = self._direction, shear.touching, shear.force
-        sticks, slips = bool(shear.stick.any()), bool((touching & ~shear.stick).any())
+        n, mean, force = self._direction, step.mean_pressure, step.shear_force
+        touching, stick = step.fields["touching"], step.fields["stick"]
+        self._heat += step.slip_heat
+        sticks, slips = bool(stick.any()), bool((touching & ~stick).any())
         sticks_again = sticks and not math.isnan(self._times[1])
         for i, is_now in enumerate((slips, bool(touching.any()) and not sticks, sticks_again)):
             if is_now and math.isnan(self._times[i]):
                 self._times[i] = step.time
-        means = shear.traction.mean(axis=1)
+        means = step.mean_shear
         position = float(step.row.get("position", 0.0))
         travelled, self._position = position - self._position, position
         by_loss = float(step.row["tangential_force"]) - force
         found = {
             "interface_friction": force / mean if mean > 0 else math.nan,
             "hysteresis_friction": by_loss / mean if mean > 0 else math.nan,
-            "stick_area": float(shear.stick.mean()),
+            "stick_area": float(stick.mean()),
             "slip_heat": self._heat,
-            "tangential_displacement": float(n @ shear.moved),
-            "creepage": float(shear.path[0]) / travelled if travelled else math.nan,
+            "tangential_displacement": float(n @ step.moved),
+            "creepage": step.path[0] / travelled if travelled else math.nan,
             "transverse_force": float(n[0] * means[-1] - n[-1] * means[0]),
         }
         return {name: found[name] for name in self._names}

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.body.solid import DEPTH_PAIRS, Place
 from gfmdlayer.config.layers import interfaces
-from gfmdlayer.observables.observable import AcceptedStep, Column, Parts, Places, Value, declared
+from gfmdlayer.observables.observable import Column, Observed, Places, Value, declared
 from gfmdlayer.observables.transport import Every
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
+    from gfmdlayer.step import Step
 
 LARGEST = declared(r"""
     largest_von_mises | largest von Mises stress | pressure | over the depths of output.inside |
@@ -59,16 +60,16 @@ class Inside(Every):
         count = len(asked.places(config.solid, config.grid.period)) + len(interfaces(config.solid))
         return DEPTH_PAIRS * count / asked.every, 0.0
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         config = case.config
         asked = config.output.inside
         assert asked is not None
         assert asked.every is not None
         super().__init__(case, asked.every)
-        self._case = case
+        self._interior = case.interior
         self._interfaces = [Place(depth, i) for i, depth in enumerate(interfaces(config.solid))]
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
+    def measure(self, step: Step) -> Mapping[str, Value]:
         """Return the largest stresses."""
         import numpy as np
 
@@ -77,8 +78,7 @@ class Inside(Every):
             return {name: nothing if name.startswith("interface") else math.nan for name in self._names}
         from gfmdlayer.history.inside import STRESSES, largest_shear, shear_on_plane, von_mises
 
-        interior, springs, ranks = self._case.interior, self._case.springs(step), self._grid.ranks
-        assert interior is not None
+        interior, springs, ranks = self._interior, step.fields["springs"], self._grid.ranks
         largest, at, shear = -1.0, (0.0,) * (len(self._grid.points) + 1), 0.0
         for place in interior.places:
             stress = interior.at(springs, place, STRESSES)

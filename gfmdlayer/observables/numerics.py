@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gfmdlayer.body.materials import Material
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
-    from gfmdlayer.contact.problem import Solution
+    from gfmdlayer.step import Step
 
 
 class Effort(Observable):
@@ -27,16 +27,16 @@ class Effort(Observable):
         """)
     KEPT = "transforms", "iterations", "attempts"
 
-    def __init__(self, _case: Parts) -> None:
+    def __init__(self, _case: Observed) -> None:
         self._transforms = self._iterations = self._attempts = 0
 
-    def attempt(self, solution: Solution) -> None:
+    def attempt(self, step: Step) -> None:
         """Count an attempt."""
-        self._transforms += solution.transforms
-        self._iterations += solution.iterations
+        self._transforms += step.pairs
+        self._iterations += step.iterations
         self._attempts += 1
 
-    def measure(self, _step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, _step: Step) -> Mapping[str, float]:
         """Return the counts and begin at zero for the next step."""
         made = self._transforms, self._iterations, self._attempts - 1
         counts = {column.name: count for column, count in zip(self.COLUMNS, made, strict=True)}
@@ -55,8 +55,8 @@ class SpectrumError(Observable):
         """Return no columns, where modes may be merged."""
         return () if config.solid.merges and not config.friction else None
 
-    def __init__(self, case: Parts) -> None:
-        self.attributes = {"spectrum_error": case.integrator.spectrum_error}
+    def __init__(self, case: Observed) -> None:
+        self.attributes = {"spectrum_error": case.history.spectrum_error}
 
 
 class SeriesError(Observable):
@@ -72,7 +72,7 @@ class SeriesError(Observable):
         """Return no columns, where a law is not a series itself."""
         return None if all(isinstance(law, Material) for law in config.laws) else ()
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         found = case.series
         self.attributes = {
             "law_branches": sum(len(series.material.maxwell_branches) for series in found),
@@ -102,13 +102,13 @@ class SteadyState(Observable):
         """Return no columns, in a case with a steady state."""
         return None if config.time.steady is None else ()
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         time = case.config.time
         assert time.steady is not None
         self._tolerance = time.steady
         reduced = case.programme.reduced_time
         slowdown = 1.0 if reduced is None else reduced.factor(math.inf)
-        self._window = case.integrator.slowest(self._tolerance) * slowdown
+        self._window = case.history.slowest(self._tolerance) * slowdown
         self._since = max(case.programme.breakpoints, default=0.0)
         self._begun = math.inf
         self._least: tuple[float, ...] = ()
@@ -116,9 +116,9 @@ class SteadyState(Observable):
         self.attributes = {"settled": 0}
         self.warning = f"NOT STEADY within {time.steady:g} at time.end = {time.end:g}"
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Compare the step with the others of its window."""
-        values = step.solution.mean_pressure, step.surface.depth, float(step.row["friction"])
+        values = step.mean_pressure, step.depth, float(step.row["friction"])
         if step.time < self._since or math.isnan(values[-1]):
             return {}
         if self._begun == math.inf:

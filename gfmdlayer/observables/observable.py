@@ -1,4 +1,4 @@
-"""The interface of observables: their columns, and the accepted step that they are measured on.
+"""The interface of observables: their columns, which they measure on each accepted step.
 
 An observable is a class in a file of this folder and a line in the table `OBSERVABLES`. Result files, sweep
 files, checkpoints, estimates of storage and plots follow from its columns. Checks of configurations and
@@ -17,16 +17,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 from gfmdlayer.resumable import Saving
 
 if TYPE_CHECKING:
-    from gfmdlayer.arrays import Attribute, BoolArray, FloatArray
+    from gfmdlayer.arrays import Attribute, FloatArray
     from gfmdlayer.body.body import Body
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
-    from gfmdlayer.contact.loading import Surface
-    from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
-    from gfmdlayer.history.adaptive_steps import Integrator
     from gfmdlayer.programme import Programme
+    from gfmdlayer.step import Step
 
 Value: TypeAlias = "float | FloatArray"
 
@@ -101,37 +99,8 @@ def declared(table: str) -> tuple[Column, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True, slots=True)
-class Shear:
-    """Shear tractions and slip of a step, with friction at the interface; components along x[, y]."""
-
-    traction: FloatArray  # on the body, (axes, points)
-    force: float  # its mean along the tangential drive
-    mean_traction: FloatArray  # of the beginning, at the same places of the material, and the end of the step
-    slip: FloatArray  # of the surface against the punch in the step; at all points
-    stick: BoolArray  # points in contact whose traction is below the bound
-    touching: BoolArray  # points in contact
-    path: FloatArray  # displacement of the punch in the step, (axes,)
-    moved: FloatArray  # displacement of the punch since the beginning of the run
-    duration: float  # of the step
-    stretch: float  # mean of traction times derivative of the tangential displacement along x
-
-
-@dataclass(slots=True)
-class AcceptedStep:
-    """An accepted step."""
-
-    time: float  # at its end
-    problem: Problem  # at its end
-    solution: Solution
-    surface: Surface  # its displacement, and the depth of the punch
-    energy: Integrator  # with the energies `stored` and `dissipated` of the body after the step, per area
-    row: dict[str, Value]  # columns measured so far, by the observables before this one in the table
-    shear: Shear | None = None  # with friction at the interface
-
-
-class Parts(Protocol):
-    """Parts of a simulation that an observable may need (`gfmdlayer.simulation.Case`)."""
+class Observed(Protocol):
+    """The parts of a simulation that an observable may need (`gfmdlayer.case.case.Case`)."""
 
     config: Config
 
@@ -152,19 +121,20 @@ class Parts(Protocol):
         """The body under the surface."""
 
     @property
+    def series(self) -> tuple[PronySeries, ...]:
+        """The laws of layers and halfspace as series of Maxwell branches."""
+
+    @property
+    def punch(self) -> FloatArray:
+        """Height of the punch above its lowest point, one value a point."""
+
+    @property
     def interior(self) -> Any:
         """The fields below the surface (`history.inside.Interior`); None where they are not asked for."""
 
-    def springs(self, step: AcceptedStep) -> Any:
-        """Return strains and forces below the surface of an accepted step."""
-
     @property
-    def integrator(self) -> Any:
-        """The time integrator, of the kind that the configuration asks for."""
-
-    @property
-    def series(self) -> tuple[PronySeries, ...]:
-        """The laws of layers and halfspace as series of Maxwell branches."""
+    def history(self) -> Any:
+        """The history of the body, of the kind that the configuration asks for."""
 
 
 class Observable(Saving):
@@ -172,8 +142,8 @@ class Observable(Saving):
 
     Parameters
     ----------
-    case : Parts
-        The simulation that is about to begin.
+    case : Observed
+        The simulation that is about to begin. It is not to be kept: large arrays would stay with it.
 
     Attributes
     ----------
@@ -198,7 +168,7 @@ class Observable(Saving):
     attributes: Mapping[str, Attribute] = MappingProxyType({})
     warning: str = ""
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         """Take the needed parts of the simulation."""
 
     @classmethod
@@ -211,9 +181,6 @@ class Observable(Saving):
         """Return FFT pairs, or as much other time, of a row, and bytes in memory; 0 where it is cheap."""
         return 0.0, 0.0
 
-    def attempt(self, solution: Solution) -> None:
-        """Take note of a solution of a step that is not yet accepted, and may be rejected."""
-
-    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:  # noqa: ARG002
+    def measure(self, step: Step) -> Mapping[str, Value]:  # noqa: ARG002
         """Return the values of the columns, by name."""
         return {}

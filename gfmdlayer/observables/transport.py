@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, Places, Value, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, Places, Value, declared
 from gfmdlayer.transport import flow_memory
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.config.sections import Conductor
     from gfmdlayer.resumable import State
+    from gfmdlayer.step import Step
 
 # Cost of a row in FFT pairs: the factors of an open gap; 13 iterations on the spots, of two pairs each.
 FLOW_PAIRS, SPOTS_PAIRS = 300.0, 26.0
@@ -71,7 +72,7 @@ class Every(Observable):
 
     KEPT = ("rows",)
 
-    def __init__(self, case: Parts, every: int) -> None:
+    def __init__(self, case: Observed, every: int) -> None:
         self._grid, self._every, self._rows = case.grid, every, 0
         self._names = [column.name for column in self.columns(case.config) or ()]
         self._times = (*case.config.output.snapshot_times, case.config.time.end)
@@ -91,12 +92,6 @@ def _whole(grid: Any, field: NDArray[Any], found: Callable[[NDArray[Any]], Any])
     return ranks.shared(value)
 
 
-def _gap_of(step: AcceptedStep) -> FloatArray:
-    from gfmdlayer.observables.contact_statistics import closed_gap
-
-    return closed_gap(step.problem, step.solution)
-
-
 class SealEstimates(Observable):
     """Cheap estimates of the flow, where `output.observables` names them.
 
@@ -111,12 +106,12 @@ class SealEstimates(Observable):
         """Return the columns that are asked for."""
         return tuple(each for each in cls.COLUMNS if each.name in (config.output.observables or ())) or None
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         self._grid, self._names = case.grid, [each.name for each in self.columns(case.config) or ()]
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the estimates."""
-        return dict(_whole(self._grid, _gap_of(step), self._found))
+        return dict(_whole(self._grid, step.fields["gap"], self._found))
 
     def _found(self, gap: FloatArray) -> dict[str, float]:
         from gfmdlayer.transport.leakage import bruggeman
@@ -155,22 +150,22 @@ class Leakage(Every):
             return 0.0, 0.0
         return FLOW_PAIRS / asked.every, flow_memory(points)
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         asked = case.config.output.leakage
         assert asked is not None
         super().__init__(case, asked.every)
         self._said: dict[str, str] = {}
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the flow, and remember why it is not to be trusted."""
         if not self._due(step.time):
             return dict.fromkeys(self._names, math.nan)
         from gfmdlayer.transport.leakage import doubts
 
-        row, narrow = _whole(self._grid, _gap_of(step), self._found)
-        depth = max(-self._grid.ranks.minimum(float(step.surface.displacement.min())), 0.0)
+        row, narrow = _whole(self._grid, step.fields["gap"], self._found)
+        depth = max(-self._grid.ranks.minimum(float(step.fields["displacement"].min())), 0.0)
         for axis, throat in narrow.items():
-            for reason in doubts(axis, throat, depth, step.solution.residual):
+            for reason in doubts(axis, throat, depth, step.residual):
                 self._said[reason[:_KIND]] = f"t = {step.time:.6g}: {reason}"
         return dict(row)
 
@@ -201,7 +196,7 @@ class Leakage(Every):
 class OfSpots(Every):
     """Measures the contact spots; the impedances of both sides add, on the whole grid."""
 
-    def __init__(self, case: Parts, every: int, sides: Sequence[tuple[Any, float]]) -> None:
+    def __init__(self, case: Observed, every: int, sides: Sequence[tuple[Any, float]]) -> None:
         import numpy as np
 
         from gfmdlayer.grid.grid import Grid
@@ -214,11 +209,9 @@ class OfSpots(Every):
             every_side = [impedance(q, films, base) for films, base in sides]
             self._spots = Spots(np.sum(every_side, axis=0), _cell(case.grid))
 
-    def _total(self, step: AcceptedStep) -> float:
+    def _total(self, step: Step) -> float:
         """Return the flow through the spots at a potential of 1."""
-        from gfmdlayer.observables.contact_statistics import in_contact
-
-        touching = in_contact(step.problem, step.solution)
+        touching = step.fields["touching"]
         return float(_whole(self._grid, touching, lambda contact: self._spots and self._spots.total(contact)))
 
     def state(self) -> State:
@@ -251,10 +244,10 @@ class SpotRadius(OfSpots):
         """Return the FFT pairs of a row and the bytes of the solver."""
         return SPOTS_PAIRS, SPOTS_FIELDS * 8.0 * math.prod(config.grid.points)
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         super().__init__(case, 1, [((), 1.0)])
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the radius, S/4 for a conductivity of 1."""
         return {RADIUS.name: self._total(step) / 4}
 
@@ -283,7 +276,7 @@ class Conductance(OfSpots):
         every = 1 if asked is None else asked.every
         return SPOTS_PAIRS / every, SPOTS_FIELDS * 8.0 * math.prod(config.grid.points)
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         asked = case.config.output.conductance
         assert asked is not None
         sides = [_conductor(each) for each in (asked.body, asked.punch)]
@@ -291,7 +284,7 @@ class Conductance(OfSpots):
         in_series = sum(d / k for films, base in sides if 0 < base < math.inf for d, k in films)
         self._series = in_series / math.prod(case.grid.period)
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+    def measure(self, step: Step) -> Mapping[str, float]:
         """Return the resistance."""
         if not self._due(step.time):
             return {RESISTANCE.name: math.nan}
@@ -324,23 +317,22 @@ class Stiffness(Every):
         number, points = len(asked.frequencies), math.prod(config.grid.points)
         return 2 * SPOTS_PAIRS * number / asked.every, 2 * SPOTS_FIELDS * 8.0 * points
 
-    def __init__(self, case: Parts) -> None:
+    def __init__(self, case: Observed) -> None:
         asked = case.config.output.stiffness
         assert asked is not None
         super().__init__(case, asked.every)
-        self._case, self._frequencies = case, asked.frequencies
+        self._frequencies, self._body = asked.frequencies, case.body
+        self._reduced_time = next(filter(None, case.programme.reduced_times), None)
 
-    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
+    def measure(self, step: Step) -> Mapping[str, Value]:
         """Return storage and loss stiffness at each frequency."""
         import numpy as np
 
         total = np.full(len(self._frequencies), complex(math.nan, math.nan))
         if self._due(step.time):
-            from gfmdlayer.observables.contact_statistics import in_contact
-
-            reduced = next(filter(None, self._case.programme.reduced_times), None)
+            reduced = self._reduced_time
             factor = 1.0 if reduced is None else reduced.factor(step.time)
-            touching = in_contact(step.problem, step.solution)
+            touching = step.fields["touching"]
             total = _whole(self._grid, touching, lambda contact: self._found(contact, factor))
         return {"storage_stiffness": total.real.copy(), "loss_stiffness": total.imag.copy()}
 
@@ -351,8 +343,8 @@ class Stiffness(Every):
         from gfmdlayer.grid.grid import Grid
         from gfmdlayer.transport.spots import Spots, inverse
 
-        waves = Grid(self._case.grid.points, self._case.grid.period).waves
-        body, before, found = self._case.body, None, []
+        waves = Grid(self._grid.points, self._grid.period).waves
+        body, before, found = self._body, None, []
         for frequency in self._frequencies:
             s = 2j * math.pi * frequency * factor
             K = body.spectrum(waves).glassy if math.isinf(frequency) else np.asarray(body.stiffness(waves, s))

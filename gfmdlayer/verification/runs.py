@@ -8,10 +8,11 @@ from typing import Unpack
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate, warm_up
+from gfmdlayer.case.parts import Given
 from gfmdlayer.config import Config
-from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.results import journal
-from gfmdlayer.simulation import Case, Parts
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4
 ALONE: dict[str, object] = {"layer.thickness": float("inf")}
@@ -46,7 +47,7 @@ class Recording(journal.Recording):
         return self[name][rows]
 
 
-def run(*values: Mapping[str, object], **parts: Unpack[Parts]) -> Recording:
+def run(*values: Mapping[str, object], **parts: Unpack[Given]) -> Recording:
     """Run the paper's default case with these dotted values, later ones before earlier ones.
 
     `parts` replace parts of the case.

@@ -11,8 +11,8 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.materials import Elastic, Prony
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.simulation import Case
 from gfmdlayer.verification.rows import Curve, Row
 from gfmdlayer.verification.runs import Recording, difference, run
 from gfmdlayer.verification.theory import solver_error

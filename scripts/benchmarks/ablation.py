@@ -23,6 +23,8 @@ import numpy as np
 from benchmarks.common import Cell, Effort, Table
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import ConvergenceError, simulate, warm_up
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact import fire
 from gfmdlayer.contact.active_set import loop, solver, windows
@@ -36,8 +38,6 @@ from gfmdlayer.history import adaptive_steps
 from gfmdlayer.history.adaptive_steps import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.kernels import kernel
-from gfmdlayer.model import ConvergenceError, simulate, warm_up
-from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)

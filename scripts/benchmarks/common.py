@@ -16,9 +16,9 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.config import Config, load
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.verification.runs import Recording
 
 Cell = float | int | str | None

@@ -20,8 +20,8 @@ from benchmarks.common import Effort, Table, default_case
 from benchmarks.rough import rough
 from numba.core import event
 
+from gfmdlayer.case.model import model_of
 from gfmdlayer.config import Config
-from gfmdlayer.model import model_of
 
 EFFORT = Effort(points=())
 QUICK = EFFORT

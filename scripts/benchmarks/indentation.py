@@ -16,11 +16,11 @@ from benchmarks.common import Cell, Effort, Table, cpu_seconds
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.config import Config
 from gfmdlayer.indentation.solve import History, follow
-from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.punch.revolution import sphere
-from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(128,), steps=50, repetitions=15)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from benchmarks.common import STEP, Effort, Table, bare_pairs, default_case, ratio
 
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import warm_up
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
-from gfmdlayer.model import warm_up
-from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
 QUICK = Effort(points=(1024, 4096, 16384), repetitions=7)

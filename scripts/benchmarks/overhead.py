@@ -126,9 +126,9 @@ class Clock:
 
 def main(config: str, directory: str) -> int:
     """Run the command line on this rank and write its clock."""
+    from gfmdlayer.case.case import Case
     from gfmdlayer.cli import main
     from gfmdlayer.results.writer import CaseWriter
-    from gfmdlayer.simulation import Case
 
     clock = Clock()
     CaseWriter.__enter__ = clock.around_cases(CaseWriter.__enter__)  # type: ignore[method-assign]

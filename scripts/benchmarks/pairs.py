@@ -11,16 +11,16 @@ from benchmarks.common import METHODS, STEP, Cell, Effort, Table, default_case, 
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import halfspace
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.friction.problem import Law, Problem
 from gfmdlayer.friction.response import Response
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.punch.self_affine import SelfAffine
 from gfmdlayer.resumable import Stateless
-from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))

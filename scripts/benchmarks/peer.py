@@ -16,12 +16,12 @@ import numpy as np
 from benchmarks.common import STEP, Cell, Effort, Table, bare_pairs, default_case, run, seconds
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.model import simulate, warm_up
-from gfmdlayer.simulation import Case
 from gfmdlayer.verification.crosschecks import TamaasHalfspace
 from gfmdlayer.verification.runs import Recording
 

@@ -26,9 +26,9 @@ import numpy as np
 from benchmarks.common import Cell, Effort, Table, bare_pairs, seconds
 from benchmarks.slabs import configuration
 
+from gfmdlayer.case.case import Case
 from gfmdlayer.contact.nested.iteration import ParallelPasses
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(512, 1024, 2048), repetitions=5)
 QUICK = Effort(points=(512,), repetitions=2)

@@ -27,14 +27,14 @@ from benchmarks import slabs
 from benchmarks.common import METHODS, Cell, Effort, Table, cpu_of_a_pair, cpu_seconds
 from benchmarks.whole_run import effort_of_run
 
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import warm_up
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.model import warm_up
 from gfmdlayer.punch.self_affine import SelfAffine
-from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(512,), steps=100, repetitions=3)
 QUICK = Effort(points=(128,), steps=20, repetitions=1)

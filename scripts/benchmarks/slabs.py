@@ -20,11 +20,11 @@ from typing import Any
 
 from benchmarks.common import Cell, Effort, Table, over_ranks
 
+from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.workers import world
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
-from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(2048, 4096), repetitions=3)
 QUICK = Effort(points=(512,), repetitions=1)

@@ -8,12 +8,12 @@ from tempfile import TemporaryDirectory
 import h5py
 from benchmarks.common import METHODS, STEP, Cell, Effort, Table, bare_pairs, default_case, ratio
 
+from gfmdlayer.case.model import warm_up
 from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.model import warm_up
 
 EFFORT = Effort(points=(1 << 14,), repetitions=5)
 QUICK = Effort(points=(1 << 12,), steps=100, repetitions=3)

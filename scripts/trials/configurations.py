@@ -17,8 +17,8 @@ import numpy as np
 from ruamel.yaml import YAML
 
 import gfmdlayer
+from gfmdlayer.case.case import Case
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.simulation import Case
 
 DEFAULT = "active_set"
 LINES = (8, 9, 16, 31, 64, 97, 128, 135, 255, 256)

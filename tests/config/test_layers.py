@@ -7,11 +7,11 @@ import pytest
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.stack import LayerStack
+from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.sweeps import leaves
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.results.schema import parameter
-from gfmdlayer.simulation import Case
 from tests.config.reading import problems, read
 
 STACK = """\

@@ -5,9 +5,9 @@ import warnings
 import pytest
 
 import gfmdlayer
+from gfmdlayer.case.notes import DIMENSIONS, notes
 from gfmdlayer.config import Config, load
 from gfmdlayer.config.json_schema import json_schema
-from gfmdlayer.notes import DIMENSIONS, notes
 from gfmdlayer.validation.fields import dimension
 
 SI = {

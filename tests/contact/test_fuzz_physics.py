@@ -9,11 +9,11 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.model import simulate
 from gfmdlayer.programme import Programme
-from gfmdlayer.simulation import Case
 
 anything = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]

@@ -8,6 +8,7 @@ from scipy.linalg import circulant
 from scipy.optimize import lsq_linear, minimize
 
 import gfmdlayer
+from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.nested.solver import NestedGradient
@@ -17,7 +18,6 @@ from gfmdlayer.contact.residual import residual_scales
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.law import HARD_WALL
-from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 # A halfspace of E* = 2 G/(1 - nu) = 1, and a rough surface of slope 0.1: elastic pressures reach 0.1 E*.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested.iteration import extent, settle
@@ -17,7 +18,6 @@ from gfmdlayer.contact.residual import assess, residual_scales
 from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.simulation import Case
 
 TOLERANCE = 1e-6
 MPIRUN = Path(sys.executable).parent / "mpirun"

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import (
     Problem,
@@ -22,7 +23,6 @@ from gfmdlayer.contact.problem import (
     why_not_converged,
 )
 from gfmdlayer.resumable import Stateless
-from gfmdlayer.simulation import Case
 
 EPS = np.finfo(float).eps
 

@@ -221,7 +221,7 @@ def test_warming_up_under_a_load_comes_to_a_window():
 from pathlib import Path
 from gfmdlayer.config import load
 from gfmdlayer.contact.active_set import windows
-from gfmdlayer.model import warm_up
+from gfmdlayer.case.model import warm_up
 config = load(Path("configs/indentation.yaml"))
 trajectory = {"control": "load", "load": 0.01, "ramp_time": 1.0}
 assert not windows.solve.overloads

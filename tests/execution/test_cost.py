@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 
+from gfmdlayer.case.footprint import pair_seconds
+from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.execution.cost import CostModel, estimate, expected_seconds
 from gfmdlayer.execution.sweep import cases
-from gfmdlayer.footprint import pair_seconds
-from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.results.writer import CaseWriter
 
 SWEEP = {
@@ -193,8 +193,8 @@ import json, re, sys
 from pathlib import Path
 from gfmdlayer.config import Config
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.model import simulate
-from gfmdlayer.simulation import Case
+from gfmdlayer.case.model import simulate
+from gfmdlayer.case.case import Case
 class Nothing:
     def row(self, **_): ...
     def snapshot(self, *_): ...

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gfmdlayer.case.case import Case
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.execution import run as running
@@ -16,7 +17,6 @@ from gfmdlayer.execution.folder import FolderError
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.results.reader import attributes, is_complete, open_case, open_results
-from gfmdlayer.simulation import Case
 
 SMALL = {"grid.points": 32, "time.end": 0.3, "time.step": 0.1, "output.snapshots": [0.3]}
 SWEEP = {"layer.thickness": [0.02, 0.1, 0.3]}

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.model import simulate
 from gfmdlayer.results.journal import Recording
-from gfmdlayer.simulation import Case
 
 SMALL = {"grid.points": 64, "time.end": 1.6, "trajectory.ramp_time": 0.8, "output.snapshots": [0.4, 0.8, 1.6]}
 STEPS = {

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import ConvergenceError
 from gfmdlayer.config import load
 from gfmdlayer.execution import progress as reports
 from gfmdlayer.execution import status
@@ -17,8 +19,6 @@ from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Progress
 from gfmdlayer.execution.workers import assemble
-from gfmdlayer.model import ConvergenceError
-from gfmdlayer.periodic import PeriodicContact
 from gfmdlayer.results.reader import open_results
 from tests.studies import OTHERS, TINY
 
@@ -42,14 +42,14 @@ def forbid_simulating(monkeypatch):
 
 def fail_where(condition, monkeypatch, error=None):
     """Let the cases of some configurations fail."""
-    run_case = PeriodicContact.run
+    run_case = Case.run
 
     def failing(model, *arguments):
         if condition(model.config):
             raise error or ConvergenceError("the residual stays at 1")
         return run_case(model, *arguments)
 
-    monkeypatch.setattr(PeriodicContact, "run", failing)
+    monkeypatch.setattr(Case, "run", failing)
 
 
 def test_a_run_leaves_config_cases_and_sweep():

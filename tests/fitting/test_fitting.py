@@ -11,12 +11,12 @@ from gfmdlayer import cli
 from gfmdlayer.body.continuous import FractionalZener
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.shifts import WLF
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import load
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.laws import ACCURACY, MARGIN, Fit, fit
 from gfmdlayer.fitting.measurement import FitError, MasterCurve, RelaxationCurve, read
 from gfmdlayer.fitting.report import fit_figure, fit_material
-from gfmdlayer.model import simulate
 from gfmdlayer.results.journal import Recording
 from gfmdlayer.results.schema import ResultsError
 

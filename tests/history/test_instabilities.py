@@ -12,12 +12,12 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import gfmdlayer
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.status import overview
-from gfmdlayer.model import simulate
 from gfmdlayer.observables.adhesion import Row, work_over_fold
-from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 K = 2 * 0.7 / (0.4 * 0.1)

@@ -11,10 +11,10 @@ from gfmdlayer import Config, ConfigError, load
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.body.shifts import WLF, Arrhenius
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
-from gfmdlayer.model import simulate
-from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
 

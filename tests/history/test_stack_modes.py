@@ -12,12 +12,12 @@ from gfmdlayer.body.body import halfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.stack_modes import EXPONENTIAL, StackModes
-from gfmdlayer.model import simulate
-from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
 

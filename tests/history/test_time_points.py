@@ -8,11 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from gfmdlayer.case.model import ConvergenceError, simulate
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import whole_steps
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.time_points import Instant, equal_steps, landing_steps
-from gfmdlayer.model import ConvergenceError, simulate
 from gfmdlayer.punch.simple_shapes import Parabola
 
 times = st.floats(1e-3, 10.0)

@@ -23,7 +23,7 @@ from gfmdlayer import (
     run,
     solve,
 )
-from gfmdlayer.model import model_of
+from gfmdlayer.case.model import model_of
 from gfmdlayer.observables import columns
 
 E = 4.0  # 2 G/(1 - nu) of an incompressible halfspace with G = 1

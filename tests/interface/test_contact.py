@@ -5,13 +5,13 @@ import pytest
 from scipy.optimize import brentq
 
 import gfmdlayer
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential
-from gfmdlayer.model import simulate
 from gfmdlayer.results.journal import Recording
 
 LAW = Exponential(work=1e-3, range=4e-3).interaction()

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.history.modes import SCHEMES, exponential
 from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.observables.energy_balance import EnergyBalance
-from gfmdlayer.simulation import Case
 
 SHORT = {"time.end": 2.0, "solver.tolerance": 1e-8}
 COMPRESSIBLE = {"layer.poisson": 0.3, "halfspace.shear_modulus": float("inf"), "grid.points": 512}

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import gfmdlayer
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.bounded import ConjugateGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.model import simulate
 from gfmdlayer.observables import contact_statistics
 from gfmdlayer.observables.contact_statistics import T0, closed_gap, in_contact
 from gfmdlayer.verification.runs import Recording

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.notes import notes
 from gfmdlayer.punch.measured import Topography
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.punch.topography import membrane, without_trend

@@ -5,21 +5,21 @@ import sys
 
 import pytest
 
+from gfmdlayer.case.case import smallest_equivalent_case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.execution.cost import kind
 from gfmdlayer.indentation import model as isolated
-from gfmdlayer.model import simulate
-from gfmdlayer.periodic import smallest_equivalent_case
 from gfmdlayer.results.journal import Recording
 
 PROGRAM = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from gfmdlayer.simulation import Case
+from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set import windows
-from gfmdlayer.model import ConvergenceError, simulate, warm_up
+from gfmdlayer.case.model import ConvergenceError, simulate, warm_up
 
 class Nothing:
     def row(self, **_): ...

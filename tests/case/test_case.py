@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gfmdlayer.body.relaxation import Spectrum
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.model import simulate
-from gfmdlayer.simulation import Case
 
 N, DEPTH, STEP, TOLERANCE = 256, 0.01, 0.05, 1e-9
 

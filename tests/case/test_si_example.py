@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gfmdlayer import indent
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import load
-from gfmdlayer.model import simulate
-from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 CONFIG = Path(__file__).parents[2] / "configs" / "rubber-coating-quick.yaml"
