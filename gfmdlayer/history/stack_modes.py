@@ -102,7 +102,7 @@ class Elements(NamedTuple):
 
 
 class NetworkFactors(NamedTuple):
-    """NetworkFactors of a step, the same at all wavenumbers."""
+    """Factors of a step, the same at all wavenumbers."""
 
     x: FloatArray  # (elements,)
     decay: FloatArray  # (elements,), 1 - sum_p rho_p E_pj
