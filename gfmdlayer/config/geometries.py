@@ -14,7 +14,7 @@ from gfmdlayer.body.materials import shifts
 from gfmdlayer.body.solid import WIDEST
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.validation.problems import Location, Problem, dotted, shown
-from gfmdlayer.validation.sections import files_named
+from gfmdlayer.validation.sections import files_named, plain
 
 if TYPE_CHECKING:
     from gfmdlayer.validation.sections import Section
@@ -133,11 +133,11 @@ def _problems_of_revolution(config: Any) -> Iterator[Problem]:
         yield Problem(("grid", "points"), message, _GEOMETRY)
     for name, keys in _PERIODIC.items():  # values, other than the defaults, that describe something periodic
         section: Section = getattr(config, name)
-        plain = type(section)()
+        default = type(section)()
         for key in keys or type(section).model_fields:
             value = getattr(section, key, None)
-            if value is not None and value != getattr(plain, key):
-                message = f"got {shown(value)}, not used with grid.geometry: axisymmetric; remove it"
+            if value is not None and value != getattr(default, key):
+                message = f"got {shown(plain(value))}, not used with grid.geometry: axisymmetric; remove it"
                 yield Problem((name, key), message, _GEOMETRY)
     if config.temperature is not None:
         message = "not available with grid.geometry: axisymmetric; remove it"

@@ -12,12 +12,13 @@ beside it.  Samples are those of scipy.stats.qmc; scipy is imported only where t
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from itertools import chain, product
 from typing import Annotated, Any
 
@@ -45,6 +46,7 @@ from gfmdlayer.validation.problems import (
     dotted_key,
     location_of_key,
     not_in_list,
+    set_aside,
     shown,
     unknown_key,
 )
@@ -346,26 +348,49 @@ def conflicts(
     """Yield the problems of a sweep whose cases `validate` checks.
 
     `keys` can be swept; `unswept` are the problems with the configuration's own values of the swept keys.
+    What rests on a refused key of the sweep is left out.
     """
-    wrong = list(_keys(sweep, keys)) or list(_lists(sweep))
-    if not wrong and (size := count(sweep)) > MAX_CASES:
-        wrong = [Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")]
-    if wrong:  # the loader removes these keys and validates again
+    left: Mapping[str, Any] = sweep
+    for check in (partial(_keys, keys=keys), _lists, _size):
+        wrong = list(check(left))
         yield from wrong
-        return
-    factors = axes(sweep)
+        left = _without(left, wrong)
+    factors = axes(left)
     found = {problem.location: problem for axis in factors for problem in _values(axis)}
     yield from found.values()
-    left = {
+    places = {
         axis: [i for i, row in enumerate(axis.rows) if not any(axis.place(key, i) in found for key in row)]
         for axis in factors
     }
-    usable = {axis: places for axis, places in left.items() if places}
+    usable = {axis: indices for axis, indices in places.items() if indices}
+    swept = [key for axis in usable for key in axis.rows[0]]
+    refused = [key for key in swept_keys(sweep) if key not in swept]
+    everywhere = [p for p in unswept if not (any(_under(p, key) for key in swept) or rests_on(p, refused))]
+    yield from everywhere
     if usable:
-        swept = [key for axis in usable for key in axis.rows[0]]
-        everywhere = [p for p in unswept if not any(_rests_on(p, key) for key in swept)]
-        yield from everywhere
-        yield from _of_cases(usable, lambda case: [p for p in validate(case) if p not in everywhere])
+        yield from _of_cases(
+            usable,
+            lambda case: [p for p in validate(case) if p not in everywhere and not rests_on(p, refused)],
+        )
+
+
+def _without(sweep: Mapping[str, Any], wrong: Sequence[Problem]) -> Mapping[str, Any]:
+    """Return a sweep without the places of problems, and without lists that are then incomplete."""
+    if not wrong:
+        return sweep
+    data = {"sweep": copy.deepcopy(dict(sweep))}
+    for problem in wrong:
+        set_aside(data, problem.location)
+    left = data.get("sweep", {})
+    incomplete = [name for name in LISTS if name in left and not keys_of(left[name])]
+    incomplete += [name for name in SAMPLED if name in left and "samples" not in left[name]]
+    return {key: entry for key, entry in left.items() if key not in incomplete}
+
+
+def _size(sweep: Mapping[str, Any]) -> Iterator[Problem]:
+    """Yield a product of too many cases."""
+    if (size := count(sweep)) > MAX_CASES:
+        yield Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")
 
 
 def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
@@ -482,9 +507,18 @@ def _hashable(value: object) -> object:
     return tuple(map(_hashable, value)) if isinstance(value, list | tuple) else value
 
 
-def _rests_on(problem: Problem, key: str) -> bool:
-    """Whether a problem depends on a swept key."""
+def _under(problem: Problem, key: str) -> bool:
+    """Whether a problem depends on the value of a swept key."""
     return any(f"{name}.".startswith(f"{key}.") for name in (problem.key, *problem.others))
+
+
+def rests_on(problem: Problem, refused: Iterable[str]) -> bool:
+    """Whether a problem depends on one of the refused keys, by their own names or those of the sweep."""
+    in_a_list = any(part.isdigit() for part in problem.key.split("."))  # and known only with the list
+    own = problem.key if problem.at_key and not in_a_list else unswept(problem.key)
+    names = [f"{name}." for name in (own, problem.key, *problem.others)]
+    keys = {f"{key}." for name in refused for key in (name, unswept(name))}
+    return any(name.startswith(key) or key.startswith(name) for name in names for key in keys)
 
 
 def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Problem]:
@@ -494,7 +528,8 @@ def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Pr
     """
     factors, places = list(left), list(left.values())
 
-    def problems_of(at: Sequence[int]) -> list[Problem]:
+    @cache
+    def problems_of(at: tuple[int, ...]) -> list[Problem]:
         rows = [axis.rows[i] for axis, i in zip(factors, at, strict=True)]
         return validate({key: value for row in rows for key, value in row.items()})
 

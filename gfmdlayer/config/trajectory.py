@@ -27,7 +27,7 @@ from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.interface import Friction
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
 from gfmdlayer.validation.problems import Location, Problem, dotted, shown
-from gfmdlayer.validation.sections import Section, sections_in
+from gfmdlayer.validation.sections import Section
 
 KINDS = ("ramp_hold", "approach_retract", "table")
 CONTROLS = ("depth", "load", "force")
@@ -237,14 +237,17 @@ class Trajectory(Section):
 
 
 def ending_with(trajectory: Trajectory | None, time: Time) -> Time:
-    """Let a time axis without an end of its own end with the trajectory.
+    """Let a time axis without an end of its own end with the trajectory, or at the default.
 
     The end still counts as a default, so that it follows a swept trajectory.
     """
-    duration = None if trajectory is None else trajectory.duration
-    if duration is None or "end" in time.model_fields_set:
+    if "end" in time.model_fields_set:
         return time
-    time = time.model_copy(update={"end": duration})
+    duration = None if trajectory is None else trajectory.duration
+    end = Time.model_fields["end"].default if duration is None else duration
+    if time.end == end:
+        return time
+    time = time.model_copy(update={"end": end})
     time.model_fields_set.discard("end")
     return time
 
@@ -274,7 +277,7 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -
 
 def problems_of_the_friction(config: Any) -> Iterator[Problem]:
     """Yield contradictions between friction at the interface and the other sections of a `Config`."""
-    laws = [(at, law) for at, law in sections_in(config) if isinstance(law, Friction)]
+    laws = [(at, law) for at, law in config.interface_laws.items() if isinstance(law, Friction)]
     motion = config.trajectory
     if not laws:
         for key in ("tangential", "creepage"):

@@ -8,10 +8,13 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 Location = tuple[str | int, ...]
 
 
+A_NUMBER = "numbers have a decimal point, no quotes and no unit"
+_YOUNGS = {"E", "E0", "Einf", "youngs_modulus"}  # near to the names of shear moduli, and another value
 _ALIKE = 0.75  # a key elsewhere in the configuration is suggested from this similarity on
 _MOST_LISTED = 20  # keys in a message; only sweeps have more, since they take the keys of all sections
 
@@ -102,6 +105,23 @@ def without_last_places(location: Location) -> Location:
     return location
 
 
+def set_aside(data: Any, location: Location) -> str:
+    """Remove the value at a location of plain data, or the section that should hold it; return its key."""
+    path = without_last_places(location)
+    holder = data
+    for depth, part in enumerate(path):
+        if isinstance(part, int) and isinstance(holder, list) and part < len(holder):
+            holder = holder[part]
+            continue
+        if not isinstance(holder, dict) or part not in holder:
+            return set_aside(data, path[:depth]) if depth else str(part)
+        if depth == len(path) - 1 or not isinstance(holder[part], dict | list):
+            del holder[part]
+            return dotted_key(path[: depth + 1])
+        holder = holder[part]
+    return ""
+
+
 def not_in_list(part: str | int, length: int, key: str) -> str:
     """Return a message if `part` is not the place of an entry in the list at `key`, else nothing."""
     if isinstance(part, int) and part < length:
@@ -164,8 +184,10 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
     hint = colon_without_space(key) or nearest(key, siblings)
     if key in everywhere and key not in siblings and "." in key:
         hint = f"; did you mean {key.replace('.', ': {')}: ...{'}' * key.count('.')}?"
+    elif key in _YOUNGS:
+        hint = "; moduli are shear moduli, G = E/(2 (1 + nu))"
     elif key.isdecimal():
-        hint = "; numbers have a decimal point, not a comma"
+        hint = f"; {A_NUMBER}"
     elif not hint:
         same_ending = {name.rpartition(".")[2]: name for name in everywhere}
         found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1, cutoff=_ALIKE)

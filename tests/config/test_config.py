@@ -149,6 +149,23 @@ def test_a_rejected_value_causes_no_further_errors(tmp_path):
     assert problem.startswith("case.yaml:2:13: time.end:")
 
 
+def test_a_wrong_key_of_a_sweep_hides_no_error_of_its_other_keys_and_of_the_sections(tmp_path):
+    content = """\
+name: a/b
+halfspace: {material: {G0: 1}, shear_modulus: 1}
+trajectory: {control: load}
+sweep: {layer.ticknes: [1], trajectory.load: 3, layer.poisson: [0.3, 0.6]}
+"""
+    found = problems(tmp_path, content)  # a load is missing only for want of a list in the sweep
+    assert [problem.split(" ")[0] for problem in found] == [
+        "case.yaml:1:7:",
+        "case.yaml:2:47:",
+        "case.yaml:4:9:",
+        "case.yaml:4:46:",
+        "case.yaml:4:70:",
+    ]
+
+
 def test_more_than_a_million_cases_are_rejected(tmp_path):
     values = [0.1 + i / 1000 for i in range(101)]
     keys = ("layer.thickness", "halfspace.shear_modulus", "time.end")
@@ -336,6 +353,15 @@ def test_a_case_has_its_values_and_no_sweep():
         config.with_values({"layer.poisson": 2})
     with pytest.raises(ConfigError, match=r"^layer\.x: unknown key"):
         config.with_values({"layer.x": 2})
+
+
+def test_a_case_ends_with_its_own_trajectory():
+    path = {"kind": "approach_retract", "depth": 0.1, "approach_speed": 0.1}
+    config = Config(name="x", trajectory=path, time={"step": "adaptive"})
+    assert config.time.end == 2.0
+    assert config.with_values({"trajectory.approach_speed": 0.05}).time.end == 3.0
+    assert config.with_values({"trajectory": {"depth": 0.1}}).time.end == 8.0
+    assert config.with_values({"time.end": 1.0, "trajectory.depth": 0.2}).time.end == 1.0
 
 
 @pytest.mark.parametrize(
