@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gfmdlayer.body.materials import Prony, Zener
-from gfmdlayer.config import Config, ConfigError, digest, load, text
+from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.execution.sweep import input_errors
+from gfmdlayer.validation import text
 from gfmdlayer.validation.units import Units
 from tests.config.reading import problems, read
 
@@ -359,7 +360,7 @@ def test_a_case_ends_with_its_own_trajectory():
     path = {"kind": "approach_retract", "depth": 0.1, "approach_speed": 0.1}
     config = Config(name="x", trajectory=path, time={"step": "adaptive"})
     assert config.time.end == 2.0
-    assert config.with_values({"trajectory.approach_speed": 0.05}).time.end == 3.0
+    assert config.with_values({"trajectory.approach_speed": 0.05}).time.end == 4.0  # retract_speed follows
     assert config.with_values({"trajectory": {"depth": 0.1}}).time.end == 8.0
     assert config.with_values({"time.end": 1.0, "trajectory.depth": 0.2}).time.end == 1.0
 
