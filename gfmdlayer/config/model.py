@@ -45,7 +45,7 @@ from gfmdlayer.validation.problems import (
     ConfigError,
     InconsistentError,
     Location,
-    Problem,
+    Mistake,
     dotted,
     set_aside,
 )
@@ -63,23 +63,23 @@ from gfmdlayer.validation.units import Units
 # Whether an interface law goes with the rest of a configuration.
 
 
-def problems_of_the_interface(config: Any) -> Iterator[Problem]:
+def problems_of_the_interface(config: Any) -> Iterator[Mistake]:
     """Yield contradictions between the interface laws of a `Config` and its other sections."""
     if config.interface == ():
-        yield Problem(("interface",), "got an empty list; must have at least one {law: ...}")
+        yield Mistake(("interface",), "got an empty list; must have at least one {law: ...}")
     yield from _problems_of_the_hardness(config)
     if not config.interfaces:
         return
     for at, law in config.interface_laws.items():
         if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
-            yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
+            yield Mistake((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
     if config.solver.method != AUTO and not (config.friction or SOLVERS[config.solver.method].adhesive):
         able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
         message = f"got {config.solver.method}, which cannot solve for attraction; must be {able}"
-        yield Problem(("solver", "method"), message, ("interface",))
+        yield Mistake(("solver", "method"), message, ("interface",))
 
 
-def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
+def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
     """Yield contradictions between a hardness and the other sections of a `Config`."""
     laws = config.interface_laws.items()
     at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
@@ -90,7 +90,7 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
     if method not in {AUTO, *able} and (SOLVERS[method].adhesive or not attracts):
         reason = "is slow" if SOLVERS[method].yields else "cannot solve"
         message = f"got {method}, which {reason} for a hardness; must be {' or '.join(able)}"
-        yield Problem(("solver", "method"), message, (dotted((*at, "hardness")),))
+        yield Mistake(("solver", "method"), message, (dotted((*at, "hardness")),))
     control = config.trajectory.control
     given, area = getattr(config.trajectory, control), math.prod(config.grid.period)
     most = config.hardness * (area if control == "force" else 1.0)
@@ -98,7 +98,7 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
         key = dotted((*at, "hardness"))
         limit = f"{most:.6g}, the {key} over the whole cell: more has no equilibrium"
         message = f"got {given!r}; must be below {limit}"
-        yield Problem(("trajectory", control), message, (key, "grid.period"))
+        yield Mistake(("trajectory", control), message, (key, "grid.period"))
 
 
 Name = Annotated[
@@ -134,7 +134,7 @@ class Config(Section):
     """name of the results folder"""
     units: Annotated[Units | None, given] = None
     """labels of files and plots: {length: m, stress: Pa, time: s}"""
-    grid: sections.Grid = Field(default_factory=sections.Grid)
+    grid: sections.GridKeys = Field(default_factory=sections.GridKeys)
     """the periodic cell and its points"""
     body: Annotated[Solid | None, BODY, given] = None
     """the body; layers, by the three keys below, or {file: mine.py, ...}"""
@@ -160,7 +160,7 @@ class Config(Section):
     """prescribed depth, load or force over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
-    solver: sections.Solver = Field(default_factory=sections.Solver)
+    solver: sections.SolverKeys = Field(default_factory=sections.SolverKeys)
     """solver of the contact problem in each step"""
     output: Output = Field(default_factory=Output)
     """output besides the curves"""
@@ -182,7 +182,7 @@ class Config(Section):
             raise InconsistentError(listed)
         return self
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between sections."""
         yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
         moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
@@ -199,37 +199,37 @@ class Config(Section):
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
 
-    def _problems_of_the_output(self) -> Iterator[Problem]:
+    def _problems_of_the_output(self) -> Iterator[Mistake]:
         time, output = self.time, self.output
         yield from (each.within(("output",), "time.end") for each in output.problems_until(time.end))
         if output.times is not None and time.step != "adaptive":
             message = "fixed steps write every row; remove it or set time.step: adaptive"
-            yield Problem(("output", "times"), message, ("time.step",))
+            yield Mistake(("output", "times"), message, ("time.step",))
         for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
-                yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
+                yield Mistake(("output", "snapshots", i), message, ("time.step", "time.integrator"))
         if self.geometry.on_grid:
             yield from problems_of_the_inside(self)
             yield from self._problems_of_transport()
 
-    def _problems_of_transport(self) -> Iterator[Problem]:
+    def _problems_of_transport(self) -> Iterator[Mistake]:
         output = self.output
         if len(self.grid.points) == 1:
             for i, name in enumerate(output.observables or ()):
                 message = f"got {name!r}, which a line does not have; remove it"
                 also = " (output.leakage has the flow of a line in closed form)" * (name != "spot_radius")
-                yield Problem(("output", "observables", i), message + also, ("grid.points",))
+                yield Mistake(("output", "observables", i), message + also, ("grid.points",))
         if output.stiffness is None:
             return
         at = ("output", "stiffness")
         if self.trajectory.moves:
-            yield Problem(at, "only for a punch that does not move along x; remove it", ("trajectory",))
+            yield Mistake(at, "only for a punch that does not move along x; remove it", ("trajectory",))
         if self.interfaces:
             message = "only for the hard wall; attraction adds a stiffness of its own; remove it"
-            yield Problem(at, message, ("interface",))
+            yield Mistake(at, message, ("interface",))
         relaxing = {law.shift for law in self.laws if not getattr(law, "elastic", False)}
         if self.temperature is not None and len(relaxing) > 1:
-            yield Problem(at, "only for materials with one common shift; remove it", ("temperature",))
+            yield Mistake(at, "only for materials with one common shift; remove it", ("temperature",))
 
     @property
     def plainly_possible(self) -> bool:
@@ -339,11 +339,11 @@ class Config(Section):
             given[head] = plain(given[head])
         return sweeps.assigned(given, values)
 
-    def _problems_with(self, values: Mapping[str, object]) -> list[Problem]:
+    def _problems_with(self, values: Mapping[str, object]) -> list[Mistake]:
         return problems(self._case_data(values))
 
     @classmethod
-    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Problem]:
+    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Mistake]:
         """Return the problems that pydantic found in plain data, and the contradictions that they hide.
 
         Contradictions between sections are looked for only where all values are allowed: without the refused
@@ -413,7 +413,7 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-def problems(data: Mapping[str, Any]) -> list[Problem]:
+def problems(data: Mapping[str, Any]) -> list[Mistake]:
     """Return the problems of plain nested data as a configuration."""
     try:
         Config.model_validate(data)
@@ -422,7 +422,7 @@ def problems(data: Mapping[str, Any]) -> list[Problem]:
     return []
 
 
-def explain(error: ValidationError) -> list[Problem]:
+def explain(error: ValidationError) -> list[Mistake]:
     """Return the errors that pydantic found in a configuration, as problems."""
     return explained(error, Config, _known_keys())
 
@@ -432,7 +432,7 @@ def _known_keys() -> list[str]:
     return ["name", *sweeps.leaves(Config(name="defaults"))]
 
 
-def _as_written(data: Any, problem: Problem) -> Problem:
+def _as_written(data: Any, problem: Mistake) -> Mistake:
     """Return the problem without the index that pydantic counts where the user wrote a single value."""
     *path, last = problem.location
     for part in path:

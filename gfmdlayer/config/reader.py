@@ -17,7 +17,7 @@ from gfmdlayer.validation import text
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
-    Problem,
+    Mistake,
     colon_without_space,
     dotted_key,
     location_of_key,
@@ -124,7 +124,7 @@ def _validated(
         raise _error(document.problems + [each for each in found if each[0] not in unreadable]) from None
     if not document.problems and inspect is not None:
         for key, message in inspect(config):
-            problem = Problem(location_of(config.sweep, key), message)
+            problem = Mistake(location_of(config.sweep, key), message)
             document.problems.append((_place(document, problem), str(problem)))
     if document.problems:
         raise _error(document.problems)
@@ -223,7 +223,7 @@ def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
     return str(folder / data) if meant in _FILES else data
 
 
-def _place(document: Document, problem: Problem) -> Place:
+def _place(document: Document, problem: Mistake) -> Place:
     """Return the place of the value or key, or of the section where it is missing."""
     if problem.at_key and problem.location in document.keys:
         return document.keys[problem.location]

@@ -48,7 +48,7 @@ class ConfigError(ValueError):
 
 
 @dataclass(frozen=True)
-class Problem:
+class Mistake:
     """One error in a configuration."""
 
     location: Location  # path of the key, such as ("layer", "thickness")
@@ -62,7 +62,7 @@ class Problem:
         """Dotted key, without a place in a list at its end: ``layers.1.thickness``."""
         return dotted_key(without_last_places(self.location))
 
-    def within(self, location: Location, *others: str) -> Problem:
+    def within(self, location: Location, *others: str) -> Mistake:
         """Return the problem of a section as one of the configuration, which depends on `others` too."""
         prefix = "".join(f"{part}." for part in location)
         keys = (*(prefix + other for other in self.others), *others)
@@ -72,10 +72,13 @@ class Problem:
         return f"{dotted(self.location)}: {self.message}"
 
 
+Problem = Mistake  # the former name, which bodies of users import; until version 0.5
+
+
 class InconsistentError(ValueError):
     """Values that are each allowed but contradict one another."""
 
-    def __init__(self, problems: Sequence[Problem]) -> None:
+    def __init__(self, problems: Sequence[Mistake]) -> None:
         self.problems = tuple(problems)
         super().__init__("; ".join(map(str, problems)))
 
@@ -132,11 +135,11 @@ def not_in_list(part: str | int, length: int, key: str) -> str:
     return f"{key} has {entries}, and {part} is not one of them; must be {allowed}"
 
 
-def not_increasing(at: Location, values: Iterable[float], noun: str, *others: str) -> Iterator[Problem]:
+def not_increasing(at: Location, values: Iterable[float], noun: str, *others: str) -> Iterator[Mistake]:
     """Yield the values of a list that are not above the one before."""
     for i, (before, value) in enumerate(pairwise(values), start=1):
         if value <= before:
-            yield Problem((*at, i), f"got {value!r} after {before!r}; {noun} must increase", others)
+            yield Mistake((*at, i), f"got {value!r} after {before!r}; {noun} must increase", others)
 
 
 def shown(value: object) -> str:
