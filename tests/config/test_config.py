@@ -517,8 +517,3 @@ def test_words_become_labels_and_stay_without_units():
 )  # fmt: skip
 def test_other_names_and_sweeps_of_labels_are_refused(tmp_path, units, message):
     assert message in "\n".join(problems(tmp_path, f"name: a\nunits: {units}\n"))
-
-
-def test_configurations_without_units_keep_their_digest():
-    # Of version 0.1: results of it stay valid.
-    assert digest(Config(name="x")) == "655824c9d0e292b21e7f13cad05f9044d3211883f6365e0bfbbb1fd7a51c1af1"
