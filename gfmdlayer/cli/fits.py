@@ -21,7 +21,7 @@ from gfmdlayer.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from gfmdlayer.fitting.indentation.estimates import FitOptions
+    from gfmdlayer.fitting.estimates import FitOptions
 
 _FIT_MATERIAL = """
 data DATA  file with two or three columns; the first must increase
@@ -47,7 +47,7 @@ data DATA  file with two or three columns; the first must increase
 def fit_material(options: argparse.Namespace) -> int:
     """Fit a law to a measured curve: omega, G' and G'', or t and G."""
     from gfmdlayer.body.shifts import WLF
-    from gfmdlayer.fitting import report
+    from gfmdlayer.fitting import material
     from gfmdlayer.fitting.measurement import FitError
 
     given = [value for value in (options.temperature, options.reference, options.wlf) if value is not None]
@@ -56,7 +56,7 @@ def fit_material(options: argparse.Namespace) -> int:
     if not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
     try:
-        summary = report.fit_material(
+        summary = material.fit_material(
             Path(options.data),
             None if options.out is None else Path(options.out),
             law=options.law,
@@ -116,7 +116,7 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
 def fit_indentation(options: argparse.Namespace) -> int:
     """Fit moduli, times and thicknesses to measured force curves of an indenter."""
     from gfmdlayer.execution import interrupts, workers
-    from gfmdlayer.fitting.indentation.estimates import FitOptions
+    from gfmdlayer.fitting.estimates import FitOptions
     from gfmdlayer.fitting.measurement import FitError
 
     try:
@@ -166,17 +166,17 @@ def _free(keys: list[str]) -> dict[str, list[float] | None] | None:
 
 
 def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int:
-    from gfmdlayer.fitting.indentation import report
-    from gfmdlayer.fitting.indentation.curve import in_si
-    from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
-    from gfmdlayer.fitting.indentation.fit import fit_curves
-    from gfmdlayer.fitting.indentation.problem import Model
-    from gfmdlayer.fitting.indentation.starts import read_model
+    from gfmdlayer.fitting import indentation_report as report
+    from gfmdlayer.fitting.curve_files import entries, read_curve
+    from gfmdlayer.fitting.force_curve import in_si
+    from gfmdlayer.fitting.indentation import fit_curves
+    from gfmdlayer.fitting.problem import IndentationModel
+    from gfmdlayer.fitting.starts import read_model
 
     out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
     report.targets(out, options.force)
     models = {str(path): read_model(path, free) for path in options.model}
-    checked = {path: (Model(data), keys) for path, (data, keys) in models.items()}
+    checked = {path: (IndentationModel(data), keys) for path, (data, keys) in models.items()}
     found = entries([Path(each) for each in options.data])
     fits = {}
     for path, (model, keys) in checked.items():
@@ -197,7 +197,7 @@ def _prepare() -> None:
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.fitting.force_map import ForceMap
-    from gfmdlayer.fitting.indentation.starts import read_model
+    from gfmdlayer.fitting.starts import read_model
     from gfmdlayer.results.schema import ResultsError
 
     paths = [Path(each) for each in options.data]

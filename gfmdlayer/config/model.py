@@ -36,7 +36,7 @@ from gfmdlayer.config.trajectory import (
 )
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
 from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
-from gfmdlayer.interface.interface import Friction, Interface
+from gfmdlayer.interface.interface import FrictionLaw, Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
@@ -360,9 +360,9 @@ class Config(Section):
         return tuple(law for law in self._every_law if law.attracts)
 
     @property
-    def friction(self) -> tuple[Friction, ...]:
+    def friction(self) -> tuple[FrictionLaw, ...]:
         """The laws of friction, of which the smaller traction counts; empty without friction."""
-        return tuple(law for law in self._every_law if isinstance(law, Friction))
+        return tuple(law for law in self._every_law if isinstance(law, FrictionLaw))
 
     @property
     def _every_law(self) -> tuple[Interface, ...]:

@@ -42,7 +42,7 @@ _PRECISE = 1e-13
 _CLOSE = 1e-8  # of the reach, of the radius where contact is lost: its value is stationary
 
 
-class Adhesion(NamedTuple):
+class EdgeAdhesion(NamedTuple):
     """Adhesion of an elastic contact: JKR's work, or DMT's force, or neither."""
 
     work: float = 0.0  # energy per area
@@ -76,7 +76,7 @@ class _Values(NamedTuple):
     stiffness_slope: FloatArray
     lift_slope: FloatArray
 
-    def under(self, control: Control, adhesion: Adhesion) -> tuple[FloatArray, FloatArray]:
+    def under(self, control: Control, adhesion: EdgeAdhesion) -> tuple[FloatArray, FloatArray]:
         """Return what is prescribed, and its derivative to the radius."""
         root = math.sqrt(adhesion.work)
         share = control.depth_share + control.compliance * self.stiffness
@@ -141,14 +141,14 @@ class Equilibria:
     def _grid(self) -> _Values:
         return self.at(self.reach * np.linspace(0.0, 1.0, _RADII) ** 2)
 
-    def largest(self, control: Control, adhesion: Adhesion) -> float:
+    def largest(self, control: Control, adhesion: EdgeAdhesion) -> float:
         """Return the prescribed value at the reach; infinite at a rim."""
         return math.inf if self.reach >= self.profile.rim else float(self._under(control, adhesion)[0][-1])
 
-    def _under(self, control: Control, adhesion: Adhesion) -> tuple[FloatArray, FloatArray]:
+    def _under(self, control: Control, adhesion: EdgeAdhesion) -> tuple[FloatArray, FloatArray]:
         return self._grid.under(control, adhesion)
 
-    def branch(self, control: Control, adhesion: Adhesion) -> Branch:
+    def branch(self, control: Control, adhesion: EdgeAdhesion) -> StableContacts:
         """Return the stable contacts under a control."""
         values = self._under(control, adhesion)[0]
         least = int(np.argmin(values))
@@ -163,16 +163,16 @@ class Equilibria:
                 lost = float(brentq(slope, *ends, xtol=_CLOSE * self.reach))
         end = float(self.at(np.array([lost])).under(control, adhesion)[0][0])
         stable = np.minimum.accumulate(values[::-1])[::-1]  # the largest radius at a value is taken
-        return Branch(self, control, adhesion, lost, end, np.maximum(stable, end))
+        return StableContacts(self, control, adhesion, lost, end, np.maximum(stable, end))
 
 
 @dataclass(frozen=True)
-class Branch:
+class StableContacts:
     """The stable contacts under a control: from the smallest prescribed value, where contact is lost, on."""
 
     of: Equilibria
     control: Control
-    adhesion: Adhesion
+    adhesion: EdgeAdhesion
     radius: float  # where contact is lost
     end: float  # the prescribed value there
     _stable: FloatArray
@@ -215,7 +215,7 @@ def touches(prescribed: FloatArray, end: FloatArray) -> BoolArray:
     return found
 
 
-class Nodes(NamedTuple):
+class WaveNodes(NamedTuple):
     """Nodes in q for contacts up to a radius, on bodies of the same lengths."""
 
     reach: float
@@ -239,13 +239,13 @@ class Nodes(NamedTuple):
         return float(q_K[-1]), C
 
 
-def find_nodes(body: Body, reach: float) -> Nodes:
+def find_nodes(body: Body, reach: float) -> WaveNodes:
     """Return the nodes for contacts up to a radius; ValueError if the body does not support a load."""
     features = find_features(body, reach)
-    return Nodes(reach, features.surface, *panels(features, reach), features.last)
+    return WaveNodes(reach, features.surface, *panels(features, reach), features.last)
 
 
-def equilibria(local: float, C: FloatArray, nodes: Nodes, profile: Revolution) -> Equilibria:
+def equilibria(local: float, C: FloatArray, nodes: WaveNodes, profile: Revolution) -> Equilibria:
     """Return the contacts of an elastic body of D = `local`, and of C/D at the nodes."""
     reach = min(nodes.reach, profile.rim)
     if not C.any():

@@ -70,13 +70,13 @@ def profiles(found: Indentation, profile: Revolution, times: FloatArray, r: Floa
     assert found.space is not None
     pressure, displacement, gap = np.zeros((3, times.size, r.size))
     for k, at in enumerate(np.searchsorted(found.time, times)):
-        surface = _Surface(found.fields, int(at), k, found.space, profile)
+        surface = _IndentedSurface(found.fields, int(at), k, found.space, profile)
         pressure[k] = surface.pressure(r)
         displacement[k], gap[k] = surface.displacement_and_gap(r)
     return Profiles(times, r, pressure, displacement, gap)
 
 
-class _Surface:
+class _IndentedSurface:
     """The surface at one time, with the radius and the depth of the fields; the columns are extrapolated."""
 
     def __init__(self, fields: Marched, at: int, snapshot: int, space: Space, profile: Revolution) -> None:

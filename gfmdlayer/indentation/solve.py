@@ -29,7 +29,16 @@ from gfmdlayer.indentation.compliance import (
     gauss_rule,
     panels,
 )
-from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Branches, Drive, EdgeLaw, Marched, Nodes, march
+from gfmdlayer.indentation.march import (
+    COMPLETE,
+    LEFT_GRID,
+    Branches,
+    EdgeLaw,
+    MarchDrive,
+    Marched,
+    MarchNodes,
+    march,
+)
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
@@ -114,7 +123,7 @@ class Space(NamedTuple):
     features: Features
     q: FloatArray
     weights: FloatArray
-    nodes: Nodes
+    nodes: MarchNodes
 
     def compliance(self, body: Body) -> Compliance:
         """Return the compliance of a body at these nodes."""
@@ -140,7 +149,7 @@ def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Spa
     x, w = gauss_rule(gauss)
     y, v = gauss_rule(max(8, gauss // 2))
     cosines = np.cos(np.outer(np.arange(2 * n + 3) * spacing, q))
-    nodes = Nodes(reach, spacing, cosines, (x + 1) / 2, w / 2, (y + 1) / 2, v / 2)
+    nodes = MarchNodes(reach, spacing, cosines, (x + 1) / 2, w / 2, (y + 1) / 2, v / 2)
     return Space(features, q, weights, nodes)
 
 
@@ -195,7 +204,7 @@ def march_on(
     kept = np.isin(time, [] if snapshots is None else snapshots)
     accuracy = _EDGE if located == 1 else _ROUGH_EDGE
     by_force, law = history.by_force_at(time), adhesion.law(body)
-    drive = Drive(time, value, by_force, breakpoints, kept, law, located, accuracy)
+    drive = MarchDrive(time, value, by_force, breakpoints, kept, law, located, accuracy)
     found = march(body, _branches(body), profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found

@@ -340,7 +340,7 @@ class Drawn(NamedTuple):
         return packed(np.asarray(values) / self.divisor)
 
 
-class Swept(NamedTuple):
+class PageKeys(NamedTuple):
     """The swept keys as the page has them, their coordinates, and for each case the places of its values."""
 
     keys: list[dict[str, Any]]
@@ -385,7 +385,7 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
     }
 
 
-def _swept(cases: Sequence[Listed], unit: Callable[[str], str]) -> Swept:
+def _swept(cases: Sequence[Listed], unit: Callable[[str], str]) -> PageKeys:
     keys = list(dict.fromkeys(key for case in cases for key in case.values))
     layout = lay_out([case.values for case in cases], keys, listed=True)
     found, coordinates, places = [], {}, []
@@ -409,7 +409,7 @@ def _swept(cases: Sequence[Listed], unit: Callable[[str], str]) -> Swept:
         coordinates[name] = coordinate
         places.append(inverse.tolist())
     by_case = [list(each) for each in zip(*places, strict=True)] if places else [[] for _ in cases]
-    return Swept(found, coordinates, by_case)
+    return PageKeys(found, coordinates, by_case)
 
 
 def _columns(
@@ -471,7 +471,7 @@ def _bins(
     return {"bins": {"label": drawn.label, "edges": [plain(edge) for edge in edges.tolist()]}}
 
 
-def _shown_first(columns: Mapping[str, Drawn], complete: Sequence[Contents], swept: Swept) -> list[str]:
+def _shown_first(columns: Mapping[str, Drawn], complete: Sequence[Contents], swept: PageKeys) -> list[str]:
     """Return the two columns that are drawn when the page opens, chosen as for the figures."""
     about = {"swept": " ".join(each["key"] for each in swept.keys)}
     if complete:

@@ -23,9 +23,9 @@ from scipy.special import stdtrit
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
-from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.indentation.problem import LeastSquares, Parameter
+from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
+from gfmdlayer.fitting.force_curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
+from gfmdlayer.fitting.problem import FreeParameter, LeastSquares
 
 BAND = 0.95  # confidence of all intervals
 WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their order
@@ -178,7 +178,7 @@ def conclude(
     errors = np.sqrt(np.diag(on_scale))
     profiles: list[tuple[float, float] | None] = [None] * u.size
     if options.profile:
-        search = _Profile(problem, u, spread, factor, options.loss)
+        search = _ProfileInterval(problem, u, spread, factor, options.loss)
         profiles = [(search.end(i, t, -1.0), search.end(i, t, 1.0)) for i in range(u.size)]
     values = problem.values(u)
     estimates = tuple(
@@ -237,7 +237,7 @@ def preference(criteria: Mapping[str, float]) -> str:
 
 
 def _estimate(
-    parameter: Parameter,
+    parameter: FreeParameter,
     value: float,
     on_scale: tuple[float, float],
     t: float,
@@ -438,7 +438,7 @@ def quantile(level: float, freedom: int) -> float:
     return float(stdtrit(freedom, 0.5 + level / 2))
 
 
-class _Profile:
+class _ProfileInterval:
     """The ends of the profile intervals."""
 
     def __init__(

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, Setup
+from gfmdlayer.fitting.force_curve import Correction, ForceCurve, Pieces, Setup
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.indentation.solve import (
@@ -45,7 +45,7 @@ SNAP = 1e-3, 0.1, 0.4  # further times in the first step, where the depth jumps 
 EVEN = 0.3  # fraction of the steps that is spread evenly over the time
 
 
-class Course(NamedTuple):
+class SteppedResponse(NamedTuple):
     """The response at the times of a mesh, from the first contact on, and the losses of contact."""
 
     time: FloatArray
@@ -74,7 +74,7 @@ class SteppedContact:
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
         self._made: list[tuple[Setup, Space, Compliance]] = []  # the last ones
-        self._courses: list[tuple[tuple[object, ...], Pieces, Course]] = []  # the last ones
+        self._courses: list[tuple[tuple[object, ...], Pieces, SteppedResponse]] = []  # the last ones
 
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
         """Choose the times by the bends of the response, and the nodes by the lengths of the body."""
@@ -127,7 +127,7 @@ class SteppedContact:
         away = forces / at.stiffness if self._curve.by_base else 0.0
         return forces, np.where(by_force, depths, value - away)
 
-    def course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False) -> Course:
+    def course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False) -> SteppedResponse:
         """Return the response from the first contact on.
 
         A `rough` one has an error of second order in the step, of which differences are nearly free.
@@ -141,14 +141,14 @@ class SteppedContact:
         self._courses = [(key, pieces, found), *self._courses[: 2 * KEPT - 1]]
         return found
 
-    def _course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool) -> Course:
+    def _course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool) -> SteppedResponse:
         times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
         if _snaps(at, pieces):
             times = np.insert(times, 1, times[0] + np.array(SNAP) * (times[1] - times[0]))
         both = halved(times)
         history = History(both, *pieces.at(both))
         if not history.value.max() > 0:
-            return Course(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 4)))
+            return SteppedResponse(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 4)))
         edge = Edge(at.adhesion.work)
         while True:
             space = self._space = self._space or self._find_space(setup, at, pieces, edge)
@@ -172,7 +172,9 @@ class SteppedContact:
                 # The contact shrinks fast before it is lost: rows see the jump from the force a row before.
                 seen = lost[:, 0] - np.median(np.diff(self._curve.time))
                 seen = _with_losses(times, force, seen, lost)
-                return Course(times, force, depth, np.column_stack((lost, seen, pieces.at(lost[:, 0])[0])))
+                return SteppedResponse(
+                    times, force, depth, np.column_stack((lost, seen, pieces.at(lost[:, 0])[0]))
+                )
 
     def _compliance(self, setup: Setup, space: Space) -> Compliance:
         for known, nodes, made in self._made:

@@ -16,30 +16,30 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.fitting.indentation.curve import WORDS, ForceCurve, Sizes, in_si
-from gfmdlayer.fitting.indentation.curve_files import Units, afm_curve, curve_facts, entries, read_curve
-from gfmdlayer.fitting.indentation.design import second_curve
-from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, minimised
-from gfmdlayer.fitting.indentation.problem import (
+from gfmdlayer.fitting.curve_files import Units, afm_curve, curve_facts, entries, read_curve
+from gfmdlayer.fitting.design import second_curve
+from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
+from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, conclude, minimised
+from gfmdlayer.fitting.force_curve import WORDS, ForceCurve, Sizes, in_si
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.problem import (
     STICKING,
     Free,
+    IndentationModel,
     LeastSquares,
-    Model,
     depths,
     refuse_adhesion,
     refuse_impossible,
     refuse_mixed_units,
     warnings_before,
 )
-from gfmdlayer.fitting.indentation.starts import (
+from gfmdlayer.fitting.starts import (
     curve_parameters,
     first_guess,
     make_problem,
     read_model,
     with_adhesion,
 )
-from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.model import IsolatedContact
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
@@ -121,7 +121,7 @@ def fit_indentation(
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
     data, keys = read_model(model, free)
-    made = Model(data)
+    made = IndentationModel(data)
     given = list(_curves(every, units, in_si(made.config.units), options))
     if not given:
         raise FitError("got no curve; give at least one")
@@ -155,7 +155,7 @@ def _curves(
 
 def fit_curves(
     curves: Sequence[ForceCurve],
-    model: Model,
+    model: IndentationModel,
     free: Free,
     options: FitOptions,
     advise: bool = True,
@@ -197,7 +197,7 @@ def fit_curves(
 
 
 def _best_adhesion(
-    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool
+    curves: Sequence[ForceCurve], model: IndentationModel, free: Free, options: FitOptions, advise: bool
 ) -> IndentationFit:
     """Fit without adhesion, with JKR and with DMT, and return the fit of the least BIC."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)

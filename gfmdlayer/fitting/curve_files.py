@@ -29,7 +29,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.tables import TableError, is_number, read_lines, refuse_other_files
-from gfmdlayer.fitting.indentation.curve import (
+from gfmdlayer.fitting.estimates import FitOptions
+from gfmdlayer.fitting.force_curve import (
     BASE,
     COLUMNS,
     FORCE,
@@ -40,7 +41,6 @@ from gfmdlayer.fitting.indentation.curve import (
     parse_heading,
     size_of,
 )
-from gfmdlayer.fitting.indentation.estimates import FitOptions
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}
 HDF5 = {".h5", ".hdf5"}

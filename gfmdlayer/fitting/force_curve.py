@@ -17,7 +17,7 @@ from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.measurement import FitError
-from gfmdlayer.indentation.equilibrium import Adhesion
+from gfmdlayer.indentation.equilibrium import EdgeAdhesion
 from gfmdlayer.indentation.solve import corners
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 from gfmdlayer.validation.units import Units
@@ -363,7 +363,7 @@ Placing = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
-class Drive:
+class StraightDrive:
     """A prescribed quantity of straight pieces."""
 
     time: FloatArray  # shape (corners,)
@@ -374,7 +374,7 @@ class Drive:
     covariance: FloatArray
 
     @classmethod
-    def of(cls, time: FloatArray, values: FloatArray, span: float | None = None) -> Drive:
+    def of(cls, time: FloatArray, values: FloatArray, span: float | None = None) -> StraightDrive:
         """Reduce measured values to straight pieces; `span` is the range of the whole column."""
         if time.size == 1:
             return cls(time, values, 0.0, np.zeros((1, 1)))
@@ -392,12 +392,12 @@ class Drive:
         covariance = np.asarray(np.linalg.pinv(columns.T @ columns), dtype=float)
         return cls(times, at_corners, (squares / freedom) ** 0.5, covariance)
 
-    def moved(self, by: FloatArray) -> Drive:
+    def moved(self, by: FloatArray) -> StraightDrive:
         """Return the drive with changes of its values, and of the times of its inner corners."""
         count = self.time.size
         inner = by[count:] if by.size > count else np.zeros(max(count - 2, 0))
         time = self.time + np.concatenate(([0.0], inner, [0.0]))[:count]
-        return Drive(time, self.value + by[:count], self.error, self.covariance)
+        return StraightDrive(time, self.value + by[:count], self.error, self.covariance)
 
     @property
     def breakpoints(self) -> FloatArray:
@@ -503,7 +503,7 @@ class Correction(NamedTuple):
     force_drift: float = 0.0
     tilt: float = 0.0
     stiffness: float = math.inf
-    adhesion: Adhesion = Adhesion()
+    adhesion: EdgeAdhesion = EdgeAdhesion()
 
 
 OF_A_CURVE = Correction._fields[:-1]

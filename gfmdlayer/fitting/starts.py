@@ -14,22 +14,22 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
-from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve, baseline, noise_of
-from gfmdlayer.fitting.indentation.elastic import KINDS, NO_ADHESION, work_for
-from gfmdlayer.fitting.indentation.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
-from gfmdlayer.fitting.indentation.problem import (
+from gfmdlayer.fitting.elastic import KINDS, NO_ADHESION, work_for
+from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
+from gfmdlayer.fitting.force_curve import DEPTH, ForceCurve, baseline, noise_of
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import (
     MODULI,
     SECTIONS,
     STICKING,
     WIDE,
     Free,
+    FreeParameter,
+    IndentationModel,
     LeastSquares,
-    Model,
-    Parameter,
-    Prediction,
     free_parameters,
 )
-from gfmdlayer.indentation.equilibrium import Adhesion
+from gfmdlayer.indentation.equilibrium import EdgeAdhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.punch.revolution import abel_transform
 from gfmdlayer.validation.problems import location_of_key, shown, unknown_key
@@ -54,7 +54,7 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
             raise ConfigError(found or [f"{model}: must have the keys layer, halfspace and punch"])
         data = document.data
         try:
-            Model({key: value for key, value in data.items() if key != "free"})
+            IndentationModel({key: value for key, value in data.items() if key != "free"})
         except ConfigError as error:
             raise ConfigError(f"{_place(document, each)}: {each}" for each in error.problems) from None
     own = data.pop("free", None)
@@ -91,7 +91,10 @@ def _finite(value: Any) -> bool:
 
 
 def make_problem(
-    curves: Sequence[ForceCurve], model: Model, parameters: Sequence[Parameter], options: FitOptions
+    curves: Sequence[ForceCurve],
+    model: IndentationModel,
+    parameters: Sequence[FreeParameter],
+    options: FitOptions,
 ) -> LeastSquares:
     """Return the least-squares problem of curves, at the model's values."""
     offsets = {each.curve: each.start for each in parameters if each.key == "force_offset"}
@@ -111,8 +114,8 @@ def make_problem(
 
 
 def curve_parameters(
-    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions
-) -> list[Parameter]:
+    curves: Sequence[ForceCurve], model: IndentationModel, free: Free, options: FitOptions
+) -> list[FreeParameter]:
     """Return the free parameters of a fit, with the starts and the default bounds that follow from curves."""
     depth = max(float(np.ptp(curve.depth)) for curve in curves)
     force = max(float(np.ptp(curve.force)) for curve in curves)
@@ -184,7 +187,7 @@ def _change(curve: ForceCurve) -> ContactPoint:
     return ContactPoint(float(position[row]), abs(float(position[row] - position[row - 1])), offset)
 
 
-def _from_detection(parameter: Parameter, point: Any) -> Parameter:
+def _from_detection(parameter: FreeParameter, point: Any) -> FreeParameter:
     start = {"contact_point": point.depth, "force_offset": point.offset}.get(parameter.key, parameter.start)
     low, high = parameter.bounds
     if parameter.key in {"contact_point", "force_offset"}:
@@ -243,7 +246,7 @@ def _sticking(problem: LeastSquares, u: FloatArray) -> float:
         pull = max(-float(np.min(force[each.used])), 3 * noise_of(each.curve.force))
         pull = max(pull, 1e-4 * float(np.max(force)))
         if kind == "jkr":
-            bare = each.contacts(config, at._replace(adhesion=Adhesion()))
+            bare = each.contacts(config, at._replace(adhesion=EdgeAdhesion()))
             pull = work_for(pull, bare.equilibria)
         found.append(pull)
     return float(np.median(found))
@@ -258,7 +261,7 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
     predicted, measured = [], []
     for each in problem.predictions:
         config, at = problem.at(u, each)
-        force, depth = each.response(config, at._replace(adhesion=Adhesion()))
+        force, depth = each.response(config, at._replace(adhesion=EdgeAdhesion()))
         problem.solutions += 1
         since = each.curve.time - each.curve.time[0]
         own = each.curve.depth - at.contact_point - at.drift * since
@@ -278,7 +281,9 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
     return shifted, float(np.sum((factor * x - y) ** 2)), factor
 
 
-def with_adhesion(model: Model, free: Free, kind: str, curves: Sequence[ForceCurve]) -> tuple[Model, Free]:
+def with_adhesion(
+    model: IndentationModel, free: Free, kind: str, curves: Sequence[ForceCurve]
+) -> tuple[IndentationModel, Free]:
     """Return a model with adhesion of a kind whose work or force is free, or without adhesion."""
     asked = keys_with_adhesion(model, free, kind)
     if kind == NO_ADHESION:
@@ -295,7 +300,7 @@ def with_adhesion(model: Model, free: Free, kind: str, curves: Sequence[ForceCur
     return model.sticking({"model": kind, name: start}), asked
 
 
-def keys_with_adhesion(model: Model, free: Free, kind: str) -> dict[str, Sequence[float] | None]:
+def keys_with_adhesion(model: IndentationModel, free: Free, kind: str) -> dict[str, Sequence[float] | None]:
     """Return the free parameters with adhesion of a kind, in place of those of the model's."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     own = "" if kind == NO_ADHESION else f"{STICKING}{KINDS[kind]}"
@@ -307,7 +312,7 @@ def keys_with_adhesion(model: Model, free: Free, kind: str) -> dict[str, Sequenc
     return others | ({own: asked.get(own)} if own else {})
 
 
-def _size(model: Model, kind: str, curves: Sequence[ForceCurve]) -> float:
+def _size(model: IndentationModel, kind: str, curves: Sequence[ForceCurve]) -> float:
     """Return the size that adhesion may have: the largest force, or its energy over the area of contact."""
     force = max(float(np.ptp(curve.force)) for curve in curves)
     if kind == "dmt":

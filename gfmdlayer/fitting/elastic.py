@@ -33,16 +33,16 @@ from scipy.optimize import brentq
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, Setup, noise_of
+from gfmdlayer.fitting.force_curve import Correction, ForceCurve, Pieces, Setup, noise_of
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import (
     BY_DEPTH,
     BY_FORCE,
-    Adhesion,
-    Branch,
     Control,
+    EdgeAdhesion,
     Equilibria,
-    Nodes,
+    StableContacts,
+    WaveNodes,
     by_base,
     equilibria,
     find_nodes,
@@ -80,7 +80,7 @@ class DMT(Kind):
     """attraction: force"""
 
 
-class _Holder(Section):
+class _AdhesionHolder(Section):
     adhesion: Annotated[JKR | DMT, OneOf({"jkr": JKR, "dmt": DMT})]
 
 
@@ -91,15 +91,15 @@ KINDS: Mapping[str, str] = {"jkr": "work", "dmt": "force"}  # and their paramete
 def read_adhesion(data: object) -> dict[str, str | float]:
     """Return the section `adhesion` of a model; ConfigError with every error."""
     try:
-        return dict(_Holder.model_validate({"adhesion": data}).adhesion.model_dump())
+        return dict(_AdhesionHolder.model_validate({"adhesion": data}).adhesion.model_dump())
     except ValidationError as error:
-        found = _Holder.all_problems({"adhesion": data}, error)
+        found = _AdhesionHolder.all_problems({"adhesion": data}, error)
         raise ConfigError(map(str, found)) from None
 
 
-def adhesion_of(section: Mapping[str, str | float] | None) -> Adhesion:
+def adhesion_of(section: Mapping[str, str | float] | None) -> EdgeAdhesion:
     """Return the adhesion that a section `adhesion` describes."""
-    return Adhesion(**{key: float(value) for key, value in (section or {}).items() if key != "model"})
+    return EdgeAdhesion(**{key: float(value) for key, value in (section or {}).items() if key != "model"})
 
 
 class Jump(NamedTuple):
@@ -118,15 +118,15 @@ class Contacts:
 
     equilibria: Equilibria
     control: Control  # of the position
-    adhesion: Adhesion
+    adhesion: EdgeAdhesion
 
     @cached_property
-    def position(self) -> Branch:
+    def position(self) -> StableContacts:
         """The contacts under a prescribed depth or base."""
         return self.equilibria.branch(self.control, self.adhesion)
 
     @cached_property
-    def force(self) -> Branch:
+    def force(self) -> StableContacts:
         """The contacts under a prescribed force."""
         return self.equilibria.branch(BY_FORCE, self.adhesion)
 
@@ -279,8 +279,8 @@ class ElasticContact:
     def __init__(self, curve: ForceCurve) -> None:
         self.changes = 0  # of the nodes
         self._curve = curve
-        self._nodes: Nodes | None = None
-        self._tables: list[tuple[Nodes, FloatArray, Equilibria]] = []
+        self._nodes: WaveNodes | None = None
+        self._tables: list[tuple[WaveNodes, FloatArray, Equilibria]] = []
         self._known: list[tuple[Setup, Correction, Contacts]] = []  # the last two
 
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
@@ -328,7 +328,7 @@ class ElasticContact:
         self._known = [(setup, at, contacts), *self._known[:1]]
         return contacts
 
-    def _find_nodes(self, body: Body, reach: float, most_phase: float) -> Nodes:
+    def _find_nodes(self, body: Body, reach: float, most_phase: float) -> WaveNodes:
         try:
             found = find_nodes(body, reach)
         except ValueError as error:
@@ -351,7 +351,9 @@ class ElasticContact:
         self._tables = [(self._nodes, C, found), *self._tables[:KEPT_TABLES]]
         return found
 
-    def _first_reach(self, setup: Setup, adhesion: Adhesion, most: Sequence[tuple[Control, float]]) -> float:
+    def _first_reach(
+        self, setup: Setup, adhesion: EdgeAdhesion, most: Sequence[tuple[Control, float]]
+    ) -> float:
         """Return the contact radius on a halfspace of the surface's material, within a factor of two."""
         reach = float(np.ptp(self._curve.depth))
         while True:
@@ -367,7 +369,7 @@ def work_for(pull: float, made: Equilibria) -> float:
     """Return JKR's work of adhesion with which a contact is lost at a tensile force."""
 
     def excess(logarithm: float) -> float:
-        end = made.branch(BY_FORCE, Adhesion(math.exp(logarithm))).end
+        end = made.branch(BY_FORCE, EdgeAdhesion(math.exp(logarithm))).end
         return math.log(max(-end / pull, 1e-300))
 
     # The pull grows with the work by a power between 1/2 (flat punch) and 1 (paraboloid), or around it.

@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import (
+from gfmdlayer.fitting.elastic import adhesion_of
+from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, conclude
+from gfmdlayer.fitting.force_curve import (
     BASE,
     DEPTH,
     FORCE,
@@ -26,18 +28,16 @@ from gfmdlayer.fitting.indentation.curve import (
     ForceCurve,
     column,
 )
-from gfmdlayer.fitting.indentation.elastic import adhesion_of
-from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
-from gfmdlayer.fitting.indentation.problem import (
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import (
     SECTIONS,
     Free,
+    IndentationModel,
     LeastSquares,
-    Model,
-    Prediction,
     refuse_adhesion,
 )
-from gfmdlayer.fitting.indentation.starts import curve_parameters, make_problem, read_model
-from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.starts import curve_parameters, make_problem, read_model
 from gfmdlayer.validation.problems import unknown_key
 
 KEYS = ("name", "time", *PRESCRIBED, "rows", "noise", "depth_noise", "stiffness", "stiffness_error", "punch")
@@ -95,14 +95,14 @@ def design_indentation(
     True
     """
     data, keys = read_model(model, free)
-    made = Model(data)
+    made = IndentationModel(data)
     given = [plans] if isinstance(plans, Mapping) else list(plans)
     if not given:
         raise ConfigError(["plans: got none; give at least one"])
     return _expected([_planned(plan, made, number) for number, plan in enumerate(given)], made, keys)
 
 
-def _planned(plan: Plan, model: Model, number: int) -> ForceCurve:
+def _planned(plan: Plan, model: IndentationModel, number: int) -> ForceCurve:
     """Return the curve of a plan, with the model's response and without noise."""
     name = str(plan.get("name", number))
     if foreign := [key for key in plan if key not in KEYS]:
@@ -142,7 +142,7 @@ def _planned(plan: Plan, model: Model, number: int) -> ForceCurve:
     return replace(curve, force=found, depth=own - found / stiffness if kind == BASE else own)
 
 
-def _expected(curves: Sequence[ForceCurve], model: Model, free: Free) -> IndentationFit:
+def _expected(curves: Sequence[ForceCurve], model: IndentationModel, free: Free) -> IndentationFit:
     """Return the fit of curves without noise, at the values of the model."""
     options = FitOptions()
     problem = make_problem(curves, model, curve_parameters(curves, model, free, options), options)
@@ -162,7 +162,7 @@ def second_curve(problem: LeastSquares, u: Any, fit: IndentationFit, free: Free)
     if len(problem.predictions) != 1 or not open_ones:
         return
     data = fit.config.model_dump(exclude_none=True)
-    model = Model({key: data[key] for key in SECTIONS if key in data and key != "name"})
+    model = IndentationModel({key: data[key] for key in SECTIONS if key in data and key != "name"})
     keys = [key for key in free if key in model.keys or key in OF_A_CURVE]
     first = _plan(problem, u, fit)
     found = {}
@@ -203,7 +203,7 @@ def _plan(problem: LeastSquares, u: Any, fit: IndentationFit) -> dict[str, Any]:
     return plan if curve.punch is None else plan | {"punch": dict(curve.punch)}
 
 
-def _proposals(plan: dict[str, Any], model: Model) -> Iterator[tuple[str, dict[str, Any]]]:
+def _proposals(plan: dict[str, Any], model: IndentationModel) -> Iterator[tuple[str, dict[str, Any]]]:
     kind = next(key for key in PRESCRIBED if key in plan)
     begin, time, values = plan["time"][0], plan["time"], plan[kind]
     second = plan | {"name": "second"}
