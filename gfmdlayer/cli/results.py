@@ -214,7 +214,7 @@ def leak(options: argparse.Namespace) -> int:
     """Print how much a fluid leaks through the gap, from the snapshots of results."""
     from gfmdlayer.figures.field_plots import flow_figure
     from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
-    from gfmdlayer.figures.snapshot_plots import cases_with_snapshots
+    from gfmdlayer.figures.snapshots import cases_with_snapshots
     from gfmdlayer.files.whole import unfinished
     from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.results.reader import open_case, open_results

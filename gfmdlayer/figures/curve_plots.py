@@ -38,7 +38,7 @@ from gfmdlayer.figures.selection import (
     rows,
     swept,
 )
-from gfmdlayer.figures.snapshot_plots import Inset
+from gfmdlayer.figures.snapshots import Inset
 from gfmdlayer.observables import SPARSE
 from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError

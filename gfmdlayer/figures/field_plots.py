@@ -21,7 +21,7 @@ from gfmdlayer.figures.plot_style import (
     new_figure,
     styled,
 )
-from gfmdlayer.figures.snapshot_plots import (
+from gfmdlayer.figures.snapshots import (
     MAP_POINTS,
     MOST_MAPS,
     Extremes,
