@@ -188,14 +188,14 @@ def collect(
         numbers[place], labels[place] = case.index, case.entry.name
         if case.index in failed:
             continue
-        found = read_estimates(folder.case(case.index))
-        if found is None:
+        estimates = read_estimates(folder.case(case.index))
+        if estimates is None:
             failed[case.index] = f"curve {case.entry.name}: its file cannot be read"
             continue
         for row, key in enumerate(keys):
-            if key in found.keys:  # a curve has no stiffness to fit where its depth is prescribed
-                np.moveaxis(tables[row], 0, -1)[place] = found.columns[:, found.keys.index(key)]
-        np.moveaxis(scalars, 0, -1)[place] = found.scalars
+            if key in estimates.keys:  # a curve has no stiffness to fit where its depth is prescribed
+                np.moveaxis(tables[row], 0, -1)[place] = estimates.columns[:, estimates.keys.index(key)]
+        np.moveaxis(scalars, 0, -1)[place] = estimates.scalars
     with new_file(folder.sweep) as file:
         h5 = file.begin()
         for name, values in layout.coordinates.items():
@@ -312,9 +312,13 @@ class ForceMap:
                     self._warm_up(pool, todo)
                 for outcome in Schedule(pool, self.task, self.folder, reporter.ended).run(todo):
                     outcomes[outcome.index] = outcome
-            collected = all(each.state in {"complete", "failed"} for each in outcomes.values())
+            collected = all(outcome.state in {"complete", "failed"} for outcome in outcomes.values())
             if collected:
-                reasons = {each.index: each.reason for each in outcomes.values() if each.state == "failed"}
+                reasons = {
+                    outcome.index: outcome.reason
+                    for outcome in outcomes.values()
+                    if outcome.state == "failed"
+                }
                 collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name},
                         self._model.config.unit)  # fmt: skip
         failures = [outcomes[index] for index in sorted(outcomes) if outcomes[index].state == "failed"]

@@ -189,8 +189,8 @@ class _SeriesProblem:
 
     def polished(self, times: FloatArray) -> FloatArray:
         """Return the times of least error nearby, sorted; zero and nearly coincident branches are removed."""
-        found = least_squares(self.residual, times, self.jacobian, self.bounds, xtol=1e-6, ftol=1e-8)
-        kept = self._distinct(np.sort(found.x))
+        moved = least_squares(self.residual, times, self.jacobian, self.bounds, xtol=1e-6, ftol=1e-8)
+        kept = self._distinct(np.sort(moved.x))
         return kept if kept.size == times.size else self.polished(kept)
 
     def _distinct(self, times: FloatArray) -> FloatArray:
@@ -257,8 +257,8 @@ def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) 
         return np.ravel(measurement.predicted(law, measurement.abscissa) / wanted - 1)
 
     starts = sorted(unknowns.starts, key=lambda start: float(np.sum(residual(np.array(start)) ** 2)))
-    found = [least_squares(residual, start, x_scale="jac") for start in starts[:BEST]]
-    best = min(found, key=lambda each: each.cost)
+    trials = [least_squares(residual, start, x_scale="jac") for start in starts[:BEST]]
+    best = min(trials, key=lambda trial: trial.cost)
     law = unknowns.law(best.x.clip(-LIMIT, LIMIT))
     lowest = float(wanted[0].min())
     if relaxed is None and isinstance(law, PowerLaw) and 0 < law.G0 < NO_SPRING * lowest:

@@ -124,12 +124,12 @@ def with_suffixes(
     material: Path, suffixes: Sequence[str], force: bool, data: Path | None = None
 ) -> list[Path]:
     """Return the names of files beside a material; none may be the data, nor exist unless forced."""
-    for target in (found := [material, *map(material.with_suffix, suffixes)]):
+    for target in (targets := [material, *map(material.with_suffix, suffixes)]):
         if data is not None and target.exists() and data.exists() and target.samefile(data):
             raise ResultsError(f"{target}: is the data; choose another --out")
         if target.exists() and not force:
             raise ResultsError(f"{target}: exists; choose another --out, or overwrite it with --force")
-    return found
+    return targets
 
 
 def written(material: Path, texts: Mapping[Path, str], force: bool) -> None:

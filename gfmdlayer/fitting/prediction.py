@@ -60,8 +60,8 @@ class Prediction:
         self.drives: list[StraightDrive] = []
         self._kinds: list[str] = []
         self.used = np.zeros(curve.time.size, dtype=bool)  # rows whose residuals count
-        for kind, each in groupby(curve.segments, key=lambda segment: segment.prescribed):
-            parts = list(each)
+        for kind, segments_of_kind in groupby(curve.segments, key=lambda segment: segment.prescribed):
+            parts = list(segments_of_kind)
             rows = slice(parts[0].first, parts[-1].end)
             values = {FORCE: curve.force, DEPTH: curve.depth}.get(kind, curve.position_of_drive)
             self.drives.append(StraightDrive.of(curve.time[rows], values[rows], float(np.ptp(values))))
@@ -70,10 +70,10 @@ class Prediction:
                 self.used[part.first : part.end] = not segments or part.name in segments
         if (by_force := curve.by_force).any():
             # Without force the indenter may be anywhere above the surface.
-            times = np.concatenate([each.time for each in self.drives])
-            forces = np.interp(curve.time, times, np.concatenate([each.value for each in self.drives]))
+            times = np.concatenate([drive.time for drive in self.drives])
+            forces = np.interp(curve.time, times, np.concatenate([drive.value for drive in self.drives]))
             kinds = zip(self.drives, self._kinds, strict=True)
-            errors = [each.error for each, kind in kinds if kind == FORCE]
+            errors = [drive.error for drive, kind in kinds if kind == FORCE]
             least = max(LEAST_FORCE * float(np.max(curve.force) - offset), SIGMAS * max(errors) / 10**0.5)
             counts = (np.abs(forces - offset) if adhesive else forces - offset) > least
             if adhesive and counts.any():  # from push to pull there is contact
@@ -81,7 +81,7 @@ class Prediction:
                 counts[first:last] = True
             self.used &= ~by_force | counts
         if not self.used.any():
-            known = ", ".join(dict.fromkeys(each.name for each in curve.segments))
+            known = ", ".join(dict.fromkeys(segment.name for segment in curve.segments))
             raise CurveError(
                 f"curve {curve.name}: no row is left in the segments {', '.join(segments) or known}; it has "
                 f"{known}"
@@ -156,14 +156,14 @@ class Prediction:
     @property
     def retracts(self) -> bool:
         """Whether a row of a retraction counts."""
-        found = False
+        retracts = False
         for part in self.curve.segments:
             rows = np.flatnonzero(self.used[part.first : part.end]) + part.first
             if rows.size > 1:
                 drive = self.curve.force if part.prescribed == FORCE else self.curve.position_of_drive
                 top = rows[0] + int(np.argmax(drive[rows[0] : rows[-1] + 1]))
-                found |= bool(drive[top] - drive[rows[-1]] > RETRACTED * np.ptp(drive))
-        return found
+                retracts |= bool(drive[top] - drive[rows[-1]] > RETRACTED * np.ptp(drive))
+        return retracts
 
     def forget(self) -> None:
         """Let the model have its own contact."""
@@ -185,7 +185,7 @@ class Prediction:
     def _error_of_drive(self, row: int) -> float:
         """Return the standard error of the prescribed value before a row."""
         time = float(self.curve.time[row - 1 : row + 1].mean())
-        drive = next(each for each in self.drives[::-1] if each.time[0] <= time or each is self.drives[0])
+        drive = next(drive for drive in self.drives[::-1] if drive.time[0] <= time or drive is self.drives[0])
         if drive.time.size < 2:
             return 0.0
         along = straight_derivatives(np.array([time]), drive.time, drive.value)[0]
@@ -229,7 +229,7 @@ class Prediction:
             return np.append(self.measured(config, at, rough=True), self.jumps(config, at, rough=True))
 
         base, columns = every(), list[FloatArray]()
-        near = all(self._error_of_drive(each.row) < NOISY * each.spread for each in self.touch.jumps)
+        near = all(self._error_of_drive(jump.row) < NOISY * jump.spread for jump in self.touch.jumps)
         solutions = 1
         for k, drive in enumerate(self.drives):
             span = max(float(np.ptp(drive.value)), 1e-300)
@@ -271,7 +271,8 @@ class Prediction:
             parts.append((time[:-1], time[1:], value[:-1], value[1:], np.full(time.size - 1, kind == FORCE)))
             begin = float(time[-1])
         # The first piece of a drive begins at the end of the last one.
-        found = [each.breakpoints for each in self.drives]
-        later = [each[1:] if each.size > 1 else each for each in found[1:]]
-        parts_of = [np.concatenate(each) for each in zip(*parts, strict=True)]
-        return Pieces._make([*parts_of, np.concatenate([found[0], *later])])
+        breakpoints, *later = (drive.breakpoints for drive in self.drives)
+        breakpoints = np.concatenate(
+            [breakpoints, *(times[1:] if times.size > 1 else times for times in later)]
+        )
+        return Pieces._make([*(np.concatenate(column) for column in zip(*parts, strict=True)), breakpoints])

@@ -71,10 +71,10 @@ class IndentationModel:
         self._given = dict(data)
         # The curves have the history; the default depth may be impossible for this body.
         own = {key: value for key, value in data.items() if key != "adhesion"}
-        given = {"name": "indentation"} | own | {"grid": grid, "trajectory": {"depth": 0.0}}
+        case = {"name": "indentation"} | own | {"grid": grid, "trajectory": {"depth": 0.0}}
         self.adhesion = read_adhesion(data["adhesion"]) if "adhesion" in data else None
         try:
-            self.config = Config.model_validate(given)
+            self.config = Config.model_validate(case)
         except ValidationError as error:
             raise ConfigError(map(str, explain(error))) from None
         self._data = self.config.model_dump(exclude_none=True)
@@ -131,7 +131,7 @@ def free_parameters(
 ) -> list[FreeParameter]:
     """Return the free parameters of a fit; `spans` has the default bounds of the values of a curve."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    wrong, found = [], []
+    wrong, parameters = [], []
     if not asked:
         raise ConfigError(["free: got no parameter; give at least one key, such as layer.material.G0"])
     for key, bounds in asked.items():
@@ -140,7 +140,7 @@ def free_parameters(
             if key not in spans:
                 wrong.append(f"free: {key}: got a curve without a prescribed base; only such curves have it")
                 continue
-            found += [FreeParameter(key, 0.0, _bounds(bounds, spans[key]), owner) for owner in owners]
+            parameters += [FreeParameter(key, 0.0, _bounds(bounds, spans[key]), owner) for owner in owners]
         elif key.startswith(STICKING) and model.adhesion is None:
             wrong.append(
                 f"free: {key}: the model has no adhesion; give its section, such as "
@@ -158,20 +158,22 @@ def free_parameters(
                 wrong.append(f"free: {key}: the start is {shown(start)}; it must be > 0 and finite")
                 continue
             above = f"{key[:-4]}G0" if last == "Ginf" else ""
-            found.append(FreeParameter(key, start, _bounds(bounds, default), "", above))
-    for each in found:
-        low, high = each.bounds
-        if not low < high or (each.scale == "logarithmic" and low <= 0):
-            wrong.append(f"free: {each.key}: the bounds are {low:g} and {high:g}; give 0 < low < high")
-        elif each.key not in OF_A_CURVE and not low <= each.start <= high:
-            wrong.append(f"free: {each.key}: the start {each.start:g} is not between {low:g} and {high:g}")
+            parameters.append(FreeParameter(key, start, _bounds(bounds, default), "", above))
+    for parameter in parameters:
+        low, high = parameter.bounds
+        if not low < high or (parameter.scale == "logarithmic" and low <= 0):
+            wrong.append(f"free: {parameter.key}: the bounds are {low:g} and {high:g}; give 0 < low < high")
+        elif parameter.key not in OF_A_CURVE and not low <= parameter.start <= high:
+            wrong.append(
+                f"free: {parameter.key}: the start {parameter.start:g} is not between {low:g} and {high:g}"
+            )
     if wrong:
         raise ConfigError(wrong)
-    return found
+    return parameters
 
 
-def _bounds(given: Sequence[float] | None, default: Bounds) -> Bounds:
-    return default if given is None else (float(given[0]), float(given[1]))
+def _bounds(asked: Sequence[float] | None, default: Bounds) -> Bounds:
+    return default if asked is None else (float(asked[0]), float(asked[1]))
 
 
 def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
@@ -205,17 +207,19 @@ class LeastSquares:
     ) -> None:
         self.model, self.parameters, self.predictions = model, list(parameters), list(predictions)
         self._models = {
-            each.curve.name: model if each.curve.punch is None else model.under(each.curve.punch)
-            for each in predictions
+            prediction.curve.name: model
+            if prediction.curve.punch is None
+            else model.under(prediction.curve.punch)
+            for prediction in predictions
         }
         # Standard deviations of force and depth of each curve, by which its residuals are divided.
         self.noise = np.array(
             [
                 [
-                    each.curve.noise or float(np.ptp(each.curve.force)),
-                    each.curve.depth_noise or float(np.ptp(each.curve.depth)),
+                    prediction.curve.noise or float(np.ptp(prediction.curve.force)),
+                    prediction.curve.depth_noise or float(np.ptp(prediction.curve.depth)),
                 ]
-                for each in predictions
+                for prediction in predictions
             ]
         )
         # Errors of rows and jumps of each curve by the noise of its prescribed quantity, see `weigh`.
@@ -230,65 +234,68 @@ class LeastSquares:
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Bounds of u."""
-        low, high = np.array([each.bounds for each in self.parameters]).T.copy()
-        for i, each in enumerate(self.parameters):
-            if each.above:  # u is ln(Ginf - G0); with G0 free a lower bound of Ginf is no bound of u
-                base = self.model.keys[each.above]
-                is_free = any(other.key == each.above for other in self.parameters)
-                smallest = max(each.start - base, 0.1 * base) / WIDE
+        low, high = np.array([parameter.bounds for parameter in self.parameters]).T.copy()
+        for i, parameter in enumerate(self.parameters):
+            if parameter.above:  # u is ln(Ginf - G0); with G0 free a lower bound of Ginf is no bound of u
+                base = self.model.keys[parameter.above]
+                is_free = any(other.key == parameter.above for other in self.parameters)
+                smallest = max(parameter.start - base, 0.1 * base) / WIDE
                 low[i] = smallest if is_free else max(low[i] - base, smallest)
                 high[i] = high[i] if is_free else high[i] - base
-            if each.scale == "logarithmic":
+            if parameter.scale == "logarithmic":
                 low[i], high[i] = np.log(low[i]), np.log(high[i])
         return low, high
 
     @cached_property
     def start(self) -> FloatArray:
         """The u at which the fit starts, within the bounds."""
-        values = {each.name: each.start for each in self.parameters}
+        values = {parameter.name: parameter.start for parameter in self.parameters}
         return np.clip(self.coordinates(values), *self.bounds)
 
     def values(self, u: FloatArray) -> dict[str, float]:
         """Return the parameters at u, by name."""
-        found: dict[str, float] = {}
-        for each, at in zip(self.parameters, u.tolist(), strict=True):
-            found[each.name] = float(np.exp(at)) if each.scale == "logarithmic" else at
-        for each in self.parameters:
-            if each.above:
-                found[each.name] += found.get(each.above, self.model.keys[each.above])
-        return found
+        values: dict[str, float] = {}
+        for parameter, at in zip(self.parameters, u.tolist(), strict=True):
+            values[parameter.name] = float(np.exp(at)) if parameter.scale == "logarithmic" else at
+        for parameter in self.parameters:
+            if parameter.above:
+                values[parameter.name] += values.get(parameter.above, self.model.keys[parameter.above])
+        return values
 
     def coordinates(self, values: Mapping[str, float]) -> FloatArray:
         """Return the u of parameters."""
         u = np.empty(len(self.parameters))
-        for i, each in enumerate(self.parameters):
-            value = values[each.name]
-            if each.above:
-                base = values.get(each.above, self.model.keys[each.above])
+        for i, parameter in enumerate(self.parameters):
+            value = values[parameter.name]
+            if parameter.above:
+                base = values.get(parameter.above, self.model.keys[parameter.above])
                 value = max(value - base, 0.1 * base)
-            u[i] = np.log(value) if each.scale == "logarithmic" else value
+            u[i] = np.log(value) if parameter.scale == "logarithmic" else value
         return u
 
     def reported(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parameters on their scales, logarithmic or linear, and their derivatives to u."""
         values = self.values(u)
-        found, slopes = u.copy(), np.eye(u.size)
-        for i, each in enumerate(self.parameters):
-            if not each.above:
+        scaled, slopes = u.copy(), np.eye(u.size)
+        for i, parameter in enumerate(self.parameters):
+            if not parameter.above:
                 continue
-            value, base = values[each.name], values.get(each.above, self.model.keys[each.above])
-            found[i], slopes[i, i] = np.log(value), 1 - base / value
-            if each.above in values:
-                slopes[i, [p.name for p in self.parameters].index(each.above)] = base / value
-        return found, slopes
+            value, base = (
+                values[parameter.name],
+                values.get(parameter.above, self.model.keys[parameter.above]),
+            )
+            scaled[i], slopes[i, i] = np.log(value), 1 - base / value
+            if parameter.above in values:
+                slopes[i, [p.name for p in self.parameters].index(parameter.above)] = base / value
+        return scaled, slopes
 
     def config(self, u: FloatArray, curve: str | None = None) -> Config:
         """Return the configuration at u, with the indenter of a curve."""
         values = self.values(u)
         own = {
-            each.key: values[each.name]
-            for each in self.parameters
-            if each.key not in OF_A_CURVE and not each.key.startswith(STICKING)
+            parameter.key: values[parameter.name]
+            for parameter in self.parameters
+            if parameter.key not in OF_A_CURVE and not parameter.key.startswith(STICKING)
         }
         model = self.model if curve is None else self._models[curve]
         known = (id(model), *own.items())
@@ -300,72 +307,74 @@ class LeastSquares:
         """Return the values of a curve at u."""
         values = self.values(u)
         own = {
-            each.key: values[each.name]
-            for each in self.parameters
-            if each.key in OF_A_CURVE and each.curve in {"", curve.name}
+            parameter.key: values[parameter.name]
+            for parameter in self.parameters
+            if parameter.key in OF_A_CURVE and parameter.curve in {"", curve.name}
         }
         return Correction(
             **({"stiffness": curve.stiffness or math.inf} | own), adhesion=adhesion_of(self.adhesion(u))
         )
 
-    def at(self, u: FloatArray, each: Prediction) -> tuple[Config, Correction]:
+    def at(self, u: FloatArray, prediction: Prediction) -> tuple[Config, Correction]:
         """Return the configuration and the values of a curve at u."""
-        return self.config(u, each.curve.name), self.correction(u, each.curve)
+        return self.config(u, prediction.curve.name), self.correction(u, prediction.curve)
 
     def adhesion(self, u: FloatArray) -> dict[str, str | float] | None:
         """Return the section `adhesion` of the model at u."""
         if self.model.adhesion is None:
             return None
         values = self.values(u)
-        return {key: values.get(f"{STICKING}{key}", given) for key, given in self.model.adhesion.items()}
+        return {key: values.get(f"{STICKING}{key}", fixed) for key, fixed in self.model.adhesion.items()}
 
     def adapt(self, u: FloatArray) -> None:
         """Choose the times of the solutions for the responses at u, and the rows in contact by the data."""
         self._scatter = [None for _ in self.predictions]
         self.decorrelate()
-        for each in self.predictions:
-            each.adapt(*self.at(u, each))
-            each.label(*self.at(u, each))
+        for prediction in self.predictions:
+            prediction.adapt(*self.at(u, prediction))
+            prediction.label(*self.at(u, prediction))
 
     def contact_stays(self, u: FloatArray) -> bool:
         """Whether the rows in contact, taken from the data again at u, are the same."""
         stays = True
-        for each in self.predictions:
-            before = each.touch.touching
-            each.label(*self.at(u, each))
-            after = each.touch.touching
+        for prediction in self.predictions:
+            before = prediction.touch.touching
+            prediction.label(*self.at(u, prediction))
+            after = prediction.touch.touching
             stays &= before is after is None or bool(np.array_equal(before, after))  # type: ignore[arg-type]
         return stays
 
     def weigh(self, u: FloatArray) -> None:
         """Find the covariance of the residuals by the noise of the prescribed quantities, at u."""
-        for i, each in enumerate(self.predictions):
-            self._scatter[i], solutions = each.scatter(*self.at(u, each), self.noise_of_rows(i))
+        for i, prediction in enumerate(self.predictions):
+            self._scatter[i], solutions = prediction.scatter(*self.at(u, prediction), self.noise_of_rows(i))
             self.solutions += solutions
         self.decorrelate()
 
     def decorrelate(self) -> None:
         """Weigh the covariance of the residuals against the noise."""
         self._roots = []
-        for i, (each, found) in enumerate(zip(self.predictions, self._scatter, strict=True)):
+        for i, (prediction, scatter) in enumerate(zip(self.predictions, self._scatter, strict=True)):
             scaled = np.zeros((0, 0))
-            if found is not None:
-                rows, jumps = np.split(found, [each.used.size])
-                scaled = np.vstack((rows[each.used] / self.noise_of_rows(i)[each.used][:, np.newaxis], jumps))
+            if scatter is not None:
+                rows, jumps = np.split(scatter, [prediction.used.size])
+                scaled = np.vstack(
+                    (rows[prediction.used] / self.noise_of_rows(i)[prediction.used][:, np.newaxis], jumps)
+                )
             self._roots.append(_Root(scaled))
 
     def noise_of_rows(self, i: int) -> FloatArray:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
-        each = self.predictions[i]
-        noise = np.where(each.curve.by_force, self.noise[i, 1], self.noise[i, 0])
-        return np.where(each.touch.uncertain, np.inf, noise)
+        prediction = self.predictions[i]
+        noise = np.where(prediction.curve.by_force, self.noise[i, 1], self.noise[i, 0])
+        return np.where(prediction.touch.uncertain, np.inf, noise)
 
     def noise_is_given(self, i: int) -> BoolArray:
         """Whether the noise of force and depth of a curve is given, or needs no estimate; shape (2,)."""
-        each = self.predictions[i]
-        given = (each.curve.noise, each.curve.depth_noise)
-        measured = each.curve.by_force[each.used]
-        return np.array([given[k] is not None or not (measured == bool(k)).any() for k in (0, 1)])
+        prediction = self.predictions[i]
+        noise = (prediction.curve.noise, prediction.curve.depth_noise)
+        measured = prediction.curve.by_force[prediction.used]
+        return np.array([noise[k] is not None or not (measured == bool(k)).any() for k in (0, 1)])
 
     @property
     def noise_is_known(self) -> bool:
@@ -379,35 +388,35 @@ class LeastSquares:
     def measured(self, u: FloatArray) -> list[FloatArray]:
         """Return the predicted values of the measured quantity of each curve at u."""
         if self._last[0] != (u.tobytes(), self._changes):
-            found = [self._measured(u, each) for each in self.predictions]
-            self._last = ((u.tobytes(), self._changes), found)
+            values = [self._measured(u, prediction) for prediction in self.predictions]
+            self._last = ((u.tobytes(), self._changes), values)
         return self._last[1]
 
     @property
     def _changes(self) -> tuple[int, ...]:
-        return tuple(each.changes for each in self.predictions)
+        return tuple(prediction.changes for prediction in self.predictions)
 
     @property
     def rows(self) -> int:
         """Number of residuals of the curves."""
-        return sum(int(each.used.sum()) for each in self.predictions)
+        return sum(int(prediction.used.sum()) for prediction in self.predictions)
 
     def residuals(self, u: FloatArray) -> FloatArray:
-        """Return predicted minus measured values over the noise, the given stiffness, and places of jumps.
+        """Return predicted minus measured values over the noise, the known stiffness, and places of jumps.
 
         Infinite where the values are impossible or the contact is not found: the fit then steps less.
         """
         try:
-            found = self.measured(u)
+            values = self.measured(u)
         except (ValidationError, FitError):
             return np.full(self.rows + self._further, np.inf)
-        away = [f - each.curve.measured for f, each in zip(found, self.predictions, strict=True)]
-        given: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._given])
-        return self._joined(away, self._jumps(u), given)
+        away = [f - prediction.curve.measured for f, prediction in zip(values, self.predictions, strict=True)]
+        before: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._known_before])
+        return self._joined(away, self._jumps(u), before)
 
     def _jumps(self, u: FloatArray, rough: bool = False) -> list[FloatArray]:
         """Return the residuals of the places of jumps of each curve."""
-        return [each.jumps(*self.at(u, each), rough) for each in self.predictions]
+        return [prediction.jumps(*self.at(u, prediction), rough) for prediction in self.predictions]
 
     def jumps(self, u: FloatArray) -> FloatArray:
         """Return the places of all jumps at u, predicted less measured, over their errors."""
@@ -421,53 +430,55 @@ class LeastSquares:
     @property
     def _further(self) -> int:
         """Number of residuals beside those of rows."""
-        return len(self._given) + sum(len(each.touch.jumps) for each in self.predictions)
+        return len(self._known_before) + sum(len(prediction.touch.jumps) for prediction in self.predictions)
 
     def _uncorrelated(self, i: int, rows: FloatArray, jumps: FloatArray) -> list[FloatArray]:
         """Return the rows of a curve that count, over the noise, and its jumps, both uncorrelated."""
-        each = self.predictions[i]
-        scaled = rows[each.used] / self.noise_of_rows(i)[each.used]
+        prediction = self.predictions[i]
+        scaled = rows[prediction.used] / self.noise_of_rows(i)[prediction.used]
         return np.split(self._roots[i] @ np.append(scaled, jumps), [scaled.size])
 
     def _joined(
-        self, rows: Sequence[FloatArray], jumps: Sequence[FloatArray], given: FloatArray
+        self, rows: Sequence[FloatArray], jumps: Sequence[FloatArray], before: FloatArray
     ) -> FloatArray:
-        """Join the rows of all curves, what is given, and the jumps; uncorrelated."""
-        parts = [self._uncorrelated(i, *each) for i, each in enumerate(zip(rows, jumps, strict=True))]
-        return np.concatenate([*(part[0] for part in parts), given, *(part[1] for part in parts)])
+        """Join the rows of all curves, parameters measured beforehand, and the jumps; uncorrelated."""
+        parts = [self._uncorrelated(i, *pair) for i, pair in enumerate(zip(rows, jumps, strict=True))]
+        return np.concatenate([*(part[0] for part in parts), before, *(part[1] for part in parts)])
 
     def rows_over_noise(self, u: FloatArray) -> list[FloatArray]:
         """Return the uncorrelated residuals of each curve at all its rows, over the noise; 0 if not used."""
-        found = []
+        residuals = []
         for i, (values, jumps) in enumerate(zip(self.measured(u), self._jumps(u), strict=True)):
-            each = self.predictions[i]
-            found.append(np.zeros(each.used.size))
-            found[i][each.used] = self._uncorrelated(i, values - each.curve.measured, jumps)[0]
-        return found
+            prediction = self.predictions[i]
+            residuals.append(np.zeros(prediction.used.size))
+            residuals[i][prediction.used] = self._uncorrelated(i, values - prediction.curve.measured, jumps)[
+                0
+            ]
+        return residuals
 
     @cached_property
-    def _given(self) -> list[tuple[int, float, float]]:
+    def _known_before(self) -> list[tuple[int, float, float]]:
         """The parameters that were measured beforehand: number, value, relative error."""
-        curves = {each.curve.name: each.curve for each in self.predictions}
-        found = []
-        for i, each in enumerate(self.parameters):
-            curve = curves[each.curve or next(iter(curves))]
-            if each.key == "stiffness" and curve.stiffness and curve.stiffness_error:
-                found.append((i, curve.stiffness, curve.stiffness_error))
-        return found
+        curves = {prediction.curve.name: prediction.curve for prediction in self.predictions}
+        known = []
+        for i, parameter in enumerate(self.parameters):
+            curve = curves[parameter.curve or next(iter(curves))]
+            if parameter.key == "stiffness" and curve.stiffness and curve.stiffness_error:
+                known.append((i, curve.stiffness, curve.stiffness_error))
+        return known
 
     def jacobian(self, u: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals, shape (residuals, parameters)."""
-        given = np.zeros((len(self._given), u.size))
-        for row, (i, _, error) in enumerate(self._given):
-            given[row, i] = 1 / error
+        before = np.zeros((len(self._known_before), u.size))
+        for row, (i, _, error) in enumerate(self._known_before):
+            before[row, i] = 1 / error
         columns, slopes_of_rows = [], self.derivatives(u)
         at = self._jumps(u, rough=True)
         for i, column in enumerate(slopes_of_rows):
-            moved = self._moved(i, u) if self._further > len(self._given) else u
+            moved = self._moved(i, u) if self._further > len(self._known_before) else u
             there = at if moved is u else self._jumps(moved, rough=True)
             slopes = [(b - a) / (moved[i] - u[i]) if a.size else a for a, b in zip(at, there, strict=True)]
-            columns.append(self._joined(column, slopes, given[:, i]))
+            columns.append(self._joined(column, slopes, before[:, i]))
         return np.stack(columns, axis=1)
 
     def derivatives(self, u: FloatArray) -> list[list[FloatArray]]:
@@ -478,32 +489,32 @@ class LeastSquares:
             before = self._changes
             rough = self.measured(u)
             if not self.is_elastic:
-                rough = [self._measured(u, each, rough=True) for each in self.predictions]
+                rough = [self._measured(u, prediction, rough=True) for prediction in self.predictions]
             columns = [self._column(i, u, rough) for i in range(u.size)]
             if self._changes == before:
                 break
         if self._euler is not None:
             *others, last = self._euler
-            found = self.measured(u)
-            for k, each in enumerate(self.predictions):
-                force = found[k] - baseline(each.curve, self.correction(u, each.curve))
+            values = self.measured(u)
+            for k, prediction in enumerate(self.predictions):
+                force = values[k] - baseline(prediction.curve, self.correction(u, prediction.curve))
                 columns[last][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
         self._slopes = ((u.tobytes(), self._changes), columns)
         return columns
 
-    def _column(self, i: int, u: FloatArray, found: list[FloatArray]) -> list[FloatArray]:
+    def _column(self, i: int, u: FloatArray, at_u: list[FloatArray]) -> list[FloatArray]:
         """Derivative of the measured values to one parameter; zeros for the last one by Euler's theorem."""
         parameter = self.parameters[i]
         if self._euler is not None and i == self._euler[-1]:
-            return [np.zeros(1) for _ in found]
+            return [np.zeros(1) for _ in at_u]
         moved, column = self._moved(i, u), []
-        for values, each in zip(found, self.predictions, strict=True):
-            if parameter.curve not in {"", each.curve.name}:
+        for values, prediction in zip(at_u, self.predictions, strict=True):
+            if parameter.curve not in {"", prediction.curve.name}:
                 column.append(np.zeros(values.size))
-            elif (exact := _added(parameter.key, each)) is not None:
+            elif (exact := _added(parameter.key, prediction)) is not None:
                 column.append(exact)
             else:
-                column.append((self._measured(moved, each, rough=True) - values) / (moved[i] - u[i]))
+                column.append((self._measured(moved, prediction, rough=True) - values) / (moved[i] - u[i]))
         return column
 
     def _moved(self, i: int, u: FloatArray) -> FloatArray:
@@ -528,9 +539,9 @@ class LeastSquares:
         """Whether the body does not relax."""
         return self.predictions[0].is_elastic(self.config(self.start))
 
-    def _measured(self, u: FloatArray, each: Prediction, rough: bool = False) -> FloatArray:
+    def _measured(self, u: FloatArray, prediction: Prediction, rough: bool = False) -> FloatArray:
         self.solutions += 1
-        return each.measured(*self.at(u, each), rough)
+        return prediction.measured(*self.at(u, prediction), rough)
 
     @cached_property
     def _euler(self) -> list[int] | None:
@@ -538,16 +549,16 @@ class LeastSquares:
         if any(each.kinds != {DEPTH} for each in self.predictions):
             return None
         free = {each.key: i for i, each in enumerate(self.parameters)}
-        found = []
+        moduli = []
         for key, value in self.model.keys.items():
             last = key.rpartition(".")[2]
             if last in MODULI and np.isfinite(value) and value != 0:
                 if key not in free:
                     return None
-                found.append(free[key])
+                moduli.append(free[key])
             elif last not in MODULI | NO_MODULI and not key.startswith("punch."):
                 return None
-        return found or None
+        return moduli or None
 
 
 class _Root:

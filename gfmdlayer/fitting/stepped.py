@@ -137,9 +137,9 @@ class SteppedContact:
             equal = same[0] is setup and same[1] is self._parts and (known, exact) == (at, rough)
             if equal and all(map(np.array_equal, there, pieces)):
                 return course
-        found = self._course(setup, at, pieces, rough)
-        self._courses = [(key, pieces, found), *self._courses[: 2 * KEPT - 1]]
-        return found
+        response = self._course(setup, at, pieces, rough)
+        self._courses = [(key, pieces, response), *self._courses[: 2 * KEPT - 1]]
+        return response
 
     def _course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool) -> SteppedResponse:
         times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
@@ -157,18 +157,20 @@ class SteppedContact:
                 if self._curve.by_base:
                     space, made = with_spring(space, made, at.stiffness)
                 if rough:
-                    found = on_steps(made, space, setup.profile, history, times, edge, None, LOCATED)
+                    solution = on_steps(made, space, setup.profile, history, times, edge, None, LOCATED)
                 else:
-                    found = on_halved_steps(made, space, setup.profile, history, times, None, edge, LOCATED)
+                    solution = on_halved_steps(
+                        made, space, setup.profile, history, times, None, edge, LOCATED
+                    )
             except LeftGridError:
                 reach = min(WIDER * self._space.nodes.reach, setup.profile.rim)
                 self._space, self.changes = make_space(self._space.features, reach), self.changes + 1
             except ArithmeticError as error:
                 raise FitError(f"curve {self._curve.name}: {error}") from error
             else:
-                force, depth = (each if rough else each[::2] for each in (found.force, found.depth))
+                force, depth = (each if rough else each[::2] for each in (solution.force, solution.depth))
                 depth = depth - force / at.stiffness if self._curve.by_base else depth
-                lost = np.zeros((0, 2)) if found.lost is None else found.lost
+                lost = np.zeros((0, 2)) if solution.lost is None else solution.lost
                 # The contact shrinks fast before it is lost: rows see the jump from the force a row before.
                 seen = lost[:, 0] - np.median(np.diff(self._curve.time))
                 seen = _with_losses(times, force, seen, lost)
@@ -244,7 +246,7 @@ def _as_power(times: FloatArray, values: FloatArray, rows: FloatArray, power: fl
 
 def _with_losses(times: FloatArray, force: FloatArray, rows: FloatArray, lost: FloatArray) -> FloatArray:
     """Interpolate a force with adhesion up to each loss of contact, and between it and the next contact."""
-    found, begin = np.zeros(rows.size), -math.inf
+    values, begin = np.zeros(rows.size), -math.inf
     for end, last in [*lost[:, :2].tolist(), [math.inf, 0.0]]:
         nodes = (times > begin) & (times < end)
         x, y = times[nodes], force[nodes]
@@ -255,9 +257,9 @@ def _with_losses(times: FloatArray, force: FloatArray, rows: FloatArray, lost: F
             x, y = np.append(x, end), np.append(y, last)
         inside = (rows > begin) & (rows <= end) & (rows >= x[0] if x.size else False)
         if inside.any():
-            found[inside] = PchipInterpolator(x, y)(rows[inside]) if x.size > 1 else y[0]
+            values[inside] = PchipInterpolator(x, y)(rows[inside]) if x.size > 1 else y[0]
         begin = end
-    return found
+    return values
 
 
 def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, power: float) -> FloatArray:
@@ -276,9 +278,9 @@ def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, powe
         leaves = min(times[last] + root[last] / pace, times[last + 1])
         times, root = np.append(times[: last + 1], leaves), np.append(root[: last + 1], 0.0)
     inside = rows <= times[-1]
-    found = np.zeros(rows.size)
-    found[inside] = np.maximum(PchipInterpolator(times, root)(rows[inside]), 0.0) ** power
-    return found
+    values = np.zeros(rows.size)
+    values[inside] = np.maximum(PchipInterpolator(times, root)(rows[inside]), 0.0) ** power
+    return values
 
 
 def _graded(
