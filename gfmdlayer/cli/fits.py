@@ -50,8 +50,10 @@ def fit_material(options: argparse.Namespace) -> int:
     from gfmdlayer.fitting import material
     from gfmdlayer.fitting.measurement import FitError
 
-    given = [value for value in (options.temperature, options.reference, options.wlf) if value is not None]
-    if len(given) not in (0, 3):
+    temperatures = [
+        value for value in (options.temperature, options.reference, options.wlf) if value is not None
+    ]
+    if len(temperatures) not in (0, 3):
         return refuse("--temperature, --reference and --wlf: give all three or none")
     if not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
@@ -66,7 +68,7 @@ def fit_material(options: argparse.Namespace) -> int:
             relaxed=options.relaxed_modulus,
             temperature=options.temperature,
             shift=WLF(**dict(zip(("C1", "C2"), options.wlf, strict=True)), reference=options.reference)
-            if given
+            if temperatures
             else None,
             normalise=options.normalise,
             force=options.force,
@@ -120,8 +122,8 @@ def fit_indentation(options: argparse.Namespace) -> int:
     from gfmdlayer.fitting.measurement import FitError
 
     try:
-        given = options.loss, options.profile, options.contact, tuple(options.segments), options.prescribed
-        chosen = FitOptions(*given, *_spring(options.stiffness), options.adhesion)
+        first = options.loss, options.profile, options.contact, tuple(options.segments), options.prescribed
+        chosen = FitOptions(*first, *_spring(options.stiffness), options.adhesion)
         free = _free(options.free)
         if options.each:
             if len(options.model) > 1:
@@ -154,15 +156,15 @@ def _free(keys: list[str]) -> dict[str, list[float] | None] | None:
     """Read KEY or KEY=LOW:HIGH; None without any."""
     from gfmdlayer.fitting.measurement import FitError
 
-    found: dict[str, list[float] | None] = {}
+    bounds_of: dict[str, list[float] | None] = {}
     for text in keys:
         key, equals, bounds = text.partition("=")
         try:
             low, high = map(float, bounds.split(":")) if equals else (0.0, 0.0)
         except ValueError:
             raise FitError(f"--free {text}: must be KEY, or KEY=LOW:HIGH with two numbers") from None
-        found[key] = [low, high] if equals else None
-    return found or None
+        bounds_of[key] = [low, high] if equals else None
+    return bounds_of or None
 
 
 def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int:
@@ -177,10 +179,10 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) ->
     report.targets(out, options.force)
     models = {str(path): read_model(path, free) for path in options.model}
     checked = {path: (IndentationModel(data), keys) for path, (data, keys) in models.items()}
-    found = entries([Path(each) for each in options.data])
+    measured = entries([Path(each) for each in options.data])
     fits = {}
     for path, (model, keys) in checked.items():
-        curves = [read_curve(entry, options.units, in_si(model.config.units), chosen) for entry in found]
+        curves = [read_curve(entry, options.units, in_si(model.config.units), chosen) for entry in measured]
         fits[path] = fit_curves(curves, model, keys, chosen)
     best = min(fits, key=lambda path: fits[path].bic)
     if len(fits) > 1:

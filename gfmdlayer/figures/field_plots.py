@@ -283,9 +283,9 @@ def _field(case: Dataset, name: str) -> DataArray:
         for each in BELOW
         if each in case and each[:7] == "stress_"
     }
-    found = case["stress_zz"].copy(data=invariants(stress)[name]).rename(name)
-    found.attrs["long_name"] = INVARIANTS[name]
-    return found
+    field = case["stress_zz"].copy(data=invariants(stress)[name]).rename(name)
+    field.attrs["long_name"] = INVARIANTS[name]
+    return field
 
 
 def _interfaces(case: Dataset) -> list[int]:

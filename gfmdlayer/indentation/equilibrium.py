@@ -118,21 +118,21 @@ class Equilibria:
 
     def at(self, a: FloatArray) -> _Values:
         """Return the functions at radii within the reach."""
-        found, slopes = self.panels[0].at(a)
+        values, slopes = self.panels[0].at(a)
         for panel in self.panels[1:]:
             beyond = a > panel.begin
-            found[:, beyond], slopes[:, beyond] = panel.at(a[beyond])
+            values[:, beyond], slopes[:, beyond] = panel.at(a[beyond])
         H, slope, integral = abel_transforms(self.profile, a)
         own = a * H - integral  # D/4 of the halfspace's force, whose derivative is a times the slope of H
         if self.relative:
-            ratio = np.exp(found[0])
+            ratio = np.exp(values[0])
             depth, depth_slope = H * ratio, ratio * (slope + H * slopes[0])
-            force = own * np.exp(found[1])
+            force = own * np.exp(values[1])
         else:
-            depth, depth_slope, force = H + found[0], slope + slopes[0], own + found[1]
+            depth, depth_slope, force = H + values[0], slope + slopes[0], own + values[1]
         radius = np.maximum(a, 1e-300)
-        k = 4 * a / self.local * np.exp(found[2])
-        lift = np.sqrt(math.pi * a * self.local) * np.exp(-found[3])
+        k = 4 * a / self.local * np.exp(values[2])
+        lift = np.sqrt(math.pi * a * self.local) * np.exp(-values[3])
         stiffness_slope, lift_slope = k * (1 / radius + slopes[2]), lift * (0.5 / radius - slopes[3])
         force *= 4 / self.local
         return _Values(a, depth, force, k, lift, depth_slope, stiffness_slope, lift_slope)
@@ -179,30 +179,30 @@ class StableContacts:
 
     def __call__(self, prescribed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return depth, force and contact radius at prescribed values; below the end, those of the end."""
-        found, level = self.of, np.maximum(prescribed, self.end)
+        contacts, level = self.of, np.maximum(prescribed, self.end)
         # In the root of the value above its end the radius is smooth: the value is stationary there.
         root = np.sqrt(level - self.end)
-        a = np.interp(root, np.sqrt(self._stable - self.end), found._grid.a)
-        a = np.clip(a, self.radius, found.reach)
+        a = np.interp(root, np.sqrt(self._stable - self.end), contacts._grid.a)
+        a = np.clip(a, self.radius, contacts.reach)
         inside = (level > self.end) & (level < self._stable[-1])
         for _ in range(_ITERATIONS):
-            value, slope = found.at(a[inside]).under(self.control, self.adhesion)
+            value, slope = contacts.at(a[inside]).under(self.control, self.adhesion)
             own = np.sqrt(np.maximum(value - self.end, 0.0))
             step = 2 * own * (root[inside] - own) / np.where(slope > 0, slope, np.inf)
-            moved = np.clip(a[inside] + step, self.radius, found.reach)
-            done = np.abs(moved - a[inside]).max(initial=0.0) < _PRECISE * found.reach
+            moved = np.clip(a[inside] + step, self.radius, contacts.reach)
+            done = np.abs(moved - a[inside]).max(initial=0.0) < _PRECISE * contacts.reach
             a[inside] = moved
             if done:
                 break
         a[level == self.end] = self.radius
-        values = found.at(a)
+        values = contacts.at(a)
         root_w = math.sqrt(self.adhesion.work)
         depth = values.depth - root_w * values.lift
         force = values.force - self.adhesion.force - root_w * values.stiffness * values.lift
         # Beyond the rim, and within rounding elsewhere, at a constant radius.
         share = self.control.depth_share + self.control.compliance * values.stiffness
         rest = level - self.control.depth_share * depth - self.control.compliance * force
-        more = np.divide(rest, share, out=np.zeros_like(rest), where=(share > 0) & (a >= found.reach))
+        more = np.divide(rest, share, out=np.zeros_like(rest), where=(share > 0) & (a >= contacts.reach))
         return depth + more, force + values.stiffness * more, a
 
 

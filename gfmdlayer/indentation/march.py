@@ -982,12 +982,12 @@ def _under(i: int, depth: float, run: MarchRun) -> float:
 
 
 @kernel(inner=True)
-def _close(h: float, found: Radius, a_old: float, D: float, run: MarchRun) -> float:
+def _close(h: float, contact: Radius, a_old: float, D: float, run: MarchRun) -> float:
     """Advance the state over a step that is solved; return the energy dissipated in it."""
     body, nodes, state, step, work = run.body, run.nodes, run.state, run.step, run.work
     surface = state.surface
-    a, depth, nm, far = found.a, found.depth, body.times.shape[0], run.step.far
-    n = found.nodes if a > 0 else 0
+    a, depth, nm, far = contact.a, contact.depth, body.times.shape[0], run.step.far
+    n = contact.nodes if a > 0 else 0
     for i in range(n):
         work.unit[i] = work.root[i] * (depth * work.unit[i] + work.rest[i])
     lost = 0.0
@@ -1022,7 +1022,7 @@ def _close(h: float, found: Radius, a_old: float, D: float, run: MarchRun) -> fl
         end = _under(i, depth, run)
         continued = (end - work.past[i]) / (D if was_inside else body.local)
         if inside != was_inside:
-            jump = _jump(x, found.release, run)
+            jump = _jump(x, contact.release, run)
             change = _pass(i, end, h, _swept(sweep, x, H), was_inside, jump, run)
         elif inside:
             change = _press(i, end, step.near, run.branches, surface)
@@ -1036,15 +1036,15 @@ def _close(h: float, found: Radius, a_old: float, D: float, run: MarchRun) -> fl
 
 
 @kernel(inner=True)
-def _stored(found: Radius, run: MarchRun) -> float:
+def _stored(contact: Radius, run: MarchRun) -> float:
     """Elastic energy of the body."""
     body, branches, nodes, state, work = run.body, run.branches, run.nodes, run.state, run.work
     s, nb = 0.0, body.local_times.size
-    for i in range(found.nodes if found.a > 0 else 0):
+    for i in range(contact.nodes if contact.a > 0 else 0):
         s += body.local * (work.unit[i] / work.root[i]) ** 2
     for i in range(work.far.size - 2):
         weight = nodes.spacing * (0.5 if i in (0, work.far.size - 3) else 1.0)
-        inside = _inside(state.points.x[i], found.a, run.stop)
+        inside = _inside(state.points.x[i], contact.a, run.stop)
         for k in range(nb):
             retarded = 0.0 if inside else state.surface.memory[k, i]
             for r in range(nb if inside else 0):
@@ -1102,8 +1102,8 @@ def _begin(
     if nb:
         each_step, more = (2, _PLACES) if drive.law.work > 0 else (1, 0)
         places += each_step * drive.time.size + more + _CLOSING + 1  # the last: the inside of the edge
-        for each in drive.breakpoints:
-            places += 2 * _CLOSING * each
+        for is_breakpoint in drive.breakpoints:
+            places += 2 * _CLOSING * is_breakpoint
     points = Points(
         np.zeros(places), np.zeros(places), np.arange(places), np.array([size]), np.zeros(places, np.bool_),
         np.array([-1]), np.zeros(4, np.int64),
@@ -1175,8 +1175,8 @@ def march(  # noqa: C901
     nt, run = drive.time.size, _begin(body, branches, profile, nodes, drive)
     state, surface, work, stop = run.state, run.state.surface, run.work, run.stop
     size, kept = work.far.size, 0
-    for each in drive.snapshots:
-        kept += each
+    for is_kept in drive.snapshots:
+        kept += is_kept
     out = Marched(
         np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt),
         np.full(nt, np.nan), np.zeros(nt), np.zeros(nt),
@@ -1188,13 +1188,13 @@ def march(  # noqa: C901
     D, stopped = 0.0, nt
     # The point of the edge, -1 without one; whether the past stays bent there.
     edge, bent, stays, rested = -1, state.points.bent, False, False
-    found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE, 0.0, False)
+    contact = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE, 0.0, False)
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
         duration = max(duration, 1e-290)
         begin, by_force = drive.value[at - 1] if at else 0.0, drive.by_force[at]
         if at and by_force != drive.by_force[at - 1]:
-            begin = found.force if by_force else found.depth
+            begin = contact.force if by_force else contact.depth
         begins = at == 0 or drive.breakpoints[at]
         done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
         snaps, snapped = False, False  # contact with adhesion begins at once
@@ -1222,22 +1222,22 @@ def march(  # noqa: C901
                 piece, met, snaps, snapped = _SNAP, True, True, True
                 continue
             apart = Radius(0.0, 0.0, free if by_force else target, 0.0, 0, 0, COMPLETE, drive.law.work, False)
-            found = apart
+            contact = apart
             if touches or (adhesive and a_old > 0):
                 guess = 0.3 * stop
                 if a_old > 0:
                     guess = min(stop, max(0.2 * a_old, a_old + h * (rate + bend * (h + since))))
                 if adhesive:
                     before = EdgeBefore(a_old, rate, since if rate < 0 else 0.0)
-                    found = _find_edge(guess, EdgeTask(h, target, by_force, before, D), run)
+                    contact = _find_edge(guess, EdgeTask(h, target, by_force, before, D), run)
                 else:
-                    found = _find_radius(h, target, by_force, guess, a_old, D, slope, run)
-                taken += found.solutions
-                slope, status = found.slope, found.status
+                    contact = _find_radius(h, target, by_force, guess, a_old, D, slope, run)
+                taken += contact.solutions
+                slope, status = contact.slope, contact.status
                 if status != COMPLETE:
                     break
-                if found.a == 0:
-                    found, ahead = apart, (1 - done) * piece
+                if contact.a == 0:
+                    contact, ahead = apart, (1 - done) * piece
                     if adhesive and a_old > 0:
                         room = surface.chi.size - state.points.filled[0] > drive.time.size - at + 4 * _CLOSING
                         if ahead > drive.located and room:
@@ -1245,49 +1245,49 @@ def march(  # noqa: C901
                             continue
                         out.lost[at] = drive.time[at] - duration * (1 - done - ahead)
                         out.last_force[at] = before_force
-                before_force = found.force
-            change = (found.a - a_old) / h
-            turned = (rate * change < 0 or (rested and not found.rests)) and at > 1 and a_old > 0
+                before_force = contact.force
+            change = (contact.a - a_old) / h
+            turned = (rate * change < 0 or (rested and not contact.rests)) and at > 1 and a_old > 0
             if turned:
                 _remember(state.marks, a_old)
             new = -1
-            if rested and edge >= 0 and not found.rests:
+            if rested and edge >= 0 and not contact.rests:
                 bent[_add_point(a_old - _TWIN * nodes.spacing, run)] = True
-            if 0 < found.a < stop and body.local_times.size:
+            if 0 < contact.a < stop and body.local_times.size:
                 for k in range(1, _CLOSING + 1 if begins else 0):
-                    _add_point(found.a - (found.a - a_old) * 0.5**k, run)
+                    _add_point(contact.a - (contact.a - a_old) * 0.5**k, run)
                 for k in range(1, _CLOSING + 1 if at and drive.breakpoints[at - 1] else 0):
-                    _add_point(a_old + (found.a - a_old) * 0.5**k, run)
-                new = _add_point(found.a, run)
+                    _add_point(a_old + (contact.a - a_old) * 0.5**k, run)
+                new = _add_point(contact.a, run)
                 a = state.points.x[new]  # the same within rounding: the edge is a point
-                found = Radius(
-                    a, found.force, found.depth, found.slope, found.nodes, found.solutions, found.status,
-                    found.release, found.rests,
+                contact = Radius(
+                    a, contact.force, contact.depth, contact.slope, contact.nodes, contact.solutions,
+                    contact.status, contact.release, contact.rests,
                 )  # fmt: skip
-            run.covered[0] = max(run.covered[0], found.a)
-            lost += _close(h, found, a_old, D, run)
+            run.covered[0] = max(run.covered[0], contact.a)
+            lost += _close(h, contact, a_old, D, run)
             if edge >= 0:
                 bent[edge] = stays or turned or new < 0
             state.points.edge[0] = new
-            for k in range(body.local_times.size if found.a == 0 and a_old > 0 else 0):
+            for k in range(body.local_times.size if contact.a == 0 and a_old > 0 else 0):
                 _transform_of(state.surface.memory[k], 0.0, run)
                 state.zeta[k - body.local_times.size] = work.transform
             if new >= 0:
-                if found.rests and new == edge:
-                    _press(-1, _under(new, found.depth, run), run.step.near, run.branches, surface)
+                if contact.rests and new == edge:
+                    _press(-1, _under(new, contact.depth, run), run.step.near, run.branches, surface)
                 else:
                     surface.memory[:, -1], surface.sunk[-1] = surface.memory[:, new], surface.sunk[new]
-                    surface.sunk[-1] -= _jump(found.a, found.release, run)
+                    surface.sunk[-1] -= _jump(contact.a, contact.release, run)
                     _change_form(-1, run.branches.of_retarded, surface.memory, work.variables)
-                stays = (stays if found.rests else bent[new]) or begins
+                stays = (stays if contact.rests else bent[new]) or begins
                 bent[new] = True
-            edge, rested = new, found.rests
-            if not found.rests:
-                taken_up = (release if change < 0 and rate < 0 else found.release) + found.release
-                parted += math.pi * (a_old**2 - found.a**2) * taken_up / 2
-                release = found.release
+            edge, rested = new, contact.rests
+            if not contact.rests:
+                taken_up = (release if change < 0 and rate < 0 else contact.release) + contact.release
+                parted += math.pi * (a_old**2 - contact.a**2) * taken_up / 2
+                release = contact.release
             bend = (change - rate) / (h + since) if since > 0 else 0.0
-            rate, a_old = change, found.a
+            rate, a_old = change, contact.a
             since = h if 0 < a_old < stop and not drive.breakpoints[at] else 0.0
             if snaps:  # the speed of a jump tells nothing
                 rate, since, snaps = 0.0, 0.0, False
@@ -1301,8 +1301,8 @@ def march(  # noqa: C901
             break
         if begins and a_old > 0:
             _remember(state.marks, a_old)
-        out.force[at], out.depth[at], out.radius[at] = found.force, found.depth, a_old
-        out.stored[at], out.dissipated[at], out.parted[at] = _stored(found, run), lost, parted
+        out.force[at], out.depth[at], out.radius[at] = contact.force, contact.depth, a_old
+        out.stored[at], out.dissipated[at], out.parted[at] = _stored(contact, run), lost, parted
         out.rise[at] = _rise(a_old, run) if a_old > 0 else 0.0
         if drive.snapshots[at]:
             _keep_fields(a_old, run, out.chi[snapshot], out.local[snapshot], out.spectrum[snapshot])
