@@ -34,8 +34,8 @@ from gfmdlayer.contact.nested.solver import nest
 from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePrediction
 from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history import adaptive_steps
-from gfmdlayer.history.adaptive_steps import ErrorControl
+from gfmdlayer.history import adaptive_steps, errors
+from gfmdlayer.history.errors import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.kernels import kernel
 from gfmdlayer.verification.runs import Recording
@@ -382,7 +382,7 @@ ADAPTIVE = (
     _Ablation(
         "curvature of the history",
         parts=lambda case: {
-            "integrator": _LinearHistory(
+            "history": _LinearHistory(
                 case.body.spectrum(case.grid.wavenumbers), SCHEMES["exponential"], case.grid.sums
             )
         },
@@ -397,7 +397,7 @@ ADAPTIVE = (
         patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
     _Ablation(
-        "part of the unknown curvature: all", patches=lambda: [(adaptive_steps, "_UNKNOWN_CURVATURE", 1.0)]
+        "part of the unknown curvature: all", patches=lambda: [(errors, "_UNKNOWN_CURVATURE", 1.0)]
     ),
     _Ablation(
         "limits of growth",
