@@ -47,26 +47,26 @@ class Declaration:
 # directions; the factor for rough contact at 256^2 to 2048^2 points. All measured.
 SOLVERS: Mapping[str, Declaration] = {
     "active_set": Declaration(
-        "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=30, rough=12
+        "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=28, rough=12
     ),
     "nested_gradient": Declaration(
         "gfmdlayer.contact.nested.solver:NestedGradient",
         "pressure",
         5,
         0.1,
-        fields=30,
+        fields=28,
         distributed=True,
         yields=True,
     ),
     "conjugate_gradient": Declaration(
-        "gfmdlayer.contact.bounded:ConjugateGradient", "pressure", 34, 0.2, fields=22
+        "gfmdlayer.contact.bounded:ConjugateGradient", "pressure", 34, 0.2, fields=20
     ),
     "fire": Declaration(
         "gfmdlayer.contact.fire:Fire",
         "displacement",
         93,
         0.03,
-        fields=35,
+        fields=34,
         adhesive=True,
         pairs_with={("inertia", "uniform"): (238, 0.3)},
     ),

@@ -270,12 +270,12 @@ def _adapted(config: Config) -> Config:
     return config.with_values({"time": {"step": "adaptive", "end": 8.0, "tolerance": _TOLERANCE}})
 
 
-class _LastSteps(PressurePrediction):
-    """The extrapolation of pressures from fewer steps than three."""
+class _LastPressure(PressurePrediction):
+    """The last pressure: no extrapolation."""
 
-    def __init__(self, size: int, past: int) -> None:
+    def __init__(self, size: int) -> None:
         super().__init__(size)
-        self._times, self._fields, self._gaps = (type(self._times)(maxlen=past) for _ in range(3))
+        self._times, self._fields, self._gaps = (type(self._times)(maxlen=1) for _ in range(3))
 
 
 class _LinearHistory(Modes):
@@ -362,8 +362,7 @@ ACTIVE_SET = (
     _Ablation("conjugacy to the pressure", patches=lambda: _compiled_anew(_scale_pressure=_no_scaling)),
     _Ablation("points leave before convergence", patches=lambda: _compiled_anew(_WELL_UNDER=0.0)),
     _Ablation("only once they hardly move", patches=lambda: _compiled_anew(_SETTLED=1e300)),
-    _Ablation("extrapolation: last state", parts=lambda case: {"guess": _LastSteps(case.grid.size, 1)}),
-    _Ablation("parabola: straight line", parts=lambda case: {"guess": _LastSteps(case.grid.size, 2)}),
+    _Ablation("extrapolation: last state", parts=lambda case: {"guess": _LastPressure(case.grid.size)}),
     _Ablation(
         "p², gap^(2/3): pressure itself", parts=lambda case: {"guess": DisplacementPrediction(case.grid.size)}
     ),

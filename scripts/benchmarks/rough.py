@@ -76,7 +76,7 @@ def _cold(points: int) -> Table:
     rows: list[dict[str, Cell]] = []
     for name, values in _BODIES.items():
         case = Case(rough(points).with_values(values))
-        stiffness = np.array(case.integrator.terms(1e-9)[0])
+        stiffness = np.array(case.contact.history.terms(1e-9)[0])
         stiffness[0] = 0.0
         zero, transforms = np.zeros(stiffness.size, dtype=np.complex128), case.transforms
         closing = transforms.backward(stiffness * transforms.forward(case.punch)) / case.punch.size
