@@ -167,7 +167,9 @@ def test_the_mechanics_of_any_case(tmp_path, recorder, case):
     assert ((found["contact_area"] >= 0) & (found["contact_area"] <= 1)).all()
     # Where less than the least presses it may pull, by the tolerance.
     case = Case(config)
-    least, _ = scales(0.0, 0.0, case.contact.loading.problem(*case.contact.history.terms(0.0), 0.0).residual_floor)
+    least, _ = scales(
+        0.0, 0.0, case.contact.loading.problem(*case.contact.history.terms(0.0), 0.0).residual_floor
+    )
     assert (found["mean_pressure"] >= -tolerance * least / (2 * config.layer.material.G0)).all()
     if config.trajectory.control == "load":
         loads = [Programme(config).drive(time) for time in found["time"]]

@@ -20,7 +20,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.active_set.loop import ContactSet, Work, iterate, list_runs, make_contact, make_work
+from gfmdlayer.contact.active_set.loop import (
+    ContactSet,
+    LoopArrays,
+    iterate,
+    list_runs,
+    make_contact,
+    make_work,
+)
 from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, SurfaceState, System
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
@@ -125,7 +132,7 @@ class Window(NamedTuple):
     system: System
     at: Iterate
     contact: ContactSet
-    work: Work
+    work: LoopArrays
     length: Pair  # of the transforms
     width: Pair  # of the window
     surface: Pair  # points of the surface
@@ -337,7 +344,7 @@ class WindowResult(NamedTuple):
 class Windows:
     """The windows of the surface of one run."""
 
-    def __init__(self, transforms: Transforms, work: Work, *, used: bool = True) -> None:
+    def __init__(self, transforms: Transforms, work: LoopArrays, *, used: bool = True) -> None:
         self._transforms, self._shape = transforms, transforms.shape
         self._parts = parts(self._shape) if used else ()
         self._made: dict[int, tuple[Transforms, Window]] = {}

@@ -55,8 +55,8 @@ from gfmdlayer.contact.newton.cycle import cycle_of, no_cycle, unit_of
 from gfmdlayer.contact.newton.passes import (
     AdhesiveState,
     AdhesiveSystem,
+    FreeSystem,
     Origin,
-    Step,
     along_deviation,
     apply,
     balance,
@@ -114,12 +114,12 @@ class NewtonFields(NamedTuple):
     at: AdhesiveState
     to: AdhesiveState
     held: FloatArray
-    step: Step
+    step: FreeSystem
     spectrum: ComplexArray  # of u
     origin: Origin
 
 
-class Progress(NamedTuple):
+class NewtonState(NamedTuple):
     """What one call of the loop hands to the next."""
 
     done: float  # part of the motion of the punch, 1 where the traction that held the surface is gone
@@ -156,11 +156,11 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     single: Plans,
     system: AdhesiveSystem,
     fields: NewtonFields,
-    given: Progress,
+    given: NewtonState,
     tolerance: float,
     limit: int,
     cap: Any,
-) -> Progress:
+) -> NewtonState:
     """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
 
     Where the residual is within the tolerance and the energy known, the spectrum belongs to the state.
@@ -289,7 +289,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         _copy(at, to)
     iterations += given.iterations
     residual = np.inf if lack != 0.0 else residual
-    return Progress(
+    return NewtonState(
         done,
         mean0,
         damping,
@@ -310,7 +310,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
 
 
 @kernel(inner=True)
-def _in_single(step: Step) -> bool:
+def _in_single(step: FreeSystem) -> bool:
     """Whether states on the way are in single precision."""
     return bool(step.cycle.grids.size > 0)
 
@@ -377,7 +377,7 @@ class LowestMode(NamedTuple):
 
 @kernel(reorder=True)
 def find_margin(
-    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: Step, lowest: LowestMode
+    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: FreeSystem, lowest: LowestMode
 ) -> tuple[float, float, float, int]:
     """Improve the lowest mode.
 
@@ -469,7 +469,13 @@ def _admit(system: AdhesiveSystem, free: Any, x: Any, one: Any) -> None:
 
 @kernel(reorder=True)
 def leave(
-    plans: Plans, system: AdhesiveSystem, at: AdhesiveState, to: AdhesiveState, step: Step, x: Any, cap: Any
+    plans: Plans,
+    system: AdhesiveSystem,
+    at: AdhesiveState,
+    to: AdhesiveState,
+    step: FreeSystem,
+    x: Any,
+    cap: Any,
 ) -> tuple[float, int]:
     """Leave a state that is no minimum along x, to the side where the energy is lower.
 
@@ -534,7 +540,7 @@ class Newton:
         )
         work = small.empty_spectrum()
         kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
-        step = Step(
+        step = FreeSystem(
             field(), spectrum(), free, d, force, direction, applied, z, share, point, stiffness,
             kappa, softening, work, response, no_cycle(),
         )  # fmt: skip
@@ -595,7 +601,7 @@ class Newton:
         return replace(solution, released_energy=released / self._grid.size, margin=self._margin)
 
     def _balanced(
-        self, system: AdhesiveSystem, start: FloatArray, begun: Progress, now: Progress, released: float
+        self, system: AdhesiveSystem, start: FloatArray, begun: NewtonState, now: NewtonState, released: float
     ) -> float:
         """Energy lost in instabilities, sum over the points, of which descents have met those `released`."""
         fields, least = self._fields, _NOTHING * system.strength * system.range
@@ -629,8 +635,8 @@ class Newton:
         return self._fields
 
     def _check(
-        self, system: AdhesiveSystem, progress: Progress, tolerance: float, cap: float | None
-    ) -> tuple[Progress, bool]:
+        self, system: AdhesiveSystem, progress: NewtonState, tolerance: float, cap: float | None
+    ) -> tuple[NewtonState, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
         fields, plans, lowest = self._fields, self._transforms.plans, self._lowest
         margin, curvature, attraction, turns = self._find_margin(system)
@@ -679,7 +685,7 @@ class Newton:
         """Continue from a state."""
         self._mode[:], self._part = state["mode"], float(state["part"])
 
-    def _begin(self, system: AdhesiveSystem, start: FloatArray, cap: float | None) -> Progress:
+    def _begin(self, system: AdhesiveSystem, start: FloatArray, cap: float | None) -> NewtonState:
         """Set the surface where it begins; return where the path is."""
         fields, done, mean, energy, multiplier = self._fields, 1.0, 0.0, math.nan, 0.0
         u = fields.at.u
@@ -692,7 +698,7 @@ class Newton:
         else:
             u[:] = 0.0
             project(u, system.h, system.mean_is_fixed, sums.ranks)
-        return Progress(
+        return NewtonState(
             done, mean, damping=0.0, descends=False, refused=False, unstable=False, drop=0.0, released=0.0,
             pulled_off=False, multiplier=multiplier, residual=np.inf, energy=energy, exact=True,
             tangent=False, pairs=float(done == 0.0), iterations=0,
