@@ -86,7 +86,7 @@ class Inertia(NamedTuple):
 
 
 class FireState(NamedTuple):
-    """What one call of the loop hands to the next."""
+    """State of the motion between two calls of the loop, beside its fields."""
 
     step: float
     mixing: float

@@ -191,7 +191,7 @@ def _patched(patches: Patches) -> ExitStack:
 def _workloads(points: int, steps: int) -> dict[str, list[Config]]:
     side = max(points // 32, 32)
     square = {"grid.points": [side, side], "output.snapshots": []}
-    end = max(steps // 40, 2)
+    end, active_set = max(steps // 40, 2), {"method": "active_set", "tolerance": 1e-6}
     rough, sphere = load(_CONFIGS / "rough-layer.yaml"), load(_CONFIGS / "coated-sphere.yaml")
     cutoff = max(0.015625, 4 / side)
     return {
@@ -199,7 +199,12 @@ def _workloads(points: int, steps: int) -> dict[str, list[Config]]:
         "figure2 adaptive": [_adapted(_line(points, thickness=d)) for d in _THICKNESSES],
         f"rough {side}²": [
             rough.with_values(
-                {**square, "punch.short_cutoff": cutoff, "time.end": end * float(rough.time.step)}
+                {
+                    **square,
+                    "solver": active_set,
+                    "punch.short_cutoff": cutoff,
+                    "time.end": end * float(rough.time.step),
+                }
             )
         ],
         f"coated sphere {side}²": [sphere.with_values({**square, "time.step": 0.04, "time.end": 0.04 * end})],

@@ -424,11 +424,11 @@ def _step(at: Iterate, contact: ContactSet, work: LoopArrays, length: float) -> 
 @kernel(inner=True)
 def _largest_on_line(contact: ContactSet, direction: FloatArray) -> float:
     """Largest entry of a direction on a line; zero on a surface in two directions."""
-    found = 0.0
+    largest = 0.0
     for k in range(contact.counts[0].runs if contact.reach[1] == contact.member.size else 0):
         for i in range(contact.runs[k, 0], contact.runs[k, 1]):
-            found = max(found, abs(direction[i]))
-    return found
+            largest = max(largest, abs(direction[i]))
+    return largest
 
 
 @kernel(reorder=True, inner=True)

@@ -192,7 +192,7 @@ def solve(
     _free_surface(surface)
     at, contact, work, system = window.at, window.contact, window.work, window.system
     carried = _gather(window, origin, surface, guess)
-    found = 0.0 < carried < np.inf
+    solved = 0.0 < carried < np.inf
     if system.load_given:
         share = load * surface.h.size / carried
         for i in range(at.p.size):
@@ -203,13 +203,13 @@ def solve(
     list_runs(contact)
     shift, within, transforms, iterations, clear = 0.0, CLOSE * tolerance, 0, 0, False
     for attempt in range(2):
-        if not found or clear:
+        if not solved or clear:
             break
         arguments = window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
-        found, more, done = _iterate(iterate_at, arguments)
+        solved, more, done = _iterate(iterate_at, arguments)
         transforms, iterations = transforms + more, iterations + done
-        found = found and (attempt > 0 or contact.counts[0].points > 0)
-        clear = found and _raise_clear(window, tolerance)
+        solved = solved and (attempt > 0 or contact.counts[0].points > 0)
+        clear = solved and _raise_clear(window, tolerance)
         # Else aim at a gap in the contact that is larger than the differences of the gaps.
         within = AIM * tolerance
         shift = within * now.depth_scale

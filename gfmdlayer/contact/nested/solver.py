@@ -147,13 +147,13 @@ def _interpolate(
                 continue
             inner = deep[row, m] + deep[row, right] + deep[row + 1, m] + deep[row + 1, right]
             if inner == 4.0:
-                wx, found = _weights(x), 0.0
+                wx, value = _weights(x), 0.0
                 for a in range(4):
                     line = 0.0
                     for b in range(4):
                         line += wx[b] * p[row + a - 1, (m + b - 1) % n]
-                    found += wy[a] * line
-                target[i * columns + j] = max(found, 0.0)
+                    value += wy[a] * line
+                target[i * columns + j] = max(value, 0.0)
             else:
                 s = (1.0 - y) * ((1.0 - x) * smooth[row, m] + x * smooth[row, right])
                 s += y * ((1.0 - x) * smooth[row + 1, m] + x * smooth[row + 1, right])
@@ -169,7 +169,7 @@ def nest(fine: GridLevel, transforms: Transforms, problem: Problem, at: NestedFi
     for grid in reversed(fine.grid.nested[1:]):
         coarse = transforms.of_shape(grid.points, single=True)
         level = GridLevel(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
-        fields = (coarse.backward(transforms.truncated(each, coarse)) for each in (surface, free))
+        fields = (coarse.backward(transforms.truncated(waves, coarse)) for waves in (surface, free))
         h, displaced = (field.astype(np.float64) / fine.grid.size for field in fields)
         load = None if at.load is None else at.load * grid.size / fine.grid.size
         state = NestedFields(h, h - displaced, np.zeros_like(h), np.zeros_like(h), load, at.cap)
@@ -276,9 +276,9 @@ class NestedGradient:
             return solution
         if at.cap is not None:
             return self._by_sets(problem, solution, tolerance, limit)
-        found = self._by_active_set(problem, at.p, (int(pairs), iterations), tolerance, limit)
-        self._failures += found.converged
-        return found
+        solution = self._by_active_set(problem, at.p, (int(pairs), iterations), tolerance, limit)
+        self._failures += solution.converged
+        return solution
 
     def state(self) -> State:
         """Return the number of steps handed over in a row, the part of a pair, and the active set's state."""
@@ -342,16 +342,16 @@ class NestedGradient:
         """Begin with a state, in single precision where that resolves the gaps."""
         if tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
             return Search(fine, at)
-        given = at.load is not None
-        fields = [at.p, at.gap] if given else [at.p, at.gap, at.gap0]
+        load_given = at.load is not None
+        fields = [at.p, at.gap] if load_given else [at.p, at.gap, at.gap0]
         while len(self._narrow) < len(fields):
             self._narrow.append(fine.transforms.empty_field())
-        shift = at.level if given else 0.0  # gaps then count from the level
+        shift = at.level if load_given else 0.0  # gaps then count from the level
         for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
             with np.errstate(over="ignore"):  # the residual of an infinite field is not below any tolerance
                 np.subtract(field, less, out=narrowed, casting="same_kind")
         p, gap = self._narrow[:2]
-        gap0 = gap if given else self._narrow[2]
+        gap0 = gap if load_given else self._narrow[2]
         now = NestedFields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)
         return Search(fine, now)
 
@@ -377,8 +377,8 @@ class NestedGradient:
         tolerance: float,
     ) -> Solution:
         """Clear the surface of the punch, and assess it."""
-        given = at.load is not None
-        shift = -extent.overlap if given else 0.0
+        load_given = at.load is not None
+        shift = -extent.overlap if load_given else 0.0
         at.scales = pressure, depth = fine.scales(extent, shift)
         at.level -= shift
         u = self._transforms.empty_field()
@@ -386,7 +386,7 @@ class NestedGradient:
         (touching, load, gaps, total), (residual, overlap) = fine.parallel(
             settle, 1.0 / pressure, 1.0 / depth, shift, at.cap, at.h, at.p, at.gap, u, flow
         )
-        if given and self._grid.first_row == 0:
+        if load_given and self._grid.first_row == 0:
             spectrum[0] = total
         clear = overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * fine.floor.depth)
         size = self._grid.size
@@ -413,17 +413,17 @@ class NestedGradient:
                 mean_pressure=None if load is None else load - float(held.mean()),
                 hardness=np.inf,
             )
-            found = self._by_active_set(rest, np.where(capped, 0.0, start), spent, tolerance, limit)
-            spent, u = (found.transforms, found.iterations), found.displacement
-            start, flow = found.pressure + held, np.where(capped, np.maximum(u - h, 0.0), 0.0)
+            below = self._by_active_set(rest, np.where(capped, 0.0, start), spent, tolerance, limit)
+            spent, u = (below.transforms, below.iterations), below.displacement
+            start, flow = below.pressure + held, np.where(capped, np.maximum(u - h, 0.0), 0.0)
             depth = scales_over(problem.ranks, start, u, problem.residual_floor)[1]
             now = np.where(capped, h - u <= 0.5 * tolerance * depth, start > problem.hardness)
-            if not found.converged or spent[1] >= limit:
+            if not below.converged or spent[1] >= limit:
                 break
             if np.array_equal(now, capped):
                 over = assess(start, u, h + flow, problem.residual_floor)
                 return make_solution(
-                    problem, u, start, found.spectrum, spent=spent, within=tolerance, assessment=over,
+                    problem, u, start, below.spectrum, spent=spent, within=tolerance, assessment=over,
                     gap=np.maximum(h - u, 0.0), flow=flow,
                 )  # fmt: skip
             capped = now
@@ -438,8 +438,10 @@ class NestedGradient:
             with compiling():  # rarely needed, and thus not compiled beforehand
                 ActiveSet(self._transforms).compile()
         solver = self._active_set or ActiveSet(self._transforms, windows=False)
-        found = solver.solve(problem, start, tolerance, max(limit - iterations, 1))
-        if found.converged:
+        solution = solver.solve(problem, start, tolerance, max(limit - iterations, 1))
+        if solution.converged:
             self._active_set = solver
-        self.spent = self.spent[0] + found.transforms, self.spent[1]
-        return replace(found, transforms=found.transforms + pairs, iterations=found.iterations + iterations)
+        self.spent = self.spent[0] + solution.transforms, self.spent[1]
+        return replace(
+            solution, transforms=solution.transforms + pairs, iterations=solution.iterations + iterations
+        )

@@ -619,7 +619,7 @@ def shorten(at: AdhesiveState, part: float, to: AdhesiveState) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def lost(system: AdhesiveSystem, at: AdhesiveState) -> bool:
+def detaches(system: AdhesiveSystem, at: AdhesiveState) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
     overlap, traction = greatest(system.over, (-(system.h - at.u).min(), at.traction.max()))
     return bool(-overlap > system.range and traction < -system.load)

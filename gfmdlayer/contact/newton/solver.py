@@ -62,9 +62,9 @@ from gfmdlayer.contact.newton.passes import (
     balance,
     begin,
     compare,
+    detaches,
     keep_tangent,
     lifted,
-    lost,
     minimise,
     move,
     precondition,
@@ -120,7 +120,7 @@ class NewtonFields(NamedTuple):
 
 
 class NewtonState(NamedTuple):
-    """What one call of the loop hands to the next."""
+    """State of the path between two calls of the loop."""
 
     done: float  # part of the motion of the punch, 1 where the traction that held the surface is gone
     mean: float  # mean displacement at the beginning of that motion
@@ -141,8 +141,8 @@ class NewtonState(NamedTuple):
 
 
 @kernel
-def is_lost(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
-    """Whether a descent has lost the energy of an instability.
+def is_instability(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
+    """Whether the energy lost in a descent is that of an instability.
 
     The descent may also set right a step along the branch that has gone astray, by much less than the work of
     adhesion of one point.
@@ -156,7 +156,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     single: Plans,
     system: AdhesiveSystem,
     fields: NewtonFields,
-    given: NewtonState,
+    begun: NewtonState,
     tolerance: float,
     limit: int,
     cap: Any,
@@ -170,7 +170,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     (
         done, mean0, damping, descends, refused, unstable, drop, released, pulled_off, multiplier, residual,
         energy, exact, tangent, pairs, _,
-    ) = given  # fmt: skip
+    ) = begun  # fmt: skip
     iterations, settled, evaluated = 0, False, np.isnan(energy)
     if evaluated:
         set_stress(plans, system, at, fields.spectrum, step.spectrum)
@@ -189,7 +189,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         (strongest,) = greatest(system.over, (step.pressure.max(),))
         aim = tolerance * max(system.strength, strongest)
         if descends and done < 1.0 and lack == 0.0 and (largest <= aim or settled):
-            released += drop if is_lost(system, drop, unstable) else 0.0
+            released += drop if is_instability(system, drop, unstable) else 0.0
             descends, unstable, drop, damping = False, False, 0.0, 0.0
             continue
         if iterations == limit:
@@ -265,8 +265,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled, refused = True, False, True
             damping = max(_SHORTER * damping, _AT_REST * system.kappa_1)
-            stiffest, softest = greatest(system.over, (at.curvature.max(), -at.curvature.min()))
-            if damping > _HOPELESS * (system.kappa_1 + max(stiffest, softest)):
+            stiffest, concave = greatest(system.over, (at.curvature.max(), -at.curvature.min()))
+            if damping > _HOPELESS * (system.kappa_1 + max(stiffest, concave)):
                 break
             continue
         at, to, swapped, energy = to, at, not swapped, after
@@ -284,10 +284,10 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         refused = False
         damping = 0.0 if damping < _AT_REST * system.kappa_1 else damping
         if system.load < 0.0 and not system.mean_is_fixed:
-            pulled_off = lost(system, at)
+            pulled_off = detaches(system, at)
     if swapped:
         _copy(at, to)
-    iterations += given.iterations
+    iterations += begun.iterations
     residual = np.inf if lack != 0.0 else residual
     return NewtonState(
         done,
@@ -576,7 +576,7 @@ class Newton:
         if converged:
             self._mode[:], self._part = self._lowest.x, part
         released = progress.released
-        released += progress.drop if is_lost(system, progress.drop, progress.unstable) else 0.0
+        released += progress.drop if is_instability(system, progress.drop, progress.unstable) else 0.0
         if converged and begun.done == 0.0 and cap is None:
             released = self._balanced(system, start, begun, progress, released)
         pressure, gap, flow, under = fields.at.stress + progress.multiplier, None, None, problem
@@ -658,14 +658,14 @@ class Newton:
     def _find_margin(self, system: AdhesiveSystem) -> tuple[float, float, float, int]:
         """Follow the lowest mode; begin anew where none of the points that it moved is free."""
         fields, lowest = self._fields, self._lowest
-        given = self._single.plans, system, fields.at, fields.step, lowest
-        found: tuple[float, float, float, int] = find_margin(*given)
+        arguments = self._single.plans, system, fields.at, fields.step, lowest
+        followed: tuple[float, float, float, int] = find_margin(*arguments)
         moved, free = self._grid.sums.maximum(np.array([lowest.x.any(), fields.step.free.any()], float))
         if moved or not free:
-            return found
+            return followed
         lowest.x[:] = _any_deformation(self._grid)
-        margin, curvature, attraction, pairs = find_margin(*given)
-        return margin, curvature, attraction, found[-1] + pairs
+        margin, curvature, attraction, pairs = find_margin(*arguments)
+        return margin, curvature, attraction, followed[-1] + pairs
 
     def compile(self) -> None:
         """Compile the kernel for a balance of forces that is no minimum."""
@@ -706,7 +706,7 @@ class Newton:
 
 
 def _any_deformation(grid: Grid) -> FloatArray:
-    """One that no symmetry rules out; always the same, of which each rank has its rows."""
+    """Return a deformation without symmetry, always the same; each rank has its rows of it."""
     numbers, row = np.random.default_rng(0), grid.size // grid.points[0]
     for _ in range(grid.first_row):
         numbers.normal(size=row)
