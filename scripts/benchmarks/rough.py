@@ -197,7 +197,7 @@ def compare(points: int, repetitions: int) -> list[Table]:
     for method in ("nested_gradient", *METHODS[:2]):
         for tolerance in (*_LOOSER, RESIDUAL):
             given = {"solver": {"method": method, "tolerance": tolerance}}
-            solver = Case(config.with_values(given), transforms=case.transforms).solver
+            solver = Case(config.with_values(given), transforms=case.transforms).contact.solver
             taken, solution = _solved(solver, problem, tolerance, repetitions)
             found = solution.contact_area, solution.residual, solution.transforms
             row = _row(method, found, taken, tolerance)

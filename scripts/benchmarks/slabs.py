@@ -94,10 +94,10 @@ def solved(points: int, ranks: Ranks, threads: int = 1) -> dict[str, Any]:
     case = Case(configuration(points), threads=threads, ranks=ranks)
     kappa, b = case.contact.history.terms(0.0)
     problem = case.contact.loading.problem(kappa, b, 1.0)
-    case.solve(problem, 0.0)
+    case.contact.solve(problem, 0.0)
     ranks.total(0.0)
     begun = time.perf_counter()
-    solution = case.solve(problem, 0.0)
+    solution = case.contact.solve(problem, 0.0)
     seconds = time.perf_counter() - begun
     field, spectrum = case.transforms.empty_field(), case.transforms.empty_spectrum()
     field[:], number = 0.0, max(3, (1 << 24) // points**2)
