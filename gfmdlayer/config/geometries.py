@@ -65,7 +65,7 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
     if config.trajectory.control == "load":
         yield Mistake(("trajectory", "control"), _LOAD, _BOUNDARY)
-    track = "not available with grid.boundary: isolated, a track is longer than the reach; remove it"
+    track = "not available with grid.boundary: isolated, because the punch leaves the cell; remove it"
     cell = "describes a cell, which an isolated contact does not have; remove it"
     unused: Sequence[tuple[Any, Location, Sequence[str], str]] = (
         (config.trajectory, ("trajectory",), ("velocity", "velocity_file"), track),
@@ -88,8 +88,8 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     period = config.grid.period
     if (face := config.punch.face(period)) > WIDEST:
         least = max(period) * face / WIDEST
-        message = f"the face is {face:.3g} periods wide, and a contact without images at most {WIDEST:g}"
-        yield Mistake(("punch", "width"), f"{message}; a period of {least:.3g} would do", _BOUNDARY)
+        message = f"the face is {face:.3g} periods wide, and without periodic images at most {WIDEST:g} fit"
+        yield Mistake(("punch", "width"), f"{message}; set a period of at least {least:.3g}", _BOUNDARY)
 
 
 def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:
@@ -98,12 +98,12 @@ def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:
     others = (*_BOUNDARY, "grid.points", "halfspace", "layers", "layer")
     if len(config.grid.points) == 2 or math.isfinite(config.solid.rigid_below):
         if datum is not None:
-            message = "only for a line on a halfspace, whose depth has no other origin; remove it"
+            message = "only for a line on a halfspace; here the depth has an origin already; remove it"
             yield Mistake(("grid", "datum"), message, others)
     elif datum is None:
         message = (
-            "missing; a line on a halfspace has no depth of its own: must be the distance at which the "
-            f"surface counts as at rest, at least the period, {period!r}"
+            "missing; the depth of a line on a halfspace has no natural origin: give the distance at which "
+            f"the surface counts as at rest, at least the period, {period!r}"
         )
         yield Mistake(("grid", "datum"), message, others)
     elif datum < period:

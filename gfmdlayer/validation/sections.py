@@ -280,15 +280,16 @@ def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Locati
 
 
 def _form(section: type[Section], location: Location, value: object) -> str:
-    """Return ", such as {...}" with the required keys of the section nearest to a value."""
+    """Return ", such as {...}" with the required keys of the section that a key holds, or of the nearest."""
     field = section.fields().get(dotted_key(without_last_places(location)[-1:]))
-    held = field and held_by(field)
-    if not isinstance(held, OneOf):
-        return ""
-    word = next(iter(get_close_matches(str(value), held.members, n=1)), next(iter(held.members)))
-    fields = held.members[word].fields().items()
-    keys = [f"{key}: ..." for key, field in fields if key != held.key and field.is_required()]
-    return f", such as {{{', '.join([f'{held.key}: {word}', *keys])}}}"
+    held = section.entries if field is None else held_by(field)
+    keys = {}
+    if isinstance(held, OneOf):
+        word = next(iter(get_close_matches(str(value), held.members, n=1)), next(iter(held.members)))
+        keys, held = {held.key: word}, held.members[word]
+    if held is not None:
+        keys |= {key: "..." for key, field in held.fields().items() if field.is_required()}
+    return f", such as {{{', '.join(f'{key}: {word}' for key, word in keys.items())}}}" if keys else ""
 
 
 class OneOrMore(OneOf[Member]):
