@@ -48,6 +48,7 @@ from gfmdlayer.validation.problems import (
     Mistake,
     dotted,
     set_aside,
+    without_last_places,
 )
 from gfmdlayer.validation.sections import (
     OneOf,
@@ -351,7 +352,7 @@ class Config(Section):
         """
         found = explain(error)
         rest = copy.deepcopy(data)
-        aside = [set_aside(rest, p.location[:-1] if p.chooses else p.location) for p in found]
+        aside = [set_aside(rest, _without_meaning(p)) for p in found]
         hidden = (p for p in problems({"name": "unnamed"} | rest) if not sweeps.rests_on(p, aside))
         return [_as_written(data, problem) for problem in (*found, *hidden)]
 
@@ -430,6 +431,12 @@ def explain(error: ValidationError) -> list[Mistake]:
 @cache
 def _known_keys() -> list[str]:
     return ["name", *sweeps.leaves(Config(name="defaults"))]
+
+
+def _without_meaning(problem: Mistake) -> Location:
+    """Return the location of what has no meaning without a refused value; a sweep keeps its other keys."""
+    above = without_last_places(problem.location)[:-1]
+    return above if problem.chooses and above and above[0] != "sweep" else problem.location
 
 
 def _as_written(data: Any, problem: Mistake) -> Mistake:

@@ -55,7 +55,7 @@ class Mistake:
     message: str  # value found and values allowed
     others: tuple[str, ...] = ()  # further dotted keys on whose values the message depends
     at_key: bool = False  # whether the key is wrong instead of its value
-    chooses: bool = False  # whether the key chooses its section, so that the other keys there have no meaning
+    chooses: bool = False  # whether its section has no meaning without the key: it chooses it, or is required
 
     @property
     def key(self) -> str:

@@ -247,13 +247,15 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
                 message = f"got {shown(word)}; must be {words.allowed}{nearest(word, words.words)}"
                 found.append(Mistake((*location, chosen_by), message, chooses=True))
             case "must_be" | "value_error":
-                found.append(Mistake(location, entry["msg"].removeprefix("Value error, ")))
+                message = entry["msg"].removeprefix("Value error, ")
+                found.append(Mistake(location, message, chooses=_requires(section, location)))
             case kind:
                 allowed, value = _SHAPES.get(kind, entry["msg"]), entry["input"]
                 hint = colon_without_space(value) if isinstance(value, str) else ""
                 if kind == "model_type":
                     allowed += _form(section, location, value)
-                found.append(Mistake(location, f"got {shown(value)}; must be {allowed}{hint}"))
+                message = f"got {shown(value)}; must be {allowed}{hint}"
+                found.append(Mistake(location, message, chooses=_requires(section, location)))
     return list(dict.fromkeys(found))
 
 
@@ -277,6 +279,11 @@ def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Locati
             holder, field = held, held.fields().get(part)
             held = held.entries if field is None else held_by(field)
     return tuple(location), holder, held.key if isinstance(held, OneOf) else ""
+
+
+def _requires(section: type[Section], location: Location) -> bool:
+    field = section.fields().get(dotted_key(without_last_places(location)[-1:]))
+    return field is not None and field.is_required()
 
 
 def _form(section: type[Section], location: Location, value: object) -> str:
