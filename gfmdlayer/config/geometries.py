@@ -53,7 +53,7 @@ def _problems_in_a_cell(config: Any) -> Iterator[Mistake]:
         message = "only for geometry: axisymmetric; remove it or change the geometry"
         yield Mistake(("grid", "extent"), message, _GEOMETRY)
     fit = config.punch.misfits(config.grid.cell)
-    yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+    yield from (mistake.within(("punch",), "grid.points", "grid.period", "punch.shape") for mistake in fit)
     if config.grid.isolated:
         yield from _problems_without_images(config)
     elif config.grid.datum is not None:
@@ -76,11 +76,11 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
         for key in keys:
             if getattr(section, key) is not None:
                 yield Mistake((*at, key), message, _BOUNDARY)
-    found = {at: shift for at, shift in shifts(config).items() if shift is not None}
-    for at, shift in found.items():
-        if shift != next(iter(found.values())):
+    shifted = {at: shift for at, shift in shifts(config).items() if shift is not None}
+    for at, shift in shifted.items():
+        if shift != next(iter(shifted.values())):
             message = "differs from that of other materials; must be the same with grid.boundary: isolated"
-            yield Mistake((*at, "shift"), message, (*map(dotted, found), *_BOUNDARY))
+            yield Mistake((*at, "shift"), message, (*map(dotted, shifted), *_BOUNDARY))
             break
     if config.solid.isolated:  # other bodies are asked for their stiffness before the run
         yield from (problem.within((), *_BOUNDARY) for problem in config.solid.problems_isolated())
@@ -120,10 +120,11 @@ def _plainly_possible_in_a_cell(config: Any) -> bool:
         return False
     if config.hardness is not None and config.interfaces:
         return False
-    given, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
+    trajectory, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
     if files_named(config) or mean_height is None:
         return False
-    return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+    depth = trajectory.depth
+    return trajectory.control != "depth" or (depth is not None and depth < mean_height / 2)
 
 
 def _problems_of_revolution(config: Any) -> Iterator[Mistake]:

@@ -171,14 +171,14 @@ class Trajectory(Section):
             return ((0.0, 0.0), (self.ramp_time, peak))
         assert self.start is not None and self.final is not None  # noqa: PT018
         assert self.approach_speed is not None and self.retract_speed is not None  # noqa: PT018
-        found = [(0.0, self.start)]
+        corners = [(0.0, self.start)]
         for _ in range(self.cycles or 1):
-            time, value = found[-1]
-            found.append((time + (peak - value) / self.approach_speed, peak))
+            time, value = corners[-1]
+            corners.append((time + (peak - value) / self.approach_speed, peak))
             if self.dwell:
-                found.append((found[-1][0] + self.dwell, peak))
-            found.append((found[-1][0] + (peak - self.final) / self.retract_speed, self.final))
-        return tuple(found)
+                corners.append((corners[-1][0] + self.dwell, peak))
+            corners.append((corners[-1][0] + (peak - self.final) / self.retract_speed, self.final))
+        return tuple(corners)
 
     @property
     def duration(self) -> float | None:
