@@ -22,7 +22,7 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.solid import Solid
-from gfmdlayer.config import sections, sweeps, text
+from gfmdlayer.config import sections, sweeps
 from gfmdlayer.config.bodies import BODY, Counterbody, TwoBodies, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayers, layered, problems_of_the_body
@@ -41,6 +41,7 @@ from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
+from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import (
     ConfigError,

@@ -11,10 +11,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
-from gfmdlayer.config.text import Document, Place
+from gfmdlayer.validation import text
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
@@ -25,6 +24,7 @@ from gfmdlayer.validation.problems import (
     not_in_list,
 )
 from gfmdlayer.validation.sections import keys_of_files, plain
+from gfmdlayer.validation.text import Document, Place
 
 _FILES = frozenset(keys_of_files(Config))
 _PYTHON = Place("")  # objects of Python have no place but their key

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from gfmdlayer.config import text
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
 from gfmdlayer.fitting.indentation.estimates import CurveFit, Estimate, IndentationFit
 from gfmdlayer.fitting.report import plain_name, with_suffixes, written
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
+from gfmdlayer.validation import text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
