@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.config import ConfigError, text
+from gfmdlayer.config import ConfigError
 from gfmdlayer.execution.case_run import record_failure
 from gfmdlayer.execution.folder import FOREIGN, MARK, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.growth import held, leftovers, refuse_unreadable, remove_results
@@ -45,6 +45,7 @@ from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import parameter
+from gfmdlayer.validation import text
 
 # The file cases/NNNN.h5 of the estimates of one curve:
 #

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.config import ConfigError, text
+from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve, baseline, noise_of
 from gfmdlayer.fitting.indentation.elastic import KINDS, NO_ADHESION, work_for
 from gfmdlayer.fitting.indentation.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
@@ -32,6 +32,7 @@ from gfmdlayer.fitting.indentation.problem import (
 from gfmdlayer.indentation.equilibrium import Adhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.punch.revolution import abel_transform
+from gfmdlayer.validation import text
 from gfmdlayer.validation.problems import location_of_key, shown, unknown_key
 
 TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
