@@ -9,9 +9,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gfmdlayer.body.anisotropic import Anisotropic
     from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
-    from gfmdlayer.body.crystals import Anisotropic, Lattice, Tabulated
+    from gfmdlayer.body.lattice import Lattice
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Elastic, Prony, Zener
     from gfmdlayer.body.pair import Pair
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.solid import Solid
     from gfmdlayer.body.stack import Layer, LayerStack
+    from gfmdlayer.body.tabulated import Tabulated
     from gfmdlayer.body.wavevectors import Wavevectors
     from gfmdlayer.case.case import Case
     from gfmdlayer.case.model import ConvergenceError, simulate
@@ -80,7 +82,9 @@ _MODULES = {
     ),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
-    "gfmdlayer.body.crystals": ("Anisotropic", "Lattice", "Tabulated"),
+    "gfmdlayer.body.anisotropic": ("Anisotropic",),
+    "gfmdlayer.body.lattice": ("Lattice",),
+    "gfmdlayer.body.tabulated": ("Tabulated",),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Elastic", "Prony", "Zener"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),

@@ -9,15 +9,19 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, cast
 
-from gfmdlayer.body.materials import Law, Material
+from pydantic import Field
+
+from gfmdlayer.body.laws import LAWS
+from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.validation.problems import Problem
-from gfmdlayer.validation.sections import Kind, replaced, sections_in
+from gfmdlayer.validation.sections import Kind, OneOf, replaced, sections_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
     from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.body.wavevectors import Wavevectors
@@ -145,6 +149,35 @@ class Solid(Kind):
         if not self.isolated:
             message = "given with grid.geometry: axisymmetric, which this body does not allow; must be layers"
             yield Problem(("body",), message)
+
+
+class OneModulus(Solid):
+    """A body whose moduli all relax alike, K(q, s) = K(q) G(s)/G(0); only the form of the law counts."""
+
+    material: Annotated[Law, OneOf(LAWS)] = Field(default_factory=lambda: Elastic(1.0))
+    """law by which all moduli relax alike, relative to its G0; default: elastic"""
+
+    @abstractmethod
+    def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
+        """Return K(q, 0), positive but at q = 0."""
+
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
+        """Return K(q, s)."""
+        import numpy as np
+
+        from gfmdlayer.body.wavevectors import Wavevectors
+
+        found = self.relaxed_stiffness(Wavevectors.of(waves))
+        return np.asarray(found * (self.material.laplace(s) / self.material.unit))
+
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return a mode for each branch of the law."""
+        from gfmdlayer.body.relaxation import Spectrum
+        from gfmdlayer.body.wavevectors import Wavevectors
+
+        assert isinstance(self.material, Material)  # as in every run
+        found = self.relaxed_stiffness(Wavevectors.of(waves))
+        return Spectrum.of_material(found / self.material.unit, self.material)
 
 
 def fault(body: Body, waves: Wavevectors) -> str:

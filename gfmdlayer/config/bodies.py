@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 # The first is meant where `kind` is left out.
 BODIES: dict[str, type[Solid]] = load_table(
     "gfmdlayer.config.layers:Layers",
-    "gfmdlayer.body.crystals:Anisotropic",
-    "gfmdlayer.body.crystals:Lattice",
-    "gfmdlayer.body.crystals:Tabulated",
+    "gfmdlayer.body.anisotropic:Anisotropic",
+    "gfmdlayer.body.lattice:Lattice",
+    "gfmdlayer.body.tabulated:Tabulated",
 )
 
 
