@@ -231,23 +231,23 @@ DEPTH_PAIRS = 7.0  # work of the fields at a depth, in FFT pairs; measured at 51
 _SAME = 1e-12  # relative: a depth this close to an interface is on it
 
 
-class Place(NamedTuple):
+class LayerDepth(NamedTuple):
     """A depth, and the number of its layer from the surface; a depth at an interface has two places."""
 
     depth: float
     layer: int
 
 
-def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[Place]:
+def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[LayerDepth]:
     """Return the places at increasing depths in layers of these thicknesses, at most their sum."""
     faces, last = list(accumulate(thicknesses)), len(thicknesses) - 1
     found = []
     for depth in depths:
         at = next((i for i, face in enumerate(faces) if abs(face - depth) <= _SAME * depth), None)
         if at is None:
-            found.append(Place(depth, next(i for i, face in enumerate(faces) if depth < face)))
+            found.append(LayerDepth(depth, next(i for i, face in enumerate(faces) if depth < face)))
         else:
-            found += [Place(faces[at], number) for number in (at, at + 1) if number <= last]
+            found += [LayerDepth(faces[at], number) for number in (at, at + 1) if number <= last]
     return found
 
 

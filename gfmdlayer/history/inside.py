@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.body.inside import Inside, alike
+from gfmdlayer.body.inside import StackFields, alike
+from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.relaxation import Spectrum, distinct_branches
-from gfmdlayer.body.solid import Place
-from gfmdlayer.body.stack import LayerStack
+from gfmdlayer.body.solid import LayerDepth
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.errors import Integrator
 from gfmdlayer.history.modes import Modes
@@ -49,23 +49,23 @@ class Springs(NamedTuple):
 
 
 class Interior:
-    """The fields below the surface of a stack; `modes` is the `spectrum` of the integrator's body."""
+    """The fields below the surface of layers; `modes` is the `spectrum` of the integrator's body."""
 
     def __init__(
         self,
-        stack: LayerStack,
+        body: Layers,
         grid: Grid,
-        places: Sequence[Place],
+        places: Sequence[LayerDepth],
         modes: Callable[[FloatArray], Spectrum] | None = None,
     ) -> None:
         self.grid, self.places, self._modes = grid, places, modes
-        self.relaxes_alike = alike([layer.material for layer in stack.present])
+        self.relaxes_alike = alike([layer.material for layer in body.present])
         waves = grid.waves
         size = np.ravel(waves.magnitude)
         self._at_mean = np.flatnonzero(size == 0)
         different, where = np.unique(size, return_inverse=True)
         self._where: IntArray = where.ravel()
-        self.inside = Inside(stack, different)
+        self.inside = StackFields(body, different)
         axes = len(grid.points)
         q = np.stack([np.ravel(waves.qx), np.ravel(waves.qy)])[:axes]
         largest = np.pi * np.divide(grid.points, grid.period)[:, np.newaxis]
@@ -95,7 +95,7 @@ class Interior:
         found = Springs(*(each[:, self._where] * -u for each in inside.relaxed))
         scale, every = (inside.q * inside.stiffness[0])[self._where], np.arange(u.size)
         network = isinstance(integrator, StackModes)
-        moduli, taus = distinct_branches(inside.stack.present[0].material)
+        moduli, taus = distinct_branches(inside.body.present[0].series)
         for k, (G, tau) in enumerate(zip(moduli, taus, strict=True)):
             each = np.full((inside.q.size, 1), tau)
             rows = np.full(each.shape, k) if network else self._nearest.rows(np.arange(len(each)), each)
@@ -138,7 +138,7 @@ class Interior:
             springs.forces[1:, at] -= np.einsum("nsm,nm->sn", memory.forces[of], stretch)
 
     def at(
-        self, springs: Springs, place: Place, names: Collection[str] | None = None
+        self, springs: Springs, place: LayerDepth, names: Collection[str] | None = None
     ) -> dict[str, FloatArray]:
         """Return the fields at a place by name, each of the grid's shape; default: all fields."""
         depth, number = place
@@ -147,7 +147,7 @@ class Interior:
         spectra = np.empty((len(self.names), self._where.size), dtype=np.complex128)
         superpose(T, self._where, springs.strains[own], springs.forces[own], self._n, self._odd, spectra)
         if (at := self._at_mean).size:
-            p, nu = springs.forces[0, at], self.inside.stack.present[number].poisson
+            p, nu = springs.forces[0, at], self.inside.body.present[number].poisson
             lateral = -nu / (1 - nu) * p
             means = {"z": self._sunk(springs, depth), "zz": -p, "xx": lateral, "yy": lateral}
             for name, spectrum in zip(self.names, spectra, strict=True):
@@ -181,7 +181,7 @@ class Interior:
         """Return the mean displacement at a depth, downward."""
         at, inside = self._at_mean, self.inside
         down = springs.strains[0, at]
-        for i, top, layer in zip(inside.firsts, inside.tops, inside.stack.present, strict=False):
+        for i, top, layer in zip(inside.firsts, inside.tops, inside.body.present, strict=False):
             if depth > top:
                 down = down - min((depth - top) / layer.thickness, 1.0) * springs.strains[i, at]
         return np.asarray(down)
