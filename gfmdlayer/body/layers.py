@@ -90,7 +90,7 @@ class Layers(Solid):
         self._base = base
 
     @classmethod
-    @lru_cache(maxsize=16)  # sections never change; a case asks for its body at every turn
+    @lru_cache(maxsize=16)  # sections never change, and a case asks for its body some twenty times
     def of(cls, layers: tuple[Layer, ...], base: Halfspace) -> Layers:
         """Return the body of the sections of a configuration, made once."""
         return cls(layers, base=base)
@@ -104,7 +104,7 @@ class Layers(Solid):
             return self
         return Layers(own, accuracy=accuracy, base=base)
 
-    # What the layers are.
+    # The parts.
 
     @property
     def above(self) -> tuple[Layer, ...]:
@@ -158,12 +158,12 @@ class Layers(Solid):
 
     @cached_property
     def _identity(self) -> tuple[object, ...]:
-        """Equal for bodies that respond alike, however their keys were given."""
+        """Equal for bodies of equal response, however their keys were given."""
         every = tuple((layer.thickness, layer.poisson, layer.material) for layer in self.layers)
-        return every, self.rigid, self.accuracy
+        return every, self.rigid, self.accuracy, self.closed_form is None
 
     def __eq__(self, other: object) -> bool:
-        """Whether two bodies respond alike."""
+        """Whether two bodies have an equal response."""
         return self is other or (isinstance(other, Layers) and self._identity == other._identity)
 
     def __hash__(self) -> int:
@@ -181,7 +181,7 @@ class Layers(Solid):
             raise ConfigError([f"body: got {name}; {message}"])
         return super().model_dump(**options)
 
-    # How they respond, see `Body`.
+    # The response, see `Body`.
 
     @property
     def mean_stiffness(self) -> float:
@@ -229,7 +229,7 @@ class Layers(Solid):
 
         return stack.internal_variables(self, waves)
 
-    # What a configuration asks of its body, see `Solid`.
+    # Properties for configurations, see `Solid`.
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -296,7 +296,7 @@ def interfaces(solid: Solid) -> list[float]:
     return [depth for depth in accumulate(bonded) if math.isfinite(depth)]
 
 
-# In Python.
+# Bodies made in Python.
 
 LayerStack = Layers
 

@@ -95,7 +95,7 @@ class Pair(Solid):
         both = (one > 0) & (two > 0)  # a body with K = 0 holds its displacement
         return np.where(both, one / np.where(both, one + two, 1.0), (one == 0) & (two > 0))
 
-    # What a configuration asks of its body: there both are solids.
+    # Properties for configurations, see `Solid`: there both bodies are solids.
 
     @property
     def _solids(self) -> tuple[Solid, Solid]:
