@@ -188,7 +188,7 @@ def _refuse(body: Body, period: tuple[float, ...], datum: float | None) -> None:
             )
 
 
-class _WaveNodes(NamedTuple):
+class _CellNodes(NamedTuple):
     """Of the response: points within reach, and its transforms there."""
 
     q: FloatArray  # (nq,), of the integral over all waves
@@ -200,7 +200,7 @@ class _WaveNodes(NamedTuple):
     number: IntArray  # place of a lowest wave by (|nx|, |ny|); -1 where there is none
 
 
-def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _WaveNodes:
+def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _CellNodes:
     from scipy.special import erfc, j0
 
     axes, shortest = len(period), min(period)
@@ -246,7 +246,7 @@ def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _Wav
     number[nx[low], ny[low]] = of.ravel()
     felt = (waves > 0) & ((waves <= last) | low)
     passed = cosines * (low_pass(waves) - low)
-    return _WaveNodes(q, integral, waves[felt], passed[:, felt], waves[low][first], lowest.T, number)
+    return _CellNodes(q, integral, waves[felt], passed[:, felt], waves[low][first], lowest.T, number)
 
 
 def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: float) -> IsolatedBody:

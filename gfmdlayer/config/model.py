@@ -37,7 +37,7 @@ from gfmdlayer.config.trajectory import (
 )
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
 from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
-from gfmdlayer.interface.interface import Friction, Interface
+from gfmdlayer.interface.interface import FrictionLaw, Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
@@ -273,9 +273,9 @@ class Config(Section):
         return tuple(law for law in self.interface_laws.values() if law.attracts)
 
     @property
-    def friction(self) -> tuple[Friction, ...]:
+    def friction(self) -> tuple[FrictionLaw, ...]:
         """The laws of friction, of which the smaller traction counts; empty without friction."""
-        return tuple(law for law in self.interface_laws.values() if isinstance(law, Friction))
+        return tuple(law for law in self.interface_laws.values() if isinstance(law, FrictionLaw))
 
     @property
     def interface_laws(self) -> dict[Location, Interface]:

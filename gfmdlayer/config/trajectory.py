@@ -24,7 +24,7 @@ from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import shifts
 from gfmdlayer.config.sections import MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
-from gfmdlayer.interface.interface import Friction
+from gfmdlayer.interface.interface import FrictionLaw
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
 from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
 from gfmdlayer.validation.sections import Section
@@ -277,7 +277,7 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -
 
 def problems_of_the_friction(config: Any) -> Iterator[Mistake]:
     """Yield contradictions between friction at the interface and the other sections of a `Config`."""
-    laws = [(at, law) for at, law in config.interface_laws.items() if isinstance(law, Friction)]
+    laws = [(at, law) for at, law in config.interface_laws.items() if isinstance(law, FrictionLaw)]
     motion = config.trajectory
     if not laws:
         for key in ("tangential", "creepage"):

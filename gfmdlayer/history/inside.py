@@ -41,7 +41,7 @@ SURFACE = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 STRESSES = frozenset(name for name in SURFACE if len(name) == 2)
 
 
-class Springs(NamedTuple):
+class SpringFields(NamedTuple):
     """Transforms of the strains and the forces of all springs, downward, (springs, nq)."""
 
     strains: ComplexArray
@@ -77,22 +77,22 @@ class Interior:
         """Names of the fields: one letter for a displacement, two for a stress."""
         return LINE if len(self.grid.points) == 1 else SURFACE
 
-    def springs(self, integrator: Integrator, p: ComplexArray) -> Springs:
+    def springs(self, integrator: Integrator, p: ComplexArray) -> SpringFields:
         """Return the springs after the last step of an integrator, and for this pressure."""
         if self.relaxes_alike:
             return self.of_surface(integrator.u, p)
         assert isinstance(integrator, Modes)
         return self.of_history(integrator, p)
 
-    def of_surface(self, u: ComplexArray, p: ComplexArray) -> Springs:
+    def of_surface(self, u: ComplexArray, p: ComplexArray) -> SpringFields:
         """Return the springs of layers that relax alike, for displacement (upward) and pressure."""
         strains, forces = (each[:, self._where] for each in self.inside.alike())
-        return self._with_mean(Springs(strains * -u, forces * p), p)
+        return self._with_mean(SpringFields(strains * -u, forces * p), p)
 
-    def of_history(self, integrator: Modes, p: ComplexArray) -> Springs:
+    def of_history(self, integrator: Modes, p: ComplexArray) -> SpringFields:
         """Return the springs of layers that relax by different laws."""
         inside, u, y = self.inside, integrator.u, integrator.stretches
-        found = Springs(*(each[:, self._where] * -u for each in inside.relaxed))
+        found = SpringFields(*(each[:, self._where] * -u for each in inside.relaxed))
         scale, every = (inside.q * inside.stiffness[0])[self._where], np.arange(u.size)
         network = isinstance(integrator, StackModes)
         moduli, taus = distinct_branches(inside.body.present[0].series)
@@ -118,12 +118,12 @@ class Interior:
         """Numbers of the modes of the memory."""
         return self._nearest.rows(self.inside.memory.waves, self.inside.memory.times)
 
-    def _with_mean(self, springs: Springs, p: ComplexArray) -> Springs:
+    def _with_mean(self, springs: SpringFields, p: ComplexArray) -> SpringFields:
         """Keep the mean pressure as the force of the first spring, which has none of its own."""
         springs.forces[0, self._at_mean] = p[self._at_mean]
         return springs
 
-    def _add_memory(self, springs: Springs, y: ComplexArray) -> None:
+    def _add_memory(self, springs: SpringFields, y: ComplexArray) -> None:
         """Add the parts of the stretches y, (modes, nq), where they count."""
         memory, rows = self.inside.memory, self._rows
         number = np.full(self.inside.q.size, -1)
@@ -138,7 +138,7 @@ class Interior:
             springs.forces[1:, at] -= np.einsum("nsm,nm->sn", memory.forces[of], stretch)
 
     def at(
-        self, springs: Springs, place: LayerDepth, names: Collection[str] | None = None
+        self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
     ) -> dict[str, FloatArray]:
         """Return the fields at a place by name, each of the grid's shape; default: all fields."""
         depth, number = place
@@ -159,7 +159,7 @@ class Interior:
             if names is None or name in names
         }
 
-    def recorded(self, springs: Springs) -> dict[str, NDArray[Any]]:
+    def recorded(self, springs: SpringFields) -> dict[str, NDArray[Any]]:
         """Return the fields of a snapshot, (places, *grid), and where they are needed the springs."""
         shape = len(self.places), *self.grid.shape
         found: dict[str, NDArray[Any]] = {
@@ -177,7 +177,7 @@ class Interior:
                 found[f"spring_{each}"] = np.array(fields_of)
         return found
 
-    def _sunk(self, springs: Springs, depth: float) -> ComplexArray:
+    def _sunk(self, springs: SpringFields, depth: float) -> ComplexArray:
         """Return the mean displacement at a depth, downward."""
         at, inside = self._at_mean, self.inside
         down = springs.strains[0, at]
