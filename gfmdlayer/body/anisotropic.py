@@ -116,13 +116,13 @@ class Anisotropic(OneModulus):
             message = f"got {shown(self.along)}; must be perpendicular to normal, {shown(self.normal)}"
             yield Problem(("along",), message, ("normal",))
         names: tuple[str, ...] = ("C11", "C12", "C44", "C13", "C33", "C66")
-        found = {name: getattr(self, name) for name in names}
+        constants = {name: getattr(self, name) for name in names}
         if self.C is not None:
-            for name in (name for name, value in found.items() if value is not None):
+            for name in (name for name, value in constants.items() if value is not None):
                 yield Problem(
                     (name,), "given beside C, which has all constants; remove one of the two", ("C",)
                 )
-            size = max(abs(each) for row in self.C for each in row)
+            size = max(abs(entry) for row in self.C for entry in row)
             if any(abs(self.C[i][j] - self.C[j][i]) > _SAME * size for i in range(6) for j in range(i)):
                 yield Problem(("C",), "is not symmetric; must be, row by row")
             elif not _positive(self.C):
@@ -131,8 +131,8 @@ class Anisotropic(OneModulus):
             else:
                 yield from self._nearly_unstable("C")
             return
-        if None in [*found.values()][:3]:
-            missing = next(name for name in names if found[name] is None)
+        if None in [*constants.values()][:3]:
+            missing = next(name for name in names if constants[name] is None)
             yield Problem((missing,), "missing; must be a number, or give all constants in C", ("C",))
             return
         (C11, C12, C13), C33 = self.constants[0][:3], self.constants[2][2]
@@ -150,9 +150,9 @@ class Anisotropic(OneModulus):
 
     def _nearly_unstable(self, key: str) -> Iterator[Problem]:
         """Refuse a body so near to instability that Barnett and Lothe's integral needs too many points."""
-        least = _SOFTEST * max(abs(each) for row in self.constants for each in row)
+        least = _SOFTEST * max(abs(entry) for row in self.constants for entry in row)
         rows = enumerate(self.constants)
-        if not _positive([[each - least * (i == j) for j, each in enumerate(row)] for i, row in rows]):
+        if not _positive([[entry - least * (i == j) for j, entry in enumerate(row)] for i, row in rows]):
             limit = f"{least:.3g}, {_SOFTEST:g} of the largest constant"
             yield Problem((key,), f"a strain has a stiffness below {limit}: the body is nearly unstable")
 
@@ -162,10 +162,10 @@ class Anisotropic(OneModulus):
 
         coefficients = _series(self.constants, self.normal, self.along)
         angle = 2 * (np.arctan2(waves.qy, waves.qx) - math.radians(self.angle))
-        found = np.full(waves.shape, coefficients[0])
+        over_q = np.full(waves.shape, coefficients[0])
         for m, (a, b) in enumerate(zip(coefficients[1::2], coefficients[2::2], strict=True), start=1):
-            found += a * np.cos(m * angle) + b * np.sin(m * angle)
-        return np.asarray(found * waves.magnitude)
+            over_q += a * np.cos(m * angle) + b * np.sin(m * angle)
+        return np.asarray(over_q * waves.magnitude)
 
 
 def _positive(matrix: Sequence[Sequence[float]]) -> bool:
@@ -197,13 +197,13 @@ def _series(
     count = 8
     while True:
         count *= 2
-        found = np.fft.rfft(_at_directions(C, np.pi * np.arange(count) / count)) / count
-        size = np.abs(found)
+        series = np.fft.rfft(_at_directions(C, np.pi * np.arange(count) / count)) / count
+        size = np.abs(series)
         if size[count // 4 :].max() <= _ENOUGH * size[0] or count >= _MOST:
             break
     felt = np.flatnonzero(size > _ENOUGH * size[0])
-    kept = found[: min(int(felt.max()), count // 2 - 1) + 1]
-    pairs = [(2 * float(each.real), -2 * float(each.imag)) for each in kept[1:]]
+    kept = series[: min(int(felt.max()), count // 2 - 1) + 1]
+    pairs = [(2 * float(coefficient.real), -2 * float(coefficient.imag)) for coefficient in kept[1:]]
     return (float(kept[0].real), *(number for pair in pairs for number in pair))
 
 
@@ -222,7 +222,7 @@ def _at_directions(C: FloatArray, angles: FloatArray) -> FloatArray:
             np.einsum("pwj,ijkl,pwl->pwik", a, C, b, optimize=True) for a, b in ((n, n), (n, m), (m, m))
         )
         L = (Q - R @ np.linalg.solve(T, np.swapaxes(R, -1, -2))).mean(axis=1)
-        found = 1 / np.linalg.inv(L)[:, 2, 2]
-        if np.abs(found - last).max() <= _ENOUGH * found.max() or count >= _MOST:
-            return np.asarray(found)
-        count, last = 2 * count, found
+        over_q = 1 / np.linalg.inv(L)[:, 2, 2]
+        if np.abs(over_q - last).max() <= _ENOUGH * over_q.max() or count >= _MOST:
+            return np.asarray(over_q)
+        count, last = 2 * count, over_q

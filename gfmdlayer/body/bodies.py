@@ -86,20 +86,20 @@ class _BodyOrFile(OneOf[Any]):
 BODY = _BodyOrFile({**BODIES, "file": BodyFile})
 
 
-def _of_file(given: Any) -> Solid:
+def _of_file(value: Any) -> Solid:
     """Return the body of the class in a file; InconsistentErrors name the file with the line, or the key."""
-    if isinstance(given, _OfFile):
-        return given  # type: ignore[return-value]
+    if isinstance(value, _OfFile):
+        return value  # type: ignore[return-value]
     try:
-        path = BodyFile.model_validate({"file": given["file"]}).file
+        path = BodyFile.model_validate({"file": value["file"]}).file
     except ValidationError as error:
-        found = [replace(problem, chooses=True) for problem in explained(error, BodyFile, ())]
-        raise InconsistentError(found) from None
+        problems = [replace(problem, chooses=True) for problem in explained(error, BodyFile, ())]
+        raise InconsistentError(problems) from None
     try:
         section = body_class(path.read_bytes(), str(path))
     except ValueError as error:
         raise InconsistentError([Problem(("file",), str(error), chooses=True)]) from None
-    data = dict(given)
+    data = dict(value)
     for key in keys_of_files(section):  # beside the file of the body
         if key != "file" and isinstance(data.get(key), str):
             data[key] = str(path.parent / data[key])
@@ -127,15 +127,15 @@ def body_class(source: bytes, path: str) -> type[Solid]:
         exec(compile(source, path, "exec"), vars(module))
     except Exception as error:
         raise ValueError(f"{place_of(error, path)}; must be Python that defines a body") from None
-    found = [
-        each
-        for each in vars(module).values()
-        if isinstance(each, type) and issubclass(each, Solid) and each.__module__ == module.__name__
+    classes = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, Solid) and value.__module__ == module.__name__
     ]
-    if len(found) != 1:
-        names = ", ".join(each.__name__ for each in found) or "none"
+    if len(classes) != 1:
+        names = ", ".join(own.__name__ for own in classes) or "none"
         raise ValueError(f"{path}: classes that derive from gfmdlayer.Solid: {names}; must be one")
-    (own,) = found
+    (own,) = classes
     if lacking := sorted(own.__abstractmethods__):
         line = inspect.getsourcelines(own)[1]
         raise ValueError(f"{path}:{line}: {own.__name__} lacks {', '.join(lacking)}; must define them")

@@ -60,11 +60,11 @@ def in_series(one: Spectrum, two: Spectrum) -> Spectrum:
     finite, own = np.isfinite(times[:, held]), slice(2 * size, 3 * size)
     weights[own, held] = np.where(finite, strengths[:, :, held].sum(axis=0) / times[:, held], 0.0)
     thetas[own, held] = np.where(finite, times[:, held], 1.0)
-    found = stiffness_in_series(relaxed[0], relaxed[1])
-    weights[weights * size <= NEGLIGIBLE * found] = 0.0
+    K = stiffness_in_series(relaxed[0], relaxed[1])
+    weights[weights * size <= NEGLIGIBLE * K] = 0.0
     kept = weights.any(axis=1)
-    weights, thetas = (each[kept].reshape(-1, *shape) for each in (weights, thetas))
-    return Spectrum(found.reshape(shape), weights, thetas, max(one.error, two.error))
+    weights, thetas = (rows[kept].reshape(-1, *shape) for rows in (weights, thetas))
+    return Spectrum(K.reshape(shape), weights, thetas, max(one.error, two.error))
 
 
 def _poles(one: Spectrum, two: Spectrum, waves: int) -> tuple[FloatArray, FloatArray]:
@@ -106,8 +106,8 @@ def _modes(times: FloatArray, strengths: FloatArray, relaxed: FloatArray) -> tup
     shared = np.nonzero((strengths > 0).all(axis=0))
     one, two, of_both = strengths[0][shared], strengths[1][shared], times[shared]
     weights[size:][shared], thetas[size:][shared] = one * (two / (one + two)) / of_both, of_both
-    found = retardation(strengths.sum(axis=0) / times, times, relaxed.sum(axis=0), 0.0)
-    for k, (J, theta, origin, distance) in enumerate(zip(*found, strict=True)):
+    modes = retardation(strengths.sum(axis=0) / times, times, relaxed.sum(axis=0), 0.0)
+    for k, (J, theta, origin, distance) in enumerate(zip(*modes, strict=True)):
         at = J > 0
         terms = strengths[:, :, at] / ((origin - times)[:, at] + distance[at])  # (2, times, waves)
         stiffness, size_of = relaxed[:, at] - terms.sum(axis=1), relaxed[:, at] + np.abs(terms).sum(axis=1)

@@ -115,16 +115,16 @@ class StackFields:
         felt = (of.force**2).sum(axis=1) > _UNFELT * K
         waves = np.flatnonzero(felt) if size else np.empty(0, dtype=np.intp)
         shapes = (size,), (springs, size), (springs, size)
-        found = Readout(waves, *(np.zeros((waves.size, *shape)) for shape in shapes))
+        readout = Readout(waves, *(np.zeros((waves.size, *shape)) for shape in shapes))
         for k, i in enumerate(waves):
             coupling, w = of.projection[i][:, of.spring] * of.roots, of.stiffness[i][:, np.newaxis]
-            vectors, found.times[k] = mode_vectors(coupling, of.times)
+            vectors, readout.times[k] = mode_vectors(coupling, of.times)
             X = vectors[:size] * (of.force[i] @ vectors[size:])
             forces = of.projection[i].T @ (coupling @ X)
             stretched = np.zeros((springs, size))
             np.add.at(stretched, of.spring, of.roots[:, np.newaxis] * X)
-            found.strains[k], found.forces[k] = (forces - stretched) / w, forces * w
-        return found
+            readout.strains[k], readout.forces[k] = (forces - stretched) / w, forces * w
+        return readout
 
     def of_internal(
         self, waves: IntArray, u: ComplexArray, xi: ComplexArray
@@ -145,15 +145,15 @@ class StackFields:
         layer, own = self.body.present[number], np.flatnonzero(self.layer == number)
         z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
         form = _uppermost if not number else _below if math.isinf(layer.thickness) else _between
-        found = []
+        of_springs = []
         for i in range(own.size):
             a = np.zeros((own.size, self.q.size))
             a[i] = 1.0
             stiffness = self.stiffness[own]
             fields = form(layer.poisson, z, x, a, stiffness * a)
             fields[2:] /= stiffness[i]
-            found.append(fields)
-        return np.stack(found, axis=1)
+            of_springs.append(fields)
+        return np.stack(of_springs, axis=1)
 
 
 def _waves(

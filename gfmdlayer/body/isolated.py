@@ -266,8 +266,8 @@ def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: floa
     of_s, of_times = _compressed(course.T)
     system = np.kron(of_waves, of_times)
     length = np.linalg.norm(system, axis=0)
-    found, _ = nnls(system / length, (of_points.T @ target @ of_s).ravel(), maxiter=20 * length.size)
-    creep = (found / length).reshape(least.size, -1)
+    product, _ = nnls(system / length, (of_points.T @ target @ of_s).ravel(), maxiter=20 * length.size)
+    creep = (product / length).reshape(least.size, -1)
     error = float(np.abs(nodes.lowest @ creep @ course - target).max())
     creep[:, 0] += least
     modes = [relaxation(c[0], c[1:][c[1:] > 0], times[c[1:] > 0]) for c in creep]
@@ -287,14 +287,14 @@ def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, Floa
     T = np.sort(T[J * modes.relaxed > _LEAST])
     if not T.size:
         return np.zeros(1), np.zeros(0)
-    ratio, found = math.exp(_DISTINCT), []
+    ratio, distinct = math.exp(_DISTINCT), []
     rest = T
     while rest.size:
         near, rest = rest[rest <= rest[0] * ratio], rest[rest > rest[0] * ratio]
         alike = near[-1] <= near[0] * math.sqrt(ratio)
-        found += [math.sqrt(near[0] * near[-1])] if alike else [near[0], near[-1]]
+        distinct += [math.sqrt(near[0] * near[-1])] if alike else [near[0], near[-1]]
     between = min(_BETWEEN, math.ceil(math.log(_LATER * T[-1] / T[0]) / _DISTINCT))
-    times = np.unique([*found, *np.geomspace(T[0], _LATER * T[-1], between)])
+    times = np.unique([*distinct, *np.geomspace(T[0], _LATER * T[-1], between)])
     shortest = modes.times[modes.weights > _LEAST * modes.glassy].min()
     number = math.ceil(_DECADE * math.log10(1e3 * T[-1] / shortest))
     s = np.geomspace(0.03 / T[-1], 30 / shortest, number)

@@ -131,15 +131,15 @@ class Lattice(OneModulus):
         import numpy as np
 
         q = self.spacing * np.stack((np.ravel(waves.qx), np.ravel(waves.qy)), axis=1)
-        found = np.zeros(len(q))
+        K = np.zeros(len(q))
         still = ~q.any(axis=1)
         some = np.flatnonzero(~still)
         for start in range(0, some.size, _CHUNK):
             part = some[start : start + _CHUNK]
-            found[part] = 1 / np.linalg.inv(self._surface(q[part]))[:, 2, 2].real
-        found /= self.spacing**2
-        found[still] = self.mean_stiffness
-        return np.asarray(found.reshape(waves.shape))
+            K[part] = 1 / np.linalg.inv(self._surface(q[part]))[:, 2, 2].real
+        K /= self.spacing**2
+        K[still] = self.mean_stiffness
+        return np.asarray(K.reshape(waves.shape))
 
     def _surface(self, q: FloatArray) -> ComplexArray:
         """Return Phi at wavevectors times the spacing, (nq, 2): the lower layers are eliminated."""

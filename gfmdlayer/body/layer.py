@@ -46,8 +46,8 @@ class _LawOrFile(OneOf[Any]):
 
 def _law(value: Any, validated: Any) -> Law:
     """Return a law, or the law in a file."""
-    found = value if isinstance(value, Law) else validated(value)
-    return read_material(found.file) if isinstance(found, MaterialFile) else found
+    law = value if isinstance(value, Law) else validated(value)
+    return read_material(law.file) if isinstance(law, MaterialFile) else law
 
 
 MATERIALS = _LawOrFile({**LAWS, "file": MaterialFile})
@@ -70,11 +70,11 @@ def read_material(path: Path) -> Law:
         _refuse([f"{path}:1:1: has no material; must be YAML with a section layer: {{material: ...}}"])
     try:
         law = _MaterialHolder.model_validate({"material": held["material"]}).material
-        found = [problem.within(("material",)) for problem in contradictions(law)]
+        problems = [problem.within(("material",)) for problem in contradictions(law)]
     except ValidationError as error:
-        found = explained(error, _MaterialHolder, ())
-    if found:
-        located = [Problem((*at, *problem.location[1:]), problem.message) for problem in found]
+        problems = explained(error, _MaterialHolder, ())
+    if problems:
+        located = [Problem((*at, *problem.location[1:]), problem.message) for problem in problems]
         _refuse(f"{document.place(problem.location)}: {problem}" for problem in located)
     return law
 
@@ -122,7 +122,9 @@ class Layer(Section):
         parameters = dict(zip(Layer.model_fields, values, strict=False)) | keys
         if len(parameters) < len(values) + len(keys):
             raise TypeError(f"{type(self).__name__} takes each of {', '.join(Layer.model_fields)} once")
-        self._take({key: each if isinstance(each, Law) else plain(each) for key, each in parameters.items()})
+        self._take(
+            {key: value if isinstance(value, Law) else plain(value) for key, value in parameters.items()}
+        )
 
     def with_law(self, law: Law) -> Layer:
         """Return the layer of another law."""

@@ -256,7 +256,7 @@ class Layers(Solid):
     @property
     def contact_modulus(self) -> float | None:
         """E* = 2 G/(1 - nu) of the uppermost material; where it relaxes to zero, by the unit of its law."""
-        return next((2 * each.material.unit / (1 - each.poisson) for each in self.present), None)
+        return next((2 * layer.material.unit / (1 - layer.poisson) for layer in self.present), None)
 
     @property
     def merges(self) -> bool:

@@ -90,8 +90,8 @@ class Pair(Solid):
         """Return the part of the second body in the displacement of an elastic contact, relaxed or glassy."""
         import numpy as np
 
-        each = (body.spectrum(waves) for body in self._bodies)
-        one, two = (own.glassy if glassy else own.relaxed for own in each)
+        spectra = (body.spectrum(waves) for body in self._bodies)
+        one, two = (own.glassy if glassy else own.relaxed for own in spectra)
         both = (one > 0) & (two > 0)  # a body with K = 0 holds its displacement
         return np.where(both, one / np.where(both, one + two, 1.0), (one == 0) & (two > 0))
 
@@ -104,7 +104,7 @@ class Pair(Solid):
     @property
     def laws(self) -> tuple[Law, ...]:
         """The laws of the body, and of the counterbody."""
-        return tuple(law for each in self._solids for law in each.laws)
+        return tuple(law for body in self._solids for law in body.laws)
 
     def with_series(self, materials: Sequence[Material], accuracy: float) -> Pair:
         """Return the pair with a series for each law; each body merges its own modes."""
@@ -121,19 +121,19 @@ class Pair(Solid):
     @property
     def characteristic_time(self) -> float | None:
         """The relaxation time of the body's first law, else of the counterbody's."""
-        found = (each.characteristic_time for each in self._solids)
-        return next((time for time in found if time is not None), None)
+        times = (body.characteristic_time for body in self._solids)
+        return next((time for time in times if time is not None), None)
 
     def roughly(self, longest: float) -> tuple[Relaxation, ...]:
         """Return the relaxation of the materials of both bodies; first, for the cost, both together."""
-        every = tuple(each for body in self._solids for each in body.roughly(longest))
+        every = tuple(material for body in self._solids for material in body.roughly(longest))
         together = sum(relaxed for relaxed, _ in every), tuple(one for _, all_ in every for one in all_)
         return (together, *every)
 
     @property
     def moduli(self) -> tuple[float, ...]:
         """Finite moduli in both bodies."""
-        return tuple(modulus for each in self._solids for modulus in each.moduli)
+        return tuple(modulus for body in self._solids for modulus in body.moduli)
 
     @property
     def thicknesses(self) -> tuple[float, ...]:
@@ -143,20 +143,20 @@ class Pair(Solid):
     @property
     def rigid_below(self) -> float:
         """Thickness between two rigid bases; inf where one of the bodies has none."""
-        return sum(each.rigid_below for each in self._solids)
+        return sum(body.rigid_below for body in self._solids)
 
     @property
     def contact_modulus(self) -> float | None:
         """E* of the pair, 1/E* = 1/E*_1 + 1/E*_2; None where a body has none."""
-        found = [each.contact_modulus for each in self._solids]
-        if None in found:
+        moduli = [body.contact_modulus for body in self._solids]
+        if None in moduli:
             return None
-        return 1 / sum(1 / modulus for modulus in found if modulus)
+        return 1 / sum(1 / modulus for modulus in moduli if modulus)
 
     @property
     def merges(self) -> bool:
         """Whether a body merges its relaxing modes."""
-        return any(each.merges for each in self._solids)
+        return any(body.merges for body in self._solids)
 
     def problems_isolated(self) -> Iterator[Problem]:
         """Refuse an isolated, axisymmetric indenter."""

@@ -76,8 +76,8 @@ class Spectrum:
         """
         unit = np.asarray(stiffness, dtype=float)
         moduli, times = distinct_branches(material)
-        each = np.repeat(times[:, np.newaxis], unit.size, axis=1).reshape(-1, *unit.shape)
-        return cls(unit * material.relaxed, np.multiply.outer(moduli, unit), each)
+        rows = np.repeat(times[:, np.newaxis], unit.size, axis=1).reshape(-1, *unit.shape)
+        return cls(unit * material.relaxed, np.multiply.outer(moduli, unit), rows)
 
     @property
     def glassy(self) -> FloatArray:

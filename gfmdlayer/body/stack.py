@@ -134,10 +134,10 @@ def spectrum(body: Bonded, waves: Wavevectors | ArrayLike) -> Spectrum:
     """
     q = np.asarray(waves, dtype=float)
     different, where = np.unique(q, return_inverse=True)
-    found = _spectrum(body, different.tobytes())
-    each = (found.relaxed, found.weights, found.times)
-    relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in each)
-    return Spectrum(relaxed, weights, times, found.error)
+    modes = _spectrum(body, different.tobytes())
+    parts = (modes.relaxed, modes.weights, modes.times)
+    relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in parts)
+    return Spectrum(relaxed, weights, times, modes.error)
 
 
 def network_of(body: Bonded, q: ArrayLike) -> Network:
@@ -170,12 +170,12 @@ def internal_variables(body: Bonded, waves: Wavevectors | ArrayLike) -> Internal
     q = np.ravel(np.asarray(waves, dtype=float))
     moduli, times = distinct_branches(body.present[0].series)
     _, free = members_of(body, np.where(q > 0, q, 1.0))
-    each = np.repeat(times[:, np.newaxis], q.size, axis=1)
+    rows = np.repeat(times[:, np.newaxis], q.size, axis=1)
     different, where = np.unique(q, return_inverse=True)
     network, number = _coupled(body, different)
     own = body.present[0].series.relaxed * free * q
     relaxed = np.where(number[where] >= 0, own, stiffness(body, q, 0.0))
-    uppermost = Spectrum(relaxed, np.multiply.outer(moduli, free * q), each)
+    uppermost = Spectrum(relaxed, np.multiply.outer(moduli, free * q), rows)
     laws = tuple(i for i, layer in enumerate(body.layers) if layer.thickness)
     return InternalVariables(uppermost, network, number[where], laws)
 
@@ -191,8 +191,8 @@ def _coupled(body: Bonded, q: FloatArray) -> tuple[Network, IntArray]:
         numbers[start : start + _CHUNK][felt] = count + np.arange(more)
         count += more
         rows = network.free, network.force, network.projection, network.stiffness
-        parts.append([each[felt] for each in rows])
-    free, force, projection, springs = (np.concatenate(each) for each in zip(*parts, strict=True))
+        parts.append([values[felt] for values in rows])
+    free, force, projection, springs = (np.concatenate(values) for values in zip(*parts, strict=True))
     of_elements = network.spring, network.roots, network.times, network.layer
     return Network(free, force, projection, springs, *of_elements), numbers
 
@@ -233,8 +233,8 @@ def members_of(body: Bonded, q: FloatArray) -> tuple[list[Member], FloatArray]:
 
 def _confined(body: Bonded, s: NDArray[Any]) -> NDArray[Any]:
     """K(q = 0, s): of layers that are compressed one after the other and cannot widen."""
-    each = [confined_compliance(body, layer) / layer.material.laplace(s) for layer in body.present]
-    total = np.asarray(sum(each))
+    compliances = [confined_compliance(body, layer) / layer.material.laplace(s) for layer in body.present]
+    total = np.asarray(sum(compliances))
     return np.asarray(1 / total) if total.all() else np.zeros(np.shape(s))
 
 
@@ -299,13 +299,13 @@ def _traction_modes(body: Bonded, q: FloatArray, *, in_plane: bool) -> VectorSpe
         some = shallow[start : start + _CHUNK]
         network = _traction_network(body, q[some], in_plane=in_plane)
         force = network.force if in_plane else network.force[..., np.newaxis]
-        found = vector_spectrum(force, network.coupling, network.times)
-        relaxed[some] = found.relaxed
-        parts.append((some, found.vectors, found.times))
-    count = max(len(each) for _, each, _ in parts)
+        modes = vector_spectrum(force, network.coupling, network.times)
+        relaxed[some] = modes.relaxed
+        parts.append((some, modes.vectors, modes.times))
+    count = max(len(of_waves) for _, of_waves, _ in parts)
     vectors, all_times = np.zeros((count, q.size, ways)), np.ones((count, q.size))
-    for at, each, of_modes in parts:
-        vectors[: len(each), at], all_times[: len(each), at] = each, of_modes
+    for at, of_waves, of_modes in parts:
+        vectors[: len(of_waves), at], all_times[: len(of_waves), at] = of_waves, of_modes
     limit = NEGLIGIBLE * np.trace(relaxed, axis1=1, axis2=2)
     felt = ((vectors**2).sum(axis=2) > limit).any(axis=1)
     return VectorSpectrum(relaxed, vectors[felt], all_times[felt])

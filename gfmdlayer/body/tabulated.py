@@ -104,13 +104,13 @@ class Tabulated(OneModulus):
 
         q = waves.magnitude
         moving = q[q > 0]
-        found = np.full(q.shape, float(self.mean))
+        K = np.full(q.shape, float(self.mean))
         if self._format:
             held, period = self._array
-            each = zip((waves.qx, waves.qy), period, held.shape, strict=False)
-            places = tuple(np.rint(x * L / (2 * np.pi)).astype(int) % n for x, L, n in each)
-            found[q > 0] = held[places][q > 0]
-            return np.asarray(found)
+            axes = zip((waves.qx, waves.qy), period, held.shape, strict=False)
+            places = tuple(np.rint(x * L / (2 * np.pi)).astype(int) % n for x, L, n in axes)
+            K[q > 0] = held[places][q > 0]
+            return np.asarray(K)
         try:
             rows = _rows(self.table, self.table.stat().st_mtime_ns)
         except TableError as error:
@@ -122,8 +122,8 @@ class Tabulated(OneModulus):
                 f"{moving.min():.6g} to {moving.max():.6g}"
             )
         logs = np.log(np.clip(moving, least, most))
-        found[q > 0] = np.exp(PchipInterpolator(*np.log(rows))(logs))
-        return np.asarray(found)
+        K[q > 0] = np.exp(PchipInterpolator(*np.log(rows))(logs))
+        return np.asarray(K)
 
 
 _ARRAYS = (".npy", ".h5", ".hdf5")
@@ -137,29 +137,29 @@ def _array(file: Path, kind: str, _changed: int) -> tuple[FloatArray, tuple[floa
     period: tuple[float, ...] | None = None
     try:
         if kind == ".bin":
-            found, period = _of_fix_gfc(file)
+            K, period = _of_fix_gfc(file)
         elif kind == ".npy":
-            found = np.asarray(np.load(file, allow_pickle=False))
+            K = np.asarray(np.load(file, allow_pickle=False))
         else:
             import h5py
 
             with h5py.File(file) as h5:
                 dataset = h5["stiffness"]
-                found = np.asarray(dataset[()])
+                K = np.asarray(dataset[()])
                 if "period" in dataset.attrs:
-                    each = np.broadcast_to(dataset.attrs["period"], found.ndim)
-                    period = tuple(each.astype(float).tolist())
-        found = found.astype(np.float64, casting="same_kind", copy=False)  # complex numbers are refused
+                    lengths = np.broadcast_to(dataset.attrs["period"], K.ndim)
+                    period = tuple(lengths.astype(float).tolist())
+        K = K.astype(np.float64, casting="same_kind", copy=False)  # complex numbers are refused
     except (OSError, ValueError, EOFError, KeyError, TypeError) as error:
         reason = str(error).strip('"')
         raise ValueError(f"{file}: cannot be read as an array ({reason}); see gfmdlayer.Tabulated") from None
-    moving = np.ravel(found)[1:]
-    if found.ndim not in (1, 2) or not np.isfinite(moving).all() or (moving <= 0).any():
+    moving = np.ravel(K)[1:]
+    if K.ndim not in (1, 2) or not np.isfinite(moving).all() or (moving <= 0).any():
         raise ValueError(f"{file}: must hold finite numbers along one axis or two, > 0 but at q = 0")
-    back = found[np.ix_(*(-np.arange(n) for n in found.shape))]
-    if (np.abs(found - back) > _SAME * np.abs(found)).any():
+    back = K[np.ix_(*(-np.arange(n) for n in K.shape))]
+    if (np.abs(K - back) > _SAME * np.abs(K)).any():
         raise ValueError(f"{file}: differs between q and -q; must be equal, in the order of NumPy's FFT")
-    return found, period
+    return K, period
 
 
 def _of_fix_gfc(file: Path) -> tuple[FloatArray, tuple[float, ...]]:
@@ -189,11 +189,11 @@ def _of_fix_gfc(file: Path) -> tuple[FloatArray, tuple[float, ...]]:
         if np.abs(vectors[[0, 1], [1, 0]]).max() > _SAME * np.abs(vectors).max():
             raise ValueError("its cells are skew; must be rectangles along x and y")
         cell, lengths = vectors[0, 0] * vectors[1, 1], tuple(np.diag(vectors) * shape)
-    found = np.zeros(Phi.shape[:-2])
-    some = np.ones(found.shape, dtype=bool)
+    K = np.zeros(Phi.shape[:-2])
+    some = np.ones(K.shape, dtype=bool)
     some.flat[0] = False  # the mean displacement costs no energy
-    found[some] = 1 / (cell * np.linalg.inv(Phi[some])[:, -1, -1].real)
-    return found, tuple(map(float, lengths))
+    K[some] = 1 / (cell * np.linalg.inv(Phi[some])[:, -1, -1].real)
+    return K, tuple(map(float, lengths))
 
 
 _HEAD = 24  # bytes: four integers and a number
