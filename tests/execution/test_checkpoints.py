@@ -14,7 +14,7 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.growth import claimed
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.sweep import SweepCase
-from gfmdlayer.files.whole import write_sealed
+from gfmdlayer.files.whole import seal
 from gfmdlayer.observables import OBSERVABLES
 from gfmdlayer.results import checkpoint, provenance
 from gfmdlayer.results.checkpoint import CheckpointError, read_about, read_checkpoint, write_checkpoint
@@ -160,7 +160,9 @@ def test_a_checkpoint_that_is_cut_off_or_changed_anywhere_is_refused(tmp_path):
 
 @pytest.mark.parametrize("about", ["[]", "{}", '{"made_by": null}', '{"made_by": {}}', "no JSON"])
 def test_a_sealed_file_that_no_run_wrote_is_no_checkpoint(tmp_path, about):
-    write_sealed(tmp_path / "c", about.encode() + b"\n")
+    with (tmp_path / "c").open("w+b") as file:
+        file.write(about.encode() + b"\n")
+        seal(file)
     assert read_about(tmp_path / "c") in (None, {"made_by": {}})
     with pytest.raises(CheckpointError):
         read_checkpoint(tmp_path / "c", MADE_BY)
