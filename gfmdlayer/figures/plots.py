@@ -25,8 +25,8 @@ from gfmdlayer.figures.snapshot_plots import (
     waterfall_figure,
     write_movie,
 )
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import open_case, open_results
-from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -42,9 +42,9 @@ from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
 from gfmdlayer.fitting.indentation.report import COLUMNS, SCALARS, add_estimates
 from gfmdlayer.fitting.indentation.starts import keys_with_adhesion
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.results.names import parameter
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
-from gfmdlayer.results.schema import parameter
 
 # The file cases/NNNN.h5 of the estimates of one curve:
 #

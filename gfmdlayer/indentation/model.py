@@ -12,7 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gfmdlayer.case.footprint import HEADER, REAL, ROWS, count_steps
-from gfmdlayer.case.model import PROGRAM, ConvergenceError, Footprint, Model, compile_by, make_body, series_of
+from gfmdlayer.case.model import (
+    PROGRAM,
+    ConvergenceError,
+    Footprint,
+    Model,
+    NoRecorder,
+    compile_by,
+    make_body,
+    series_of,
+)
 from gfmdlayer.observables.contact import INDENTATION
 from gfmdlayer.observables.observable import Column
 from gfmdlayer.resumable import CompositeState
@@ -21,10 +30,9 @@ from gfmdlayer.validation.sections import files_named
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
-    from gfmdlayer.case.model import Progress, Resume
+    from gfmdlayer.case.model import Progress, Recorder, Resume
     from gfmdlayer.config import Config
     from gfmdlayer.indentation.indent import IsolatedIndentation
-    from gfmdlayer.results.journal import Recorder
 
 # Steps of an isolated contact at least, their work in points times FFT pairs, and their seconds.
 _FEWEST, _WORK, _SECONDS = 150, 500, 2e-4
@@ -115,9 +123,7 @@ class IsolatedContact(Model):
 
     def warm_up(self, _folder: Path | None = None, _results: Path | None = None, *, plan: bool = True) -> str:  # noqa: ARG002
         """Compile the kernels by a small contact; there is nothing to plan."""
-        from gfmdlayer.results.journal import Recording
-
-        compile_by(lambda: type(self)(smallest_equivalent_case(self.config)).run(Recording()))
+        compile_by(lambda: type(self)(smallest_equivalent_case(self.config)).run(NoRecorder()))
         return ""
 
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
@@ -136,8 +142,9 @@ class IsolatedContact(Model):
             recorder.row(**dict(zip(columns, values, strict=True)))
         if contact.snapshots:
             kept = contact.profiles()
-            for snapshot in zip(kept.time.tolist(), kept.displacement, kept.pressure, kept.gap, strict=True):
-                recorder.snapshot(*snapshot)
+            fields = {"displacement": kept.displacement, "pressure": kept.pressure, "gap": kept.gap}
+            for i, time in enumerate(kept.time.tolist()):
+                recorder.snapshot(time, {name: profiles[i] for name, profiles in fields.items()})
         recorder.note(error=solved.error, solutions=solved.solutions)
         return contact.warnings
 

@@ -18,7 +18,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.status import overview
 from gfmdlayer.observables.adhesion import Row, work_over_fold
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 K = 2 * 0.7 / (0.4 * 0.1)
 WORK = RANGE = 5e-3
@@ -32,7 +32,7 @@ CYCLE = {"kind": "approach_retract", "start": -0.05, "depth": 0.005, "approach_s
 ADAPTIVE = {"time.step": "adaptive", "time.tolerance": 1e-4}
 
 
-class Noted(Recording):
+class Noted(Kept):
     """Keeps the attributes too."""
 
     def __init__(self):
