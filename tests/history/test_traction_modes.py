@@ -7,13 +7,14 @@ import pytest
 
 from gfmdlayer import Layer, LayerStack, Prony, Zener
 from gfmdlayer.body.relaxation import VectorSpectrum
-from gfmdlayer.friction.problem import Law, Problem
-from gfmdlayer.friction.response import Operator, Spent, Work
+from gfmdlayer.friction.problem import FrictionProblem
+from gfmdlayer.friction.response import Operator, SharedTransforms, Spent
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.traction_modes import TractionModes, VectorModes
+from gfmdlayer.interface.friction import ShearBound
 from tests.friction.cases import halfspace
 
 SOLID = Zener(G0=1.0, Ginf=10.0, tau=1.0)
@@ -62,7 +63,7 @@ def crept(body, grid, steps, *, end=1.0):
     tractions = transformed(random_tractions(grid), grid)
     for step in (0.0, *([end / steps] * steps)):
         history.terms(step)
-        history.advance(tractions)
+        history.advance(history.under(tractions))
     return history
 
 
@@ -71,7 +72,7 @@ def test_creep_of_a_halfspace_under_tractions_in_all_directions(grid):
     """All compliances of a homogeneous halfspace are proportional to the creep of its material."""
     # The solver's own operator has the elastic response. The scheme is of second order; the error that is
     # left after extrapolation is of the fourth: (dt/theta)^4 < 1e-6 with the smallest time, tau = 1.
-    work = Work(Transforms(grid.points), Spent(), 1.0)
+    work = SharedTransforms(Transforms(grid.points), Spent(), 1.0)
     elastic = Operator(grid, halfspace(grid, 1.0, 0.3), work)
     creep = 1 / SOLID.G0 - (1 / SOLID.G0 - 1 / SOLID.Ginf) * math.exp(-SOLID.G0 / (SOLID.tau * SOLID.Ginf))
     expected = creep * elastic(random_tractions(grid))
@@ -89,7 +90,7 @@ def test_work_is_stored_or_turns_into_heat(grid):
     work, last = 0.0, np.zeros_like(tractions)
     for step in (0.0, *([0.05] * 20)):
         history.terms(step)
-        history.advance(transformed(tractions, grid))
+        history.advance(history.under(transformed(tractions, grid)))
         now = fields_of(history.displacement, grid)
         work += (0.5 if step == 0 else 1.0) * float((tractions * (now - last)).sum(axis=0).mean())
         last = now
@@ -125,7 +126,7 @@ def test_a_moving_load_meets_the_complex_stiffness(axis):
         for _ in range(round(22 / dt)):
             history.carry(*(v * dt for v in velocity))
             history.terms(dt)
-            history.advance(tractions)
+            history.advance(history.under(tractions))
         off.append(np.abs(history.displacement[:, wave] - expected).max() / np.abs(expected).max())
     assert off[0] < (np.abs(s) * 0.04) ** 2
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.05)  # of second order
@@ -149,7 +150,7 @@ def test_a_restored_history_continues_bit_for_bit():
     tractions = transformed(random_tractions(grid), grid)
     for history in (one, other):
         history.terms(0.3)
-        history.advance(2 * tractions)
+        history.advance(history.under(2 * tractions))
     np.testing.assert_array_equal(one.displacement, other.displacement)
     assert (one.stored, one.dissipated) == (other.stored, other.dissipated)
 
@@ -173,15 +174,15 @@ def test_partial_slip_on_a_relaxing_layer():
         t, before = i * dt, fields_of(history.displacement, grid)
         response, offset = history.terms(dt)
         load = 0.02 * min(t, 1.0)
-        problem = Problem(
-            response, heights, Law(mu), load=load, path=np.array([displaced(t) - displaced(t - dt)]),
+        problem = FrictionProblem(
+            response, heights, ShearBound(mu), load=load, path=np.array([displaced(t) - displaced(t - dt)]),
             offset=fields_of(offset, grid), before=before[1:],
         )  # fmt: skip
         solution = solver.solve(problem, start)
         assert solution.converged, f"t = {t}: {solution.reason}"
         start = solution.tractions
         heat -= float((solution.traction * solution.slip).sum(axis=0).mean())
-        history.advance(transformed(solution.tractions, grid))
+        history.advance(history.under(transformed(solution.tractions, grid)))
         now = np.array([load, solution.traction.mean(), solution.depth])
         mean = 0.5 * (last + now)
         work += mean[0] * (now[2] - last[2]) + mean[1] * (displaced(t) - displaced(t - dt))
