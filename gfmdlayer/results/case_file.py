@@ -183,8 +183,8 @@ def case_contents(
         found[column.name] = Variable(Form(axes, described, column.dtype, **form), parts)
 
     # Dimensions come before the variables along them: time, points, bins, snapshots.
-    time, *others = (declared[name] for name in recording.widths or ("time",))
-    add(time, ("time",), *recording.parts("time"))
+    others = [declared[name] for name in recording.widths if name != "time"]
+    add(declared["time"], ("time",), *recording.parts("time"))
     for name, values in coordinates.items():
         add(VARIABLES[name], (name,), np.asarray(values, dtype=np.float64))
     for bins in dict.fromkeys(column.along for column in others if column.along is not None):

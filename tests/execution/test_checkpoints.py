@@ -278,6 +278,29 @@ def test_another_version_is_told_and_the_case_begins_anew(folder, stop_after, mo
     assert "goes on" not in told
 
 
+def test_a_checkpoint_of_version_0_3_is_told_and_the_case_begins_anew(folder, stop_after, capsys, bits):
+    assert run(folder) == "complete"
+    whole = bits(folder.case(7))
+    folder.case(7).unlink()
+    stop_after(4)
+    run(folder)
+    stop_after(0)
+    path, journal = folder.case(7, "checkpoint"), folder.case(7, "journal")
+    about = read_about(path)
+    assert about is not None
+    kept, made_by = read_checkpoint(path, about["made_by"]), about["made_by"] | {"format": "5"}
+    state = {name: each for name, each in kept.state.items() if not name.startswith("recording.")}
+    old = {name: kept.about[name] for name in ("started", "elapsed", "time")}
+    write_checkpoint(path, made_by, old | {"journal": [["time"], 128, 5]}, state)
+    folder.case(7, "snapshots").rename(journal)
+    assert run(folder) == "complete"
+    reason = "begins anew, its checkpoint is set aside: it would not give the same bits: format 5 -> 6"
+    assert reason in capsys.readouterr().err
+    assert bits(folder.case(7)) == whole
+    with claimed(folder, CONFIG):  # the next run
+        assert not journal.exists()
+
+
 @pytest.mark.parametrize("change", ["fewer", "more"])
 def test_a_checkpoint_with_other_columns_is_told_and_the_case_begins_anew(
     folder, stop_after, monkeypatch, capsys, change
