@@ -23,8 +23,8 @@ from gfmdlayer.cli import main as gfmdlayer
 from gfmdlayer.config import Config
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.workers import WorkerPool, assemble
+from gfmdlayer.figures.movies import animated
 from gfmdlayer.figures.plot_style import PAPER, WIDTH_MM, save, styled
-from gfmdlayer.figures.snapshot_plots import animated
 from gfmdlayer.results.reader import open_case
 
 DEFAULT_SHEET = Path(__file__).parents[1] / "docs" / "figures.png"

@@ -53,7 +53,7 @@ CYCLES = {"control": "load", "kind": "approach_retract", "load": 0.004, "approac
 def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity():
     """Residuals by their definition: over tolerance times the largest pressure, or times the depth."""
     case = Case(config(0.02))
-    (kappa, b), hardness = case.history.terms(0.25), 0.02
+    (kappa, b), hardness = case.contact.history.terms(0.25), 0.02
     problem = case.contact.imprint.under(case.contact.loading.problem(kappa, b, 1.0))
     found = case.contact.solver.solve(problem, np.zeros(64 * 64), TOLERANCE, 1000)
     assert found.converged

@@ -17,7 +17,7 @@ from gfmdlayer.cli import main
 from gfmdlayer.execution.preflight import machine_problem
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
-from gfmdlayer.fitting.indentation.curve_files import entries
+from gfmdlayer.fitting.curve_files import entries
 from gfmdlayer.punch.topography import read_heights
 
 TINY = """\

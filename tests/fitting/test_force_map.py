@@ -13,8 +13,8 @@ import pytest
 
 from gfmdlayer import cli, open_results
 from gfmdlayer.execution.workers import assemble
+from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_map import ForceMap, parameter_names
-from gfmdlayer.fitting.indentation.estimates import FitOptions
 from tests.waiting import until
 
 MPIRUN = Path(sys.executable).parent / "mpirun"
