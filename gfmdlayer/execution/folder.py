@@ -9,7 +9,6 @@
     DIR/cases/NNNN.checkpoint, .snapshots  an unfinished case: its state and its rows; its snapshots
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
-    DIR/wisdom/            FFTW's plans, with which later cases agree in every bit
     DIR/inputs/            the files that the configuration names, as the cases read them
     DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 those of a shard
     DIR/arrays/            punch and history of a run from Python that were arrays
@@ -75,11 +74,6 @@ class Folder:
     def sweep(self) -> Path:
         """All cases in one file."""
         return self.path / "sweep.h5"
-
-    @property
-    def wisdom(self) -> Path:
-        """The folder of FFTW's wisdom."""
-        return self.path / "wisdom"
 
     @property
     def stop(self) -> Path:

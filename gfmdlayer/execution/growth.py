@@ -203,7 +203,6 @@ _RESULT = re.compile(
     r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|snapshots|journal\d*|state)(\.aside)?"
 )
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
-_WISDOM = re.compile(r"fftw-.+-and-parts\.wisdom")
 # Files of dead runs; those of version 0.1 had a simpler unfinished name.
 _PART = r"(\.(.+-)?\d+-[0-9a-f]+)?\.part"
 _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
@@ -212,7 +211,7 @@ _OF_A_CASE = re.compile(
 )
 _STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|snapshots|journal\d*)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
-_FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # left by a run that was killed in its first instant
+_FOLDERS = ("cases", "arrays", "inputs")  # left by a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.turn|\.admission|\.collection")  # the last two of version 0.2
 
 
@@ -342,7 +341,7 @@ def remove_results(folder: Folder) -> None:
     """Remove the results in a claimed folder, known by their exact names, and nothing else."""
     results = _files(folder.cases, lambda name: _matched(_RESULT, name))
     inputs = _files(folder.path / "inputs", _INPUT.fullmatch)
-    for path in (folder.sweep, *results, *inputs, *_files(folder.wisdom, _WISDOM.fullmatch), folder.config):
+    for path in (folder.sweep, *results, *inputs, folder.config):
         path.unlink(missing_ok=True)
 
 

@@ -1,9 +1,9 @@
 """Running the cases of a configuration that are not complete yet.
 
-The run claims the folder and finds the complete cases (`growth`). It compiles kernels and plans transforms
+The run claims the folder and finds the complete cases (`growth`). It compiles kernels
 once; a pool of processes computes the other cases (`schedule`), each into its own file (`case_run`). At the
 end sweep.h5 collects all of them. A case that fails is recorded while the others go on. The results do not
-depend on the process that ran a case: all processes compute with the same FFTW wisdom.
+depend on the process that ran a case.
 
 Up to `EXAMINED` cases are made and examined before the first one runs. A longer sweep is known from the
 places of its cases, one listing of the folder, and a sample of cases; each case is made in its turn.
@@ -24,7 +24,7 @@ from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
-from gfmdlayer.execution.case_run import Wisdom, record_failure, run_case, warm_up
+from gfmdlayer.execution.case_run import record_failure, run_case, warm_up
 from gfmdlayer.execution.cost import SAMPLE, CostModel, estimate
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError, Numbers
 from gfmdlayer.execution.groups import refuse_other_ranks, run_case_together
@@ -199,10 +199,10 @@ def _computed(
         aside = set_damaged_aside(folder, work.damaged)
         for line in (_opening(work, pool, options), *_warnings(work, pool, folder), *lines, *aside):
             reporter.note(line)
+        _prepare(work.some, reporter)
         task = partial(
             run_case if options.ranks_per_case == 1 else run_case_together,
             folder=folder,
-            wisdom=_prepare(work.some, options, folder, reporter),
             threads=options.threads,
             checkpoint_every=options.checkpoint_every,
         )
@@ -248,19 +248,17 @@ def _computed(
             yield from ended(later.values())
 
 
-def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
-    """Compile and plan; a request to stop ends it at once, and then the cases before their first step."""
+def _prepare(todo: Sequence[SweepCase], reporter: Reporter) -> None:
+    """Compile; a request to stop ends it at once, and then the cases before their first step."""
     configs = (case.config for case in todo)
     chosen = dict.fromkeys(each.contact_solver.method for each in configs if each.geometry.on_grid)
     solvers = f": contact solver {', '.join(chosen)}" if chosen else ""
-    work = f"compiling kernels, planning transforms, once per machine (about 20 s){solvers}"
-    wisdom: Wisdom = {}
+    work = f"compiling kernels, once per machine (about 20 s){solvers}"
     said: list[str] = []
     with suppress(KeyboardInterrupt), reporter.preparing(work), interrupts.at_once():
-        wisdom, said = warm_up(todo, options.threads, folder.wisdom, plan=options.ranks_per_case == 1)
+        said = warm_up(todo)
     for line in said if not interrupts.stop_requested() else ():
         reporter.note(f"warning: {line}")
-    return wisdom
 
 
 def _is_done(case: SweepCase, folder: Folder) -> bool:

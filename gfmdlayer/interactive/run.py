@@ -38,10 +38,9 @@ from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Outcome, Progress
 from gfmdlayer.execution.status import Running
 from gfmdlayer.execution.sweep import Cases, SweepCase, cases, input_errors, label
-from gfmdlayer.files.cache import MemoryFile, user_cache
+from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
 from gfmdlayer.results.case_file import CaseContents, case_contents
@@ -144,7 +143,7 @@ def on_disk(config: Config, folder: Path) -> Config:
 DELAY = 1.0  # seconds of a run that pass in silence
 INTERVAL = 0.2  # seconds between two updates
 
-_PREPARING = "compiling kernels, planning transforms, once per machine (about 20 s)"
+_PREPARING = "compiling kernels, once per machine (about 20 s)"
 
 
 class NotebookBar(Display):
@@ -288,11 +287,11 @@ class Result(NamedTuple):
 
 
 def compute(
-    case: SweepCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
+    case: SweepCase, threads: int, advance: Callable[[float], None] | None = None
 ) -> tuple[CaseContents, Sequence[str]]:
     """Run a case in memory; return its contents and the warnings of its observables."""
     config, recording = case.config, Recording()
-    model = model_of(config, wisdom, threads)
+    model = model_of(config, threads)
     described = case_run.attributes(model) | {"digest": digest(config)}
     about = described, model.columns, config.unit, case.values, model.places
     try:
@@ -303,12 +302,10 @@ def compute(
     return case_contents(recording, model.coordinates, *about), said
 
 
-def _attempt(
-    case: SweepCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
-) -> Result:
+def _attempt(case: SweepCase, threads: int, advance: Callable[[float], None] | None = None) -> Result:
     """Run a case of a sweep; an error becomes its result."""
     try:
-        data, said = compute(case, wisdom, threads, advance)
+        data, said = compute(case, threads, advance)
     except interrupts.Stopped:
         raise
     except Exception as error:
@@ -319,9 +316,8 @@ def _attempt(
 def here(every: Sequence[SweepCase], threads: int, watch: Watch) -> Iterator[tuple[SweepCase, Result]]:
     """Run the cases one after the other."""
     for case in every:
-        wisdom = planned(case.config.grid.points, user_cache(), threads)
         advance = watch.case(case.index, case.config.time.end, label(case.values))
-        result = _attempt(case, wisdom, threads, advance)
+        result = _attempt(case, threads, advance)
         watch.ended(_outcome(case.index, result))
         yield case, result
 
@@ -330,16 +326,14 @@ def in_processes(
     every: Sequence[SweepCase], jobs: int, threads: int, watch: Watch
 ) -> Iterator[tuple[int, Result]]:
     """Run the cases in several processes."""
-    wisdom, said = case_run.warm_up(every, threads)
-    for line in said:
+    for line in case_run.warm_up(every):
         warnings.warn(line, stacklevel=5)
     with pool_of(jobs) as pool:
         futures: dict[Future[Result], int] = {}
         try:
             with pool.starting():
                 for case in every:
-                    plan = wisdom.get(case.config.grid.points)
-                    futures[pool.executor.submit(_attempt_in_process, case, plan, threads)] = case.index
+                    futures[pool.executor.submit(_attempt_in_process, case, threads)] = case.index
             for future in as_completed(futures):
                 result = _received(future)
                 watch.ended(_outcome(futures[future], result))
@@ -366,9 +360,9 @@ def pool_of(jobs: int) -> Iterator[workers.WorkerPool]:
         yield pool
 
 
-def _attempt_in_process(case: SweepCase, wisdom: str | None, threads: int) -> Result:
+def _attempt_in_process(case: SweepCase, threads: int) -> Result:
     """Run a case of a sweep, unless this process is asked to stop."""
-    result = _attempt(case, wisdom, threads, interrupts.Listener().advance)
+    result = _attempt(case, threads, interrupts.Listener().advance)
     if result.error is None or isinstance(result.error, ConvergenceError):
         return result
     return Result(None, RuntimeError(result.reason))  # errors of any class may not be sent
@@ -468,9 +462,8 @@ def run(
     every = cases(found)
     _warn(notes(case.config for case in every), 3)
     if not found.sweep:
-        wisdom = planned(found.grid.points, user_cache(), threads)
         with closing(Watch(chosen_display(progress), 1)) as watch:
-            data, said = compute(every[0], wisdom, threads, watch.case(0, found.time.end))
+            data, said = compute(every[0], threads, watch.case(0, found.time.end))
             watch.ended(Outcome(0, "complete"))
         _warn(said, 3)
         return data.dataset()

@@ -47,7 +47,7 @@ from gfmdlayer.results.provenance import now, provenance
 if TYPE_CHECKING:
     import xarray
 
-    from gfmdlayer.body.solid import Place
+    from gfmdlayer.body.solid import LayerDepth
     from gfmdlayer.results.recording import Recording
 
 CHUNK_ROWS = 128  # a chunk is written whole, and most of what a case of few steps takes on the disk
@@ -151,7 +151,7 @@ def case_contents(
     columns: Iterable[Column] | None = None,
     unit: Callable[[str], str] = str,
     swept: Mapping[str, object] = MappingProxyType({}),
-    places: Sequence[Place] = (),
+    places: Sequence[LayerDepth] = (),
 ) -> CaseContents:
     """Return the contents of a case.
 
@@ -169,7 +169,7 @@ def case_contents(
         Returns the label of a unit from its words.
     swept : mapping
         Values of the swept keys.
-    places : sequence of Place
+    places : sequence of LayerDepth
         Places of the fields below the surface.
     """
     declared = {each.name: each for each in (known_columns().values() if columns is None else columns)}
@@ -217,7 +217,7 @@ def case_contents(
 
 
 def _add_fields(
-    add: Callable[..., None], recording: Recording, lengths: Mapping[str, int], places: Sequence[Place]
+    add: Callable[..., None], recording: Recording, lengths: Mapping[str, int], places: Sequence[LayerDepth]
 ) -> None:
     """Add the fields of the snapshots, after the depths, layers and springs of those below the surface."""
     axes, shape = tuple(lengths), tuple(lengths.values())

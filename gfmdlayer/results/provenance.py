@@ -69,7 +69,7 @@ def git_commit(checkout: Path) -> str:
 
 
 def made_by(digest: str) -> dict[str, str]:
-    """Return the input, versions and processor that fix the bits of a case, as the plans in its state do."""
+    """Return the input, versions and processor that fix the bits of a case."""
     from llvmlite.binding import get_host_cpu_name
 
     known = provenance()
