@@ -197,7 +197,7 @@ def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 # user and other programs' files are never removed.
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
-# Version 0.3 had a journal in place of the snapshots; version 0.2 a journal0, and a checkpoint1a or b and
+# Earlier versions had a journal in place of the snapshots, or a journal0, and a checkpoint1a or b and a
 # journal1 of a second rank.
 _RESULT = re.compile(
     r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|snapshots|journal\d*|state)(\.aside)?"
