@@ -79,7 +79,7 @@ def test_a_ramp_and_a_thousand_relaxation_times_of_hold_take_few_steps(run, refe
     assert time.size - 1 <= 60
 
 
-def test_a_jump_is_followed_within_the_tolerance_from_the_first_step_on(run, tmp_path):
+def test_a_jump_is_followed_from_a_millionth_of_the_relaxation_time_on(run, tmp_path):
     (tmp_path / "jump.txt").write_text("time depth\n0 0.01\n1000 0.01\n")
     jump = ADAPTIVE | {
         "time.end": 1000.0,
@@ -87,8 +87,8 @@ def test_a_jump_is_followed_within_the_tolerance_from_the_first_step_on(run, tmp
     }
     times = (1e-3, 1e-2, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0)
     recording = run(jump | {"time.tolerance": 1e-4})
-    assert 0 < recording["time"][1] <= 0.004  # of the relaxation time
-    assert recording["time"].size - 1 <= 60
+    assert 0 < recording["time"][1] <= 1e-6
+    assert recording["time"].size - 1 <= 80
     early = tuple(recording["time"][1:6])
     first = run(jump | {"time.tolerance": 1e-6, "output.times": early}).at("mean_pressure", early)
     assert np.abs(recording["mean_pressure"][1:6] - first).max() <= 1e-4 * recording["mean_pressure"].max()
