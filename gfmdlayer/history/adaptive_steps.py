@@ -51,10 +51,11 @@ _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
 _ROUNDING = 4 * sys.float_info.epsilon  # of a time: steps shorter than this part of it are not divided
 _AFTER_BREAKPOINT = 0.3  # first step after a breakpoint, in steps before it
 _RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
-_FIRST_STEP = 30.0  # in units of tolerance times the shortest relaxation time
+_FROM_REST = 30.0  # first step without contact, in units of tolerance times the shortest relaxation time
 # Separation up to which a step is resolved at a tolerance of 1e-4 (measured: the pull-off of a cylinder, at
 # rates from relaxed to glassy), and the largest at any tolerance.
 _SEPARATION, _WIDEST_SEPARATION = 0.3, 0.5
+_AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shortest relaxation times
 
 
 class Changes(Saving):
@@ -172,7 +173,9 @@ class AdaptiveSteps:
         depth_scale = max(now.largest_depth, step.depth)
         if self._given.step == 0:
             accepted = True
-            now.next_step = _FIRST_STEP * self._tolerance * self._shortest_time
+            # The depth at rest may differ from zero: it counts from the lowest point of the grid.
+            first = _AFTER_JUMP if depth_scale > 0 and step.deforms else _FROM_REST * self._tolerance
+            now.next_step = self._shortest_time * first
         else:
             found = self._error(step, error, (response_scale, depth_scale))
             if change is not None and (change.jumps or change.separation > self._separation):

@@ -392,8 +392,8 @@ ADAPTIVE = (
         },
     ),
     _Ablation(
-        "first step by the tolerance: very short",
-        patches=lambda: [(adaptive_steps, "_FIRST_STEP", 1e-6 / _TOLERANCE)],
+        "first step from rest: as after a jump",
+        patches=lambda: [(adaptive_steps, "_FROM_REST", adaptive_steps._AFTER_JUMP / _TOLERANCE)],
     ),
     _Ablation("short step after a breakpoint", patches=lambda: [(adaptive_steps, "_AFTER_BREAKPOINT", 1.0)]),
     _Ablation(
