@@ -68,6 +68,7 @@ class Recording:
         self._blocks: list[FloatArray] = []
         self._filled = self._before = 0  # rows of the last block, and of those before it
         self._last_time = -math.inf
+        self._numbers: bool | None = None  # whether no column is a distribution, known from the first row on
         self.times: list[float] = []
         self._kinds: dict[str, tuple[np.dtype[Any], tuple[int, ...]]] = {}  # types and shapes of the fields
         # Fields are arrays, or places in the file; None in a snapshot that has none of this name.
@@ -97,7 +98,9 @@ class Recording:
             rows = min(max(self.count, FEWEST), MOST)
             self._add(np.empty((rows, sum(self.widths.values()))), 0)
         row = self._blocks[-1][self._filled]
-        if len(row) == len(values):
+        if self._numbers is None:
+            self._numbers = not any(map(np.ndim, values.values()))
+        if self._numbers:
             row[:] = list(values.values())
         else:
             for value, (start, end) in zip(values.values(), self._bounds.values(), strict=True):

@@ -39,7 +39,7 @@ import hashlib, sys
 import numpy as np
 from gfmdlayer import Config, simulate
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.verification.runs import Recording
+from gfmdlayer.results.recording import Recording
 shapes = [(1024,), (15015,), (48, 64), (640, 512)]
 if "measured" in sys.argv:
     import pyfftw

@@ -102,6 +102,16 @@ def test_histograms_stand_along_their_bins(tmp_path):
     assert not is_complete(path)
 
 
+def test_a_distribution_may_have_one_bin(tmp_path):
+    bins = Bins("gap_bin", "the gap", "length", (0.0, np.inf))
+    columns = [Column("time", "time", "time"), Column("gap_histogram", "part of the surface", along=bins)]
+    with case_file(tmp_path / "0000.h5", {"x": X}, columns=columns) as case:
+        for time in range(3):
+            case.row(time=float(time), gap_histogram=np.array([time / 2]))
+    with open_case(tmp_path / "0000.h5") as data:
+        np.testing.assert_array_equal(data["gap_histogram"], [[0.0], [0.5], [1.0]])
+
+
 def test_snapshots_are_compressed_in_blocks(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "BLOCK", 24)
     monkeypatch.setattr(files, "_template", files._template.__wrapped__)  # not a cached one
