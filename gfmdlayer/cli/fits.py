@@ -200,7 +200,7 @@ def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) 
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.starts import read_model
-    from gfmdlayer.results.schema import ResultsError
+    from gfmdlayer.results.names import ResultsError
 
     paths = [Path(each) for each in options.data]
     directory = Path(options.out or Path("results") / f"{paths[0].stem}-fits")

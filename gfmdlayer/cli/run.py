@@ -110,7 +110,7 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError
     from gfmdlayer.execution.progress import make_display
-    from gfmdlayer.results.schema import ResultsError
+    from gfmdlayer.results.names import ResultsError
 
     try:
         with interrupts.at_once():

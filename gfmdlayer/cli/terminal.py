@@ -130,7 +130,7 @@ def input_problems(error: Exception) -> Sequence[str]:
     from gfmdlayer.execution.folder import FolderError
     from gfmdlayer.execution.workers import LauncherError
     from gfmdlayer.files.tables import TableError
-    from gfmdlayer.results.schema import ResultsError
+    from gfmdlayer.results.names import ResultsError
 
     if isinstance(error, ConfigError):
         return error.problems

@@ -6,7 +6,7 @@
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.ended   why a complete case ended early (JSON)
     DIR/cases/NNNN.running progress of a case (JSON)
-    DIR/cases/NNNN.checkpoint, .journal  an unfinished case: its state, its rows and snapshots
+    DIR/cases/NNNN.checkpoint, .snapshots  an unfinished case: its state and its rows; its snapshots
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/inputs/            the files that the configuration names, as the cases read them
@@ -37,7 +37,7 @@ from gfmdlayer.execution.sweep import Shard, input_errors
 from gfmdlayer.files.locks import regular, write_new
 from gfmdlayer.files.whole import is_intact, unfinished, write_text
 from gfmdlayer.results import stored
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.validation.sections import files_named
 
 MARK = stored.MARK
@@ -87,7 +87,7 @@ class Folder:
         return self.cases / ".turn"
 
     def case(self, index: int, kind: str = "h5") -> Path:
-        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or journal."""
+        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or snapshots."""
         return self.cases / f"{index:04d}.{kind}"
 
     def numbers(self) -> Numbers:

@@ -30,7 +30,7 @@ from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Cases, Change, Earlier, SweepCase, with_files
 from gfmdlayer.files.locks import exclusive, no_link, open_for_writing, try_lock
 from gfmdlayer.files.whole import cannot_be_written, is_intact, is_unfinished, unfinished_path
-from gfmdlayer.results.schema import ResultsError, numbered
+from gfmdlayer.results.names import ResultsError, numbered
 from gfmdlayer.results.stored import must_agree
 from gfmdlayer.validation.sections import files_named
 
@@ -197,8 +197,11 @@ def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 # user and other programs' files are never removed.
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
-# Version 0.2 had a journal0, and a checkpoint1a or b and journal1 of a second rank.
-_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|journal\d*|state)(\.aside)?")
+# Earlier versions had a journal in place of the snapshots, or a journal0, and a checkpoint1a or b and a
+# journal1 of a second rank.
+_RESULT = re.compile(
+    r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|snapshots|journal\d*|state)(\.aside)?"
+)
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 # Files of dead runs; those of version 0.1 had a simpler unfinished name.
 _PART = r"(\.(.+-)?\d+-[0-9a-f]+)?\.part"
@@ -206,7 +209,7 @@ _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
 _OF_A_CASE = re.compile(
     rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint(\d+[ab])?|state){_PART})"
 )
-_STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|journal\d*)")
+_STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|snapshots|journal\d*)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
 _FOLDERS = ("cases", "arrays", "inputs")  # left by a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.turn|\.admission|\.collection")  # the last two of version 0.2

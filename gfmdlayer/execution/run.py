@@ -35,8 +35,8 @@ from gfmdlayer.execution.sweep import Cases, InTurn, OwnCases, Shard, SweepCase,
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, read_json
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes, is_complete
-from gfmdlayer.results.schema import ResultsError
 
 
 @dataclass(frozen=True)

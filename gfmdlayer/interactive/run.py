@@ -43,9 +43,10 @@ from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
+from gfmdlayer.results.case_file import CaseContents, case_contents
 from gfmdlayer.results.gathering import CaseRecord, Swept, labelled
-from gfmdlayer.results.journal import Recording
 from gfmdlayer.results.reader import open_results
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
@@ -273,9 +274,9 @@ GUARD = 'a script with jobs must call run under `if __name__ == "__main__":`'
 
 
 class Result(NamedTuple):
-    """Data of a case, or the error that it ended with, and the warnings of its observables."""
+    """Contents of a case, or the error that it ended with, and the warnings of its observables."""
 
-    data: xarray.Dataset | None
+    data: CaseContents | None
     error: Exception | None = None
     said: Sequence[str] = ()
 
@@ -287,18 +288,18 @@ class Result(NamedTuple):
 
 def compute(
     case: SweepCase, threads: int, advance: Callable[[float], None] | None = None
-) -> tuple[xarray.Dataset, Sequence[str]]:
-    """Run a case in memory; return its data and the warnings of its observables."""
-    config = case.config
-    model, recording = model_of(config, threads), Recording()
+) -> tuple[CaseContents, Sequence[str]]:
+    """Run a case in memory; return its contents and the warnings of its observables."""
+    config, recording = case.config, Recording()
+    model = model_of(config, threads)
     described = case_run.attributes(model) | {"digest": digest(config)}
-    coordinates = model.coordinates
+    about = described, model.columns, config.unit, case.values, model.places
     try:
         said = model.run(recording, advance)
     except ConvergenceError as error:
-        error.data = recording.dataset(coordinates, model.columns, described, config.unit, model.places)
+        error.data = case_contents(recording, model.coordinates, *about).dataset()
         raise
-    return recording.dataset(coordinates, model.columns, described, config.unit, model.places), said
+    return case_contents(recording, model.coordinates, *about), said
 
 
 def _attempt(case: SweepCase, threads: int, advance: Callable[[float], None] | None = None) -> Result:
@@ -465,7 +466,7 @@ def run(
             data, said = compute(every[0], threads, watch.case(0, found.time.end))
             watch.ended(Outcome(0, "complete"))
         _warn(said, 3)
-        return data
+        return data.dataset()
     with closing(Watch(chosen_display(progress), len(every))) as watch:
         if jobs == 1:
             outcomes = {case.index: outcome for case, outcome in here(every, threads, watch)}

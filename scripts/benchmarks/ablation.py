@@ -38,7 +38,7 @@ from gfmdlayer.history import adaptive_steps, errors
 from gfmdlayer.history.errors import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.kernels import kernel
-from gfmdlayer.verification.runs import Recording
+from gfmdlayer.results.recording import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)
 QUICK = Effort(points=(1 << 10,), steps=20, repetitions=1)

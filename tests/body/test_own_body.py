@@ -28,7 +28,7 @@ from gfmdlayer.body.solid import fault
 from gfmdlayer.config import digest
 from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.results.journal import Recording
+from gfmdlayer.results.recording import Recording
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = re.findall(

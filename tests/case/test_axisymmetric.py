@@ -11,7 +11,7 @@ from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.sweep import input_errors
 from gfmdlayer.indentation.model import IsolatedContact
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 AFM = {
     "name": "afm", "grid": {"geometry": "axisymmetric", "points": 64},
@@ -36,7 +36,7 @@ def refusal(config, folder, capsys):
 
 def simulated(config):
     """Run a case in memory."""
-    recording = Recording()
+    recording = Kept()
     gfmdlayer.simulate(config, recording)
     return recording
 

@@ -10,7 +10,7 @@ from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.sweeps import leaves
 from gfmdlayer.execution.sweep import cases
-from gfmdlayer.results.schema import parameter
+from gfmdlayer.results.names import parameter
 from tests.config.reading import problems, read
 
 STACK = """\

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gfmdlayer.cli import main
@@ -19,8 +20,8 @@ from gfmdlayer.execution.status import Running, running
 from gfmdlayer.execution.workers import alone
 from gfmdlayer.files.locks import born, no_link, printable
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.results.journal import Journal, Position
 from gfmdlayer.results.reader import is_complete
+from gfmdlayer.results.recording import Recording
 
 SMALL = Config(name="small").with_values({"grid.points": 32, "time.end": 0.3, "time.step": 0.1})
 ESCAPE = "\x1b]0;forged\x07\x1b[2J"
@@ -54,12 +55,12 @@ def test_nothing_is_written_through_a_link(monkeypatch, run_here):
     assert Path("precious").read_text() == "precious"
 
 
-def test_a_request_to_stop_and_a_journal_follow_no_link(monkeypatch):
+def test_a_request_to_stop_and_snapshots_follow_no_link(monkeypatch):
     folder = Folder(Path("out"))
     folder.cases.mkdir(parents=True)
     folder.stop.symlink_to(Path("made").absolute())
-    journal = folder.case(0, "journal")
-    journal.symlink_to(Path("precious").absolute())
+    snapshots = folder.case(0, "snapshots")
+    snapshots.symlink_to(Path("precious").absolute())
     monkeypatch.setattr("gfmdlayer.execution.schedule.stop_requested", lambda: True)
     monkeypatch.setattr("gfmdlayer.execution.schedule.request_stop", lambda: None)
     with alone() as pool:
@@ -67,8 +68,10 @@ def test_a_request_to_stop_and_a_journal_follow_no_link(monkeypatch):
         assert list(schedule.run([Outcome(0, "waiting")])) == [Outcome(0, "stopped")]
     assert not Path("made").exists()
     with pytest.raises(ValueError, match="is a symbolic link"):
-        Journal(journal).go_on(Position(("time",), 8, 0))
-    with pytest.raises(OSError, match="is a symbolic link"), open(journal, "w", opener=no_link):
+        Recording(snapshots).go_on(
+            {"widths": {}, "fields": {}, "size": 64, "checksum": 0}, {"recording.times": np.zeros(0)}
+        )
+    with pytest.raises(OSError, match="is a symbolic link"), open(snapshots, "w", opener=no_link):
         pass
     assert Path("precious").read_text() == "precious"
 

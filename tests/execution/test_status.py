@@ -210,7 +210,7 @@ def test_an_interrupt_that_is_dropped_on_the_way_still_ends_a_watch(make, monkey
 LEFT = (
     *("cases/0000.h5.node-12-0badcafe.part", "cases/0001.failed.part", "cases/0002.running.part"),
     *("cases/0002.running", "cases/stop", "cases/stop-1-of-4", "cases/.lock-1-of-4", "cases/probe.part"),
-    *("cases/0000.checkpoint", "cases/0000.journal", "cases/0000.checkpoint.12-0badcafe.part"),
+    *("cases/0000.checkpoint", "cases/0000.snapshots", "cases/0000.checkpoint.12-0badcafe.part"),
     *("config.yaml.part", "sweep.h5.node-12-0badcafe.part"),
 )
 KEPT = (
