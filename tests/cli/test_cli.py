@@ -21,7 +21,6 @@ import pytest
 
 from gfmdlayer.cli import VERBS, main
 from gfmdlayer.execution.interrupts import STOP_SIGNALS
-from gfmdlayer.results import provenance
 from tests.studies import TINY
 from tests.waiting import SLOWLY, until
 
