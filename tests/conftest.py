@@ -1,5 +1,7 @@
 """What the tests share: recorder, small runs, elastic closed form, dense contact, bits of files, browser."""
 
+import fcntl
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +10,8 @@ import h5py
 import numpy as np
 import pytest
 from hypothesis import settings
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 from scipy.optimize import nnls
 
 from gfmdlayer.case.model import simulate
@@ -22,6 +26,31 @@ from tests.recordings import Kept
 settings.register_profile("short", derandomize=True, deadline=None)
 settings.register_profile("long", max_examples=10_000, print_blob=True, deadline=None)
 settings.load_profile("short")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels_are_compiled_once(tmp_path_factory):
+    """Of several processes of tests one compiles a kernel, and the others wait until it is in the cache."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        yield
+        return
+    compiled, place, at_work = Dispatcher.compile, tmp_path_factory.getbasetemp().parent, set()
+
+    def compiled_once(kernel, signature):
+        name = f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}.lock"
+        if kernel.stats.cache_path is None or name in at_work:
+            return compiled(kernel, signature)
+        with global_compiler_lock, (place / name).open("w") as file:  # threads in the order of processes
+            fcntl.flock(file, fcntl.LOCK_EX)
+            at_work.add(name)
+            try:
+                return compiled(kernel, signature)
+            finally:
+                at_work.remove(name)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dispatcher, "compile", compiled_once)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,5 @@
-"""Bodies of a user's own, from YAML: the examples of CONTRIBUTING.md, in a file and in the table."""
+"""Bodies of a user's own, from YAML: the examples of CONTRIBUTING.md in a file beside the configuration."""
 
-import os
 import pickle
 import re
 import subprocess
@@ -145,29 +144,6 @@ def test_a_configuration_reaches_other_processes_when_the_file_is_gone(here):
     code = f"import pickle; print([c.body.spectrum([1.0]).relaxed[0] for c in pickle.loads({every!r})])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[np.float64(1.0), np.float64(2.0)]\n"
-
-
-def test_a_file_and_a_line_in_the_table_make_a_body(here):
-    # A package with the line: links to all other files.
-    package = here / "gfmdlayer"
-    for path in (ROOT / "gfmdlayer").rglob("*.py"):
-        link = package / path.relative_to(ROOT / "gfmdlayer")
-        link.parent.mkdir(parents=True, exist_ok=True)
-        link.symlink_to(path)
-    table, line = package / "body" / "bodies.py", '    "gfmdlayer.body.layers:Layers",\n'
-    text = table.read_text()
-    assert line in text
-    table.unlink()
-    table.write_text(text.replace(line, line + '    "gfmdlayer.body.winkler:WinklerBed",\n'))
-    (package / "body" / "winkler.py").write_text(CODE["winkler.py"])
-    code = (
-        "import gfmdlayer as g; c = g.Config(name='a', grid={'points': 8}, body={'kind': 'winkler', 'k': 2});"
-        "print(g.__file__, g.Case(c).body.spectrum(1.0).glassy); g.Config(name='a', body={'kind': 'winkle'})"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False,
-                          env=os.environ | {"PYTHONPATH": str(here)})  # fmt: skip
-    assert done.stdout == f"{package / '__init__.py'} 4.0\n", done.stderr
-    assert "body.kind: got the text 'winkle'; must be one of layers, winkler, " in done.stderr
 
 
 FILE = "{file: winkler.py, k: 1}"

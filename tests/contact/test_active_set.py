@@ -128,7 +128,7 @@ def test_rough_contact_of_a_body_with_a_history(dense_contact, shape, condition,
 @pytest.mark.parametrize("size", [16, 17, 20, 27, 32, 33, 48, 50, 63, 64])
 @pytest.mark.parametrize("number", [34, pytest.param(334, marks=pytest.mark.slow)])
 def test_small_problems_need_no_safeguard(dense_contact, number, size, condition, monkeypatch):
-    monkeypatch.setattr(ActiveSet, "_save", None)
+    monkeypatch.setattr(active_set, "safeguard", None)
     dense = dense_contact((size,))
     for seed in range(1000, 1000 + number):
         assert_solved(dense, ActiveSet, condition, seed)
@@ -295,9 +295,9 @@ def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeyp
     waves = 2e-4 * np.cos(80 * np.pi * Grid((n,), (1.0,)).coordinates[0])
     problem = elastic(PAPER, parabola(n, 0.01 if load is None else 0.0) + waves, load=load)
     whole = ActiveSet(Transforms((n,)), windows=False).solve(problem, np.zeros(n), TOLERANCE)
-    monkeypatch.setattr(active_set, "_WORK", 0)
-    monkeypatch.setattr(active_set, "_FEWEST", 5)
-    monkeypatch.setattr(ActiveSet, "_save", None)  # which would help out
+    monkeypatch.setattr(active_set, "WORK", 0)
+    monkeypatch.setattr(active_set, "FEWEST", 5)
+    monkeypatch.setattr(active_set, "safeguard", None)  # which would help out
     calls = []
     iterate = active_set.iterate
     monkeypatch.setattr(active_set, "iterate", lambda *given: calls.append(given[-2]) or iterate(*given))

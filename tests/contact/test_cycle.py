@@ -84,7 +84,7 @@ def test_lines_and_stiffnesses_that_no_stencil_describes_have_no_cycle():
 
 def followed(shape, monkeypatch, *, cycles):
     """Approach and retreat, with another stiffness in each step, then a given load."""
-    monkeypatch.setattr(solver, "_WORTH_CYCLE", 0 if cycles else 1 << 30)
+    monkeypatch.setattr(solver, "WORTH_CYCLE", 0 if cycles else 1 << 30)
     newton, height = Newton(Transforms(shape)), rough(shape, 3)
     law = Exponential(work=1e-3, range=1e-2).interaction()
     waves = np.ravel(Grid(shape, (1.0, 1.0)).wavenumbers)
@@ -116,7 +116,7 @@ def test_the_margin_is_the_least_curvature_of_a_stiff_law(monkeypatch):
     """Lennard-Jones: that of a dense eigenvalue problem on the free points with a fixed mean."""
     # The search ends where a turn lowers the margin by less than 2 % and .003; as the error falls by a factor
     # of 2 a turn and more, what is left is less than twice that. By transforms it ended at .86 to .91.
-    monkeypatch.setattr(solver, "_WORTH_CYCLE", 0)
+    monkeypatch.setattr(solver, "WORTH_CYCLE", 0)
     shape, work, reach = (32, 32), 1e-3, 2e-3
     law, height = LennardJones(work=work, separation=reach).interaction(), rough(shape, 7)
     kappa = 2.0 * np.ravel(Grid(shape, (1.0, 1.0)).wavenumbers)

@@ -8,6 +8,7 @@ import xarray
 
 import gfmdlayer
 from gfmdlayer.config import Config
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.observables import columns
 from gfmdlayer.observables.adhesion import PART, AdhesionColumns
 from gfmdlayer.results.recording import Recording
@@ -73,13 +74,14 @@ def test_the_hard_wall_has_no_columns_of_adhesion():
 
 
 def test_the_work_counts_only_the_pull_in_retraction():
-    def step(depth, pressure):
-        solution = SimpleNamespace(mean_pressure=pressure)
-        return depth, solution.mean_pressure, 2 * pressure
-
-    found = AdhesionColumns(SimpleNamespace(grid=SimpleNamespace(sums=None)))
-    for values in (step(0, -3), step(1, -3), step(2, -1), step(1, 1), step(0, -1), step(-1, -1), step(-2, 0)):
-        found._pull(*values)
+    law, nothing = gfmdlayer.Exponential(work=1e-3, range=4e-3).interaction(), np.zeros(4)
+    fields = {"touching": nothing == 0, "traction": nothing, "distance": nothing, "pressure": nothing}
+    found = AdhesionColumns(SimpleNamespace(grid=Grid((4,), (1.0,))))
+    for depth, pressure in ((0, -3), (1, -3), (2, -1), (1, 1), (0, -1), (-1, -1), (-2, 0)):
+        row = {"force": 2 * pressure}
+        found.measure(
+            SimpleNamespace(depth=depth, mean_pressure=pressure, row=row, interface=law, fields=fields)
+        )
     # From 2 to 1 and from 1 to 0 half a step each pulls, 1/4; then a whole one, 1, and a triangle, 1/2.
     assert found.attributes == {"pull_off_force": 2, "pull_off_stress": 1, "work_of_separation": 2.0}
 

@@ -75,6 +75,7 @@ REFUSALS = {
         "layer: {material: {model: rouse, G0: 2.0, G: 1.0, tau: 1.0}}",
         ":2:46: layer.material.G: got 1.0; must be a number >= G0",
     ),
+    "a body": ("", "body: {kind: winkle, k: 1}", ":2:14: body.kind: got the text 'winkle'; must be one of "),
     "a geometry": (
         """
     def problems(self):

@@ -60,7 +60,7 @@ _ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
 _LIMIT = 1000  # iterations of conjugate gradients
 # Between two looks at signals: points times iterations of conjugate gradients, and these at least, since the
 # next portion begins without the directions of the last.
-_WORK, _FEWEST = 1 << 29, 30
+WORK, FEWEST = 1 << 29, 30
 
 
 class ActiveSet:
@@ -148,7 +148,7 @@ class ActiveSet:
 
     def _iterate(self, system: System, shift: float, within: float, limit: int) -> tuple[bool, int, int]:
         """`iterate` in portions, between which a signal is noticed."""
-        portion_size, transforms, iterations = max(_WORK // self._at.p.size, _FEWEST), 0, 0
+        portion_size, transforms, iterations = max(WORK // self._at.p.size, FEWEST), 0, 0
         while True:
             portion = min(portion_size, limit - iterations)
             solved, more, done = iterate(

@@ -100,7 +100,7 @@ _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only
 _NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
 _ON_THE_WAY = 0.0, 0.25, 0.5, 0.75, 1.0  # parts of a step at which its deviation from the tangent is tried
 _SOFT = 0.1  # curvature along it, over the elastic part, below which there was an instability
-_WORTH_CYCLE = 1 << 12  # points
+WORTH_CYCLE = 1 << 12  # points
 _FAR = 1e300  # range of the hard wall
 _LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
 _OF_SUMS = 1e-12  # likewise over the largest displacement: what rounding leaves of a mean
@@ -630,7 +630,7 @@ class Newton:
             self._stiffness = stiffness.copy()
             kappa_1 = problem.residual_floor.stiffness
             step.kappa[:] = stiffness / (n * unit_of(kappa_1))
-            cycle = cycle_of(self._grid, stiffness, kappa_1) if n >= _WORTH_CYCLE else no_cycle()
+            cycle = cycle_of(self._grid, stiffness, kappa_1) if n >= WORTH_CYCLE else no_cycle()
             D = cycle.D[: step.d.size] if cycle.grids.size else self._single.empty_field()
             self._fields = self._fields._replace(step=step._replace(cycle=cycle, stiffness=D))
         return self._fields
