@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 
-from gfmdlayer.execution.status import StatusFile
+from gfmdlayer.study.claims import StatusFile
 
 advance = StatusFile.advance
 

@@ -16,7 +16,7 @@ ORDER = (
     "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "time_functions",
     "interface", "contact", "friction", "history", "transport", "config", "programme", "notes", "observables",
     "results", "figures", "model", "footprint", "indentation", "simulation", "frictional", "periodic",
-    "execution", "fitting", "nanite", "interactive", "verification", "cli", "__main__", "__init__",
+    "study", "fitting", "nanite", "interactive", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ from gfmdlayer import (
 )
 from gfmdlayer.body.solid import fault
 from gfmdlayer.config import digest
-from gfmdlayer.execution.sweep import cases, input_errors
+from gfmdlayer.study.cases import cases, input_errors
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.journal import Recording
 

@@ -8,7 +8,7 @@ import pytest
 from gfmdlayer.case.case import smallest_equivalent_case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.execution.cost import kind
+from gfmdlayer.study.cost import kind
 from gfmdlayer.indentation import model as isolated
 from gfmdlayer.results.journal import Recording
 

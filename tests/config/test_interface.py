@@ -7,7 +7,7 @@ import pytest
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.model import stem
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.execution.sweep import cases, input_errors
+from gfmdlayer.study.cases import cases, input_errors
 from gfmdlayer.interface.adhesion import Electrostatic, Exponential
 from gfmdlayer.validation.units import Units
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer import cli, open_results
-from gfmdlayer.execution.workers import assemble
+from gfmdlayer.study.workers import assemble
 from gfmdlayer.fitting.force_map import ForceMap, parameter_names
 from gfmdlayer.fitting.indentation.estimates import FitOptions
 from tests.waiting import until

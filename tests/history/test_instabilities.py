@@ -15,8 +15,8 @@ import gfmdlayer
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.status import overview
+from gfmdlayer.study.folder import Folder
+from gfmdlayer.study.claims import overview
 from gfmdlayer.observables.adhesion import Row, work_over_fold
 from gfmdlayer.verification.runs import Recording
 

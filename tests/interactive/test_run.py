@@ -14,8 +14,8 @@ import xarray
 import gfmdlayer
 from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zener
 from gfmdlayer.config import digest
-from gfmdlayer.execution.folder import FolderError
-from gfmdlayer.execution.interrupts import STOP_SIGNALS
+from gfmdlayer.study.folder import FolderError
+from gfmdlayer.study.interrupts import STOP_SIGNALS
 
 X = np.arange(256) / 256 - 0.5
 SHORT = {"time": {"end": 1.0, "step": 0.25}, "output": {"snapshots": [0.5, 1.0]}}
@@ -329,7 +329,7 @@ def test_a_dimension_is_not_named_as_an_argument_of_sel():
 # Ctrl-C after three steps; a process of its own, since signals come to the main thread of one.
 INTERRUPTED = """
 import os, signal
-import gfmdlayer, gfmdlayer.execution.run
+import gfmdlayer, gfmdlayer.study.run
 from gfmdlayer.observables.numerics import Effort
 
 measure, rows = Effort.measure, 0
@@ -342,7 +342,7 @@ def interrupting(self, step):
     return measure(self, step)
 
 Effort.measure = interrupting
-for module in (gfmdlayer.execution.run, gfmdlayer.execution.case_run):
+for module in (gfmdlayer.study.run, gfmdlayer.study.case_run):
     module.warm_up = lambda *_, **__: ({}, [])  # it takes steps, too
 for options in ({}, {"out": "out"}):
     rows = 0
@@ -410,7 +410,7 @@ def test_progress_grows_to_its_end(monkeypatch, sweep):
 
 
 def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch):
-    from gfmdlayer.execution.schedule import Progress
+    from gfmdlayer.study.schedule import Progress
     from gfmdlayer.interactive import run as progress
 
     made = []

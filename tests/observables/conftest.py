@@ -2,9 +2,9 @@
 
 import pytest
 
-from gfmdlayer.execution.case_run import run_case
-from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.status import StatusFile
+from gfmdlayer.study.case_run import run_case
+from gfmdlayer.study.interrupts import Stopped
+from gfmdlayer.study.claims import StatusFile
 
 
 @pytest.fixture

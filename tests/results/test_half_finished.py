@@ -9,7 +9,7 @@ import xarray as xr
 
 import gfmdlayer
 from gfmdlayer.cli import main
-from gfmdlayer.execution.folder import Folder
+from gfmdlayer.study.folder import Folder
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
