@@ -8,7 +8,7 @@ quantity is first used, and each file once.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -20,13 +20,12 @@ from gfmdlayer.body.shifts import Shift
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points
-from gfmdlayer.interface.interface import Coulomb
 from gfmdlayer.step import Instant
 from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, Trajectory
 
 if TYPE_CHECKING:
-    from gfmdlayer.friction.problem import Law
     from gfmdlayer.history.reduced_time import ReducedTime
+    from gfmdlayer.interface.friction import ShearBound
     from gfmdlayer.interface.law import Interaction
 
 
@@ -114,57 +113,13 @@ class Programme:
         return Table(np.array([*begin, start, start + given.ramp_time]), np.array([*begin, 0.0, value]))
 
     @cached_property
-    def friction(self) -> Law | None:
-        """Bound of the shear traction at rest (coefficient at no slip speed); None without friction."""
-        from gfmdlayer.friction.problem import Law
-
-        laws = {law.law: law for law in self.config.friction}
-        if not laws:
+    def friction(self) -> ShearBound | None:
+        """Bound of the shear traction; None without friction."""
+        if not self.config.friction:
             return None
-        strength = getattr(laws.get("shear_strength"), "stress", math.inf)
-        return Law(math.inf if "coulomb" not in laws else self.coefficient(0.0), strength)
+        from gfmdlayer.interface.friction import ShearBound
 
-    @cached_property
-    def coefficient(self) -> Callable[[Any], Any]:
-        """Coefficient of friction as a function of the slip speed, a number or an array."""
-        given = next((law.coefficient for law in self.config.friction if isinstance(law, Coulomb)), math.inf)
-        if not isinstance(given, Path):
-            return lambda _speed: given
-        import numpy as np
-
-        speeds, values = self._coefficients
-        return lambda speed: np.interp(speed, speeds, values)
-
-    @cached_property
-    def coefficients(self) -> tuple[float, float]:
-        """The least and the largest coefficient of friction of the table over slip speeds."""
-        _, values = self._coefficients
-        return float(values.min()), float(values.max())
-
-    @cached_property
-    def steepest_fall(self) -> float:
-        """The largest fall of the coefficient over a rise of the slip speed; 0 where it never falls."""
-        import numpy as np
-
-        speeds, values = self._coefficients
-        return max(float((-np.diff(values) / np.diff(speeds)).max(initial=0.0)), 0.0)
-
-    @cached_property
-    def _coefficients(self) -> Any:
-        """Slip speeds and coefficients of friction of the table."""
-        from gfmdlayer.files.tables import read_columns
-
-        def refused(row: Sequence[float]) -> str:
-            return "" if min(row) >= 0 else f"holds {min(row):g}; speed and coefficient must be >= 0"
-
-        file = next(law.coefficient for law in self.config.friction if isinstance(law, Coulomb))
-        assert isinstance(file, Path)
-        return read_columns(file, ("speed", "coefficient"), increasing=True, row_error=refused).T
-
-    @property
-    def depends_on_speed(self) -> bool:
-        """Whether the coefficient of friction depends on the slip speed."""
-        return any(isinstance(getattr(law, "coefficient", None), Path) for law in self.config.friction)
+        return ShearBound.of(self.config.friction)
 
     @cached_property
     def temperature(self) -> Constant | Table | None:
@@ -262,8 +217,8 @@ class Programme:
         begins and before a swing ends. Material moves by at most one point of the grid in a step.
         """
         time, grid = self.config.time, self.config.grid
-        law = self.friction
-        if law is None or (law.is_frictionless and not self.depends_on_speed):
+        bound = self.friction
+        if bound is None or (bound.is_frictionless and bound.over_speed is None):
             return
         import numpy as np
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.friction.problem import Problem, State, admissible, assess, in_disks, norms
+from gfmdlayer.friction.problem import FrictionProblem, FrictionState, admissible, assess, in_disks, norms
 from gfmdlayer.friction.response import Operator
 
 # Part of its right side that a linear system may leave: least on a line and on a surface, and most.
@@ -40,7 +40,7 @@ _SINGLE = 5e-7
 class Sets:
     """Which points are in contact, stick and slip, and the unknowns that are free on them."""
 
-    def __init__(self, problem: Problem, at: State, damping: float) -> None:
+    def __init__(self, problem: FrictionProblem, at: FrictionState, damping: float) -> None:
         rho = 1 / (1 + damping)
         touching = at.p > rho * at.gap
         if not touching.any():
@@ -128,7 +128,7 @@ class Ones:
     sticking: BoolArray
 
 
-class Blocks:
+class BlockInverse:
     """Inverse of the compliance B of an interval, by its points; `kernel` is that of the surface of a line.
 
     Of the loads w = B^-1 1, which move all points alike, the part w/sum w has the load one. What is left,
@@ -152,7 +152,7 @@ class Blocks:
 class Intervals:
     """Inverse of the compliance of intervals of points on a line: within each, and among their loads."""
 
-    def __init__(self, blocks: Blocks, points: NDArray[Any]) -> None:
+    def __init__(self, blocks: BlockInverse, points: NDArray[Any]) -> None:
         kernel, n = blocks.kernel, blocks.kernel.size
         first, self._length = intervals(points)
         self._first = first
@@ -192,14 +192,14 @@ class LinearSystem:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: FrictionProblem,
         sets: Sets,
-        at: State,
+        at: FrictionState,
         damping: float,
         C: Operator,
         K: Operator,
         kept: Ones | None,
-        blocks: tuple[Blocks, Blocks] | None = None,
+        blocks: tuple[BlockInverse, BlockInverse] | None = None,
     ) -> None:
         self.sets, self.size = sets, C.size
         self._inverses: list[Intervals] = []
@@ -335,16 +335,18 @@ def gmres(
     return size * (y @ Z[: y.size].astype(np.float64)), k + 1
 
 
-class Newton:
+class FrictionNewton:
     """The method for problems with one response on one grid."""
 
     def __init__(self, C: Operator, K: Operator) -> None:
         self._C, self._K = self.operators = C, K
         self._ones: Ones | None = None
-        self._blocks: tuple[Blocks, Blocks] | None = None
+        self._blocks: tuple[BlockInverse, BlockInverse] | None = None
         self._inverts = False  # whether the solve uses them
 
-    def solve(self, problem: Problem, x: FloatArray, tolerance: float, limit: int) -> tuple[State, int]:
+    def solve(
+        self, problem: FrictionProblem, x: FloatArray, tolerance: float, limit: int
+    ) -> tuple[FrictionState, int]:
         """Return the state that was reached from a guess of the tractions, and the steps."""
         self._ones, self._inverts = None, False
         way = _Way(self, problem)
@@ -360,7 +362,7 @@ class Newton:
             at = way.best
         return at, step
 
-    def state(self, problem: Problem, x: FloatArray) -> State:
+    def state(self, problem: FrictionProblem, x: FloatArray) -> FrictionState:
         """Return the state of tractions, with their displacements in double precision."""
         return assess(problem, x, self.displacements(x))
 
@@ -368,7 +370,7 @@ class Newton:
         """Return W, u_x[, u_y] under tractions."""
         return self._C(x, single=single)
 
-    def _exact(self, problem: Problem, at: State, tolerance: float) -> State:
+    def _exact(self, problem: FrictionProblem, at: FrictionState, tolerance: float) -> FrictionState:
         """Return the state with the inequalities satisfied exactly and displacements in double precision."""
         x = admissible(problem, at.x)
         if at.drift > 0.01 * tolerance or np.abs(x - at.x).max() > 1e-13 * at.p_s:
@@ -376,7 +378,7 @@ class Newton:
         return replace(at, x=x)
 
     def step(
-        self, problem: Problem, at: State, damping: float, tolerance: float
+        self, problem: FrictionProblem, at: FrictionState, damping: float, tolerance: float
     ) -> tuple[FloatArray, FloatArray | None]:
         """Return the tractions after one linear system, and its path."""
         sets = Sets(problem, at, damping)
@@ -409,7 +411,7 @@ class Newton:
         path = at.path + found[-sets.axes :] * at.W_s if problem.force is not None else None
         return x, path
 
-    def _blocks_for(self, sets: Sets, damping: float) -> tuple[Blocks, Blocks] | None:
+    def _blocks_for(self, sets: Sets, damping: float) -> tuple[BlockInverse, BlockInverse] | None:
         """Return the inverses of the compliance of intervals, where these are short."""
         if sets.axes == 2 or damping > 0:
             return None
@@ -421,10 +423,10 @@ class Newton:
             self._C.work.spend(1.0)
             self._inverts = True
         if self._blocks is None:
-            self._blocks = Blocks(self._C.kernel(0)), Blocks(self._C.kernel(2))
+            self._blocks = BlockInverse(self._C.kernel(0)), BlockInverse(self._C.kernel(2))
         return self._blocks
 
-    def moved(self, at: State, x: FloatArray) -> tuple[FloatArray, float]:
+    def moved(self, at: FrictionState, x: FloatArray) -> tuple[FloatArray, float]:
         """Return the displacements under new tractions, and their drift."""
         change = x - at.x
         drift = at.drift + _SINGLE * float(np.abs(change).max()) / at.p_s
@@ -436,14 +438,14 @@ class Newton:
 class _Way:
     """The globalisation of one solve: full steps, and damped ones from the best state where they fail."""
 
-    def __init__(self, newton: Newton, problem: Problem) -> None:
+    def __init__(self, newton: FrictionNewton, problem: FrictionProblem) -> None:
         self._newton, self._problem = newton, problem
-        self.best: State
+        self.best: FrictionState
         self._damping, self._failures, self._away = 0.0, 0, 0
         self._balance_only = False
         self._first = True
 
-    def next(self, at: State, tolerance: float) -> State:
+    def next(self, at: FrictionState, tolerance: float) -> FrictionState:
         """Return the state after a step."""
         # A guess that was interpolated has no points on the wrong side of its edges: no state that
         # follows is as good, until the edges are right on the finer grid.
@@ -473,7 +475,7 @@ class _Way:
         self.best = assess(self._problem, best.x, best.Cx, best.drift, balance_only=self._balance_only)
         return self.best
 
-    def _tried(self, at: State, tolerance: float, enough: float) -> State | None:
+    def _tried(self, at: FrictionState, tolerance: float, enough: float) -> FrictionState | None:
         """Return the state after a step, or a part of it that is better; None where it is not finite."""
         problem, newton = self._problem, self._newton
         with np.errstate(over="ignore", invalid="ignore"):
@@ -494,8 +496,14 @@ class _Way:
         return new
 
     def _part(
-        self, at: State, x: FloatArray, Cx: FloatArray, drift: float, path: FloatArray | None, part: float
-    ) -> State:
+        self,
+        at: FrictionState,
+        x: FloatArray,
+        Cx: FloatArray,
+        drift: float,
+        path: FloatArray | None,
+        part: float,
+    ) -> FrictionState:
         """Return the state after a part of a step."""
         if part < 1:
             x, Cx = at.x + part * (x - at.x), at.Cx + part * (Cx - at.Cx)

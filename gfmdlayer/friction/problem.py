@@ -24,7 +24,7 @@ where P is the nearest point in the disk of radius b(max(p, 0)); it is the large
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -33,70 +33,17 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.friction.response import Response
+from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 
 
 @dataclass(frozen=True)
-class Law:
-    """Largest shear traction min(mu p, tau_0) of a point in contact.
-
-    Both infinite: the surfaces stick where they touch. The coefficient may differ from point to point.
-    """
-
-    coefficient: float | FloatArray = math.inf  # mu >= 0
-    strength: float = math.inf  # tau_0 >= 0, pressure
-
-    def __post_init__(self) -> None:
-        lowest = float(np.min(self.coefficient))
-        if not lowest >= 0:
-            raise ValueError(f"coefficient of friction: got {lowest!r}; must be >= 0")
-        if not self.strength >= 0:
-            raise ValueError(f"shear strength: got {self.strength!r}; must be >= 0")
-
-    @property
-    def is_frictionless(self) -> bool:
-        """Whether the bound is zero everywhere."""
-        return self.strength == 0 or not np.any(self.coefficient)
-
-    @property
-    def sticks(self) -> bool:
-        """Whether no traction is too large."""
-        return math.isinf(self.strength) and bool(np.isinf(self.coefficient).all())
-
-    def at(self, points: NDArray[Any]) -> Law:
-        """Law of some points."""
-        return self if np.ndim(self.coefficient) == 0 else replace(self, coefficient=self.coefficient[points])  # type: ignore[index]
-
-    def bound(self, pressure: FloatArray, touching: BoolArray | None = None) -> FloatArray:
-        """Largest traction under a pressure, at points that touch: by default where it is positive."""
-        touching = pressure > 0 if touching is None else touching
-        with np.errstate(invalid="ignore"):
-            cone = np.where(touching, self.coefficient * pressure, 0.0)
-        if np.isinf(self.coefficient).any():
-            cone = np.where(touching & np.isinf(self.coefficient), np.inf, cone)
-        return np.minimum(cone, np.where(touching, self.strength, 0.0))
-
-    def slope(self, pressure: FloatArray) -> FloatArray:
-        """Derivative of the bound in the pressure, at points that touch."""
-        with np.errstate(invalid="ignore"):
-            on_cone = np.isfinite(self.coefficient) & (self.coefficient * pressure < self.strength)
-        return np.where(on_cone, self.coefficient, 0.0)
-
-    def scaled(self, part: float) -> Law:
-        """Law of the same shape with a part of the bound."""
-        finite = np.isfinite(self.coefficient)
-        coefficient = np.where(finite, np.where(finite, self.coefficient, 0.0) * part, np.inf)
-        strength = self.strength * part if math.isfinite(self.strength) else math.inf
-        return Law(coefficient if np.ndim(self.coefficient) else float(coefficient), strength)
-
-
-@dataclass(frozen=True)
-class Problem:
+class FrictionProblem:
     """The frictional contact of a step; of load and depth, and of force and path, one is given."""
 
     response: Response  # to tractions of this step
     heights: FloatArray  # h of the punch above its lowest point; length
-    law: Law
+    law: ShearBound
     load: float | None = None  # mean pressure, less that of the attraction
     depth: float = 0.0  # of the punch below its first touch, where no load is given
     force: FloatArray | None = None  # mean shear traction on the body, a component an axis
@@ -146,7 +93,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Solution:
+class FrictionSolution:
     """State of a step; fields have the shape (components, points) or (points,)."""
 
     pressure: FloatArray  # p >= 0 of the wall
@@ -192,12 +139,12 @@ class Solution:
         return np.where(self.contact, 0.0, np.maximum(self.gap, 0.0))
 
 
-def apart(problem: Problem, depth: float) -> Solution:
+def apart(problem: FrictionProblem, depth: float) -> FrictionSolution:
     """Return the state of a punch that does not touch."""
     axes, points = problem.response.normal.ndim, problem.heights.size
     offset = np.zeros((1 + axes, points)) if problem.offset is None else problem.offset
     path = np.zeros(axes) if problem.path is None else problem.path
-    return Solution(
+    return FrictionSolution(
         pressure=np.zeros(points),
         traction=np.zeros((axes, points)),
         displacement=offset,
@@ -227,7 +174,7 @@ def in_disks(vectors: FloatArray, radii: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.where(outside, radii / np.where(outside, length, 1.0), 1.0))
 
 
-def admissible(problem: Problem, x: FloatArray) -> FloatArray:
+def admissible(problem: FrictionProblem, x: FloatArray) -> FloatArray:
     """Return the tractions with p >= 0 of the given mean and |t| <= b(p)."""
     p = np.maximum(x[0], 0.0)
     if problem.load is not None:
@@ -314,7 +261,7 @@ def path_in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatA
 
 
 @dataclass(frozen=True)
-class State:
+class FrictionState:
     """Tractions, their displacements and multipliers, and how far they are from a solution.
 
     Values at the points `near`, which carry tractions or overlap the punch, are in units of p_s and W_s.
@@ -337,14 +284,14 @@ class State:
 
 
 def assess(
-    problem: Problem,
+    problem: FrictionProblem,
     x: FloatArray,
     Cx: FloatArray,
     drift: float = 0.0,
     linear: FloatArray | None = None,
     *,
     balance_only: bool = False,
-) -> State:
+) -> FrictionState:
     """Return the state with the multipliers that leave the least merit."""
     # Tried are those of balance, the means of gap and slip over contact and stick, the path of a linear
     # system, and mixtures: each alone fails on some problems.
@@ -378,10 +325,10 @@ def assess(
     if not math.isfinite(off):
         worst = off = math.inf
     parts = view.p, gap, view.t, slip
-    return State(x, Cx, drift, p_s, W_s, depth, path, near, *parts, worst, math.sqrt(off))
+    return FrictionState(x, Cx, drift, p_s, W_s, depth, path, near, *parts, worst, math.sqrt(off))
 
 
-def _scales(problem: Problem, p: FloatArray, W: FloatArray) -> tuple[float, float]:
+def _scales(problem: FrictionProblem, p: FloatArray, W: FloatArray) -> tuple[float, float]:
     """Units of pressure and of length: the largest ones of a state, or those of an overlap."""
     softest = float(problem.response.normal.max())
     largest = float(p.max())
@@ -395,7 +342,13 @@ class _View:
     """A state at the points near the contact, in units of pressure and length."""
 
     def __init__(
-        self, problem: Problem, x: FloatArray, Cx: FloatArray, near: NDArray[Any], p_s: float, W_s: float
+        self,
+        problem: FrictionProblem,
+        x: FloatArray,
+        Cx: FloatArray,
+        near: NDArray[Any],
+        p_s: float,
+        W_s: float,
     ) -> None:
         self.p, self.t = x[0, near] / p_s, x[1:, near] / p_s
         self.on = self.p > 0

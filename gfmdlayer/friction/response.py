@@ -104,7 +104,7 @@ class Spent:
     pairs: float = 0.0
 
 
-class Work:
+class SharedTransforms:
     """Transforms of a grid and of windows in it, with their fields, which all operators on it share."""
 
     def __init__(self, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False) -> None:
@@ -112,9 +112,9 @@ class Work:
         self.shape, self._measured = transforms.shape, measured
         self._transforms, self.spent, self._share = transforms, spent, share
         self._parts = parts(self.shape)
-        self._made: dict[tuple[int, bool], Fields] = {}
+        self._made: dict[tuple[int, bool], CountedFields] = {}
 
-    def fields(self, part: int = 1, *, single: bool) -> Fields:
+    def fields(self, part: int = 1, *, single: bool) -> CountedFields:
         """Return transforms and fields of a window with 1/part of the points of each axis."""
         if (part, single) not in self._made:
             plan, shape = self._transforms, tuple(n // part for n in self.shape)
@@ -122,7 +122,7 @@ class Work:
                 measured = self._measured and single and part == 1
                 plan = plan.of_shape(shape, single=single, measured=measured)
             share = self._share / part ** len(shape)
-            self._made[part, single] = Fields(plan, self.spent, share * (0.5 if single else 1.0))
+            self._made[part, single] = CountedFields(plan, self.spent, share * (0.5 if single else 1.0))
         return self._made[part, single]
 
     def spend(self, pairs: float) -> None:
@@ -145,7 +145,7 @@ class Work:
         return part, np.ravel_multi_index(inside, tuple(n // part for n in self.shape))
 
 
-class Fields:
+class CountedFields:
     """Fields and spectra of one shape with their transforms, which are counted."""
 
     def __init__(self, plan: Transforms, spent: Spent, share: float) -> None:
@@ -196,7 +196,9 @@ def _extent(places: NDArray[Any], n: int) -> tuple[int, int]:
 class Operator:
     """A response at the points of a grid, in double and in single precision."""
 
-    def __init__(self, grid: Grid, response: Response, work: Work, counted: Collection[int] = ()) -> None:
+    def __init__(
+        self, grid: Grid, response: Response, work: SharedTransforms, counted: Collection[int] = ()
+    ) -> None:
         # `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
         self.size, self.axes = grid.size, len(grid.points)
         self._response, self.work, self._counted = response, work, counted

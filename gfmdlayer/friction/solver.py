@@ -1,4 +1,4 @@
-"""The solver of `Problem`: Newton's method from a guess or from nothing, by coarser grids.
+"""The solver of `FrictionProblem`: Newton's method from a guess or from nothing, by coarser grids.
 
 Without friction the pressure is that of `contact.problem`, and shear follows from it: the problem goes to a
 solver of that one.
@@ -22,11 +22,12 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact import problem as frictionless
 from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
-from gfmdlayer.friction.newton import INNER, Newton
-from gfmdlayer.friction.problem import Law, Problem, Solution, State, norms
-from gfmdlayer.friction.response import Operator, Response, Spent, Work
+from gfmdlayer.friction.newton import INNER, FrictionNewton
+from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState, norms
+from gfmdlayer.friction.response import Operator, Response, SharedTransforms, Spent
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.resumable import State as SavedState
 
@@ -56,19 +57,19 @@ class FrictionSolver:
         self._spent, self._transforms = Spent(), transforms
         self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=attracts)
         self._mark = ""  # digest of the last response before the run was resumed
-        self._levels = [_Level(grid, transforms, self._spent, 1.0, measured=attracts)]
+        self._levels = [FrictionLevel(grid, transforms, self._spent, 1.0, measured=attracts)]
         while (coarser := self._levels[-1].coarser()) is not None:
             self._levels.append(coarser)
 
     def solve(
         self,
-        problem: Problem,
+        problem: FrictionProblem,
         start: FloatArray | None = None,
         *,
         gap: FloatArray | None = None,
         tolerance: float = 1e-7,
         limit: int = LIMIT,
-    ) -> Solution:
+    ) -> FrictionSolution:
         """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing."""
         # Where the interface attracts, the path of the surface begins at the `gap` of the last step.
         self._spent.pairs = 0.0
@@ -93,13 +94,13 @@ class FrictionSolver:
 
     def _under_a_wall(
         self,
-        problem: Problem,
+        problem: FrictionProblem,
         start: FloatArray | None,
         tolerance: float,
         limit: int,
         *,
         near: bool = False,
-    ) -> tuple[State, int]:
+    ) -> tuple[FrictionState, int]:
         """Solve without attraction; a guess that is `near` needs no coarser grids."""
         last = len(self._levels) - 1
         if start is not None:
@@ -150,7 +151,7 @@ class FrictionSolver:
 
     def _pressed(
         self,
-        problem: Problem,
+        problem: FrictionProblem,
         shear: FloatArray | None,
         start: FloatArray | None,
         gap: FloatArray | None,
@@ -183,11 +184,11 @@ class FrictionSolver:
 
     def _smooth(
         self,
-        problem: Problem,
+        problem: FrictionProblem,
         given: frictionless.Problem,
         found: frictionless.Solution,
         tolerance: float,
-    ) -> Solution:
+    ) -> FrictionSolution:
         """Return a contact without shear; the displacement of a punch on which no force acts is none."""
         p, depth, attraction = found.pressure, problem.depth, None
         if problem.load is not None:
@@ -204,7 +205,7 @@ class FrictionSolver:
         displacement = np.vstack((found.gap + depth - problem.heights, u))
         if problem.offset is not None:
             displacement[1:] += problem.offset[1:]
-        return Solution(
+        return FrictionSolution(
             pressure=p,
             traction=np.zeros(u.shape),
             displacement=displacement,
@@ -225,12 +226,12 @@ class FrictionSolver:
 
     def _attracted(
         self,
-        problem: Problem,
+        problem: FrictionProblem,
         start: FloatArray | None,
         gap: FloatArray | None,
         tolerance: float,
         limit: int,
-    ) -> Solution:
+    ) -> FrictionSolution:
         """Solve for the pressure under the last shear, and for both under its attraction, in turns."""
         axes, law = problem.response.normal.ndim, problem.interface
         shear = np.zeros((axes, problem.heights.size)) if start is None else start[1:]
@@ -280,9 +281,11 @@ class FrictionSolver:
         reason = f"attraction and shear traction do not settle in {_ROUNDS} rounds; residual {off:.2e}"
         return replace(found, converged=False, reason=reason)
 
-    def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
+    def _gradually(
+        self, problem: FrictionProblem, failed: FrictionState, tolerance: float, limit: int
+    ) -> tuple[FrictionState, int]:
         """Raise friction and force from the frictionless contact, by steps that are halved on failure."""
-        smooth = replace(problem, law=Law(0.0), force=None)
+        smooth = replace(problem, law=ShearBound(0.0), force=None)
         pressed = self._pressed(smooth, None, None, None, tolerance, limit)
         begun = self._smooth(smooth, *pressed, tolerance)
         x, part, step, steps = begun.tractions, 0.0, _FIRST_PART, begun.iterations
@@ -303,13 +306,13 @@ class FrictionSolver:
 
     def _solve(
         self,
-        problem: Problem,
+        problem: FrictionProblem,
         start: FloatArray | None,
         number: int,
         deepest: int,
         tolerance: float,
         limit: int,
-    ) -> tuple[State, int]:
+    ) -> tuple[FrictionState, int]:
         """Solve on a grid, with a guess from the next coarser one down to the `deepest`."""
         level = self._levels[number]
         newton = level.newton(problem.response)
@@ -330,7 +333,7 @@ class FrictionSolver:
         return newton.solve(problem, guess, tolerance, limit)
 
 
-class _Level:
+class FrictionLevel:
     """One of the nested grids; keeps the operators of the last response."""
 
     def __init__(
@@ -338,11 +341,11 @@ class _Level:
     ) -> None:
         self.grid, self.transforms = grid, transforms
         self._spent, self._share = spent, share
-        self._work = Work(transforms, spent, share, measured=measured)
+        self._work = SharedTransforms(transforms, spent, share, measured=measured)
         self._finer: Response | None = None
         self.response: Response | None = None
         self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
-        self._newton: Newton | None = None
+        self._newton: FrictionNewton | None = None
 
     @property
     def windows(self) -> list[tuple[int, int]]:
@@ -350,7 +353,7 @@ class _Level:
         made = () if self._newton is None else self._newton.operators
         return [(number, part) for number, each in enumerate(made) for part in each.windows]
 
-    def newton(self, response: Response) -> Newton:
+    def newton(self, response: Response) -> FrictionNewton:
         """Return Newton's method for a response."""
         if self._newton is None or self.response is None or not response.equals(self.response):
             if self._newton is not None:
@@ -359,10 +362,10 @@ class _Level:
                 Operator(self.grid, each, self._work, {part for i, part in self.counted if i == number})
                 for number, each in enumerate((response, response.inverse(self.grid)))
             )
-            self.response, self._newton = response, Newton(C, K)
+            self.response, self._newton = response, FrictionNewton(C, K)
         return self._newton
 
-    def restricted(self, response: Response, finer: _Level) -> Response:
+    def restricted(self, response: Response, finer: FrictionLevel) -> Response:
         """Return the response of the next finer grid at the modes of this one."""
         if self.response is None or response is not self._finer:
             self._finer, found = response, response.on(finer.transforms, self.transforms)
@@ -370,14 +373,14 @@ class _Level:
             return found
         return self.response
 
-    def coarser(self) -> _Level | None:
+    def coarser(self) -> FrictionLevel | None:
         """Return the level with half of the points of each long axis."""
         points = tuple(n // 2 if n > _COARSEST and n % 2 == 0 else n for n in self.grid.points)
         if points == self.grid.points:
             return None
         grid = replace(self.grid, points=points)
         share = self._share * grid.size / self.grid.size
-        return _Level(grid, self.transforms.of_shape(points, measured=False), self._spent, share)
+        return FrictionLevel(grid, self.transforms.of_shape(points, measured=False), self._spent, share)
 
 
 def _of_the_wall(stress: FloatArray, attraction: FloatArray, gap: FloatArray) -> FloatArray:
@@ -397,7 +400,7 @@ def _levels_of(start: FloatArray, grid: Grid) -> int:
     return levels
 
 
-def _rough_guess(problem: Problem) -> FloatArray:
+def _rough_guess(problem: FrictionProblem) -> FloatArray:
     """Return a pressure in proportion to the overlap with the lowest third, and shear in proportion to it."""
     h = problem.gap_at_rest
     p = np.maximum(np.quantile(h, 0.3) - h, 0.0) + 1e-12 * (np.ptp(h) + 1e-300)
@@ -439,7 +442,7 @@ def _finer(field: FloatArray, coarse: tuple[int, ...], fine: tuple[int, ...]) ->
     return found.reshape(*field.shape[:-1], -1)
 
 
-def _coarser(problem: Problem, fine: _Level, coarse: _Level) -> Problem:
+def _coarser(problem: FrictionProblem, fine: FrictionLevel, coarse: FrictionLevel) -> FrictionProblem:
     """Return the problem on a coarser grid."""
 
     def on(field: NDArray[Any] | None) -> FloatArray | None:
@@ -447,7 +450,7 @@ def _coarser(problem: Problem, fine: _Level, coarse: _Level) -> Problem:
 
     law = problem.law
     if np.ndim(law.coefficient):
-        law = Law(on(law.coefficient), law.strength)  # type: ignore[arg-type]
+        law = ShearBound(on(law.coefficient), law.strength)  # type: ignore[arg-type]
     return replace(
         problem,
         response=coarse.restricted(problem.response, fine),
@@ -458,7 +461,9 @@ def _coarser(problem: Problem, fine: _Level, coarse: _Level) -> Problem:
     )
 
 
-def _solution(problem: Problem, at: State, steps: int, pairs: float, tolerance: float) -> Solution:
+def _solution(
+    problem: FrictionProblem, at: FrictionState, steps: int, pairs: float, tolerance: float
+) -> FrictionSolution:
     """Return a state as a solution."""
     Cx = at.Cx if problem.offset is None else at.Cx + problem.offset
     slip = problem.slip_at_rest + at.Cx[1:] - at.path[:, np.newaxis]
@@ -473,7 +478,7 @@ def _solution(problem: Problem, at: State, steps: int, pairs: float, tolerance: 
                 f"; a step need not have a solution with a coefficient of friction above {critical:.3g}, "
                 "where shear moves the surface up and down by more than pressure does"
             )
-    return Solution(
+    return FrictionSolution(
         pressure=at.x[0],
         traction=traction,
         displacement=Cx,

@@ -25,14 +25,13 @@ from gfmdlayer.contact.loading import Loading
 from gfmdlayer.contact.problem import in_contact, why_not_converged
 from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.friction.problem import Law as Bound
-from gfmdlayer.friction.problem import Problem as FrictionProblem
-from gfmdlayer.friction.problem import Solution as FrictionSolution
+from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution
 from gfmdlayer.friction.response import Response
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, number_in, numbers_in
+from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.observables import totals
@@ -457,7 +456,7 @@ def _response(body: Body, grid: Grid, glassy: bool) -> Response:
     return Response.of_stiffness(plane.relaxed, across.relaxed)
 
 
-def _law(friction: float | Mapping[str, float]) -> Bound:
+def _law(friction: float | Mapping[str, float]) -> ShearBound:
     """Return the bound of the shear traction."""
     given = dict(friction) if isinstance(friction, Mapping) else {"coefficient": friction}
     if not given or set(given) - {"coefficient", "strength"}:
@@ -467,7 +466,7 @@ def _law(friction: float | Mapping[str, float]) -> Bound:
         given[name] = number_in(value)
         if not given[name] >= 0:
             raise ConfigError([f"friction.{name}: got {shown(value)}; must be a number >= 0"])
-    return Bound(**given)
+    return ShearBound(given.get("coefficient", math.inf), given.get("strength", math.inf))
 
 
 def _components(name: str, value: float | Sequence[float], axes: int) -> FloatArray:

@@ -14,11 +14,12 @@ from gfmdlayer.body.body import halfspace
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.contact.prediction import DisplacementPrediction
-from gfmdlayer.friction.problem import Law, Problem
+from gfmdlayer.friction.problem import FrictionProblem
 from gfmdlayer.friction.response import Response
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.punch.self_affine import SelfAffine
 from gfmdlayer.resumable import Stateless
 from gfmdlayer.verification.runs import Recording
@@ -110,7 +111,7 @@ def _frictional(
     solver, most = FrictionSolver(grid, Transforms(grid.points)), 0.95 * _FRICTION * _LOAD
     stiffness = halfspace(1.0, poisson=0.3).traction_spectrum(grid.waves)
     response = Response.of_stiffness(stiffness.in_plane.relaxed, stiffness.across.relaxed)
-    problem = Problem(response, h - h.min(), Law(_FRICTION), load=_LOAD)
+    problem = FrictionProblem(response, h - h.min(), ShearBound(_FRICTION), load=_LOAD)
     first = found = solver.solve(replace(problem, force=np.zeros(axes)))
     pairs, done = [], first.converged
     for i in range(1, 1 + _COURSE):

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from gfmdlayer.friction.problem import Law, Problem
+from gfmdlayer.friction.problem import FrictionProblem
 from gfmdlayer.friction.response import Response
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.interface.friction import ShearBound
 
 
 def halfspace(grid, modulus, poisson):
@@ -50,8 +51,8 @@ def random_problem(seed, axes):
     force = r.uniform(-0.95, 0.95) * mu * load * n / np.linalg.norm(n)
     path = r.standard_normal(axes) * 10 ** r.uniform(-4, -1.5)
     depth = float(h.mean()) * 10 ** r.uniform(-1, 0)
-    return grid, Problem(
-        halfspace(grid, 1.0, nu), h, Law(mu),
+    return grid, FrictionProblem(
+        halfspace(grid, 1.0, nu), h, ShearBound(mu),
         load=load if load_is_given or force_is_given else None, depth=depth,
         force=force if force_is_given else None, path=None if force_is_given else path, offset=offset,
     )  # fmt: skip

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from gfmdlayer import Case, Config, Dugdale, Electrostatic, Exponential, LennardJones
-from gfmdlayer.friction.problem import Law, Problem, norms
-from gfmdlayer.friction.response import Operator, Response, Spent, Work
+from gfmdlayer.friction.problem import FrictionProblem, norms
+from gfmdlayer.friction.response import Operator, Response, SharedTransforms, Spent
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.grid.wisdom import planned
+from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL
 from tests.friction.cases import halfspace, random_problem, rough
 
@@ -57,10 +58,14 @@ def test_shear_of_a_line_is_the_difference_of_two_pressures(shape):
     grid, response, solver = setting((1024,))
     h = parabola(grid, 0.25) if shape == "parabola" else rough(grid, np.random.default_rng(5), 0.8) * 0.003
     mu, load = 0.4, 0.002 if shape == "parabola" else 0.02
-    whole = Problem(response, h - h.min(), Law(mu), load=load, force=np.array([0.5 * mu * load]))
+    whole = FrictionProblem(
+        response, h - h.min(), ShearBound(mu), load=load, force=np.array([0.5 * mu * load])
+    )
     found = solver.solve(whole, tolerance=1e-9)
     pressed = [
-        solver.solve(replace(whole, law=Law(0.0), load=part * load, force=None), tolerance=1e-9).pressure
+        solver.solve(
+            replace(whole, law=ShearBound(0.0), load=part * load, force=None), tolerance=1e-9
+        ).pressure
         for part in (1.0, 0.5)
     ]
     np.testing.assert_allclose(
@@ -79,7 +84,7 @@ def test_a_window_responds_as_the_whole_surface(points):
     held[(slice(-20, None),) * len(points)] = held[(slice(0, 9),) * len(points)] = 1.0  # across the boundary
     near = np.flatnonzero(held.ravel() * (r.random(grid.size) < 0.7))
     spent = Spent()
-    response = Operator(grid, halfspace(grid, 1.0, 0.1), Work(Transforms(points), spent, 1.0))
+    response = Operator(grid, halfspace(grid, 1.0, 0.1), SharedTransforms(Transforms(points), spent, 1.0))
     x = np.zeros((1 + len(points), grid.size))
     x[:, near] = r.standard_normal((1 + len(points), near.size))
     whole = response(x)[:, near]
@@ -95,7 +100,9 @@ def test_plans_beside_those_that_are_kept_are_always_the_same(tmp_path):
     points, found = (48, 48), set()
     wisdom, grid = planned(points, tmp_path), Grid(points, (1.0, 1.0))
     response = halfspace(grid, 1.0, 0.3)
-    problem = Problem(response, parabola(grid, 0.25), Law(0.4), load=0.01, force=np.array([1e-3, 0.0]))
+    problem = FrictionProblem(
+        response, parabola(grid, 0.25), ShearBound(0.4), load=0.01, force=np.array([1e-3, 0.0])
+    )
     for _ in range(3):
         forget_wisdom()
         transforms = Transforms(points, wisdom)
@@ -109,7 +116,7 @@ def test_the_work_of_a_step_does_not_grow_with_the_points(n):
     """A cylinder: 40 pairs a twentieth of the tangential course, 80 from nothing."""
     grid, response, solver = setting((n,), poisson=0.3)
     mu, load, state, pairs = 0.4, 0.02, None, []
-    problem = Problem(response, parabola(grid, 0.25), Law(mu), load=load, force=np.zeros(1))
+    problem = FrictionProblem(response, parabola(grid, 0.25), ShearBound(mu), load=load, force=np.zeros(1))
     for part in (0.0, 0.25, 0.3, 0.35):
         before = None if state is None else state.displacement[1:]
         start = None if state is None else state.tractions
@@ -124,7 +131,9 @@ def test_many_small_contacts_take_no_more_pairs_than_one():
     """A rough line with some 60 intervals of contact: as a cylinder, 80 pairs from nothing and 40 a step."""
     grid, response, solver = setting((4096,), poisson=0.3)
     h = rough(grid, np.random.default_rng(5), 0.8) * 0.003
-    problem = Problem(response, h - h.min(), Law(0.4), load=0.01, force=np.array([0.5 * 0.4 * 0.01]))
+    problem = FrictionProblem(
+        response, h - h.min(), ShearBound(0.4), load=0.01, force=np.array([0.5 * 0.4 * 0.01])
+    )
     found = solver.solve(problem)
     touching = found.contact
     assert found.converged
@@ -147,7 +156,7 @@ def test_a_sphere_has_the_numbers_of_contact():
     both = Response(2 * one.normal, 0 * one.coupling, 2 * one.along, 2 * one.across)
     given = {"load": load / period**2, "force": np.array([force, 0.0]) / period**2}
     solver = FrictionSolver(grid, Transforms(grid.points))
-    found = solver.solve(Problem(both, parabola(grid, radius), Law(mu), **given))
+    found = solver.solve(FrictionProblem(both, parabola(grid, radius), ShearBound(mu), **given))
     spacing = period / 128
     radii = [np.sqrt(points.sum() / np.pi) * spacing for points in (found.contact, found.stick)]
     assert radii == pytest.approx([1.0, 0.5], abs=spacing / 2)
@@ -163,7 +172,9 @@ def test_a_sliding_cylinder_moves_its_contact_back():
     """
     nu, mu, period, n = 0.2, 0.5, 2.0, 4096
     grid, response, solver = setting((n,), period, nu)
-    problem = Problem(response, parabola(grid, 0.25), Law(mu), load=0.01 / period, path=np.array([0.5]))
+    problem = FrictionProblem(
+        response, parabola(grid, 0.25), ShearBound(mu), load=0.01 / period, path=np.array([0.5])
+    )
     found = solver.solve(problem)
     np.testing.assert_allclose(found.traction[0], mu * found.pressure, rtol=0, atol=1e-9)
     x, spacing = grid.coordinates[0][found.contact], period / n
@@ -176,7 +187,7 @@ def test_a_sliding_cylinder_moves_its_contact_back():
 def on_a_surface():
     grid, response, solver = setting((64, 64), poisson=0.2)
     h = rough(grid, np.random.default_rng(1), 0.8) * 0.01
-    problem = Problem(response, h - h.min(), Law(0.6), load=0.02, force=np.array([0.006, 0.0]))
+    problem = FrictionProblem(response, h - h.min(), ShearBound(0.6), load=0.02, force=np.array([0.006, 0.0]))
     return solver, problem, solver.solve(problem, tolerance=1e-9)
 
 
@@ -203,7 +214,7 @@ def test_a_turned_surface_has_the_turned_solution(symmetry, on_a_surface):
 def test_a_surface_that_is_a_line_has_the_solution_of_the_line():
     line, response, solver = setting((128,), poisson=0.1)
     h = rough(line, np.random.default_rng(3), 0.8) * 0.01
-    problem = Problem(response, h - h.min(), Law(0.7), load=0.03, path=np.array([0.002]))
+    problem = FrictionProblem(response, h - h.min(), ShearBound(0.7), load=0.03, path=np.array([0.002]))
     found = solver.solve(problem, tolerance=1e-9)
     _, response, solver = setting((128, 32), poisson=0.1)
     wide = np.repeat(problem.heights, 32)
@@ -220,7 +231,7 @@ def test_limits_of_the_coefficient(on_a_surface):
     solver, problem, _ = on_a_surface
     response = replace(problem.response, coupling=0 * problem.response.coupling)
     moved = replace(problem, force=None, path=np.array([0.01, 0.0]), response=response)
-    smooth, stuck = (solver.solve(replace(moved, law=law)) for law in (Law(0.0), Law()))
+    smooth, stuck = (solver.solve(replace(moved, law=law)) for law in (ShearBound(0.0), ShearBound()))
     assert not smooth.traction.any()
     assert smooth.pressure.mean() == pytest.approx(0.02, rel=1e-12)
     assert smooth.converged
@@ -240,7 +251,7 @@ def test_the_critical_coefficient_of_a_halfspace_is_that_of_its_poisson_ratio():
 def test_a_shear_strength_ends_the_traction(on_a_surface):
     """At full slip the traction is min(mu p, tau_0) in the direction of the path."""
     solver, problem, _ = on_a_surface
-    law = Law(0.6, 0.05)
+    law = ShearBound(0.6, 0.05)
     found = solver.solve(replace(problem, law=law, force=None, path=np.array([0.0, 0.5])))
     assert found.converged
     bound = law.bound(found.pressure)
@@ -276,15 +287,15 @@ def test_a_stiff_film_on_a_soft_layer_is_reached_from_the_frictionless_contact()
     spectrum = body.traction_spectrum(grid.waves)
     response = Response.of_stiffness(spectrum.in_plane.relaxed, spectrum.across.relaxed)
     h = rough(grid, np.random.default_rng(3), 0.8) * 0.01
-    problem = Problem(response, h - h.min(), Law(0.25), load=0.024, force=np.array([-0.004]))
+    problem = FrictionProblem(response, h - h.min(), ShearBound(0.25), load=0.024, force=np.array([-0.004]))
     found = solver.solve(problem)
     assert found.converged
     assert obeys_coulomb(problem, found, 1e-7)
 
 
 def test_the_bound_of_friction_without_limit_stays():
-    assert Law(math.inf, 2.0).scaled(0.5) == Law(math.inf, 1.0)
-    assert Law(0.4).scaled(0.5) == Law(0.2)
+    assert ShearBound(math.inf, 2.0).scaled(0.5) == ShearBound(math.inf, 1.0)
+    assert ShearBound(0.4).scaled(0.5) == ShearBound(0.2)
 
 
 def test_impossible_friction_is_refused(on_a_surface):
@@ -292,13 +303,15 @@ def test_impossible_friction_is_refused(on_a_surface):
     with pytest.raises(ValueError, match="slides away"):
         solver.solve(replace(problem, force=np.array([0.01, 0.0074])))  # 0.0124 > 0.6 * 0.02
     with pytest.raises(ValueError, match=r"coefficient of friction: got -0\.1; must be >= 0"):
-        Law(-0.1)
+        ShearBound(-0.1)
 
 
 @pytest.mark.parametrize("where", ["heights", "offset", "before", "depth", "path"])
 def test_what_is_not_a_number_is_refused_and_as_a_guess_decides_nothing(where):
     grid, response, solver = setting((16, 16), poisson=0.3)
-    problem = Problem(response, parabola(grid, 0.25), Law(0.4), depth=0.02, path=np.array([1e-3, 0.0]))
+    problem = FrictionProblem(
+        response, parabola(grid, 0.25), ShearBound(0.4), depth=0.02, path=np.array([1e-3, 0.0])
+    )
     given = {"heights": problem.heights, "path": problem.path, "depth": 0.02, "offset": np.zeros((3, 256))}
     spoilt = np.array(given.get(where, np.zeros((2, 256))))
     spoilt.flat[-1] = np.nan  # a corner, which stays apart
@@ -320,8 +333,8 @@ def attracted(points, poisson, law):
     """A parabola under a light load and a third of the largest tangential force, in the first step."""
     grid, response, _ = setting(points, poisson=poisson)
     force = np.array([0.1 * 0.004, 0.05 * 0.004])[: len(points)]
-    problem = Problem(
-        response, parabola(grid, 0.25), Law(0.4), load=0.004, force=force, interface=law.interaction()
+    problem = FrictionProblem(
+        response, parabola(grid, 0.25), ShearBound(0.4), load=0.004, force=force, interface=law.interaction()
     )
     return FrictionSolver(grid, Transforms(points), attracts=True), problem
 
@@ -348,7 +361,12 @@ def test_beside_attraction_shear_is_the_difference_of_two_pressures_of_the_wall(
     pulled = -np.fft.irfft(whole.response.normal * np.fft.rfft(attraction), n=512)
     less = 0.5 * wall.mean()
     smaller = replace(
-        whole, law=Law(0.0), load=less, force=None, offset=np.array([pulled, 0 * pulled]), interface=HARD_WALL
+        whole,
+        law=ShearBound(0.0),
+        load=less,
+        force=None,
+        offset=np.array([pulled, 0 * pulled]),
+        interface=HARD_WALL,
     )
     inner = FrictionSolver(grid, Transforms((512,))).solve(smaller, tolerance=1e-9).pressure
     assert found.converged
@@ -415,7 +433,7 @@ def test_limits_of_an_attraction_beside_friction():
     assert slid.converged
     assert slid.stress.mean() == pytest.approx(0, abs=1e-12)
     assert abs(slid.traction.mean()) == pytest.approx(0.4 * float(np.mean(slid.attraction)), rel=1e-6)
-    strong = solver.solve(replace(sliding, law=Law(strength=0.01)))
+    strong = solver.solve(replace(sliding, law=ShearBound(strength=0.01)))
     assert strong.contact.any()
     np.testing.assert_allclose(strong.traction[0], 0.01 * strong.contact, rtol=1e-12)
     pulled = solver.solve(replace(problem, load=-1.0, force=np.array([0.0])))

@@ -7,13 +7,14 @@ import pytest
 
 from gfmdlayer import Layer, LayerStack, Prony, Zener
 from gfmdlayer.body.relaxation import VectorSpectrum
-from gfmdlayer.friction.problem import Law, Problem
-from gfmdlayer.friction.response import Operator, Spent, Work
+from gfmdlayer.friction.problem import FrictionProblem
+from gfmdlayer.friction.response import Operator, SharedTransforms, Spent
 from gfmdlayer.friction.solver import FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.traction_modes import TractionModes, VectorModes
+from gfmdlayer.interface.friction import ShearBound
 from tests.friction.cases import halfspace
 
 SOLID = Zener(G0=1.0, Ginf=10.0, tau=1.0)
@@ -71,7 +72,7 @@ def test_creep_of_a_halfspace_under_tractions_in_all_directions(grid):
     """All compliances of a homogeneous halfspace are proportional to the creep of its material."""
     # The solver's own operator has the elastic response. The scheme is of second order; the error that is
     # left after extrapolation is of the fourth: (dt/theta)^4 < 1e-6 with the smallest time, tau = 1.
-    work = Work(Transforms(grid.points), Spent(), 1.0)
+    work = SharedTransforms(Transforms(grid.points), Spent(), 1.0)
     elastic = Operator(grid, halfspace(grid, 1.0, 0.3), work)
     creep = 1 / SOLID.G0 - (1 / SOLID.G0 - 1 / SOLID.Ginf) * math.exp(-SOLID.G0 / (SOLID.tau * SOLID.Ginf))
     expected = creep * elastic(random_tractions(grid))
@@ -173,8 +174,8 @@ def test_partial_slip_on_a_relaxing_layer():
         t, before = i * dt, fields_of(history.displacement, grid)
         response, offset = history.terms(dt)
         load = 0.02 * min(t, 1.0)
-        problem = Problem(
-            response, heights, Law(mu), load=load, path=np.array([displaced(t) - displaced(t - dt)]),
+        problem = FrictionProblem(
+            response, heights, ShearBound(mu), load=load, path=np.array([displaced(t) - displaced(t - dt)]),
             offset=fields_of(offset, grid), before=before[1:],
         )  # fmt: skip
         solution = solver.solve(problem, start)
