@@ -21,11 +21,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from gfmdlayer.cli import main as gfmdlayer
 from gfmdlayer.config import Config
-from gfmdlayer.study.run import run_study
-from gfmdlayer.study.workers import WorkerPool, assemble
 from gfmdlayer.figures.plot_style import PAPER, WIDTH_MM, save, styled
 from gfmdlayer.figures.snapshot_plots import animated
 from gfmdlayer.results.reader import open_case
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import WorkerPool, assemble
 
 DEFAULT_SHEET = Path(__file__).parents[1] / "docs" / "figures.png"
 COLUMNS, WIDTH, GAP, LETTERS = 3, 620, 24, 15  # dots

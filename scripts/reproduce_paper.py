@@ -30,13 +30,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gfmdlayer.config import Config, load
-from gfmdlayer.study.progress import make_display
-from gfmdlayer.study.run import run_study
-from gfmdlayer.study.cases import SweepCase, cases, label
-from gfmdlayer.study.workers import WorkerPool, assemble
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.plot_style import save, styled
 from gfmdlayer.results.reader import case_path, open_case, open_results
+from gfmdlayer.study.cases import SweepCase, cases, label
+from gfmdlayer.study.progress import make_display
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import WorkerPool, assemble
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 TOLERANCE = 1e-3

@@ -72,11 +72,17 @@ class Cases:
     def __len__(self) -> int:
         return math.prod(len(axis.rows) for axis in self._axes)
 
+    @property
+    def are_many(self) -> bool:
+        """Whether they are more than are made at a time."""
+        return len(self) > BLOCK
+
     def __iter__(self) -> Iterator[SweepCase]:
         return map(self.__getitem__, range(len(self)))
 
     def __getitem__(self, place: int) -> SweepCase:
         """Make a case; ConfigError if its combination of values is not possible."""
+        place = range(len(self))[place]
         if (case := self._kept.get(place)) is None:
             values = self.values(place)
             config = self.config.with_values(values) if self.config.sweep else self.config

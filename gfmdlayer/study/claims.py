@@ -120,7 +120,7 @@ class Claim:
         """Give a sign of life."""
         with suppress(OSError):
             if self._is_own():
-                os.utime(self._path)
+                os.utime(self._path, follow_symlinks=False)
 
     def _content(self, simulated_time: float = 0.0) -> str:
         reached = {"simulated_time": float(simulated_time), "steps": max(self._steps, 0)}
@@ -227,7 +227,7 @@ def read_claim(path: Path) -> Running | None:
 def _sign_of_life(path: Path, now: float) -> bool:
     """Whether the process of a claim computes; `now` by the clock that dates the files of the folder."""
     try:
-        silence = now - path.stat().st_mtime
+        silence = now - path.lstat().st_mtime
     except FileNotFoundError:
         return False
     claim = read_claim(path)
@@ -241,7 +241,7 @@ def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]
         path = folder.case(index, "running")
         with suppress(OSError):
             claim = read_claim(path)
-            if claim is not None and claim.alive(time.time() - path.stat().st_mtime):
+            if claim is not None and claim.alive(time.time() - path.lstat().st_mtime):
                 found.append(claim)
     return found
 

@@ -31,7 +31,7 @@ from gfmdlayer.results.reader import attributes, is_complete
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.study import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.study.case_run import Wisdom, record_failure, run_case, warm_up
-from gfmdlayer.study.cases import BLOCK, WHOLE, Cases, Shard, SweepCase
+from gfmdlayer.study.cases import WHOLE, Cases, Shard, SweepCase
 from gfmdlayer.study.claims import running
 from gfmdlayer.study.cost import CostModel
 from gfmdlayer.study.folder import WAYS_OUT, Folder, FolderError, name_of_run
@@ -104,7 +104,6 @@ class Study:
         self._folder, self._cases, self._growth, self._pool = folder, cases, found, pool
         self._options, self._numbers, self._shard = options, found.numbers, options.shard or WHOLE
         self._files = folder.numbers()
-        self._is_long = len(cases) > BLOCK
         self._changes = [found.numbered, growth.with_inputs(folder, found.changed)]
         if options.ranks_per_case == 1:
             self._changes.append(growth.with_earlier(folder, self._files, self._of_no_use()))
@@ -118,7 +117,7 @@ class Study:
         """Run the missing cases, and write the sweep file where none is missing any more."""
         folder, options, sample = self._folder, self._options, self._sample
         present = [case for case in sample if case.index in self._files["h5"]]
-        done = present if self._is_long else [case for case in present if self._is_done(case)]
+        done = present if self._cases.are_many else [case for case in present if self._is_done(case)]
         some = [case for case in sample if self._is_missing(case.index)]
         folder.refuse_open_files(self._damaged)
         if refused := self._too_large(some):
@@ -148,8 +147,9 @@ class Study:
             schedule = Schedule(self._pool, task, folder, reporter.ended)
             reporter.at_work = schedule.at_work
             self._compute(schedule, self._missing())
-            if self._is_long and not options.only_failed and not interrupts.stop_requested():
-                reporter.note("reading the files of the cases that were complete before the run")
+            later = self._cases.are_many and complete and not options.only_failed
+            if later and not interrupts.stop_requested():
+                reporter.note(f"reading the {complete} cases that were complete before the run")
                 self._compute(schedule, self._damaged_in_time(reporter))
             while again := self._given_back():
                 self._compute(schedule, again)
@@ -208,7 +208,7 @@ class Study:
 
     def _made(self, place: int) -> SweepCase:
         case = self._changed(self._cases[place])
-        if self._is_long and (refused := self._too_large([case])):
+        if self._cases.are_many and (refused := self._too_large([case])):
             raise ConfigError(refused)
         self._expected[case.index] = self._model.seconds(case.config)
         return case

@@ -94,15 +94,15 @@ class Schedule:
             start.start()
         try:
             self._fill()
-            while self._open:
+            while self._open and self._error is None:
                 if self._compute():
                     while not self._outcomes.empty():
                         yield self._taken(self._outcomes.get())
                 else:
                     yield self._taken(self._next())
                 self._fill()
-                if self._error is not None:
-                    raise self._error
+            if self._error is not None:
+                raise self._error
         finally:
             start.cancel()
 

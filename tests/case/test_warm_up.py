@@ -8,9 +8,9 @@ import pytest
 from gfmdlayer.case.case import smallest_equivalent_case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.study.cost import kind
 from gfmdlayer.indentation import model as isolated
 from gfmdlayer.results.journal import Recording
+from gfmdlayer.study.cost import kind
 
 PROGRAM = """
 import sys

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 from gfmdlayer.cli import VERBS, main
-from gfmdlayer.study.interrupts import STOP_SIGNALS
 from gfmdlayer.results import provenance
+from gfmdlayer.study.interrupts import STOP_SIGNALS
 from tests.studies import TINY
 from tests.waiting import SLOWLY, until
 

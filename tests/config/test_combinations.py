@@ -9,10 +9,10 @@ import pytest
 
 from gfmdlayer.config import digest, load
 from gfmdlayer.config.sweeps import combinations, count
-from gfmdlayer.study.run import run_study
-from gfmdlayer.study.cases import cases, label
-from gfmdlayer.study.workers import assemble
 from gfmdlayer.results.reader import open_results
+from gfmdlayer.study.cases import cases, label
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import assemble
 
 TINY = """\
 name: tiny

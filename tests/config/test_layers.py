@@ -10,8 +10,8 @@ from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.sweeps import leaves
-from gfmdlayer.study.cases import cases
 from gfmdlayer.results.schema import parameter
+from gfmdlayer.study.cases import cases
 from tests.config.reading import problems, read
 
 STACK = """\

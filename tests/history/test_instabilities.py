@@ -15,9 +15,9 @@ import gfmdlayer
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.study.folder import Folder
-from gfmdlayer.study.claims import overview
 from gfmdlayer.observables.adhesion import Row, work_over_fold
+from gfmdlayer.study.folder import Folder
+from gfmdlayer.study.status import overview
 from gfmdlayer.verification.runs import Recording
 
 K = 2 * 0.7 / (0.4 * 0.1)

@@ -401,7 +401,8 @@ def test_doubts_about_a_configuration_are_warnings_at_the_line_of_the_call(optio
 def test_progress_grows_to_its_end(monkeypatch, sweep):
     spy = _Spy()
     monkeypatch.setattr("gfmdlayer.interactive.run.chosen_display", lambda _: spy)
-    monkeypatch.setattr("gfmdlayer.interactive.run.INTERVAL", -1.0)
+    monkeypatch.setattr("gfmdlayer.study.progress.READ_INTERVAL", 0.0001)
+    monkeypatch.setattr("gfmdlayer.study.claims.WRITE_INTERVAL", 0.0)
     gfmdlayer.run(LINE | ({"sweep": sweep} if sweep else {}))
     assert spy.fractions == sorted(spy.fractions)
     assert spy.fractions[-1] == 1.0
@@ -410,8 +411,8 @@ def test_progress_grows_to_its_end(monkeypatch, sweep):
 
 
 def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch):
-    from gfmdlayer.study.schedule import Progress
     from gfmdlayer.interactive import run as progress
+    from gfmdlayer.study.progress import Progress
 
     made = []
 

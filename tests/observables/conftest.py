@@ -3,14 +3,14 @@
 import pytest
 
 from gfmdlayer.study.case_run import run_case
+from gfmdlayer.study.claims import Claim
 from gfmdlayer.study.interrupts import Stopped
-from gfmdlayer.study.claims import StatusFile
 
 
 @pytest.fixture
 def run_up_to(monkeypatch):
     """Run a case up to a simulated time."""
-    advance = StatusFile.advance
+    advance = Claim.advance
 
     def run(time, case, folder):
         def stopping(self, simulated):
@@ -19,7 +19,7 @@ def run_up_to(monkeypatch):
                 raise Stopped
 
         with monkeypatch.context() as once:
-            once.setattr(StatusFile, "advance", stopping)
+            once.setattr(Claim, "advance", stopping)
             assert run_case(case, folder).state == "stopped"
 
     return run

@@ -10,12 +10,12 @@ import pytest
 
 from gfmdlayer import open_results
 from gfmdlayer.config import Config
-from gfmdlayer.study.folder import MARK
-from gfmdlayer.study.run import run_study
-from gfmdlayer.study.workers import assemble
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path
 from gfmdlayer.results.writer import CaseWriter
+from gfmdlayer.study.folder import MARK
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import assemble
 
 EXAMPLES = Path(__file__).parents[2] / "scripts" / "examples"
 TINY = {

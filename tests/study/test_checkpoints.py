@@ -9,11 +9,6 @@ import pytest
 
 from gfmdlayer import observables
 from gfmdlayer.config import Config
-from gfmdlayer.study import case_run, status
-from gfmdlayer.study.folder import Folder
-from gfmdlayer.study.growth import claimed
-from gfmdlayer.study.interrupts import Stopped
-from gfmdlayer.study.cases import SweepCase
 from gfmdlayer.files.whole import write_sealed
 from gfmdlayer.observables import OBSERVABLES
 from gfmdlayer.results import checkpoint, provenance
@@ -22,6 +17,11 @@ from gfmdlayer.results.journal import HELD, Journal, Position, Recording
 from gfmdlayer.results.reader import attributes
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.resumable import CompositeState
+from gfmdlayer.study import case_run, claims
+from gfmdlayer.study.cases import Cases, SweepCase
+from gfmdlayer.study.folder import Folder
+from gfmdlayer.study.growth import opened
+from gfmdlayer.study.interrupts import Stopped
 
 MADE_BY = {"format": "1", "digest": "abc", "numpy_version": "2.4"}
 STATE = {"solver.age": np.arange(3), "steps.time": np.asarray(0.25)}
@@ -179,7 +179,7 @@ def run(folder, every=0.0):
 @pytest.fixture
 def stop_after(monkeypatch):
     """Have the next run stop after so many steps, as a signal does; never, for 0."""
-    advance = status.StatusFile.advance
+    advance = claims.Claim.advance
 
     def stop_after(steps):
         calls = iter(range(steps + 1))  # the first call comes before the first step
@@ -189,7 +189,7 @@ def stop_after(monkeypatch):
             if next(calls, None) == steps and steps:
                 raise Stopped
 
-        monkeypatch.setattr(status.StatusFile, "advance", told)
+        monkeypatch.setattr(claims.Claim, "advance", told)
 
     return stop_after
 
@@ -304,12 +304,12 @@ def test_restart_and_completion_leave_no_checkpoint(folder, stop_after):
     folder.set_aside(folder.case(7, "checkpoint"))
     run(folder)
     folder.case(7, "h5.aside").write_text("damaged")
-    with claimed(folder, CONFIG, restart=True):
+    with opened(folder, Cases(CONFIG), restart=True):
         assert sorted(path.name for path in folder.cases.iterdir()) == [".lock"]
 
 
 def test_a_checkpoint_that_outlived_its_case_is_removed(folder, stop_after):
-    with claimed(folder, CONFIG):
+    with opened(folder, Cases(CONFIG)):
         stop_after(4)
         run(folder)
         state = folder.case(7, "checkpoint").read_bytes()
@@ -317,5 +317,5 @@ def test_a_checkpoint_that_outlived_its_case_is_removed(folder, stop_after):
         run(folder)
     folder.case(7, "checkpoint").write_bytes(state)  # as if the run had been killed before it removed it
     folder.case(8, "checkpoint").write_bytes(state)  # of a case that is not complete
-    with claimed(folder, CONFIG):
+    with opened(folder, Cases(CONFIG)):
         assert {path.name for path in folder.cases.iterdir()} == {".lock", "0007.h5", "0008.checkpoint"}

@@ -12,9 +12,9 @@ from gfmdlayer.case.footprint import pair_seconds
 from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.study.cost import CostModel, estimate, expected_seconds
-from gfmdlayer.study.cases import cases
 from gfmdlayer.results.writer import CaseWriter
+from gfmdlayer.study.cases import cases
+from gfmdlayer.study.cost import CostModel, estimate, expected_seconds
 
 SWEEP = {
     "solver.method": ["fire", "conjugate_gradient", "active_set"],

@@ -8,8 +8,8 @@ import pytest
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.study.case_run import run_case
-from gfmdlayer.study.folder import Folder
 from gfmdlayer.study.cases import SweepCase
+from gfmdlayer.study.folder import Folder
 
 SMALL = {"grid.points": 64, "time.end": 1.6, "output.snapshots": [0.4, 0.8, 1.6]}
 STEPS = {"fixed": {"time.step": 0.1}, "adaptive": {"time.step": "adaptive", "time.tolerance": 1e-3}}

@@ -24,11 +24,11 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
-from gfmdlayer.study.case_run import run_case
-from gfmdlayer.study.folder import Folder
-from gfmdlayer.study.claims import StatusFile, running
-from gfmdlayer.study.cases import SweepCase
 from gfmdlayer.results.reader import attributes, is_complete
+from gfmdlayer.study.case_run import run_case
+from gfmdlayer.study.cases import SweepCase
+from gfmdlayer.study.claims import Claim, running
+from gfmdlayer.study.folder import Folder
 from tests.studies import OTHERS
 
 SOAK = Path(__file__).parents[2] / "scripts" / "soak.py"
@@ -266,7 +266,7 @@ def test_a_clock_that_is_set_back_changes_no_result(monkeypatch, tmp_path, bits)
     run_case(case, whole)
     now, calls = time.time(), count()
     monkeypatch.setattr(time, "time", lambda: now - 3600 * next(calls))
-    with StatusFile(folder, 1, 1.0) as status:
+    with Claim(folder, 1, 1.0) as status:
         status.advance(0.5)
         assert [each.index for each in running(folder)] == [1]
     assert run_case(case, folder, checkpoint_every=0).state == "complete"

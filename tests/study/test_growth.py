@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from gfmdlayer.config import Config, digest
-from gfmdlayer.study.folder import Folder
-from gfmdlayer.study.claims import StatusFile, overview
-from gfmdlayer.study.cases import cases
 from gfmdlayer.results import provenance
 from gfmdlayer.results.reader import open_results
+from gfmdlayer.study.cases import cases
+from gfmdlayer.study.claims import Claim
+from gfmdlayer.study.folder import Folder
+from gfmdlayer.study.status import overview
 
 BASE = {
     "grid.points": 64, "trajectory.ramp_time": 0.4, "time.end": 1.0, "time.step": 0.1,
@@ -48,7 +49,7 @@ def steps(kind):
 @contextmanager
 def killed_after(number):
     """Let a run die after so many attempts at steps, in all its cases together."""
-    left, advance = number, StatusFile.advance
+    left, advance = number, Claim.advance
 
     def dying(self, time):
         nonlocal left
@@ -58,7 +59,7 @@ def killed_after(number):
         advance(self, time)
 
     with pytest.raises(Killed), pytest.MonkeyPatch.context() as patch:  # noqa: PT012
-        patch.setattr(StatusFile, "advance", dying)
+        patch.setattr(Claim, "advance", dying)
         yield
 
 

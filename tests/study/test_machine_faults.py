@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from gfmdlayer.cli import main
-from gfmdlayer.study.preflight import machine_problem
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
 from gfmdlayer.fitting.indentation.curve_files import entries
 from gfmdlayer.punch.topography import read_heights
+from gfmdlayer.study.preflight import machine_problem
 
 TINY = """\
 name: tiny

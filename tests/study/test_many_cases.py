@@ -6,17 +6,17 @@ import shutil
 import tracemalloc
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError
-from gfmdlayer.study import interrupts, sweep
+from gfmdlayer.study import cases as made_cases
+from gfmdlayer.study import interrupts
 from gfmdlayer.study import run as running
-from gfmdlayer.study.cost import estimate, total
+from gfmdlayer.study.cases import Cases, cases
+from gfmdlayer.study.cost import total
 from gfmdlayer.study.folder import FolderError
 from gfmdlayer.study.schedule import Outcome
-from gfmdlayer.study.cases import Cases, cases
 
 
 def product(first, second):
@@ -56,7 +56,7 @@ def test_cases_are_made_when_they_are_asked_for():
     )
     lazy, every = Cases(config), cases(config)
     assert len(lazy) == len(every) == 12
-    assert [lazy[i] for i in range(12)] == list(lazy) == lazy[:] == every
+    assert [lazy[i] for i in range(12)] == list(lazy) == every
     assert [list(case.values.values()) for case in every[:3]] == [
         [1, 0.3, 0.1, 5], [1, 0.3, 0.1, 6], [1, 0.3, 0.2, 5],
     ]  # fmt: skip
@@ -69,7 +69,7 @@ def test_cases_are_made_when_they_are_asked_for():
 
 def test_a_million_cases_are_checked_in_part_and_in_little_memory(monkeypatch, capsys, tmp_path, made):
     """What a check costs is the number of cases made, which does not grow beyond some thousands."""
-    monkeypatch.setattr(sweep, "EXAMINED", 100)
+    monkeypatch.setattr(made_cases, "BLOCK", 100)
     path = tmp_path / "many.yaml"
     path.write_text(product(1000, 1000).dump())
     made.clear()
@@ -87,11 +87,11 @@ def test_a_million_cases_are_checked_in_part_and_in_little_memory(monkeypatch, c
 
 
 def test_what_is_added_up_from_a_part_is_near_the_whole(monkeypatch):
-    monkeypatch.setattr(sweep, "EXAMINED", 100)
+    monkeypatch.setattr(made_cases, "BLOCK", 100)
     lazy = Cases(product(30, 20))
-    assert len(lazy.examined()) == 100
-    found = total((estimate(case.config) for case in lazy.examined()), 100 / len(lazy))
-    whole = total(estimate(case.config) for case in lazy)
+    assert len(lazy.sample()) == 100
+    found = total((case.cost for case in lazy.sample()), 100 / len(lazy))
+    whole = total(case.cost for case in lazy)
     assert found.steps == whole.steps
     # The pairs of a case are within a factor of three of each other: 100 scatter by 5 % at most.
     assert found.pairs == pytest.approx(whole.pairs, rel=0.15)
@@ -99,7 +99,7 @@ def test_what_is_added_up_from_a_part_is_near_the_whole(monkeypatch):
 
 def test_a_run_of_very_many_begins_after_a_look_at_some_and_takes_little_memory(monkeypatch, run_here, made):
     """Three cases run, then the run is asked to stop; the others are neither made nor counted one by one."""
-    monkeypatch.setattr(sweep, "EXAMINED", 50)
+    monkeypatch.setattr(made_cases, "BLOCK", 50)
     ended = []
 
     def compute(case, **_):
@@ -120,8 +120,8 @@ def test_a_run_of_very_many_begins_after_a_look_at_some_and_takes_little_memory(
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert ended == [0, 1, 2]
-    assert summary.states == {"complete": 3, "stopped": 199_997, "waiting": 0, "failed": 0}
-    assert len(made) < 50 + 10
+    assert summary.states == {"complete": 3, "stopped": 199_997}
+    assert len(made) < 50 + 50
     assert peak < 100 * 200_000  # bytes a case, of which one that is made takes 6500
     assert "200000 cases; 1 process" in log
 
@@ -129,9 +129,7 @@ def test_a_run_of_very_many_begins_after_a_look_at_some_and_takes_little_memory(
 def test_cases_made_in_their_turn_have_the_bits_of_cases_made_before(monkeypatch, run_here, bits):
     """Also where the run goes on from a folder with a damaged file, which no look before the run has met."""
     assert run_here(tiny(), "whole")[0].collected
-    monkeypatch.setattr(sweep, "EXAMINED", 4)
-    monkeypatch.setattr(running, "SAMPLE", 2)
-    monkeypatch.setattr(running, "examined", lambda places, *_: list(places)[:2])
+    monkeypatch.setattr(made_cases, "BLOCK", 4)
     assert run_here(tiny(), "out")[0].states["complete"] == 12
     assert bits("out") == bits("whole")
     for number in (1, 7):
@@ -140,7 +138,7 @@ def test_cases_made_in_their_turn_have_the_bits_of_cases_made_before(monkeypatch
     summary, log = run_here(tiny(), "out")
     assert (summary.count("complete"), summary.collected) == (12, True)
     assert "12 cases, 10 complete already" in log
-    assert "reading the 8 complete cases that were not read before the run" in log
+    assert "reading the 10 cases that were complete before the run" in log
     assert "case 0009 is damaged: set aside as 0009.h5.aside, computed again" in log
     assert "3 cases ended" in log
     Path("out/cases/0009.h5.aside").unlink()
@@ -153,8 +151,7 @@ def test_a_complete_file_of_other_input_is_refused_and_not_replaced_after_a_long
     run_here(tiny(), "out")
     shutil.copy("out/cases/0000.h5", "out/cases/0009.h5")
     before = Path("out/cases/0009.h5").read_bytes()
-    monkeypatch.setattr(sweep, "EXAMINED", 4)
-    monkeypatch.setattr(running, "examined", lambda places, *_: list(places)[:2])
+    monkeypatch.setattr(made_cases, "BLOCK", 4)
     Path("out/cases/0001.h5").unlink()
     with pytest.raises(FolderError, match=r"0009.h5: was computed from other input"):
         run_here(tiny(), "out")
@@ -163,7 +160,7 @@ def test_a_complete_file_of_other_input_is_refused_and_not_replaced_after_a_long
 
 
 def test_values_that_are_found_impossible_in_their_turn_fail_alone(monkeypatch, run_here):
-    monkeypatch.setattr(sweep, "EXAMINED", 4)
+    monkeypatch.setattr(made_cases, "BLOCK", 4)
     with_values = Config.with_values
 
     def impossible(self, values):
@@ -173,45 +170,9 @@ def test_values_that_are_found_impossible_in_their_turn_fail_alone(monkeypatch, 
 
     config = tiny()
     monkeypatch.setattr(Config, "with_values", impossible)
-    monkeypatch.setattr(sweep, "examined", lambda places, *_: list(places)[:1])
+    monkeypatch.setattr(made_cases, "drawn", lambda items: items[:1])
     summary, log = run_here(config)
     assert [outcome.index for outcome in summary.failures] == [1, 5, 9]
     assert (summary.count("complete"), summary.collected) == (9, True)
     assert re.search(r"case 0001 FAILED \(. of 12\): ConfigError: layer.material.tau: got 2; must", log)
     assert json.loads(Path("out/cases/0005.failed").read_text())["values"]["layer.material.tau"] == 2
-
-
-def test_a_shard_keeps_its_own_cases_alone():
-    lazy, shard = Cases(product(30, 20)), sweep.Shard(2, 100)
-    expected = shard.places(lazy[:])
-    tracemalloc.start()
-    own = sweep.OwnCases(lazy, shard)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert [case.index for case in own] == expected
-    assert len(own) == 6
-    assert peak < 600 * 6_500 / 4  # a case takes 6.5 kB
-
-
-@pytest.mark.parametrize(("total", "count"), [(200_000, 8), (20_011, 20_000), (20_001, 9)])
-def test_a_very_long_sweep_is_dealt_out_once_and_evenly_over_all_values(total, count):
-    shares = [sweep.Dealt(sweep.Shard(number, count), total) for number in range(1, min(count, 64) + 1)]
-    if count <= 64:
-        assert np.array_equal(np.sort(np.concatenate([np.array(share[:]) for share in shares])), range(total))
-    share = shares[3]
-    places = np.array(share[:])
-    assert len(share) == places.size
-    assert (np.diff(places) > 0).all()
-    assert [place for place in range(3000) if place in share] == places[places < 3000].tolist()
-    for period in (10, 64, 100, 1000):  # values of the last key
-        met = np.bincount(places % period, minlength=period)
-        # As even as drawn at random: within five standard deviations. Without turns, where period and count
-        # have a common factor, most values are never met.
-        assert np.abs(met - places.size / period).max() <= 1 + 5 * np.sqrt(places.size / period)
-
-
-def test_a_shard_of_a_thousand_million_is_found_at_once():
-    """Parts beyond the number of cases have none, and cost nothing."""
-    every = cases(product(3, 2))
-    assert sweep.Shard(1, 10**9).places(every) == [0]
-    assert sweep.Shard(10**9, 10**9).places(every) == []

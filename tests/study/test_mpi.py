@@ -92,7 +92,7 @@ def test_all_ranks_compute():
     Path("tiny.yaml").write_text(TINY + f"sweep: {{punch.radius: {[0.2 + 0.01 * i for i in range(10)]}}}\n")
     script = """
 import os
-from gfmdlayer.study import sweep
+from gfmdlayer.study.cases import cases
 from gfmdlayer.config import load
 from gfmdlayer.study.workers import assemble
 from gfmdlayer.study.schedule import Outcome
@@ -107,7 +107,7 @@ with assemble() as pool:
         from gfmdlayer.study.folder import Folder
         from pathlib import Path
         from gfmdlayer.study.schedule import Schedule
-        outcomes = list(Schedule(pool, who, Folder(Path()), print).run(sweep.cases(load("tiny.yaml"))))
+        outcomes = list(Schedule(pool, who, Folder(Path()), print).run(cases(load("tiny.yaml"))))
         assert sorted(outcome.index for outcome in outcomes) == list(range(10))
         print("computed by", len({outcome.reason for outcome in outcomes}))
 """

@@ -11,12 +11,12 @@ import pytest
 from gfmdlayer.case.case import Case
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
-from gfmdlayer.study import run as running
-from gfmdlayer.study.case_run import warm_up
-from gfmdlayer.study.folder import FolderError
-from gfmdlayer.study.cases import cases
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.results.reader import attributes, is_complete, open_case, open_results
+from gfmdlayer.study import run as running
+from gfmdlayer.study.case_run import warm_up
+from gfmdlayer.study.cases import cases
+from gfmdlayer.study.folder import FolderError
 
 SMALL = {"grid.points": 32, "time.end": 0.3, "time.step": 0.1, "output.snapshots": [0.3]}
 SWEEP = {"layer.thickness": [0.02, 0.1, 0.3]}

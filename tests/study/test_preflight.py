@@ -10,7 +10,6 @@ import pytest
 from gfmdlayer.cli import main
 from gfmdlayer.study import preflight
 from gfmdlayer.study.folder import FolderError
-from gfmdlayer.study.cases import Shard
 from gfmdlayer.study.workers import assemble
 from tests.studies import TINY
 
@@ -127,34 +126,26 @@ def test_check_estimates_the_time_left_from_finished_cases(run_here, capsys):
 
     Path("tiny.yaml").write_text(TINY + "sweep: {layer.thickness: [0.02, 0.1, 0.2, .inf]}\n")
     assert "on one core\n" in checked()
-    run_here("tiny.yaml", shard=Shard(1, 2))
+    run_here("tiny.yaml")
+    for number in (1, 3):
+        Path(f"out/cases/000{number}.h5").unlink()
     assert "on one core for the 2 cases left" in checked()
     assert "cases left" not in checked("--set", "time.end=0.04")
 
 
-def test_memory_is_compared_with_the_limits_of_the_job(tmp_path, monkeypatch):
-    groups = tmp_path / "cgroup"
-    (groups / "job" / "step").mkdir(parents=True)
-    (groups / "memory" / "old").mkdir(parents=True)
-    (groups / "job" / "memory.max").write_text("3000000000\n")
-    (groups / "job" / "step" / "memory.max").write_text("max\n")
-    (groups / "memory" / "old" / "memory.limit_in_bytes").write_text("2000000000\n")
-    own = tmp_path / "own"
-    own.write_text("4:cpu,memory:/old\n1:name=systemd:/x\n0::/job/step\n")
-    assert list(preflight._of_control_groups(own, groups)) == [2e9, 3e9]
+def test_memory_is_compared_with_the_limits_of_the_job(monkeypatch):
     monkeypatch.setenv("SLURM_MEM_PER_CPU", "1000")
     monkeypatch.setenv("SLURM_CPUS_ON_NODE", "4")
-    monkeypatch.setattr(preflight, "_of_control_groups", lambda: iter([5e9]))
     monkeypatch.setattr(preflight.resource, "getrlimit", lambda _: (10**9, 10**9))
     assert preflight.memory_limits()[1:] == [
-        (5e9, "the job's control group allows", True),
         (4000 * 2**20, "Slurm (SLURM_MEM_PER_CPU) allows", True),
         (1e9, "ulimit -v allows a process", False),
         (1e9, "ulimit -d allows a process", False),
     ]
     (warning,) = preflight.memory_warnings(0.9e9, 6)
     assert (
-        "by 6 processes, but the job's control group allows 5 GB: take fewer grid.points or --jobs" in warning
+        "by 6 processes, but Slurm (SLURM_MEM_PER_CPU) allows 4.19 GB: take fewer grid.points or --jobs"
+        in warning
     )
     (warning,) = preflight.memory_warnings(1.1e9)
     assert warning.endswith("ulimit -v allows a process 1 GB: take fewer grid.points")

@@ -9,11 +9,11 @@ from functools import partial
 import pytest
 from rich.console import Console
 
+from gfmdlayer.study import claims
 from gfmdlayer.study import progress as reports
-from gfmdlayer.study import status
 from gfmdlayer.study.folder import Folder
-from gfmdlayer.study.progress import Reporter, Screen
-from gfmdlayer.study.schedule import Outcome, Progress
+from gfmdlayer.study.progress import Progress, Reporter, Screen
+from gfmdlayer.study.schedule import Outcome
 
 
 def told(folder, outcomes, complete=0):
@@ -40,7 +40,7 @@ def test_a_run_that_found_everything_complete_sums_nothing_up(tmp_path):
 
 
 def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for():
-    case = status.Running(7, "here", 1, 2.0, 8.0, 0.0, 10.0, "thickness = 0.1", 5, 4.0, 0.0)
+    case = claims.Running(7, "here", 1, 2.0, 8.0, 0.0, 10.0, "thickness = 0.1", 5, 4.0, 0.0)
     at_work = (case, *(replace(case, index=i, simulated_time=6.0) for i in range(8, 40)))
     progress = Progress(40, 3, 1, at_work, 90.0, Outcome(2, "complete", seconds=30.0))
     console = Console(width=120, height=10, file=io.StringIO())
@@ -92,21 +92,21 @@ def test_the_time_left_counts_cases_by_their_expected_seconds(tmp_path, monkeypa
     expected = {0: 10.0, 1: 90.0, 2: 100.0}
     reporter = Reporter(Folder(tmp_path), range(3), 0, lambda: reports.Log(io.StringIO()), expected, 2)
 
-    begun = status.Running(2, "here", 1, 0.0, 2.0, 0.0, 0.0)
+    begun = claims.Running(2, "here", 1, 0.0, 2.0, 0.0, 0.0)
     assert reporter._progress((begun,)).seconds_left is None
     first_steps = replace(begun, simulated_time=0.01, steps=5, expected=1000)
     assert reporter._progress((first_steps,)).seconds_left is None
     now[0] += 15  # twice as fast as expected: 60 s of work by two workers in 15 s
     reporter.ended(Outcome(0, "complete", seconds=5.0))
-    at_work = (status.Running(2, "here", 1, 1.0, 2.0, 0.0, 0.0, "", 5, 0.0, 0.0, 10),)
+    at_work = (claims.Running(2, "here", 1, 1.0, 2.0, 0.0, 0.0, "", 5, 0.0, 0.0, 10),)
     seconds = reporter._progress(at_work).seconds_left
     # 60 of 200 expected seconds are done in 30 s of two workers.
     assert seconds == pytest.approx(140 * 30 / 60 / 2)
 
 
 def test_adaptive_steps_tell_the_progress_where_time_passes_slowly_at_first():
-    case = status.Running(0, "here", 1, 0.1, 8.0, 0.0, 20.0, "", 10, 0.0, 0.0, 40)
+    case = claims.Running(0, "here", 1, 0.1, 8.0, 0.0, 20.0, "", 10, 0.0, 0.0, 40)
     assert case.effort == 0.25
     assert case.seconds_left == pytest.approx(60.0)
     assert replace(case, simulated_time=7.0).effort == 7 / 8
-    assert replace(case, steps=4000).effort == status.STEPS_TRUSTED
+    assert replace(case, steps=4000).effort == claims.STEPS_TRUSTED

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import partial
 from heapq import heappop, heappush
 from itertools import count
+from multiprocessing import parent_process
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
@@ -24,9 +25,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gfmdlayer.study import schedule
+from gfmdlayer.study.claims import Claim
 from gfmdlayer.study.folder import Folder
 from gfmdlayer.study.schedule import AHEAD, Outcome, Schedule
-from gfmdlayer.study.workers import WorkerPool, assemble
+from gfmdlayer.study.workers import WorkerPool, alone, assemble
+from tests.waiting import until
 
 Seconds = dict[str, float]
 # Of a hand-over between two ranks on one host, measured.
@@ -40,69 +44,79 @@ class Item:
 
 
 def run(pool, task, number, folder):
-    schedule = Schedule(pool, task, Folder(folder), lambda _: None)
-    return list(schedule.run([Item(index) for index in range(number)]))
+    cases = Schedule(pool, task, Folder(folder), lambda _: None)
+    return list(cases.run([Item(index) for index in range(number)]))
 
 
 class Pool(Executor):
-    """Gives each case back when the next but `depth` comes; keeps count of what it holds."""
+    """Runs no case; keeps count of what it holds."""
 
     def __init__(self):
         self.given = []
-        self.held = []
+        self.futures = []
         self.most = 0
 
     def submit(self, fn, /, *args, **_):  # noqa: ARG002
         future = Future()
         self.given.append(args[0].index)
-        self.held.append((future, args[0].index))
-        self.most = max(self.most, sum(not future.done() for future, _ in self.held))
+        self.futures.append(future)
+        self.most = max(self.most, sum(not future.done() for future in self.futures))
         return future
 
 
 def test_a_pool_is_given_cases_in_order_and_never_very_many(tmp_path):
     pool = Pool()
-    schedule = Schedule(
-        WorkerPool(pool, 3, "fakes", joins=False), print, Folder(tmp_path), lambda _: None
-    )  # fmt: skip
-    outcomes = schedule.run([Item(index) for index in range(200)])
-    import threading
-
-    def work():
-        for _ in range(200):
-            while not pool.held:
-                time.sleep(0.001)
-            future, index = pool.held.pop(0)
-            future.set_result(Outcome(index, "complete"))
-
-    worker = threading.Thread(target=work)
-    worker.start()
+    outcomes = run(WorkerPool(pool, 3, "fakes"), lambda item: Outcome(item.index, "complete"), 200, tmp_path)
     assert sorted(outcome.index for outcome in outcomes) == list(range(200))
-    worker.join()
     assert pool.given == list(range(200))
     assert pool.most <= AHEAD * 3
 
 
+def test_few_small_cases_start_no_workers(tmp_path):
+    """Others are started after the head start, and then get the cases that come first."""
+    pool, late = Pool(), partial(WorkerPool, kind="fakes", starts_late=True)
+    run(late(pool, 3), lambda item: Outcome(item.index, "complete"), 20, tmp_path)
+    assert pool.given == []
+
+    def slowly(item):
+        if item.index == 0:
+            until(lambda: len(pool.given) == AHEAD * 3)
+        return Outcome(item.index, "complete")
+
+    assert len(run(late(pool, 3), slowly, 20, tmp_path)) == 20
+    assert pool.given[: AHEAD * 3] == list(range(1, AHEAD * 3 + 1))
+
+
+def test_an_error_of_the_items_ends_the_run(tmp_path):
+    def items():
+        yield Item(0)
+        raise ValueError("of the items")
+
+    with pytest.raises(ValueError, match="of the items"), alone() as pool:
+        list(
+            Schedule(pool, lambda item: Outcome(item.index, "complete"), Folder(tmp_path), print).run(items())
+        )
+
+
 def kill_oneself_once(item, folder):
-    running = Folder(folder).case(item.index, "running")
-    if item.index == 1 and not (folder / "killed").exists():
-        running.write_text("{}")
-        (folder / "killed").touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    time.sleep(0.05)
+    with Claim(Folder(folder), item.index, 1.0):
+        if item.index == 1 and parent_process() and not (folder / "killed").exists():
+            (folder / "killed").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.05)
     return Outcome(item.index, "complete", reason=str(os.getpid()))
 
 
-def test_after_a_worker_is_killed_as_many_work_on(tmp_path):
+def test_after_a_worker_is_killed_as_many_work_on(tmp_path, monkeypatch):
     (tmp_path / "cases").mkdir()
-    with assemble(2) as pool:
+    monkeypatch.setattr(schedule, "HEAD_START", 0.0)
+    with assemble(3) as pool:
         assert pool is not None
-        outcomes = run(pool, partial(kill_oneself_once, folder=tmp_path), 40, tmp_path)
-    assert sorted(outcome.index for outcome in outcomes) == list(range(40))
+        outcomes = run(pool, partial(kill_oneself_once, folder=tmp_path), 400, tmp_path)
+    assert sorted(outcome.index for outcome in outcomes) == list(range(400))
     assert [outcome.index for outcome in outcomes if outcome.state == "failed"] == [1]
     last = {outcome.reason for outcome in outcomes[-20:]}
-    assert len(last) == 2
-    assert str(os.getpid()) not in last
+    assert len(last) == 3  # this process too
 
 
 @dataclass(frozen=True)
@@ -220,14 +234,14 @@ def makespan(costs, ranks, hand_over):
     cluster = Cluster(ranks, hand_over)
     outcomes = _Outcomes()
     outcomes.cluster = cluster
-    pool = WorkerPool(cluster, ranks, "simulated ranks", joins=True)
+    pool = WorkerPool(cluster, ranks, "simulated ranks")
     ended = set()
     with TemporaryDirectory() as name:
-        schedule = Schedule(
+        cases = Schedule(
             pool, cluster.compute, Folder(Path(name)), lambda outcome: ended.add(outcome.index), outcomes
         )
         items = [Costly(index, float(seconds)) for index, seconds in enumerate(costs)]
-        number = sum(1 for _ in schedule.run(items))
+        number = sum(1 for _ in cases.run(items))
     assert number == len(ended) == len(costs)
     return cluster.now, cluster.served
 

@@ -1,11 +1,14 @@
-"""One sweep in several runs over one folder: every case once, and no run disturbs another."""
+"""Several runs over one folder: every case once, and no run disturbs another."""
 
 import errno
 import fcntl
 import json
+import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,22 +17,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gfmdlayer.cli import main
-from gfmdlayer.config import Config, load
-from gfmdlayer.study.cost import estimate
-from gfmdlayer.study.folder import Folder, FolderError
-from gfmdlayer.study.growth import claimed, held
-from gfmdlayer.study.run import RunOptions, run_study
-from gfmdlayer.study.cases import Shard, SweepCase, cases
-from gfmdlayer.study.workers import assemble
+from gfmdlayer.config import load
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.results.reader import open_results
+from gfmdlayer.study import cases, claims
+from gfmdlayer.study.cases import Cases, Shard
+from gfmdlayer.study.claims import Claim, Taken, locked
+from gfmdlayer.study.folder import Folder, FolderError, name_of_run
+from gfmdlayer.study.growth import opened
+from gfmdlayer.study.run import RunOptions, run_study
+from gfmdlayer.study.workers import assemble
 from tests.studies import TINY
 from tests.waiting import SLOWLY, until
 
 SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf], halfspace.shear_modulus: [1, 2]}\n"
-# The first case of each of two shards takes long enough to be caught at work.
+# The first two cases take long enough to be caught at work.
 LONG = "sweep: {time.end: [20, 19, 0.03, 0.04]}\n"
-ENDS = ("running", "h5.host-12-0badcafe.part", "checkpoint.host-12-0badcafe.part")
 
 
 @pytest.fixture(autouse=True)
@@ -37,17 +40,17 @@ def configuration():
     Path("tiny.yaml").write_text(TINY + SWEEP)
 
 
-def run(shard=None, out="out", *overrides):
+def run(shard=None, out="out", *overrides, **options):
     with assemble() as pool:
         assert pool is not None
-        return run_study(load(Path("tiny.yaml"), overrides), out, pool, RunOptions(shard=shard))
+        config = load(Path("tiny.yaml"), overrides)
+        return run_study(config, out, pool, RunOptions(shard=shard, **options))
 
 
 @contextmanager
-def at_work(shard, case, out="out"):
-    """Run a shard, or everything, in another process; begins when it is at a case."""
-    arguments = ["run", "tiny.yaml", "--out", out, *(["--shard", shard] if shard else [])]
-    command = [sys.executable, SLOWLY, *arguments]
+def at_work(case, *arguments, out="out"):
+    """Run the study in another process; begins when it is at a case."""
+    command = [sys.executable, SLOWLY, "run", "tiny.yaml", "--out", out, *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         status = Path(f"{out}/cases/{case:04d}.running")
         until(lambda: (read_json(status) or {}).get("pid") == process.pid, process)
@@ -57,26 +60,24 @@ def at_work(shard, case, out="out"):
             process.kill()
 
 
-def of_length(*steps):
-    """Return cases with these numbers of steps, hence of work."""
-    return [
-        SweepCase(index, Config(name="x").with_values({"time.end": number * 0.01, "time.step": 0.01}), {})
-        for index, number in enumerate(steps)
-    ]
+def order(number, count, total):
+    """Return the places of all cases in the order in which a run takes them."""
+    shard = Shard(number, count)
+    return [place for block in shard.blocks(total) for place in shard.order(block)]
 
 
-@settings(max_examples=30, deadline=None)
-@given(steps=st.lists(st.integers(1, 500), min_size=1, max_size=12), count=st.integers(1, 6))
-def test_shards_cover_the_sweep_once_and_share_the_work(steps, count):
-    every = of_length(*steps)
-    shares = [
-        [every[place] for place in Shard(number, count).places(every)] for number in range(1, count + 1)
-    ]
-    assert sorted(case.index for share in shares for case in share) == list(range(len(every)))
-    work = [sum(estimate(case.config).work for case in share) for share in shares]
-    # The shard with the last case had least work before: the spread is at most one case (and rounding).
-    longest = max(estimate(case.config).work for case in every)
-    assert max(work) - min(work) <= longest + len(every)
+@settings(max_examples=60, deadline=None)
+@given(total=st.integers(1, 40), count=st.integers(1, 9), block=st.integers(1, 50), data=st.data())
+def test_each_run_takes_all_cases_and_begins_where_no_other_does(total, count, block, data):
+    number = data.draw(st.integers(1, count))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cases, "BLOCK", block)
+        assert sorted(order(number, count, total)) == list(range(total))
+        blocks = -(-total // block)
+        begun = {order(each, count, total)[0] for each in range(1, count + 1)}
+        # Different blocks, or different cases of one; fewer only where there are fewer cases.
+        assert len(begun) >= min(count, blocks if count <= blocks else min(total % block or block, blocks))
+        assert order(1, 1, total) == list(range(total))
 
 
 @pytest.mark.parametrize("text", ["", "3", "0/4", "5/4", "1/0", "-1/4", "1/4/2", "a/b", "1.0/2", "²/3"])
@@ -95,121 +96,209 @@ def test_a_shard_cannot_restart_the_sweep(capsys):
     assert "--shard and --restart cannot be combined" in capsys.readouterr().err
 
 
-def test_the_last_shard_collects_and_the_bits_are_those_of_one_run(bits):
+def test_a_run_that_starts_elsewhere_computes_all_and_the_bits_are_the_same(bits):
     assert run(out="whole").collected
-    summaries = [run(Shard(number, 3)) for number in (2, 3, 1)]
-    assert [summary.collected for summary in summaries] == [False, False, True]
-    assert [summary.count("complete") for summary in summaries] == [2, 2, 2]
+    summary = run(Shard(2, 3))
+    assert (summary.collected, summary.count("complete")) == (True, 6)
     assert bits("out") == bits("whole")
 
 
-def test_more_shards_than_cases_do_no_harm():
-    collected = [run(Shard(number, 9)).collected for number in range(1, 10)]
-    # Six cases in nine shards: it is collected as soon as the sixth is there, and by the later shards again.
-    assert collected == [False] * 5 + [True] * 4
+@contextmanager
+def claimed_by(index, out="out", **changed):
+    """Let another process claim a case: this one, as far as it knows."""
+    folder = Folder(Path(out), name_of_run())
+    with Claim(folder, index, 1.0):
+        path = folder.case(index, "running")
+        path.write_text(json.dumps((read_json(path) or {}) | {"token": "of another"} | changed))
+        yield path
+        path.unlink(missing_ok=True)
 
 
-def test_a_case_that_failed_in_one_shard_is_named_in_what_another_collects():
-    Path("tiny.yaml").write_text(
-        TINY + "solver: {method: fire}\nsweep: {solver.max_iterations: [1, 20000]}\n"
+def test_a_case_that_another_run_computes_is_left_to_it():
+    """Nobody collects before it is there; then the next run does, and computes nothing else."""
+    Path("out/cases").mkdir(parents=True)
+    with opened(Folder(Path("out")), Cases(load(Path("tiny.yaml")))), claimed_by(3):
+        summary = run()
+        assert (summary.count("complete"), summary.count("elsewhere"), summary.collected) == (5, 1, False)
+        assert not Path("out/cases/0003.h5").exists()
+    before = {path: path.stat().st_mtime_ns for path in Path("out/cases").glob("*.h5")}
+    assert run().collected
+    assert (
+        before.items() <= {path: path.stat().st_mtime_ns for path in Path("out/cases").glob("*.h5")}.items()
     )
-    failing = next(n for n in (1, 2) if share(n, 2) == [0])
-    assert not run(Shard(failing, 2)).collected
-    assert run(Shard(3 - failing, 2)).collected
-    with open_results("out") as results:
-        assert "0000: ConvergenceError" in results.attrs["failed"]
 
 
-def share(number, count):
-    """Return the numbers of a shard's cases."""
-    return Shard(number, count).places(cases(load(Path("tiny.yaml"))))
+def test_a_case_that_another_run_gives_back_is_computed():
+    Path("out/cases").mkdir(parents=True)
+    with opened(Folder(Path("out")), Cases(load(Path("tiny.yaml")))), claimed_by(0) as path:
+        threading.Thread(
+            target=lambda: (until(Path("out/cases/0004.h5").exists), path.unlink()), daemon=True
+        ).start()
+        assert run().count("complete") == 6
 
 
-def test_a_run_keeps_out_those_that_would_compute_the_same_cases_and_no_others():
-    config = load(Path("tiny.yaml"))
-    with claimed(Folder(Path("out"), Shard(1, 2)), config, own=[0]):
-        with pytest.raises(FolderError, match="another run of shard 1/2 is writing here"):
-            run(Shard(1, 2))
-        with pytest.raises(FolderError, match="a sweep split in 2 and not in 3"):
-            run(Shard(1, 3))
-        with pytest.raises(FolderError, match="another run is writing here"):
-            run()
-        assert run(Shard(2, 2)).count("complete") == 3
-    with claimed(Folder(Path("out")), config):
-        with pytest.raises(FolderError, match="another run of all the cases"):
-            run(Shard(2, 2))
-        with pytest.raises(FolderError, match="another run is writing here"):
-            run()
+def test_two_runs_that_begin_at_the_same_instant_compute_each_case_once():
+    command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--jobs", "2"]
+    started = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in "ab"
+    ]
+    told = [process.communicate(timeout=300) for process in started]
+    assert [process.returncode for process in started] == [0, 0], told
+    computed = [line for _, log in told for line in log.splitlines() if " complete in " in line]
+    assert len(computed) == 6, told
+    assert any("complete: out/sweep.h5" in output for output, _ in told)
+    assert sorted(path.name for path in Path("out/cases").iterdir()) == [
+        ".lock", *(f"{i:04d}.h5" for i in range(6))
+    ]  # fmt: skip
 
 
-def test_a_shard_removes_its_own_leftovers_and_those_of_no_live_run():
-    own, other = (share(number, 2)[0] for number in (1, 2))
-    with claimed(Folder(Path("out"), Shard(2, 2)), load(Path("tiny.yaml")), own=[other]):
-        left, live = ([Path(f"out/cases/{i:04d}.{end}") for end in ENDS] for i in (own, other))
-        for path in (*left, *live):
-            path.write_text("{}")
-        assert run(Shard(1, 2)).count("complete") == 3
-        assert not any(path.exists() for path in left)
-        assert all(path.exists() for path in live)
-
-
-def test_a_shard_is_stopped_or_killed_alone_and_let_in_again_at_once():
-    Path("tiny.yaml").write_text(TINY + LONG)
-    own, other = (share(number, 2)[0] for number in (1, 2))
-    with at_work("2/2", other) as alive:
-        with at_work("1/2", own) as process:
+def test_the_case_of_a_killed_process_is_taken_over_and_goes_on_from_its_checkpoint(bits):
+    Path("tiny.yaml").write_text(TINY + "sweep: {time.end: [3, 0.03, 0.04]}\n")
+    run(out="whole")
+    with at_work(0, "--checkpoint-every", "0") as process:
+        until(Path("out/cases/0000.checkpoint").exists, process)
+        with locked(Folder(Path("out"))) as lock:  # another run is there
+            assert not lock.alone
             process.kill()
             process.wait()
-        with at_work("1/2", own) as process:
+            assert run().count("complete") == 3
+    assert bits("out") == bits("whole")
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_dead_claim_is_taken_over_once(tmp_path, monkeypatch, links):
+    """Of another host by its silence alone, which is counted from the date of the file."""
+    if not links:
+        monkeypatch.setattr(os, "link", lambda *_: (_ for _ in ()).throw(OSError(errno.EPERM, "none")))
+    folder = Folder(tmp_path)
+    folder.cases.mkdir()
+    with claimed_by(0, tmp_path, host="elsewhere", updated=0.0) as path:
+        with pytest.raises(Taken), Claim(folder, 0, 1.0):
+            pass
+        os.utime(path, (time.time() - 1.1 * claims.SILENCE,) * 2)
+        got = []
+
+        def take():
+            try:
+                with Claim(folder, 0, 1.0) as claim:
+                    tried.wait()
+                    claim.confirm()
+                    got.append(claim)
+                    confirmed.wait()
+            except Taken:
+                pass
+
+        tried, confirmed = threading.Event(), threading.Event()
+        takers = [threading.Thread(target=take) for _ in range(8)]
+        for taker in takers:
+            taker.start()
+        time.sleep(20 * claims.SETTLED)
+        tried.set()
+        until(lambda: got)
+        time.sleep(claims.SETTLED)
+        confirmed.set()
+        for taker in takers:
+            taker.join()
+        assert len(got) == 1
+
+
+def test_a_suspended_process_gives_up_the_case_that_another_has_taken_over(tmp_path):
+    folder = Folder(tmp_path)
+    folder.cases.mkdir()
+    with Claim(folder, 0, 1.0) as claim, claimed_by_file(folder.case(0, "running")) as other:
+        claim._written = -float("inf")  # a second later
+        with pytest.raises(Taken):
+            claim.advance(0.5)
+        with pytest.raises(Taken):
+            claim.confirm()
+    assert read_json(folder.case(0, "running")) == other
+
+
+@contextmanager
+def claimed_by_file(path):
+    other = (read_json(path) or {}) | {"token": "of another"}
+    path.write_text(json.dumps(other))
+    yield other
+
+
+def test_a_long_step_renews_the_claim(tmp_path):
+    folder = Folder(tmp_path)
+    folder.cases.mkdir()
+    with Claim(folder, 0, 1.0) as claim:
+        path = folder.case(0, "running")
+        os.utime(path, (0.0, 0.0))
+        claim.renew()
+        assert path.stat().st_mtime > time.time() - claims.SILENCE
+
+
+def test_a_configuration_is_changed_by_a_run_that_is_alone():
+    run()
+    with opened(Folder(Path("out")), Cases(load(Path("tiny.yaml")))):
+        with pytest.raises(FolderError, match="another run is writing here, of another configuration"):
+            run(None, "out", "sweep.layer.thickness=[0.02, 0.3]")
+        with pytest.raises(FolderError, match="another run is writing here"):
+            run(restart=True)
+        assert main(["clean", "out", "--yes"]) == 2
+        assert run().count("complete") == 6
+    assert run(None, "out", "sweep.layer.thickness=[0.02, 0.3]").count("complete") == 4
+
+
+def test_a_run_beside_others_removes_no_files():
+    ends = ("running", "h5.host-12-0badcafe.part", "checkpoint.host-12-0badcafe.part")
+    config = Cases(load(Path("tiny.yaml")))
+    with opened(Folder(Path("out")), config):
+        left = [Path(f"out/cases/0009.{end}") for end in ends]
+        for path in left:
+            path.write_text("{}")
+            os.utime(path, (0.0, 0.0))
+        assert run().count("complete") == 6
+        assert all(path.exists() for path in left)
+    run()
+    assert not any(path.exists() for path in left)
+
+
+def test_a_run_is_stopped_or_killed_alone():
+    Path("tiny.yaml").write_text(TINY + LONG)
+    with at_work(1, "--shard", "2/2") as alive:
+        with at_work(0, "--shard", "1/2") as process:
+            process.kill()
+            process.wait()
+        with at_work(0, "--shard", "1/2") as process:
             process.send_signal(signal.SIGTERM)
             _, errors = process.communicate(timeout=300)
         assert process.returncode == 75, errors
         assert alive.poll() is None
-        assert json.loads(Path(f"out/cases/{other:04d}.running").read_text())["pid"] == alive.pid
+        assert json.loads(Path("out/cases/0001.running").read_text())["pid"] == alive.pid
         assert not list(Path("out/cases").glob("stop*"))
 
 
-def test_shards_that_begin_at_the_same_instant_agree():
-    command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--shard"]
-    started = [
-        subprocess.Popen([*command, f"{n}/2"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        for n in (1, 2)
-    ]
-    told = [process.communicate(timeout=120) for process in started]
-    assert [process.returncode for process in started] == [0, 0], told
-    assert any("complete: out/sweep.h5" in output for output, _ in told)
-    assert sorted(path.name for path in Path("out/cases").glob("*.h5")) == [f"{i:04d}.h5" for i in range(6)]
-    assert not list(Path("out").rglob("*.part"))
+def test_a_case_that_fails_in_one_run_is_not_tried_by_another_at_work():
+    Path("tiny.yaml").write_text(
+        TINY + "solver: {method: fire}\nsweep: {solver.max_iterations: [1, 20000]}\n"
+    )
+    Path("out/cases").mkdir(parents=True)
+    with opened(Folder(Path("out")), Cases(load(Path("tiny.yaml")))), claimed_by(0) as path:
+
+        def fail():
+            until(Path("out/cases/0001.h5").exists)
+            Path("out/cases/0000.failed").write_text(json.dumps({"reason": "elsewhere", "values": {}}))
+            path.unlink()
+
+        threading.Thread(target=fail, daemon=True).start()
+        summary = run()
+    assert [outcome.reason for outcome in summary.failures] == ["elsewhere"]
+    with open_results("out") as results:
+        assert "0000: elsewhere" in results.attrs["failed"]
 
 
-def test_an_exclusive_lock_is_waited_for_and_leaves_no_file(tmp_path):
-    path = tmp_path / "turn"
-    script = f"""
-import time
-from pathlib import Path
-from gfmdlayer.files.locks import exclusive
-count = Path({str(tmp_path / "count")!r})
-for _ in range(50):
-    with exclusive(Path({str(path)!r})):
-        number = int(count.read_text())
-        time.sleep(0.0005)
-        count.write_text(str(number + 1))
-"""
-    (tmp_path / "count").write_text("0")
-    workers = [subprocess.Popen([sys.executable, "-c", script]) for _ in range(3)]
-    assert [worker.wait(timeout=300) for worker in workers] == [0, 0, 0]
-    assert (tmp_path / "count").read_text() == "150"  # no two counted at once
-    assert not path.exists()
-
-
-def test_a_file_system_without_locks_lets_every_run_in(tmp_path, monkeypatch):
+def test_a_file_system_without_locks_keeps_runs_apart_by_their_claims(tmp_path, monkeypatch):
     def flock(*_):
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(fcntl, "flock", flock)
-    one, two = (Folder(tmp_path, Shard(number, 2)) for number in (1, 2))
-    one.cases.mkdir()
-    with held(one) as alone, held(two) as also:
-        assert not alone
-        assert not also
-    assert one.stop.name == "stop-1-of-2"
+    folder = Folder(tmp_path)
+    folder.cases.mkdir()
+    with locked(folder) as first:
+        assert first.alone
+        with Claim(folder, 0, 1.0), locked(folder) as second:
+            assert not second.alone

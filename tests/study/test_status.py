@@ -19,9 +19,11 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, load
+from gfmdlayer.study.cases import Cases
+from gfmdlayer.study.claims import Claim, leftovers, running
 from gfmdlayer.study.folder import Folder, FolderError
-from gfmdlayer.study.growth import claimed, leftovers
-from gfmdlayer.study.claims import RECORDS_READ, StatusFile, overview, running
+from gfmdlayer.study.growth import opened
+from gfmdlayer.study.status import RECORDS_READ, overview
 
 Make = Callable[..., Folder]
 
@@ -33,7 +35,7 @@ def make(tmp_path):
     def make(total, **files):
         folder = Folder(tmp_path / "out")
         config = Config(name="many", sweep={"layer.thickness": [0.1 + i / 1e5 for i in range(total)]})
-        with claimed(folder, config):
+        with opened(folder, Cases(config)):
             pass
         for kind, indices in files.items():
             for index in indices:
@@ -112,7 +114,7 @@ def test_cases_at_work_are_told_with_host_step_and_time_left(make, capsys):
 
 def test_the_status_file_tells_steps_and_pace(make):
     folder = make(1)
-    with StatusFile(folder, 0, end=8.0, label="thickness = 0.1") as status:
+    with Claim(folder, 0, end=8.0, label="thickness = 0.1") as status:
         (begun,) = running(folder)
         assert (begun.steps, begun.seconds_left) == (0, None)
         for simulated_time in (6.0, 6.5, 7.0):  # taken up at 6: what went before says nothing of the pace
@@ -208,15 +210,15 @@ def test_an_interrupt_that_is_dropped_on_the_way_still_ends_a_watch(make, monkey
 # --- clean ---
 
 LEFT = (
-    *("cases/0000.h5.node-12-0badcafe.part", "cases/0001.failed.part", "cases/0002.running.part"),
-    *("cases/0002.running", "cases/stop", "cases/stop-1-of-4", "cases/.lock-1-of-4", "cases/probe.part"),
-    *("cases/0000.checkpoint", "cases/0000.journal", "cases/0000.checkpoint.12-0badcafe.part"),
-    *("config.yaml.part", "sweep.h5.node-12-0badcafe.part"),
+    *(f"cases/{name}.node-12-0badcafe.part" for name in ("0000.h5", "0001.failed", "0002.running", "probe")),
+    *("cases/0002.running", "cases/stop-node-12-0badcafe", "cases/0000.checkpoint", "cases/0000.journal"),
+    *("cases/stop", "cases/stop-1-of-4", "cases/.lock-1-of-4", "cases/.turn"),  # of version 0.2
+    *("config.yaml.node-12-0badcafe.part", "sweep.h5.node-12-0badcafe.part"),
 )
 KEPT = (
     *("config.yaml", "sweep.h5", "cases/0000.h5", "cases/0001.failed", "cases/0001.checkpoint"),
     "cases/0000.ended",
-    *("cases/0001.journal1", "cases/0003.h5.aside", "cases/.lock"),
+    *("cases/0001.journal1", "cases/stop-me", "cases/0003.h5.aside", "cases/.lock"),
     *("notes.part", "figure.png", "cases/notes.part", "cases/0000.txt", "cases/stop.txt", "cases/3.running"),
 )
 
@@ -271,7 +273,7 @@ def test_clean_touches_nothing_while_a_case_elsewhere_tells_of_itself(littered):
     run_here(littered, 2, host="elsewhere")
     with pytest.raises(FolderError, match="writing here, on elsewhere"), leftovers(littered):
         pass
-    run_here(littered, 2, host="elsewhere", updated=time.time() - 1000)
+    os.utime(littered.case(2, "running"), (time.time() - 1000,) * 2)
     with leftovers(littered) as found:
         assert littered.case(2, "running") in found
 
@@ -280,7 +282,7 @@ def test_no_run_begins_while_the_question_is_open(littered):
     with (
         leftovers(littered),
         pytest.raises(FolderError, match="another run"),
-        claimed(littered, load(littered.config)),
+        opened(littered, Cases(load(littered.config))),
     ):
         pass
 

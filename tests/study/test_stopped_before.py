@@ -15,10 +15,10 @@ from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.study import interrupts
 from gfmdlayer.study import run as running
+from gfmdlayer.study.claims import Claim
 from gfmdlayer.study.folder import Folder
 from gfmdlayer.study.interrupts import AGAIN, STOP_SIGNALS, Stopped, at_once
 from gfmdlayer.study.schedule import Outcome, Schedule
-from gfmdlayer.study.claims import StatusFile
 from gfmdlayer.study.workers import processes
 
 PATIENCE = 60.0  # seconds in which a test that fails ends
@@ -155,9 +155,9 @@ def test_a_rank_that_is_asked_to_stop_begins_its_case_and_stops_with_the_others(
     folder = Folder(tmp_path)
     folder.cases.mkdir()
     interrupts.request_stop()
-    with pytest.raises(Stopped), StatusFile(folder, 0, 1.0):
+    with pytest.raises(Stopped), Claim(folder, 0, 1.0):
         raise AssertionError("alone, a process stops before its case")
-    with StatusFile(folder, 0, 1.0, together=True) as status, pytest.raises(Stopped):
+    with Claim(folder, 0, 1.0, together=True) as status, pytest.raises(Stopped):
         status.advance(0.1)
 
 

@@ -12,14 +12,13 @@ import pytest
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import ConvergenceError
 from gfmdlayer.config import load
+from gfmdlayer.results.reader import open_results
+from gfmdlayer.study import claims, status
 from gfmdlayer.study import progress as reports
-from gfmdlayer.study import status
 from gfmdlayer.study.folder import Folder, FolderError
 from gfmdlayer.study.interrupts import Stopped
 from gfmdlayer.study.run import RunOptions, run_study
-from gfmdlayer.study.schedule import Progress
 from gfmdlayer.study.workers import assemble
-from gfmdlayer.results.reader import open_results
 from tests.studies import OTHERS, TINY
 
 SWEEP = "sweep: {layer.thickness: [0.02, 0.1], halfspace.shear_modulus: [1, 2, .inf]}\n"
@@ -137,7 +136,8 @@ def test_a_folder_that_cannot_be_written_is_refused_before_any_work(monkeypatch,
 
 
 def test_what_a_killed_run_left_is_removed():
-    remains = [Path("out/cases", name) for name in ("0000.running", "0000.h5.host-1-a.part", "stop")]
+    names = "0000.running", "0000.h5.host-1-0badcafe.part", "stop-host-1-0badcafe"
+    remains = [Path("out/cases", name) for name in names]
     run(configure(TINY))
     for path in remains:
         path.write_text("{}")
@@ -147,7 +147,7 @@ def test_what_a_killed_run_left_is_removed():
 
 def test_a_run_killed_in_its_first_instant_is_no_obstacle():
     Path("out/cases").mkdir(parents=True)
-    Path("out/config.yaml.part").write_text("na")
+    Path("out/config.yaml.host-1-0badcafe.part").write_text("na")
     assert run(configure(TINY)).count("complete") == 1
 
 
@@ -196,9 +196,9 @@ def test_only_failed_runs_what_failed_and_leaves_what_waits(monkeypatch):
 def test_a_stop_file_stops_a_case_between_steps(tmp_path):
     folder = Folder(tmp_path)
     folder.cases.mkdir()
-    with status.StatusFile(folder, 7, end=2.0) as file:
+    with claims.Claim(folder, 7, end=2.0) as file:
         folder.stop.touch()
-        file._written -= status.WRITE_INTERVAL
+        file._written -= claims.WRITE_INTERVAL
         with pytest.raises(Stopped):
             file.advance(1.0)
     assert not folder.case(7, "running").exists()
@@ -209,22 +209,23 @@ def test_status_files_tell_what_is_alive(tmp_path):
     folder.cases.mkdir()
     here = {"host": socket.gethostname(), "pid": os.getpid()}
     times = {"simulated_time": 1.0, "end": 4.0, "started": time.time(), "updated": time.time()}
-    gone = {"updated": time.time() - 2 * status.SILENCE}
     for index, content in enumerate((
         here | times,
         here | times | {"pid": 2**22 + 1},  # above the kernel's largest process number
         {"host": "elsewhere", "pid": 1} | times,
-        {"host": "elsewhere", "pid": 1} | times | gone,
+        {"host": "elsewhere", "pid": 1} | times,
     )):  # fmt: skip
         folder.case(index, "running").write_text(json.dumps(content))
+    long_ago = time.time() - 2 * claims.SILENCE
+    os.utime(folder.case(3, "running"), (long_ago, long_ago))
     folder.case(4, "running").write_text("{")
-    assert [(case.index, case.fraction) for case in status.running(folder)] == [(0, 0.25), (2, 0.25)]
+    assert [(case.index, case.fraction) for case in claims.running(folder)] == [(0, 0.25), (2, 0.25)]
 
 
 def test_a_log_has_few_lines_with_the_time():
     stream = io.StringIO()
     log = reports.Log(stream)
-    progress = Progress(total=4, complete=1, failed=1, seconds_left=61.0)
+    progress = reports.Progress(total=4, complete=1, failed=1, seconds_left=61.0)
     for _ in range(1000):
         log.advance(progress)
     assert stream.getvalue() == ""
