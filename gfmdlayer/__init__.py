@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from gfmdlayer.case.case import Case
     from gfmdlayer.case.model import ConvergenceError, simulate
     from gfmdlayer.config import Config, ConfigError, load
-    from gfmdlayer.fitting.indentation.curve import ForceCurve
-    from gfmdlayer.fitting.indentation.design import design_indentation
-    from gfmdlayer.fitting.indentation.fit import fit_indentation
+    from gfmdlayer.fitting.design import design_indentation
+    from gfmdlayer.fitting.force_curve import ForceCurve
+    from gfmdlayer.fitting.indentation import fit_indentation
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.inside import inside
     from gfmdlayer.interactive.leakage import leakage
@@ -62,9 +62,9 @@ __all__ = [
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
-    "gfmdlayer.fitting.indentation.curve": ("ForceCurve",),
-    "gfmdlayer.fitting.indentation.design": ("design_indentation",),
-    "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
+    "gfmdlayer.fitting.force_curve": ("ForceCurve",),
+    "gfmdlayer.fitting.design": ("design_indentation",),
+    "gfmdlayer.fitting.indentation": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.interactive.inside": ("inside",),

@@ -67,11 +67,11 @@ def model(shape: str) -> SimpleNamespace:
     about = first | {size: (words, unit, start)} | _PARAMETERS
 
     def force(delta: FloatArray, *values: float, **named: float) -> FloatArray:
-        given = dict(zip(about, values, strict=False)) | named
-        at = {key: float(given.get(key, default)) for key, (_, _, default) in about.items()}
+        parameters = dict(zip(about, values, strict=False)) | named
+        at = {key: float(parameters.get(key, default)) for key, (_, _, default) in about.items()}
         depth = at.pop("contact_point") - np.asarray(delta, dtype=float)
         baseline, pressed = at.pop("baseline"), depth > 0
-        found = baseline + 0.0 * depth  # NaN stays
+        total = baseline + 0.0 * depth  # NaN stays
         if pressed.any():
             E, punch = at["E"], profile(at[size])
             base = at["E_base"] / E if at["E_base"] < RIGID * E else math.inf
@@ -79,8 +79,8 @@ def model(shape: str) -> SimpleNamespace:
             # The largest depth is rounded up, so that a moving contact point needs few solutions.
             deepest = _rounded(float(depth[pressed].max()))
             root = _root(deepest, body, (punch.rim, punch.sphere, *map(_numbers, punch[2:])), power)
-            found[pressed] += E * root(depth[pressed]) ** power
-        return found
+            total[pressed] += E * root(depth[pressed]) ** power
+        return total
 
     starts = {"delta": inspect.Parameter.empty, **{key: start for key, (_, _, start) in about.items()}}
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
@@ -91,14 +91,14 @@ def model(shape: str) -> SimpleNamespace:
     def defaults() -> Any:
         import lmfit
 
-        found = lmfit.Parameters()
+        parameters = lmfit.Parameters()
         for key, (_, _, default) in about.items():
             limits = {"min": 0.0, "max": 0.5} if key.startswith("nu") else {"min": 1e-12}
             limits |= {"max": 89.0} if key == "alpha" else {}
             if key in {"contact_point", "baseline"}:
                 limits = {}
-            found.add(key, value=default, vary=key in {"E", "contact_point", "baseline"}, **limits)
-        return found
+            parameters.add(key, value=default, vary=key in {"E", "contact_point", "baseline"}, **limits)
+        return parameters
 
     return SimpleNamespace(
         get_parameter_defaults=defaults,
@@ -136,7 +136,7 @@ def _root(
     depths = deepest * np.linspace(0, 1, DEPTHS) ** 1.5
     history = History(depths / deepest, depths)
     force = on_steps(made, find_space(made, punch, history), punch, history, history.time).force
-    found: Callable[[FloatArray], FloatArray] = PchipInterpolator(
+    root: Callable[[FloatArray], FloatArray] = PchipInterpolator(
         depths, np.maximum(force, 0.0) ** (1 / power)
     )
-    return found
+    return root

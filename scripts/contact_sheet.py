@@ -28,11 +28,11 @@ from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.labels import SCALES
 from gfmdlayer.figures.map_plots import map_figure
+from gfmdlayer.figures.movies import animated
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Style, styled
 from gfmdlayer.figures.selection import case_dimensions, swept
-from gfmdlayer.figures.snapshot_plots import (
+from gfmdlayer.figures.snapshots import (
     Inset,
-    animated,
     cases_with_snapshots,
     snapshots_figure,
     waterfall_figure,

@@ -21,8 +21,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from gfmdlayer.cli import main as gfmdlayer
 from gfmdlayer.config import Config
+from gfmdlayer.figures.movies import animated
 from gfmdlayer.figures.plot_style import PAPER, WIDTH_MM, save, styled
-from gfmdlayer.figures.snapshot_plots import animated
 from gfmdlayer.results.reader import open_case
 from gfmdlayer.study.run import run_study
 from gfmdlayer.study.workers import WorkerPool, assemble

@@ -29,12 +29,13 @@ from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.figures.plot_style import save
-from gfmdlayer.fitting.indentation import stepped
-from gfmdlayer.fitting.indentation.curve import Correction
-from gfmdlayer.fitting.indentation.elastic import adhesion_of, work_for
-from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
-from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, Prediction, free_parameters
-from gfmdlayer.fitting.indentation.report import fit_figure, summary
+from gfmdlayer.fitting import stepped
+from gfmdlayer.fitting.elastic import adhesion_of, work_for
+from gfmdlayer.fitting.estimates import BAND, covariance, quantile
+from gfmdlayer.fitting.force_curve import Correction
+from gfmdlayer.fitting.indentation_report import fit_figure, summary
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import IndentationModel, LeastSquares, free_parameters
 from gfmdlayer.indentation.solve import History, find_space, on_steps
 from gfmdlayer.punch.revolution import paraboloid
 
@@ -84,7 +85,7 @@ def truth(data: dict[str, Any], motion: tuple[np.ndarray, np.ndarray]) -> np.nda
 
 def responses(data: dict[str, Any], curve: ForceCurve) -> tuple[np.ndarray, np.ndarray]:
     """Return the force and the depth of a model under the prescribed column of a curve, with many steps."""
-    model = Model(data)
+    model = IndentationModel(data)
     prediction, config = Prediction(curve), model.config
     at = Correction(stiffness=curve.stiffness or math.inf, adhesion=adhesion_of(model.adhesion))
     steps, stepped.STEPS = stepped.STEPS, FINE
@@ -112,7 +113,11 @@ def at_truth(
     force = truth(data, motion)
     curve = ForceCurve("a", *motion, force, noise=noise * float(force.max()))
     spans = {"contact_point": (-DEPTH, DEPTH), "force_offset": (-float(force.max()), float(force.max()))}
-    problem = LeastSquares(Model(data), free_parameters(Model(data), free, ["a"], spans), [Prediction(curve)])
+    problem = LeastSquares(
+        IndentationModel(data),
+        free_parameters(IndentationModel(data), free, ["a"], spans),
+        [Prediction(curve)],
+    )
     problem.adapt(problem.start)
     return problem
 
@@ -139,7 +144,7 @@ def coverage(draws: str = "25", *kinds: str) -> None:
     print(f"{'kind':26} noise  free  with truth   linear   each parameter (%)            CPU s: median, most")
     for name in kinds or KINDS:
         data, noise, free = KINDS[name]
-        problem, known = at_truth(data, free, RAMP_HOLD_BACK, noise), Model(data).keys
+        problem, known = at_truth(data, free, RAMP_HOLD_BACK, noise), IndentationModel(data).keys
         clean = problem.predictions[0].curve.force
         inside, spent, drawn = np.zeros(len(free)), [], np.empty((number, clean.size))
         for row in drawn:
@@ -250,7 +255,7 @@ def held_until(data: dict[str, Any], stiffness: float) -> float:
         {"prescribed": "depth"} if math.isinf(stiffness) else {"prescribed": "base", "stiffness": stiffness}
     )
     prediction = Prediction(ForceCurve("a", times, times, times, **kind))
-    model = Model(data)
+    model = IndentationModel(data)
     at = Correction(stiffness=stiffness, adhesion=adhesion_of(model.adhesion))
     return -prediction.contacts(model.config, at).position.end
 
@@ -261,7 +266,7 @@ def sticking(data: dict[str, Any]) -> dict[str, Any]:
     most = float(truth(data, RAMP_HOLD_BACK).max())
     curve = ForceCurve("a", times, depth, np.maximum(depth, 0.0), prescribed="depth")
     prediction = Prediction(curve)
-    bare = prediction.contacts(Model(data).config, Correction())
+    bare = prediction.contacts(IndentationModel(data).config, Correction())
     work = work_for(PULL * most, bare.equilibria)
     return data | {"adhesion": {"model": "jkr", "work": work}}
 
@@ -275,7 +280,7 @@ def instruments(draws: str = "12", adhesion: str = "") -> None:
                 data = body | {"punch": punch}
                 if adhesion:
                     data, keys = sticking(data), (*keys, "adhesion.work")
-                truths = Model(data).keys
+                truths = IndentationModel(data).keys
                 inside, spent, off = [], [], []
                 for draw in range(int(draws)):
                     own = FREE_OF_CURVE[prescribed][draw % 4] or (("contact_point",) if adhesion else ())
@@ -558,7 +563,7 @@ def afm(rng: np.random.Generator) -> Any:
             "a", time[rows], (base - force / stiffness)[rows], force[rows], prescribed=list(words[rows]),
             stiffness=stiffness,
         )  # fmt: skip
-        prediction, config = Prediction(curve), Model(GEL).config
+        prediction, config = Prediction(curve), IndentationModel(GEL).config
         steps, stepped.STEPS = stepped.STEPS, FINE
         prediction.adapt(config, at)
         stepped.STEPS = steps

@@ -5,7 +5,7 @@ A section is named by its class; a line of dashes separates two examples. Togeth
 
 EXAMPLES = {
     "Units": "units: {length: mm, stress: MPa, time: s}",
-    "Grid": """\
+    "GridKeys": """\
 grid: {points: [512, 256], period: [2.0, 1.0]}
 ---
 grid: {points: 512, boundary: isolated, datum: 2.0}
@@ -176,7 +176,7 @@ time: {end: 20.0, step: adaptive, integrator: exponential, tolerance: 1.0e-4}
 ---
 trajectory: {velocity: 0.1}
 time: {end: 400.0, step: adaptive, steady: 1.0e-3}""",
-    "Solver": """\
+    "SolverKeys": """\
 solver: {method: fire, inertia: uniform, tolerance: 1.0e-6, max_iterations: 100000}""",
     "Output": """\
 time: {step: adaptive}

@@ -17,11 +17,12 @@ from key_examples import EXAMPLES
 import gfmdlayer
 from gfmdlayer import figures
 from gfmdlayer.cli import VERBS, command_line
-from gfmdlayer.config import Config, text
+from gfmdlayer.config import Config
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.observables import INDENTATION, OBSERVABLES, TOTALS
 from gfmdlayer.observables.observable import Column
 from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import dimension
 
 if TYPE_CHECKING:

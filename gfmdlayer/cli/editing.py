@@ -150,8 +150,8 @@ def new(options: argparse.Namespace) -> int:
 
 def commented(name: str, like: str) -> str:
     """Return a configuration as YAML with the meaning of every key."""
-    from gfmdlayer.config import text
     from gfmdlayer.config.model import Config
+    from gfmdlayer.validation import text
 
     summary, *parts = TEMPLATES[like]
     values = {"name": name}
@@ -164,7 +164,7 @@ def commented(name: str, like: str) -> str:
 
 def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:
     """Yield the lines of a section, each with the meaning of its key."""
-    from gfmdlayer.config import text
+    from gfmdlayer.validation import text
     from gfmdlayer.validation.fields import meanings
     from gfmdlayer.validation.sections import Section
 
@@ -225,5 +225,5 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):
-            for each in action.choices.values():
-                yield from _actions(each)
+            for parser in action.choices.values():
+                yield from _actions(parser)

@@ -21,7 +21,7 @@ from gfmdlayer.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from gfmdlayer.fitting.indentation.estimates import FitOptions
+    from gfmdlayer.fitting.estimates import FitOptions
 
 _FIT_MATERIAL = """
 data DATA  file with two or three columns; the first must increase
@@ -47,16 +47,18 @@ data DATA  file with two or three columns; the first must increase
 def fit_material(options: argparse.Namespace) -> int:
     """Fit a law to a measured curve: omega, G' and G'', or t and G."""
     from gfmdlayer.body.shifts import WLF
-    from gfmdlayer.fitting import report
+    from gfmdlayer.fitting import material
     from gfmdlayer.fitting.measurement import FitError
 
-    given = [value for value in (options.temperature, options.reference, options.wlf) if value is not None]
-    if len(given) not in (0, 3):
+    temperatures = [
+        value for value in (options.temperature, options.reference, options.wlf) if value is not None
+    ]
+    if len(temperatures) not in (0, 3):
         return refuse("--temperature, --reference and --wlf: give all three or none")
     if not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
     try:
-        summary = report.fit_material(
+        summary = material.fit_material(
             Path(options.data),
             None if options.out is None else Path(options.out),
             law=options.law,
@@ -66,7 +68,7 @@ def fit_material(options: argparse.Namespace) -> int:
             relaxed=options.relaxed_modulus,
             temperature=options.temperature,
             shift=WLF(**dict(zip(("C1", "C2"), options.wlf, strict=True)), reference=options.reference)
-            if given
+            if temperatures
             else None,
             normalise=options.normalise,
             force=options.force,
@@ -115,13 +117,13 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
 @verb(_options_of_indentation, _EXAMPLES_OF_INDENTATION)
 def fit_indentation(options: argparse.Namespace) -> int:
     """Fit moduli, times and thicknesses to measured force curves of an indenter."""
-    from gfmdlayer.fitting.indentation.estimates import FitOptions
+    from gfmdlayer.fitting.estimates import FitOptions
     from gfmdlayer.fitting.measurement import FitError
     from gfmdlayer.study import interrupts, workers
 
     try:
-        given = options.loss, options.profile, options.contact, tuple(options.segments), options.prescribed
-        chosen = FitOptions(*given, *_spring(options.stiffness), options.adhesion)
+        first = options.loss, options.profile, options.contact, tuple(options.segments), options.prescribed
+        chosen = FitOptions(*first, *_spring(options.stiffness), options.adhesion)
         free = _free(options.free)
         if options.each:
             if len(options.model) > 1:
@@ -154,33 +156,33 @@ def _free(keys: list[str]) -> dict[str, list[float] | None] | None:
     """Read KEY or KEY=LOW:HIGH; None without any."""
     from gfmdlayer.fitting.measurement import FitError
 
-    found: dict[str, list[float] | None] = {}
+    bounds_of: dict[str, list[float] | None] = {}
     for text in keys:
         key, equals, bounds = text.partition("=")
         try:
             low, high = map(float, bounds.split(":")) if equals else (0.0, 0.0)
         except ValueError:
             raise FitError(f"--free {text}: must be KEY, or KEY=LOW:HIGH with two numbers") from None
-        found[key] = [low, high] if equals else None
-    return found or None
+        bounds_of[key] = [low, high] if equals else None
+    return bounds_of or None
 
 
 def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int:
-    from gfmdlayer.fitting.indentation import report
-    from gfmdlayer.fitting.indentation.curve import in_si
-    from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
-    from gfmdlayer.fitting.indentation.fit import fit_curves
-    from gfmdlayer.fitting.indentation.problem import Model
-    from gfmdlayer.fitting.indentation.starts import read_model
+    from gfmdlayer.fitting import indentation_report as report
+    from gfmdlayer.fitting.curve_files import entries, read_curve
+    from gfmdlayer.fitting.force_curve import in_si
+    from gfmdlayer.fitting.indentation import fit_curves
+    from gfmdlayer.fitting.problem import IndentationModel
+    from gfmdlayer.fitting.starts import read_model
 
     out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
     report.targets(out, options.force)
     models = {str(path): read_model(path, free) for path in options.model}
-    checked = {path: (Model(data), keys) for path, (data, keys) in models.items()}
-    found = entries([Path(each) for each in options.data])
+    checked = {path: (IndentationModel(data), keys) for path, (data, keys) in models.items()}
+    measured = entries([Path(each) for each in options.data])
     fits = {}
     for path, (model, keys) in checked.items():
-        curves = [read_curve(entry, options.units, in_si(model.config.units), chosen) for entry in found]
+        curves = [read_curve(entry, options.units, in_si(model.config.units), chosen) for entry in measured]
         fits[path] = fit_curves(curves, model, keys, chosen)
     best = min(fits, key=lambda path: fits[path].bic)
     if len(fits) > 1:
@@ -196,7 +198,7 @@ def _prepare() -> None:
 
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
     from gfmdlayer.fitting.force_map import ForceMap
-    from gfmdlayer.fitting.indentation.starts import read_model
+    from gfmdlayer.fitting.starts import read_model
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.study.progress import make_display
 

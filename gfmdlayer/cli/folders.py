@@ -126,21 +126,21 @@ def clean(options: argparse.Namespace) -> int:
 
     folder = Folder(Path(options.directory))
     try:
-        with leftovers(folder) as found:
-            if not found:
+        with leftovers(folder) as files:
+            if not files:
                 print("no unfinished files of killed runs")
                 return COMPLETE
-            size = sum(path.stat().st_size for path in found)
-            print(f"{len(found)} unfinished files of killed runs, {size:,} bytes:")
-            print("\n".join(cut_short(f"  {path.relative_to(folder.path)}" for path in found)))
+            size = sum(path.stat().st_size for path in files)
+            print(f"{len(files)} unfinished files of killed runs, {size:,} bytes:")
+            print("\n".join(cut_short(f"  {path.relative_to(folder.path)}" for path in files)))
             if not options.yes and not sys.stdin.isatty():
                 return refuse("clean: cannot ask without a terminal; --yes removes these files")
             if not options.yes and input("remove them? [y/N] ").strip().lower() not in {"y", "yes"}:
                 print("nothing was removed")
                 return COMPLETE
-            for path in found:
+            for path in files:
                 path.unlink(missing_ok=True)
-            print(f"removed {len(found)} files")
+            print(f"removed {len(files)} files")
     except OSError as error:
         return refuse(f"{error.filename}: cannot be removed ({error.strerror})")
     except (EOFError, KeyboardInterrupt):

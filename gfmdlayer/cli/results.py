@@ -214,7 +214,7 @@ def leak(options: argparse.Namespace) -> int:
     """Print how much a fluid leaks through the gap, from the snapshots of results."""
     from gfmdlayer.figures.field_plots import flow_figure
     from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
-    from gfmdlayer.figures.snapshot_plots import cases_with_snapshots
+    from gfmdlayer.figures.snapshots import cases_with_snapshots
     from gfmdlayer.files.whole import unfinished
     from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.results.reader import open_case, open_results
@@ -238,36 +238,36 @@ def leak(options: argparse.Namespace) -> int:
                 label = title.replace("$", "")
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always", UserWarning)
-                    found = leakage(case, fields=i == 0, **seal)
-                _print(label, found, options.along)
-                for each in caught:
-                    print(f"gfmdlayer: {label}{': ' * bool(label)}{each.message}", file=sys.stderr)
+                    flow = leakage(case, fields=i == 0, **seal)
+                _print(label, flow, options.along)
+                for warning in caught:
+                    print(f"gfmdlayer: {label}{': ' * bool(label)}{warning.message}", file=sys.stderr)
                 if i > 0:
                     continue
                 if options.fields is not None:
                     with unfinished(Path(options.fields), ".h5") as part:
-                        found.to_netcdf(part, engine="h5netcdf")
+                        flow.to_netcdf(part, engine="h5netcdf")
                     print(options.fields)
-                if "fluid_pressure" in found:
-                    save(flow_figure(found, title, style), picture, style)
+                if "fluid_pressure" in flow:
+                    save(flow_figure(flow, title, style), picture, style)
                     print(picture)
     return COMPLETE
 
 
-def _print(title: str, found: Dataset, along: str) -> None:
+def _print(title: str, flow: Dataset, along: str) -> None:
     """Print a line for each snapshot."""
-    columns: dict[str, Any] = {"time": found["snapshot"]}
-    columns |= {name: found[name] for name in _WIDTHS if name in found}
-    columns["error"] = abs(found[f"flow_error_{along}"])
-    columns["imbalance"] = found["flow_imbalance"]
-    if f"throat_points_{along}" in found:
-        columns["throat"] = found[f"throat_points_{along}"]
+    columns: dict[str, Any] = {"time": flow["snapshot"]}
+    columns |= {name: flow[name] for name in _WIDTHS if name in flow}
+    columns["error"] = abs(flow[f"flow_error_{along}"])
+    columns["imbalance"] = flow["flow_imbalance"]
+    if f"throat_points_{along}" in flow:
+        columns["throat"] = flow[f"throat_points_{along}"]
     if title:
         print(title)
     shown = {name: width for name, width in _WIDTHS.items() if name in columns}
     print("  ".join(f"{name:>{width}}" for name, width in shown.items()))
     print("  ".join(f"{_unit(columns, name):>{width}}" for name, width in shown.items()))
-    for i in range(found.sizes["snapshot"]):
+    for i in range(flow.sizes["snapshot"]):
         print("  ".join(f"{float(columns[name][i]):>{width}.4g}" for name, width in shown.items()))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gfmdlayer.cli.terminal import COMPLETE, FAILED, refuse, verb
 
 if TYPE_CHECKING:
-    from gfmdlayer.verification.rows import Check, Outcome
+    from gfmdlayer.verification.rows import Check, CheckResult
 
 _STATUSES = "exit status: 0 every row inside its bound; 1 some row outside; 2 bad input"
 _COLUMNS = "  {:66}{:>14} {:>14} {:>10}"
@@ -35,9 +35,9 @@ def verify(options: argparse.Namespace) -> int:
     from gfmdlayer.verification import verify
     from gfmdlayer.verification.rows import summary
 
-    outcomes: list[tuple[Check, Outcome]] = []
+    outcomes: list[tuple[Check, CheckResult]] = []
 
-    def report(check: Check, outcome: Outcome) -> None:
+    def report(check: Check, outcome: CheckResult) -> None:
         outcomes.append((check, outcome))
         _print(check, outcome)
 
@@ -47,7 +47,7 @@ def verify(options: argparse.Namespace) -> int:
     return COMPLETE if holds else FAILED
 
 
-def _print(check: Check, outcome: Outcome) -> None:
+def _print(check: Check, outcome: CheckResult) -> None:
     from gfmdlayer.verification.rows import row_cells
 
     lines = [check.title]

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from gfmdlayer.body.materials import shifts
 from gfmdlayer.body.solid import WIDEST
 from gfmdlayer.punch.shapes import SHAPES
-from gfmdlayer.validation.problems import Location, Problem, dotted, shown
-from gfmdlayer.validation.sections import files_named
+from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
+from gfmdlayer.validation.sections import files_named, plain
 
 if TYPE_CHECKING:
     from gfmdlayer.validation.sections import Section
@@ -42,29 +42,29 @@ class Geometry:
     points: int = 256  # default of `grid.points`
     on_grid: bool = False  # whether the surface has a periodic grid: a cell, transforms and a contact solver
     # From a `Config` to its contradictions with this geometry, which have a place in the YAML file.
-    problems: Callable[[Any], Iterator[Problem]] = lambda _config: iter(())
+    problems: Callable[[Any], Iterator[Mistake]] = lambda _config: iter(())
     # From a `Config` to whether `Model.problems` need not look at it before the run.
     plainly_possible: Callable[[Any], bool] = lambda _config: False
 
 
-def _problems_in_a_cell(config: Any) -> Iterator[Problem]:
+def _problems_in_a_cell(config: Any) -> Iterator[Mistake]:
     """Yield why a punch does not fit into the periodic cell."""
     if config.grid.extent is not None:
         message = "only for geometry: axisymmetric; remove it or change the geometry"
-        yield Problem(("grid", "extent"), message, _GEOMETRY)
+        yield Mistake(("grid", "extent"), message, _GEOMETRY)
     fit = config.punch.misfits(config.grid.cell)
     yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
     if config.grid.isolated:
         yield from _problems_without_images(config)
     elif config.grid.datum is not None:
         message = "only for boundary: isolated; remove it or set grid.boundary: isolated"
-        yield Problem(("grid", "datum"), message, _BOUNDARY)
+        yield Mistake(("grid", "datum"), message, _BOUNDARY)
 
 
-def _problems_without_images(config: Any) -> Iterator[Problem]:
+def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
     if config.trajectory.control == "load":
-        yield Problem(("trajectory", "control"), _LOAD, _BOUNDARY)
+        yield Mistake(("trajectory", "control"), _LOAD, _BOUNDARY)
     track = "not available with grid.boundary: isolated, a track is longer than the reach; remove it"
     cell = "describes a cell, which an isolated contact does not have; remove it"
     unused: Sequence[tuple[Any, Location, Sequence[str], str]] = (
@@ -75,12 +75,12 @@ def _problems_without_images(config: Any) -> Iterator[Problem]:
     for section, at, keys, message in unused:
         for key in keys:
             if getattr(section, key) is not None:
-                yield Problem((*at, key), message, _BOUNDARY)
+                yield Mistake((*at, key), message, _BOUNDARY)
     found = {at: shift for at, shift in shifts(config).items() if shift is not None}
     for at, shift in found.items():
         if shift != next(iter(found.values())):
             message = "differs from that of other materials; must be the same with grid.boundary: isolated"
-            yield Problem((*at, "shift"), message, (*map(dotted, found), *_BOUNDARY))
+            yield Mistake((*at, "shift"), message, (*map(dotted, found), *_BOUNDARY))
             break
     if config.solid.isolated:  # other bodies are asked for their stiffness before the run
         yield from (problem.within((), *_BOUNDARY) for problem in config.solid.problems_isolated())
@@ -89,26 +89,26 @@ def _problems_without_images(config: Any) -> Iterator[Problem]:
     if (face := config.punch.face(period)) > WIDEST:
         least = max(period) * face / WIDEST
         message = f"the face is {face:.3g} periods wide, and a contact without images at most {WIDEST:g}"
-        yield Problem(("punch", "width"), f"{message}; a period of {least:.3g} would do", _BOUNDARY)
+        yield Mistake(("punch", "width"), f"{message}; a period of {least:.3g} would do", _BOUNDARY)
 
 
-def _problems_of_the_datum(config: Any) -> Iterator[Problem]:
+def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:
     """Require the distance from which the depth of a line on a halfspace is counted, and refuse others."""
     datum, period = config.grid.datum, config.grid.period[0]
     others = (*_BOUNDARY, "grid.points", "halfspace", "layers", "layer")
     if len(config.grid.points) == 2 or math.isfinite(config.solid.rigid_below):
         if datum is not None:
             message = "only for a line on a halfspace, whose depth has no other origin; remove it"
-            yield Problem(("grid", "datum"), message, others)
+            yield Mistake(("grid", "datum"), message, others)
     elif datum is None:
         message = (
             "missing; a line on a halfspace has no depth of its own: must be the distance at which the "
             f"surface counts as at rest, at least the period, {period!r}"
         )
-        yield Problem(("grid", "datum"), message, others)
+        yield Mistake(("grid", "datum"), message, others)
     elif datum < period:
         message = f"got {datum!r}; must be at least the period, {period!r}"
-        yield Problem(("grid", "datum"), message, ("grid.period",))
+        yield Mistake(("grid", "datum"), message, ("grid.period",))
 
 
 def _plainly_possible_in_a_cell(config: Any) -> bool:
@@ -126,58 +126,58 @@ def _plainly_possible_in_a_cell(config: Any) -> bool:
     return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
 
 
-def _problems_of_revolution(config: Any) -> Iterator[Problem]:
+def _problems_of_revolution(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic cell, and punches that are no convex body of revolution."""
     if len(config.grid.points) > 1:
         message = f"got {shown(config.grid.points)}; must be one number with geometry: axisymmetric"
-        yield Problem(("grid", "points"), message, _GEOMETRY)
+        yield Mistake(("grid", "points"), message, _GEOMETRY)
     for name, keys in _PERIODIC.items():  # values, other than the defaults, that describe something periodic
         section: Section = getattr(config, name)
-        plain = type(section)()
+        default = type(section)()
         for key in keys or type(section).model_fields:
             value = getattr(section, key, None)
-            if value is not None and value != getattr(plain, key):
-                message = f"got {shown(value)}, not used with grid.geometry: axisymmetric; remove it"
-                yield Problem((name, key), message, _GEOMETRY)
+            if value is not None and value != getattr(default, key):
+                message = f"got {shown(plain(value))}, not used with grid.geometry: axisymmetric; remove it"
+                yield Mistake((name, key), message, _GEOMETRY)
     if config.temperature is not None:
         message = "not available with grid.geometry: axisymmetric; remove it"
-        yield Problem(("temperature",), message, _GEOMETRY)
+        yield Mistake(("temperature",), message, _GEOMETRY)
     if config.interfaces:
         message = (
             "not available with grid.geometry: axisymmetric, which has the hard wall only; remove it "
             "(gfmdlayer.indent has a work of adhesion)"
         )
-        yield Problem(("interface",), message, _GEOMETRY)
+        yield Mistake(("interface",), message, _GEOMETRY)
     elif config.hardness is not None:
         allowed = "remove it, or take periodic"
         message = f"its hardness is not available with grid.geometry: axisymmetric; {allowed}"
-        yield Problem(("interface",), message, _GEOMETRY)
+        yield Mistake(("interface",), message, _GEOMETRY)
     if config.trajectory.control == "load":
-        yield Problem(("trajectory", "control"), _LOAD, _GEOMETRY)
+        yield Mistake(("trajectory", "control"), _LOAD, _GEOMETRY)
     if config.time.tolerance is not None and config.time.tolerance < FINEST:
         message = f"got {config.time.tolerance!r}; must be >= {FINEST:g} with grid.geometry: axisymmetric"
-        yield Problem(("time", "tolerance"), message, _GEOMETRY)
+        yield Mistake(("time", "tolerance"), message, _GEOMETRY)
     if config.output.snapshots == "every":
         message = "got 'every'; must be a list of times with grid.geometry: axisymmetric"
-        yield Problem(("output", "snapshots"), message, _GEOMETRY)
+        yield Mistake(("output", "snapshots"), message, _GEOMETRY)
     yield from _of_the_punch(config.punch)
     yield from (problem.within((), *_GEOMETRY) for problem in config.solid.problems_isolated())
     depth, thickness = config.trajectory.depth, config.solid.rigid_below
     if depth is not None and depth >= thickness:
         message = f"got {depth!r}, beyond the rigid base; must be below the thickness above it, {thickness!r}"
-        yield Problem(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
+        yield Mistake(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
 
 
-def _of_the_punch(punch: Any) -> Iterator[Problem]:
+def _of_the_punch(punch: Any) -> Iterator[Mistake]:
     if not hasattr(punch, "revolution"):
         allowed = ", ".join(word for word, shape in SHAPES.items() if hasattr(shape, "revolution"))
         message = f"got {punch.shape!r}, which is no convex body of revolution; must be one of {allowed}"
-        yield Problem(("punch", "shape"), message, _GEOMETRY, chooses=True)
+        yield Mistake(("punch", "shape"), message, _GEOMETRY, chooses=True)
         return
     for key, value in vars(punch).items():
         if isinstance(value, tuple):
             message = f"got {shown(value)}; must be one number for a body of revolution"
-            yield Problem(("punch", key), message, _GEOMETRY)
+            yield Mistake(("punch", key), message, _GEOMETRY)
 
 
 GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default

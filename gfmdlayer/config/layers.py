@@ -14,7 +14,7 @@ from pydantic_core import CoreSchema, core_schema
 from gfmdlayer.body.laws import LAWS
 from gfmdlayer.body.materials import Law, Material, Zener
 from gfmdlayer.body.solid import Solid
-from gfmdlayer.config import text
+from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import Extended, File, MustBe, given, strict
 from gfmdlayer.validation.problems import InconsistentError, Location, Problem
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained

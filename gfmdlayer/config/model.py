@@ -10,8 +10,7 @@ import copy
 import hashlib
 import json
 import math
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -22,12 +21,11 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.solid import Solid
-from gfmdlayer.config import sections, sweeps, text
+from gfmdlayer.config import sections, sweeps
 from gfmdlayer.config.bodies import BODY, Counterbody, TwoBodies, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayers, layered, problems_of_the_body
 from gfmdlayer.config.sections import Output, problems_of_the_inside
-from gfmdlayer.config.sweeps import unswept
 from gfmdlayer.config.trajectory import (
     Trajectory,
     ending_with,
@@ -36,20 +34,20 @@ from gfmdlayer.config.trajectory import (
 )
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
 from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
-from gfmdlayer.interface.interface import Friction, Interface
+from gfmdlayer.interface.interface import FrictionLaw, Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
+from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import (
     ConfigError,
     InconsistentError,
     Location,
-    Problem,
+    Mistake,
     dotted,
-    dotted_key,
-    without_last_places,
+    set_aside,
 )
 from gfmdlayer.validation.sections import (
     OneOf,
@@ -62,113 +60,28 @@ from gfmdlayer.validation.sections import (
 )
 from gfmdlayer.validation.units import Units
 
-# All errors of a configuration at once, also those that others hide.
-#
-# A rejected value is removed and the rest is validated again, so that hidden errors are in the same report;
-# errors that depend on a removed value are left out.
-
-# Young's moduli, and the shear moduli that a configuration takes instead.
-_YOUNGS = {
-    "E0": ("G0",), "Einf": ("Ginf",), "E": ("G", "shear_modulus"), "youngs_modulus": ("shear_modulus",),
-}  # fmt: skip
-
-
-def with_hidden(data: dict[str, Any], found: list[Problem]) -> list[Problem]:
-    """Return the problems `found` in plain data and the problems that they hide."""
-    rest = copy.deepcopy(data)
-    new = found
-    aside: list[str] = []
-    while new:
-        removed = [_set_aside(rest, p.location[:-1] if p.chooses else p.location) for p in new]
-        aside += removed + [unswept(key) for key in removed]
-        new = [p for p in problems({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
-        found = found + new
-    return [_as_written(data, _in_shear_moduli(data, problem)) for problem in found]
-
-
-def _set_aside(data: Any, location: Location) -> str:
-    """Remove the value at a location, or the section that should hold it; return its dotted key."""
-    path = without_last_places(location)
-    holder = data
-    for depth, part in enumerate(path):
-        if isinstance(part, int) and isinstance(holder, list) and part < len(holder):
-            holder = holder[part]
-            continue
-        if not isinstance(holder, dict) or part not in holder:
-            return _set_aside(data, path[:depth]) if depth else str(part)
-        if depth == len(path) - 1 or not isinstance(holder[part], dict | list):
-            del holder[part]
-            return dotted_key(path[: depth + 1])
-        holder = holder[part]
-    return ""
-
-
-def _rests_on(problem: Problem, key: str) -> bool:
-    in_a_list = any(part.isdigit() for part in problem.key.split("."))  # and known only with the list
-    own = problem.key if problem.at_key and not in_a_list else unswept(problem.key)
-    names = (own, problem.key, *problem.others)
-    return any(f"{name}.".startswith(f"{key}.") or f"{key}.".startswith(f"{name}.") for name in names)
-
-
-def _as_written(data: Any, problem: Problem) -> Problem:
-    """Return the problem without the index that pydantic counts where the user wrote a single value."""
-    *path, last = problem.location
-    if isinstance(last, int) and not isinstance(_value(data, path), list):
-        return replace(problem, location=tuple(path))
-    return problem
-
-
-def _value(data: Any, location: Iterable[str | int]) -> Any:
-    """Return the value at a location of plain data; None where there is none."""
-    for part in location:
-        if isinstance(data, dict):
-            data = data.get(part)
-        elif isinstance(data, list) and isinstance(part, int) and part < len(data):
-            data = data[part]
-        else:
-            return None
-    return data
-
-
-def _in_shear_moduli(data: Any, problem: Problem) -> Problem:
-    """Answer a Young's modulus with the shear modulus, by the Poisson's ratio of its layer or halfspace."""
-    names = _YOUNGS.get(str(problem.location[-1]))
-    if names is None or not problem.at_key:
-        return problem
-    unknown, allowed = problem.message.split("; ")[:2]
-    shear = next((name for name in names if re.search(rf"\b{name}\b", allowed)), None)
-    hint = "moduli are shear moduli, G = E/(2 (1 + nu))"
-    above = (_value(data, problem.location[:depth]) for depth in range(len(problem.location) - 1, 0, -1))
-    poisson = next((held["poisson"] for held in above if isinstance(held, dict) and "poisson" in held), 0.5)
-    modulus = _value(data, problem.location)
-    known = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (modulus, poisson))
-    if known and poisson > -1 and shear is not None:
-        hint += f"; did you mean {shear}: {modulus / (2 * (1 + poisson)):.6g}, for poisson {poisson:g}?"
-    return replace(problem, message=f"{unknown}; {allowed}; {hint}")
-
-
 # Whether an interface law goes with the rest of a configuration.
 
 
-def problems_of_the_interface(config: Any) -> Iterator[Problem]:
+def problems_of_the_interface(config: Any) -> Iterator[Mistake]:
     """Yield contradictions between the interface laws of a `Config` and its other sections."""
     if config.interface == ():
-        yield Problem(("interface",), "got an empty list; must have at least one {law: ...}")
+        yield Mistake(("interface",), "got an empty list; must have at least one {law: ...}")
     yield from _problems_of_the_hardness(config)
     if not config.interfaces:
         return
-    for at, law in sections_in(config):
+    for at, law in config.interface_laws.items():
         if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
-            yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
+            yield Mistake((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
     if config.solver.method != AUTO and not (config.friction or SOLVERS[config.solver.method].adhesive):
         able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
         message = f"got {config.solver.method}, which cannot solve for attraction; must be {able}"
-        yield Problem(("solver", "method"), message, ("interface",))
+        yield Mistake(("solver", "method"), message, ("interface",))
 
 
-def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
+def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
     """Yield contradictions between a hardness and the other sections of a `Config`."""
-    laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Interface))
+    laws = config.interface_laws.items()
     at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
     if at is None:
         return
@@ -177,7 +90,7 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
     if method not in {AUTO, *able} and (SOLVERS[method].adhesive or not attracts):
         reason = "is slow" if SOLVERS[method].yields else "cannot solve"
         message = f"got {method}, which {reason} for a hardness; must be {' or '.join(able)}"
-        yield Problem(("solver", "method"), message, (dotted((*at, "hardness")),))
+        yield Mistake(("solver", "method"), message, (dotted((*at, "hardness")),))
     control = config.trajectory.control
     given, area = getattr(config.trajectory, control), math.prod(config.grid.period)
     most = config.hardness * (area if control == "force" else 1.0)
@@ -185,7 +98,7 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
         key = dotted((*at, "hardness"))
         limit = f"{most:.6g}, the {key} over the whole cell: more has no equilibrium"
         message = f"got {given!r}; must be below {limit}"
-        yield Problem(("trajectory", control), message, (key, "grid.period"))
+        yield Mistake(("trajectory", control), message, (key, "grid.period"))
 
 
 Name = Annotated[
@@ -221,7 +134,7 @@ class Config(Section):
     """name of the results folder"""
     units: Annotated[Units | None, given] = None
     """labels of files and plots: {length: m, stress: Pa, time: s}"""
-    grid: sections.Grid = Field(default_factory=sections.Grid)
+    grid: sections.GridKeys = Field(default_factory=sections.GridKeys)
     """the periodic cell and its points"""
     body: Annotated[Solid | None, BODY, given] = None
     """the body; layers, by the three keys below, or {file: mine.py, ...}"""
@@ -247,7 +160,7 @@ class Config(Section):
     """prescribed depth, load or force over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
-    solver: sections.Solver = Field(default_factory=sections.Solver)
+    solver: sections.SolverKeys = Field(default_factory=sections.SolverKeys)
     """solver of the contact problem in each step"""
     output: Output = Field(default_factory=Output)
     """output besides the curves"""
@@ -263,16 +176,13 @@ class Config(Section):
     def _sound(self) -> Self:
         found = contradictions(self)
         if self.sweep:
-            given = self._given()
             keys = sweeps.sweepable(self)
-            found = sweeps.conflicts(
-                self.sweep, keys, list(found), lambda values: problems(sweeps.assigned(given, values))
-            )
+            found = sweeps.conflicts(self.sweep, keys, list(found), self._problems_with)
         if listed := list(found):
             raise InconsistentError(listed)
         return self
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between sections."""
         yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
         moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
@@ -289,37 +199,37 @@ class Config(Section):
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
 
-    def _problems_of_the_output(self) -> Iterator[Problem]:
+    def _problems_of_the_output(self) -> Iterator[Mistake]:
         time, output = self.time, self.output
         yield from (each.within(("output",), "time.end") for each in output.problems_until(time.end))
         if output.times is not None and time.step != "adaptive":
             message = "fixed steps write every row; remove it or set time.step: adaptive"
-            yield Problem(("output", "times"), message, ("time.step",))
+            yield Mistake(("output", "times"), message, ("time.step",))
         for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
-                yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
+                yield Mistake(("output", "snapshots", i), message, ("time.step", "time.integrator"))
         if self.geometry.on_grid:
             yield from problems_of_the_inside(self)
             yield from self._problems_of_transport()
 
-    def _problems_of_transport(self) -> Iterator[Problem]:
+    def _problems_of_transport(self) -> Iterator[Mistake]:
         output = self.output
         if len(self.grid.points) == 1:
             for i, name in enumerate(output.observables or ()):
                 message = f"got {name!r}, which a line does not have; remove it"
                 also = " (output.leakage has the flow of a line in closed form)" * (name != "spot_radius")
-                yield Problem(("output", "observables", i), message + also, ("grid.points",))
+                yield Mistake(("output", "observables", i), message + also, ("grid.points",))
         if output.stiffness is None:
             return
         at = ("output", "stiffness")
         if self.trajectory.moves:
-            yield Problem(at, "only for a punch that does not move along x; remove it", ("trajectory",))
+            yield Mistake(at, "only for a punch that does not move along x; remove it", ("trajectory",))
         if self.interfaces:
             message = "only for the hard wall; attraction adds a stiffness of its own; remove it"
-            yield Problem(at, message, ("interface",))
+            yield Mistake(at, message, ("interface",))
         relaxing = {law.shift for law in self.laws if not getattr(law, "elastic", False)}
         if self.temperature is not None and len(relaxing) > 1:
-            yield Problem(at, "only for materials with one common shift; remove it", ("temperature",))
+            yield Mistake(at, "only for materials with one common shift; remove it", ("temperature",))
 
     @property
     def plainly_possible(self) -> bool:
@@ -357,22 +267,24 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract; they add. Empty for the hard wall."""
-        return tuple(law for law in self._every_law if law.attracts)
+        return tuple(law for law in self.interface_laws.values() if law.attracts)
 
     @property
-    def friction(self) -> tuple[Friction, ...]:
+    def friction(self) -> tuple[FrictionLaw, ...]:
         """The laws of friction, of which the smaller traction counts; empty without friction."""
-        return tuple(law for law in self._every_law if isinstance(law, Friction))
+        return tuple(law for law in self.interface_laws.values() if isinstance(law, FrictionLaw))
 
     @property
-    def _every_law(self) -> tuple[Interface, ...]:
-        given = self.interface
-        return given if isinstance(given, tuple) else () if given is None else (given,)
+    def interface_laws(self) -> dict[Location, Interface]:
+        """The laws of the interface by their locations."""
+        if isinstance(self.interface, tuple):
+            return {("interface", i): law for i, law in enumerate(self.interface)}
+        return {} if self.interface is None else {("interface",): self.interface}
 
     @property
     def hardness(self) -> float | None:
         """The pressure at which the surfaces yield, the least one given; None where they do not."""
-        given = (getattr(law, "hardness", None) for law in self._every_law)
+        given = (getattr(law, "hardness", None) for law in self.interface_laws.values())
         return min((each for each in given if each is not None), default=None)
 
     @property
@@ -412,16 +324,36 @@ class Config(Section):
 
     def with_values(self, values: Mapping[str, object]) -> Config:
         """Return the case in which the dotted keys have these values; it has no sweep."""
-        data = sweeps.assigned(self._given(), plain(values))
+        if not values and not self.sweep:
+            return self
+        data = self._case_data(plain(values))
         try:
             return Config.model_validate(data)
         except ValidationError as error:
             raise ConfigError(map(str, self.all_problems(plain(data), error))) from None
 
+    def _case_data(self, values: Mapping[str, object]) -> dict[str, Any]:
+        """Return the given keys of a case; sections without a changed key are not validated again."""
+        given = {key: getattr(self, key) for key in self.model_fields_set - {"sweep"}}
+        for head in {key.partition(".")[0] for key in values} & given.keys():
+            given[head] = plain(given[head])
+        return sweeps.assigned(given, values)
+
+    def _problems_with(self, values: Mapping[str, object]) -> list[Mistake]:
+        return problems(self._case_data(values))
+
     @classmethod
-    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Problem]:
-        """Return the problems that pydantic found in plain data, and those that they hide."""
-        return with_hidden(data, explain(error))
+    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Mistake]:
+        """Return the problems that pydantic found in plain data, and the contradictions that they hide.
+
+        Contradictions between sections are looked for only where all values are allowed: without the refused
+        values the data are validated once more.
+        """
+        found = explain(error)
+        rest = copy.deepcopy(data)
+        aside = [set_aside(rest, p.location[:-1] if p.chooses else p.location) for p in found]
+        hidden = (p for p in problems({"name": "unnamed"} | rest) if not sweeps.rests_on(p, aside))
+        return [_as_written(data, problem) for problem in (*found, *hidden)]
 
     def dump(self) -> str:
         """Return the configuration as YAML with every default written out, which `load` reads back.
@@ -443,10 +375,6 @@ class Config(Section):
             if head == "interface" and "method" not in self.solver.model_fields_set:
                 data["solver"].pop("method", None)
         return text.written(data)
-
-    def _given(self) -> dict[str, Any]:
-        """Return the given values, without defaults, which follow from other values."""
-        return self.model_dump(exclude_unset=True, exclude={"sweep"})
 
 
 def digest(config: Config) -> str:
@@ -485,7 +413,7 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-def problems(data: Mapping[str, Any]) -> list[Problem]:
+def problems(data: Mapping[str, Any]) -> list[Mistake]:
     """Return the problems of plain nested data as a configuration."""
     try:
         Config.model_validate(data)
@@ -494,7 +422,7 @@ def problems(data: Mapping[str, Any]) -> list[Problem]:
     return []
 
 
-def explain(error: ValidationError) -> list[Problem]:
+def explain(error: ValidationError) -> list[Mistake]:
     """Return the errors that pydantic found in a configuration, as problems."""
     return explained(error, Config, _known_keys())
 
@@ -502,3 +430,16 @@ def explain(error: ValidationError) -> list[Problem]:
 @cache
 def _known_keys() -> list[str]:
     return ["name", *sweeps.leaves(Config(name="defaults"))]
+
+
+def _as_written(data: Any, problem: Mistake) -> Mistake:
+    """Return the problem without the index that pydantic counts where the user wrote a single value."""
+    *path, last = problem.location
+    for part in path:
+        try:
+            data = data[part]
+        except (TypeError, KeyError, IndexError):
+            data = None
+    if isinstance(last, int) and not isinstance(data, list):
+        return replace(problem, location=tuple(path))
+    return problem

@@ -11,20 +11,20 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
-from gfmdlayer.config.text import Document, Place
+from gfmdlayer.validation import text
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
-    Problem,
+    Mistake,
     colon_without_space,
     dotted_key,
     location_of_key,
     not_in_list,
 )
 from gfmdlayer.validation.sections import keys_of_files, plain
+from gfmdlayer.validation.text import Document, Place
 
 _FILES = frozenset(keys_of_files(Config))
 _PYTHON = Place("")  # objects of Python have no place but their key
@@ -72,7 +72,8 @@ def load(
     document = _document(path) if content is None else text.read(content, str(path))
     if document.data is None or not isinstance(document.data, dict):
         raise _error(document.problems)
-    return _validated(document, overrides, Path(path).absolute().parent, inspect)
+    config = _validated(document, overrides, Path(path).absolute().parent)
+    return _inspected(config, document, inspect)
 
 
 def from_python(
@@ -81,11 +82,11 @@ def from_python(
     inspect: Inspection | None = None,
 ) -> Config:
     """Return the configuration from Python data; dotted `values` replace keys, None removes one."""
-    # File names are relative to the working directory.
-    if isinstance(given, Config):
-        given = given.model_dump(exclude_unset=True)
     document = Document(data=plain(given), values={(): _PYTHON})
-    return _validated(document, values or {}, Path.cwd(), inspect)
+    if isinstance(given, Config) and not values:
+        return _inspected(given, document, inspect)
+    config = _validated(document, values or {}, Path.cwd())  # where file names begin
+    return _inspected(config, document, inspect)
 
 
 def gives(config: str | Path | Mapping[str, Any] | Config, key: str) -> bool:
@@ -98,12 +99,7 @@ def gives(config: str | Path | Mapping[str, Any] | Config, key: str) -> bool:
     return True
 
 
-def _validated(
-    document: Document,
-    overrides: Iterable[str] | Mapping[str, object],
-    folder: Path,
-    inspect: Inspection | None,
-) -> Config:
+def _validated(document: Document, overrides: Iterable[str] | Mapping[str, object], folder: Path) -> Config:
     """Return the configuration in a document, which is a mapping, or raise all of its problems."""
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
@@ -122,12 +118,17 @@ def _validated(
         unreadable = {place for place, _ in document.problems if place.line}
         found = [(_place(document, p), str(p)) for p in Config.all_problems(document.data, error)]
         raise _error(document.problems + [each for each in found if each[0] not in unreadable]) from None
-    if not document.problems and inspect is not None:
-        for key, message in inspect(config):
-            problem = Problem(location_of(config.sweep, key), message)
-            document.problems.append((_place(document, problem), str(problem)))
     if document.problems:
         raise _error(document.problems)
+    return config
+
+
+def _inspected(config: Config, document: Document, inspect: Inspection | None) -> Config:
+    """Return a configuration whose numbers and files are checked, or raise all problems at their places."""
+    keys = () if inspect is None else inspect(config)
+    found = [Mistake(location_of(config.sweep, key), message) for key, message in keys]
+    if found:
+        raise _error((_place(document, mistake), str(mistake)) for mistake in found)
     return config
 
 
@@ -223,7 +224,7 @@ def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
     return str(folder / data) if meant in _FILES else data
 
 
-def _place(document: Document, problem: Problem) -> Place:
+def _place(document: Document, problem: Mistake) -> Place:
     """Return the place of the value or key, or of the section where it is missing."""
     if problem.at_key and problem.location in document.keys:
         return document.keys[problem.location]

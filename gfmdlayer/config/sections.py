@@ -42,7 +42,7 @@ from gfmdlayer.validation.fields import (
     sequence,
     strict,
 )
-from gfmdlayer.validation.problems import Problem, not_increasing, shown
+from gfmdlayer.validation.problems import Mistake, not_increasing, shown
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ Step = Annotated[
 ]
 
 
-class Grid(Section):
+class GridKeys(Section):
     """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly); or an isolated contact."""
 
     geometry: Annotated[Annotated[str, Word(*GEOMETRIES)] | None, given] = None
@@ -104,7 +104,7 @@ class Grid(Section):
         """The cell, for shapes of the punch."""
         return Cell(self.points, self.period)
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse periods that do not match the directions, and more points than FFTW counts."""
         if len(self.period) != len(self.points):
             message = (
@@ -112,10 +112,10 @@ class Grid(Section):
                 f"direction{'s' * (len(self.points) > 1)} of points; must be one number, or one for each "
                 "direction"
             )
-            yield Problem(("period",), message, ("points",))
+            yield Mistake(("period",), message, ("points",))
         if math.prod(self.points) >= MANY:
             total = f"{math.prod(self.points):.3g} points"
-            yield Problem(("points",), f"got {shown(self.points)}, {total}; must be fewer than 2^31 in all")
+            yield Mistake(("points",), f"got {shown(self.points)}, {total}; must be fewer than 2^31 in all")
 
 
 class Time(Section):
@@ -132,22 +132,22 @@ class Time(Section):
     steady: Optional = None
     """moving punch: the run ends below this relative change"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse an integrator that cannot adapt its steps, and steps that do not end at `end`."""
         if self.step == "adaptive":
             if self.integrator == "backward_euler":
                 allowed = "must be exponential, which estimates its error"
                 message = f"got backward_euler with step: adaptive; {allowed}"
-                yield Problem(("integrator",), message, ("step",))
+                yield Mistake(("integrator",), message, ("step",))
             return
         if self.tolerance is not None:
             message = "only for adaptive steps; remove it or set time.step: adaptive"
-            yield Problem(("tolerance",), message, ("step",))
+            yield Mistake(("tolerance",), message, ("step",))
         if self.step > self.end:
             message = f"got {self.step!r}, beyond time.end = {self.end!r}; must be a number <= time.end"
-            yield Problem(("step",), message, ("end",))
+            yield Mistake(("step",), message, ("end",))
         elif message := self.misses(self.end):
-            yield Problem(("end",), message, ("step", "integrator"))
+            yield Mistake(("end",), message, ("step", "integrator"))
 
     def misses(self, time: float) -> str:
         """Return a message if no step ends at a time; backward Euler's steps are equal, as in the paper."""
@@ -157,7 +157,7 @@ class Time(Section):
         return f"got {time!r}; {allowed}"
 
 
-class Solver(Section):
+class SolverKeys(Section):
     """Solver of the contact problem of each step; `inertia` is for fire only."""
 
     method: Annotated[str, Word(AUTO, *SOLVERS)] = AUTO
@@ -171,11 +171,11 @@ class Solver(Section):
     max_iterations: Count = 20000
     """a case fails after this many iterations in one step"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Reject an inertia for solvers without one."""
         if self.inertia is not None and self.method != "fire":
             message = "only for method: fire; remove it or set method: fire"
-            yield Problem(("inertia",), message, ("method",))
+            yield Mistake(("inertia",), message, ("method",))
 
 
 def whole_steps(time: float, step: float) -> bool:
@@ -219,7 +219,7 @@ class Histogram(Section):
     min: Optional = None
     """scale: log: start of the first bin: pressure or length"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Reject a start that does not fit the scale or the end."""
         wrong = ""
         if self.scale == "linear" and self.min is not None:
@@ -229,7 +229,7 @@ class Histogram(Section):
         elif self.min is not None and self.min >= self.max:
             wrong = f"got {self.min!r}; must be a number > 0 and < max = {self.max!r}"
         if wrong:
-            yield Problem(("min",), wrong, ("scale", "max"))
+            yield Mistake(("min",), wrong, ("scale", "max"))
 
 
 class Histograms(Section):
@@ -285,11 +285,11 @@ class Conductance(Section):
     every: Count = 1
     """accepted steps from one resistance to the next"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse two perfect conductors without a film."""
         if all(side.resistivity == 0 and not side.films for side in (self.body, self.punch)):
             message = "two perfect conductors have no resistance; give body or punch a resistivity or a film"
-            yield Problem(("body",), message, ("punch",))
+            yield Mistake(("body",), message, ("punch",))
 
 
 class Stiffness(Section):
@@ -327,12 +327,12 @@ class Inside(Section):
     every: Annotated[Count | None, given] = None
     """columns of the largest stresses, in every n-th row; default: none"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Require one of depths and points, and numbers that increase."""
         if (self.depths is None) == (self.points is None):
             given = self.depths is not None
             wrong = "given beside points; remove one" if given else "missing; give depths or points"
-            yield Problem(("depths",), wrong, ("points",))
+            yield Mistake(("depths",), wrong, ("points",))
         for key, values in (("depths", self.depths), ("times", self.times)):
             yield from not_increasing((key,), values or (), key, key)
 
@@ -379,33 +379,33 @@ class Output(Section):
         """The times of the snapshots that a run must land on."""
         return () if self.snapshots == "every" else self.snapshots
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse times or frequencies that do not increase, and observables named twice."""
         for i, name in enumerate(names := self.observables or ()):
             if name in names[:i]:
-                yield Problem(("observables", i), f"got {name!r} twice; name it once", ("observables",))
+                yield Mistake(("observables", i), f"got {name!r} twice; name it once", ("observables",))
         frequencies = () if self.stiffness is None else self.stiffness.frequencies
         yield from not_increasing(("stiffness", "frequencies"), frequencies, "frequencies", "stiffness")
         for key, times in (("snapshots", self.snapshots), ("times", self.times)):
             yield from not_increasing((key,), times if isinstance(times, tuple) else (), "times", key)
 
-    def problems_until(self, end: float) -> Iterator[Problem]:
+    def problems_until(self, end: float) -> Iterator[Mistake]:
         """Refuse times past the end of the run, and too many rows."""
         for key, times in (("snapshots", self.snapshots), ("times", self.times)):
             for i, time in enumerate(times if isinstance(times, tuple) else ()):
                 if time > end:
                     message = f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
-                    yield Problem((key, i), message)
+                    yield Mistake((key, i), message)
         if isinstance(self.times, float) and not 0 < self.times <= end:
             message = f"got a spacing of {self.times!r}; must be a number > 0 and <= time.end = {end!r}"
-            yield Problem(("times",), message)
+            yield Mistake(("times",), message)
         elif isinstance(self.times, float) and end / self.times > MOST_ROWS:
             rows = f"{end / self.times:.3g} rows"
             message = f"got {self.times!r}, which gives {rows}; must be >= {end / MOST_ROWS!r}"
-            yield Problem(("times",), message)
+            yield Mistake(("times",), message)
 
 
-def problems_of_the_inside(config: Any) -> Iterator[Problem]:
+def problems_of_the_inside(config: Any) -> Iterator[Mistake]:
     """Refuse fields below the surface where they are not known, depths below the body, and other times."""
     given: Inside | None = config.output.inside
     if given is None:
@@ -414,25 +414,25 @@ def problems_of_the_inside(config: Any) -> Iterator[Problem]:
     if not isinstance(config.solid, Layers):
         other = "two deformable bodies" if config.counterbody is not None else f"kind: {config.body.kind}"
         message = f"not available with {other}; must be layers under a rigid punch"
-        yield Problem(at, message, ("body", "counterbody"))
+        yield Mistake(at, message, ("body", "counterbody"))
         return
     if config.grid.isolated:
         message = "not available with boundary: isolated, which gives the surface within its reach; remove it"
-        yield Problem(at, message, ("grid.boundary",))
+        yield Mistake(at, message, ("grid.boundary",))
     if config.friction:
         message = "not available with friction, whose shear traction acts on the surface; remove it"
-        yield Problem(at, message, ("interface",))
+        yield Mistake(at, message, ("interface",))
     layers = thicknesses(config.solid)
     if given.depths is not None and (found := beyond(layers, given.depths)) is not None:
         i, whole = found
         message = f"got {given.depths[i]!r}; must be at most {whole:g}, the thickness of the body"
-        yield Problem((*at, "depths", i), message, ("layer.thickness", "layers", "halfspace"))
+        yield Mistake((*at, "depths", i), message, ("layer.thickness", "layers", "halfspace"))
     snapshots = config.output.snapshots
     if not snapshots and given.every is None:
         message = "there is no snapshot with fields; set output.snapshots, or every for columns"
-        yield Problem(at, message, ("output.snapshots",))
+        yield Mistake(at, message, ("output.snapshots",))
     for i, time in enumerate(given.times or ()):
         known = config.output.snapshot_times
         if not any(math.isclose(time, each, rel_tol=1e-9) for each in known):
             message = f"got {time!r}; must be one of output.snapshots"
-            yield Problem((*at, "times", i), message, ("output.snapshots",))
+            yield Mistake((*at, "times", i), message, ("output.snapshots",))

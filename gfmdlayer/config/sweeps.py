@@ -12,12 +12,13 @@ beside it.  Samples are those of scipy.stats.qmc; scipy is imported only where t
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from itertools import chain, product
 from typing import Annotated, Any
 
@@ -41,10 +42,11 @@ from gfmdlayer.validation.fields import MANY, Count, Finite, MustBe, Seed, Word,
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
-    Problem,
+    Mistake,
     dotted_key,
     location_of_key,
     not_in_list,
+    set_aside,
     shown,
     unknown_key,
 )
@@ -337,47 +339,70 @@ def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str,
 MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
 MAX_CHECKED_VALUES = 5_000  # of a key; of more, some are checked now and the others when their cases run
 
-Validate = Callable[[Row], list[Problem]]
+Validate = Callable[[Row], list[Mistake]]
 
 
 def conflicts(
-    sweep: Mapping[str, Any], keys: Sequence[str], unswept: Sequence[Problem], validate: Validate
-) -> Iterator[Problem]:
+    sweep: Mapping[str, Any], keys: Sequence[str], unswept: Sequence[Mistake], validate: Validate
+) -> Iterator[Mistake]:
     """Yield the problems of a sweep whose cases `validate` checks.
 
     `keys` can be swept; `unswept` are the problems with the configuration's own values of the swept keys.
+    What rests on a refused key of the sweep is left out.
     """
-    wrong = list(_keys(sweep, keys)) or list(_lists(sweep))
-    if not wrong and (size := count(sweep)) > MAX_CASES:
-        wrong = [Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")]
-    if wrong:  # the loader removes these keys and validates again
+    left: Mapping[str, Any] = sweep
+    for check in (partial(_keys, keys=keys), _lists, _size):
+        wrong = list(check(left))
         yield from wrong
-        return
-    factors = axes(sweep)
+        left = _without(left, wrong)
+    factors = axes(left)
     found = {problem.location: problem for axis in factors for problem in _values(axis)}
     yield from found.values()
-    left = {
+    places = {
         axis: [i for i, row in enumerate(axis.rows) if not any(axis.place(key, i) in found for key in row)]
         for axis in factors
     }
-    usable = {axis: places for axis, places in left.items() if places}
+    usable = {axis: indices for axis, indices in places.items() if indices}
+    swept = [key for axis in usable for key in axis.rows[0]]
+    refused = [key for key in swept_keys(sweep) if key not in swept]
+    everywhere = [p for p in unswept if not (any(_under(p, key) for key in swept) or rests_on(p, refused))]
+    yield from everywhere
     if usable:
-        swept = [key for axis in usable for key in axis.rows[0]]
-        everywhere = [p for p in unswept if not any(_rests_on(p, key) for key in swept)]
-        yield from everywhere
-        yield from _of_cases(usable, lambda case: [p for p in validate(case) if p not in everywhere])
+        yield from _of_cases(
+            usable,
+            lambda case: [p for p in validate(case) if p not in everywhere and not rests_on(p, refused)],
+        )
 
 
-def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
+def _without(sweep: Mapping[str, Any], wrong: Sequence[Mistake]) -> Mapping[str, Any]:
+    """Return a sweep without the places of problems, and without lists that are then incomplete."""
+    if not wrong:
+        return sweep
+    data = {"sweep": copy.deepcopy(dict(sweep))}
+    for problem in wrong:
+        set_aside(data, problem.location)
+    left = data.get("sweep", {})
+    incomplete = [name for name in LISTS if name in left and not keys_of(left[name])]
+    incomplete += [name for name in SAMPLED if name in left and "samples" not in left[name]]
+    return {key: entry for key, entry in left.items() if key not in incomplete}
+
+
+def _size(sweep: Mapping[str, Any]) -> Iterator[Mistake]:
+    """Yield a product of too many cases."""
+    if (size := count(sweep)) > MAX_CASES:
+        yield Mistake(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")
+
+
+def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Mistake]:
     """Yield unknown keys, keys swept twice, and lists of combinations beside each other."""
     lists = [name for name in LISTS if name in sweep]
     for name in lists[1:]:
         message = f"given beside {lists[0]}; choose one of {', '.join(LISTS)}"
-        yield Problem(("sweep", name), message, at_key=True)
+        yield Mistake(("sweep", name), message, at_key=True)
     for name in lists:
         if not keys_of(sweep[name]):
             values = "{from: ..., to: ...}" if name in SAMPLED else "a list of values"
-            yield Problem(("sweep", name), f"got no keys; give dotted keys, each with {values}")
+            yield Mistake(("sweep", name), f"got no keys; give dotted keys, each with {values}")
     seen: list[str] = []
     every: list[tuple[Location, str, Any]] = [
         (("sweep", name, key), key, sweep[name][key]) for name in lists for key in keys_of(sweep[name])
@@ -388,11 +413,11 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
         below = (other for other in seen if other.startswith(f"{key}."))
         same = next(itertools.chain(above, below), None)
         if values and isinstance(values, Mapping) and location[1] not in SAMPLED:
-            yield Problem(location, _nested(key, values, keys), at_key=True)
+            yield Mistake(location, _nested(key, values, keys), at_key=True)
         elif key not in keys:
-            yield Problem(location, _not_swept(key, keys, location), at_key=True)
+            yield Mistake(location, _not_swept(key, keys, location), at_key=True)
         elif same is not None:
-            yield Problem(location, f"already swept by {same}; give one of the two", at_key=True)
+            yield Mistake(location, f"already swept by {same}; give one of the two", at_key=True)
         else:
             seen.append(key)
 
@@ -435,14 +460,14 @@ def _not_in_its_list(key: str, keys: Sequence[str]) -> str:
     return ""
 
 
-def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:
+def _lists(sweep: Mapping[str, Any]) -> Iterator[Mistake]:
     """Yield values that are not lists or have a wrong length, and impossible numbers of samples."""
     zipped = {("sweep", "zip", key): values for key, values in sweep.get("zip", {}).items()}
     for location, values in (zipped | {("sweep", k): v for k, v in sweep.items() if k not in LISTS}).items():
         if not isinstance(values, list | tuple):
-            yield Problem(location, f"got {shown(values)}; must be a list")
+            yield Mistake(location, f"got {shown(values)}; must be a list")
         elif not values:
-            yield Problem(location, "got an empty list; must be a list of at least one value")
+            yield Mistake(location, "got an empty list; must be a list of at least one value")
     lists = {
         location[-1]: values for location, values in zipped.items() if isinstance(values, list) and values
     }
@@ -450,30 +475,30 @@ def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:
     for key, values in lists.items():
         if len(values) != len(lists[first]):
             message = f"got {len(values)} values, but {first} has {len(lists[first])}; give the same number"
-            yield Problem(("sweep", "zip", key), message)
+            yield Mistake(("sweep", "zip", key), message)
     number = sweep.get("sobol", {}).get("samples", 1)
     if number & (number - 1):
         below = 1 << (number.bit_length() - 1)
         allowed = f"must be a power of two, such as {below} or {2 * below}"
         message = f"got {number}; {allowed} (other numbers cover the ranges unevenly)"
-        yield Problem(("sweep", "sobol", "samples"), message)
+        yield Mistake(("sweep", "sobol", "samples"), message)
 
 
-def _values(axis: Axis) -> Iterator[Problem]:
+def _values(axis: Axis) -> Iterator[Mistake]:
     """Yield empty values and values given twice."""
     seen: dict[object, int] = {}
     for i, row in enumerate(axis.rows):
         nothing = [key for key, value in row.items() if value is None]
         for key in nothing:
-            yield Problem(axis.place(key, i), "got nothing (null); must have a value")
+            yield Mistake(axis.place(key, i), "got nothing (null); must have a value")
         before = seen.setdefault(_hashable(list(row.values())), i)
         if before != i and not nothing and not axis.sampled:
             key, value = next(iter(row.items()))
             if axis.location == ("sweep",):
-                yield Problem(axis.place(key, i), f"got {shown(value)} twice; give each value once")
+                yield Mistake(axis.place(key, i), f"got {shown(value)} twice; give each value once")
             else:
                 message = f"the same combination as at [{before}]; give each combination once"
-                yield Problem(axis.place(key, i), message, (".".join(map(str, axis.location)),))
+                yield Mistake(axis.place(key, i), message, (".".join(map(str, axis.location)),))
 
 
 def _hashable(value: object) -> object:
@@ -482,19 +507,29 @@ def _hashable(value: object) -> object:
     return tuple(map(_hashable, value)) if isinstance(value, list | tuple) else value
 
 
-def _rests_on(problem: Problem, key: str) -> bool:
-    """Whether a problem depends on a swept key."""
+def _under(problem: Mistake, key: str) -> bool:
+    """Whether a problem depends on the value of a swept key."""
     return any(f"{name}.".startswith(f"{key}.") for name in (problem.key, *problem.others))
 
 
-def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Problem]:
+def rests_on(problem: Mistake, refused: Iterable[str]) -> bool:
+    """Whether a problem depends on one of the refused keys, by their own names or those of the sweep."""
+    in_a_list = any(part.isdigit() for part in problem.key.split("."))  # and known only with the list
+    own = problem.key if problem.at_key and not in_a_list else unswept(problem.key)
+    names = [f"{name}." for name in (own, problem.key, *problem.others)]
+    keys = {f"{key}." for name in refused for key in (name, unswept(name))}
+    return any(name.startswith(key) or key.startswith(name) for name in names for key in keys)
+
+
+def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Mistake]:
     """Return the problems of the cases: those that differ from the first in one value, then all of them.
 
     Each problem is at the swept value that causes it. Of samples only the first problem is returned.
     """
     factors, places = list(left), list(left.values())
 
-    def problems_of(at: Sequence[int]) -> list[Problem]:
+    @cache
+    def problems_of(at: tuple[int, ...]) -> list[Mistake]:
         rows = [axis.rows[i] for axis, i in zip(factors, at, strict=True)]
         return validate({key: value for row in rows for key, value in row.items()})
 
@@ -513,7 +548,7 @@ def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Pr
     return list(reversed(once.values()))
 
 
-def _at_value(problem: Problem, factors: Sequence[Axis], at: Sequence[int], varied: int) -> Problem:
+def _at_value(problem: Mistake, factors: Sequence[Axis], at: Sequence[int], varied: int) -> Mistake:
     """Return a case's problem at the swept value on which it depends first, or else at the varied one."""
     names = (problem.key, *problem.others)
     swept = [(n, key) for n, axis in enumerate(factors) for key in axis.rows[0]]
@@ -521,4 +556,4 @@ def _at_value(problem: Problem, factors: Sequence[Axis], at: Sequence[int], vari
     n, key = next(touched, (varied, next(iter(factors[varied].rows[0]))))
     value = shown(factors[n].rows[at[n]][key])
     message = problem.message if key == problem.key else f"with {value}, {problem}"
-    return Problem(factors[n].place(key, at[n]), message, names)
+    return Mistake(factors[n].place(key, at[n]), message, names)

@@ -24,10 +24,10 @@ from gfmdlayer.body.materials import shifts
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.config.sections import MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
-from gfmdlayer.interface.interface import Friction
+from gfmdlayer.interface.interface import FrictionLaw
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
-from gfmdlayer.validation.problems import Location, Problem, dotted, shown
-from gfmdlayer.validation.sections import Section, sections_in
+from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
+from gfmdlayer.validation.sections import Section
 
 KINDS = ("ramp_hold", "approach_retract", "table")
 CONTROLS = ("depth", "load", "force")
@@ -92,26 +92,26 @@ class Tangential(Section):
     direction: Finite = 0.0
     """angle from the x axis, on a surface: degrees"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse keys that have no meaning for this control and kind, and missing ones."""
         others = ("control", "kind")
         for key, kind in _TANGENTIAL_KEYS.items():
             if self.kind != kind and getattr(self, key) is not None:
-                yield Problem((key,), f"only for kind: {kind}; remove it or set kind: {kind}", others)
+                yield Mistake((key,), f"only for kind: {kind}; remove it or set kind: {kind}", others)
         if self.kind == "table":
             for key in ("start", *TANGENTIAL_CONTROLS):
                 if getattr(self, key) is not None:
-                    yield Problem((key,), "the table gives it; remove it", others)
+                    yield Mistake((key,), "the table gives it; remove it", others)
             if self.file is None:
-                yield Problem(("file",), "missing; kind: table needs the name of a file", others)
+                yield Mistake(("file",), "missing; kind: table needs the name of a file", others)
             return
         if getattr(self, self.control) is None:
             message = f"missing; control: {self.control} with kind: {self.kind} needs a number, finite"
-            yield Problem((self.control,), message, others)
+            yield Mistake((self.control,), message, others)
         other = TANGENTIAL_CONTROLS[self.control == TANGENTIAL_CONTROLS[0]]
         if getattr(self, other) is not None:
             message = f"only for control: {other}; remove it or set control: {other}"
-            yield Problem((other,), message, others)
+            yield Mistake((other,), message, others)
 
 
 class Trajectory(Section):
@@ -186,7 +186,7 @@ class Trajectory(Section):
         is_sound = self.kind == "approach_retract" and next(self.problems(), None) is None
         return self.corners[-1][0] if is_sound else None
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Reject keys that have no meaning for this control and kind, and missing ones."""
         wrong, table = list(self._without_meaning()), self.kind == "table"
         if table and self.file is None:
@@ -195,12 +195,12 @@ class Trajectory(Section):
             meant = {"load": "the mean pressure", "force": "the force over the cell, per length for a line"}
             message = f"missing; control: {self.control} needs a number >= 0, {meant[self.control]}"
             wrong.append((self.control, message))
-        yield from (Problem((key,), message, ("control", "kind")) for key, message in wrong)
+        yield from (Mistake((key,), message, ("control", "kind")) for key, message in wrong)
         if self.kind == "approach_retract" and not wrong:
             yield from self._impossible_legs()
         if self.velocity is not None and self.velocity_file is not None:
             message = "given beside velocity; remove one of the two"
-            yield Problem(("velocity_file",), message, ("velocity",))
+            yield Mistake(("velocity_file",), message, ("velocity",))
 
     def _without_meaning(self) -> Iterator[tuple[str, str]]:
         """Yield the keys that have no meaning for this control and kind, each with a message."""
@@ -216,13 +216,13 @@ class Trajectory(Section):
             if other != self.control and getattr(self, other) is not None:
                 yield other, f"only for control: {other}; remove it or set control: {other}"
 
-    def _impossible_legs(self) -> Iterator[Problem]:
+    def _impossible_legs(self) -> Iterator[Mistake]:
         """Reject a peak below an end of the path, and parts of a cycle without duration."""
         peak = getattr(self, self.control)
         for key in ("start", "final"):
             if getattr(self, key) >= peak:
                 message = f"got {shown(getattr(self, key))}; must be below {self.control} = {shown(peak)}"
-                yield Problem((key,), message, (self.control,))
+                yield Mistake((key,), message, (self.control,))
                 return
         times = [time for time, _ in self.corners]
         shortest, index = min((after - before, i) for i, (before, after) in enumerate(pairwise(times)))
@@ -233,92 +233,95 @@ class Trajectory(Section):
                 f"got {shown(getattr(self, key))}: this part of the path lasts {shortest:.3g} of "
                 f"{times[-1]:.3g}; must be at least {_SHORTEST:g} of the whole"
             )
-            yield Problem((key,), message, (*legs, "start", "final", self.control, "cycles"))
+            yield Mistake((key,), message, (*legs, "start", "final", self.control, "cycles"))
 
 
 def ending_with(trajectory: Trajectory | None, time: Time) -> Time:
-    """Let a time axis without an end of its own end with the trajectory.
+    """Let a time axis without an end of its own end with the trajectory, or at the default.
 
     The end still counts as a default, so that it follows a swept trajectory.
     """
-    duration = None if trajectory is None else trajectory.duration
-    if duration is None or "end" in time.model_fields_set:
+    if "end" in time.model_fields_set:
         return time
-    time = time.model_copy(update={"end": duration})
+    duration = None if trajectory is None else trajectory.duration
+    end = Time.model_fields["end"].default if duration is None else duration
+    if time.end == end:
+        return time
+    time = time.model_copy(update={"end": end})
     time.model_fields_set.discard("end")
     return time
 
 
-def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -> Iterator[Problem]:
+def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -> Iterator[Mistake]:
     """Yield contradictions with the time axis, and tensile loads if the interface does not attract."""
     velocity = "trajectory.velocity" if trajectory.velocity is not None else "trajectory.velocity_file"
     if trajectory.moves and time.integrator == "backward_euler":
         message = "got backward_euler with a moving punch; must be exponential"
-        yield Problem(("time", "integrator"), message, (velocity,))
+        yield Mistake(("time", "integrator"), message, (velocity,))
     if time.steady is not None and (not trajectory.moves or trajectory.velocity == 0):
         message = "only for a moving punch; remove it or set trajectory.velocity"
         others = ("trajectory.velocity", "trajectory.velocity_file")
-        yield Problem(("time", "steady"), message, others)
+        yield Mistake(("time", "steady"), message, others)
     if trajectory.depth is not None and trajectory.depth < 0 and not (pulls and trajectory.start is not None):
         message = (
             f"got {shown(trajectory.depth)}; must be a number >= 0, finite (a negative depth needs "
             "kind: approach_retract and an interface that attracts)"
         )
-        yield Problem(("trajectory", "depth"), message, ("trajectory.kind", "interface"))
+        yield Mistake(("trajectory", "depth"), message, ("trajectory.kind", "interface"))
     for key in ("start", "final"):
         value = getattr(trajectory, key)
         if trajectory.control != "depth" and not pulls and value is not None and value < 0:
             message = f"got {shown(value)}, a pull on the punch; must be >= 0 without adhesion"
-            yield Problem(("trajectory", key), message, ("trajectory.control", "interface"))
+            yield Mistake(("trajectory", key), message, ("trajectory.control", "interface"))
 
 
-def problems_of_the_friction(config: Any) -> Iterator[Problem]:
+def problems_of_the_friction(config: Any) -> Iterator[Mistake]:
     """Yield contradictions between friction at the interface and the other sections of a `Config`."""
-    laws = [(at, law) for at, law in sections_in(config) if isinstance(law, Friction)]
+    laws = [(at, law) for at, law in config.interface_laws.items() if isinstance(law, FrictionLaw)]
     motion = config.trajectory
     if not laws:
         for key in ("tangential", "creepage"):
             if getattr(motion, key) is not None:
                 message = "needs friction; remove it, or add interface: {law: coulomb, coefficient: 0.4}"
-                yield Problem(("trajectory", key), message, ("interface",))
+                yield Mistake(("trajectory", key), message, ("interface",))
         return
     for i, (at, law) in enumerate(laws):
         if any(type(law) is type(earlier) for _, earlier in laws[:i]):
-            yield Problem((*at, "law"), f"got {law.law!r} twice; give it once", ("interface",), chooses=True)
+            yield Mistake((*at, "law"), f"got {law.law!r} twice; give it once", ("interface",), chooses=True)
     at = (*laws[0][0], "law")
     yield from _problems_of_the_drive(config)
     yield from _problems_beside(config, at)
 
 
-def _problems_of_the_drive(config: Any) -> Iterator[Problem]:
+def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
     """Yield contradictions between tangential drive, creepage and velocity."""
     motion, drive = config.trajectory, config.trajectory.tangential
     velocity = ("trajectory.velocity", "trajectory.velocity_file")
     if motion.creepage is not None and not motion.moves:
         message = "needs a punch that rolls; set trajectory.velocity, or remove it"
-        yield Problem(("trajectory", "creepage"), message, velocity)
+        yield Mistake(("trajectory", "creepage"), message, velocity)
     yield from _problems_of_the_steps(config)
     if drive is None:
         return
     if motion.creepage is not None and drive.control == "force":
         message = "given beside a tangential force, of which it follows; remove one of the two"
-        yield Problem(("trajectory", "creepage"), message, ("trajectory.tangential",))
+        yield Mistake(("trajectory", "creepage"), message, ("trajectory.tangential",))
     if motion.moves and drive.control == "displacement":
         message = "got displacement with a velocity; must be force, or give trajectory.creepage in its place"
-        yield Problem(("trajectory", "tangential", "control"), message, velocity)
+        yield Mistake(("trajectory", "tangential", "control"), message, velocity)
     if len(config.grid.points) == 1 and drive.direction != 0:
         message = f"got {drive.direction!r}; must be 0 on a line, whose only direction is x"
-        yield Problem(("trajectory", "tangential", "direction"), message, ("grid.points",))
+        yield Mistake(("trajectory", "tangential", "direction"), message, ("grid.points",))
 
 
-def _problems_of_the_steps(config: Any) -> Iterator[Problem]:
+def _problems_of_the_steps(config: Any) -> Iterator[Mistake]:
     """Yield oscillations and speeds for which a run would take too many steps."""
     motion, drive, time = config.trajectory, config.trajectory.tangential, config.time
     if drive is not None and drive.period is not None:
         cycles = drive.cycles or (time.end - (drive.start or 0.0)) / drive.period
         if cycles > _MOST_CYCLES:
             message = f"got {drive.period!r}, {cycles:.3g} cycles in the run; must be at most {_MOST_CYCLES}"
-            yield Problem(("trajectory", "tangential", "period"), message, ("time.end",))
+            yield Mistake(("trajectory", "tangential", "period"), message, ("time.end",))
     if motion.velocity and time.step == "adaptive":
         spacing = min(L / n for L, n in zip(config.grid.period, config.grid.points, strict=True))
         if (steps := time.end * abs(motion.velocity) / spacing) > MOST_ROWS:
@@ -326,10 +329,10 @@ def _problems_of_the_steps(config: Any) -> Iterator[Problem]:
                 f"got adaptive: with friction material moves by a grid point a step at most, {steps:.3g} "
                 f"steps; must be at most {MOST_ROWS}, by an earlier time.end or fewer grid.points"
             )
-            yield Problem(("time", "step"), message, ("trajectory.velocity", "time.end", "grid.points"))
+            yield Mistake(("time", "step"), message, ("trajectory.velocity", "time.end", "grid.points"))
 
 
-def _problems_beside(config: Any, at: Location) -> Iterator[Problem]:
+def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
     """Yield what friction does not go with, at the place of its law or at the other key."""
     law = (dotted(at),)
     refused = {
@@ -343,12 +346,12 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Problem]:
     }
     for place, message in refused.items():
         if message:
-            yield Problem(place, f"{message} with friction at the interface", law)
+            yield Mistake(place, f"{message} with friction at the interface", law)
     if config.hardness is not None:
         reason = "where surfaces yield, shear lowers the hardness; remove one of the two laws"
         message = f"friction beside a hardness is not available: {reason}"
-        yield Problem(at, message, ("interface",), chooses=True)
+        yield Mistake(at, message, ("interface",), chooses=True)
     different = {shift for shift in shifts(config).values() if shift is not None}
     if config.temperature is not None and len(different) > 1:
         message = "needs one common shift of all materials with friction at the interface"
-        yield Problem(("temperature",), message, law)
+        yield Mistake(("temperature",), message, law)

@@ -120,18 +120,18 @@ def safeguard(
     """Bring the gap in the contact to `shift` [length], with the preconditioner."""
     # Returns whether all points satisfy the conditions within the tolerance, the transforms and the
     # iterations.
-    found, taken, done, descent = False, 0, 0, make_descent(transforms)
+    solved, taken, done, descent = False, 0, 0, make_descent(transforms)
     if not descend.signatures:  # type: ignore[attr-defined]
         with compiling():  # rarely needed, and thus not compiled beforehand
             descend(transforms.plans, system, at, descent, shift, tolerance, 0, True)
     set_pressure(at, system, problem, at.p)
-    while not found and done < limit:
+    while not solved and done < limit:
         portion = min(_PORTION, limit - done)
-        found, more, ended = descend(transforms.plans, system, at, descent, shift, tolerance, portion, True)
+        solved, more, ended = descend(transforms.plans, system, at, descent, shift, tolerance, portion, True)
         taken, done = taken + more, done + ended
         if ended < portion:
             break
-    return found, taken, done
+    return solved, taken, done
 
 
 @kernel(reorder=True)
@@ -153,13 +153,13 @@ def descend(
     load = p.sum()
     transforms, iteration, exact, trial, curvature, uphill = 2, 0, True, longest, 0.0, False
     evaluate(plans, system, at, work)
-    found, step[:] = False, 0.0
+    solved, step[:] = False, 0.0
     while iteration < limit and trial > _SHORTEST * longest:
         if system.load_given:
             _set_depth(p, gap, shift)
         if satisfies_kkt(system, p, gap, shift, tolerance):
             if exact:
-                found = True
+                solved = True
                 break
             restore_load(system, p, load)
             evaluate(plans, system, at, work)
@@ -196,7 +196,7 @@ def descend(
         transforms += 2
     if system.load_given:
         _set_depth(p, gap, shift)
-    return found, transforms, iteration
+    return solved, transforms, iteration
 
 
 @kernel(inner=True)

@@ -85,8 +85,8 @@ class Inertia(NamedTuple):
     mass_weighted: bool
 
 
-class Motion(NamedTuple):
-    """What one call of the loop hands to the next."""
+class FireState(NamedTuple):
+    """State of the motion between two calls of the loop, beside its fields."""
 
     step: float
     mixing: float
@@ -101,10 +101,10 @@ def iterate(
     fields: FireFields,
     inertia: Inertia,
     constants: Constants,
-    state: Motion,
+    state: FireState,
     tolerance: float,
     limit: int,
-) -> tuple[Motion, bool, int, int]:
+) -> tuple[FireState, bool, int, int]:
     """Iterate to the tolerance or the limit; return state, whether it converged, iterations, pairs."""
     # The scales of the residual are those of the first iteration: the caller accepts only what passes there.
     # On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
@@ -135,7 +135,7 @@ def iterate(
             stress, multiplier, u, h, v, force, mass_weighted, per_pressure, per_gap, tolerance
         )
         if off == 0.0:
-            return Motion(step, mixing, multiplier, drift), True, iteration, pairs
+            return FireState(step, mixing, multiplier, drift), True, iteration, pairs
         if mass_weighted:
             forward(plans, force, work)
             pull = 0.0
@@ -164,7 +164,7 @@ def iterate(
             multiplier = next_multiplier
         else:
             drift = 0.0
-    return Motion(step, mixing, multiplier, drift), False, limit, pairs
+    return FireState(step, mixing, multiplier, drift), False, limit, pairs
 
 
 @nb.njit(nogil=True, fastmath=FASTMATH)
@@ -284,7 +284,7 @@ class Fire(Stateless):
         fields.v[:] = 0.0
         project(fields.u, problem.obstacle, problem.mean_is_fixed)
         constants = MASS_WEIGHTED if self._mass_weighted else UNIFORM
-        state = Motion(constants.first_step, constants.mixing, problem.applied_pressure, 0.0)
+        state = FireState(constants.first_step, constants.mixing, problem.applied_pressure, 0.0)
         chunk = max(16, _CHUNK // fields.u.size)
         iterations = pairs = 0
         accepted, projected = False, True
@@ -321,8 +321,8 @@ class Fire(Stateless):
         """Do nothing: an ordinary step calls every kernel."""
 
     def _iterate(
-        self, problem: Problem, constants: Constants, state: Motion, tolerance: float, limit: int
-    ) -> tuple[Motion, bool, int, int]:
+        self, problem: Problem, constants: Constants, state: FireState, tolerance: float, limit: int
+    ) -> tuple[FireState, bool, int, int]:
         system = Minimisation(
             problem.stiffness,
             problem.intercept,
@@ -338,7 +338,7 @@ class Fire(Stateless):
             inertia = Inertia(inverse, 1.0, True)
         else:
             inertia = Inertia(problem.stiffness, 1.0 / float(problem.stiffness.max()), False)
-        outcome: tuple[Motion, bool, int, int] = iterate(
+        outcome: tuple[FireState, bool, int, int] = iterate(
             self._transforms.plans, system, self._fields, inertia, constants, state, tolerance, limit
         )
         return outcome

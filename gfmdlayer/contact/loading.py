@@ -34,6 +34,8 @@ So it leaves no stress in the body's memory.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -152,14 +154,23 @@ class Loading(Saving):
         """Times between which a load has pulled the punch off."""
         return DetachedInterval()
 
-    def detach(self, time: float, end: float) -> None:
-        """Detach a punch that is pulled off at a time; Ended where it does not come back before the end."""
+    @contextmanager
+    def detached_from(self, time: float, end: float) -> Iterator[None]:
+        """Detach the punch at a time, in which a load pulls it off; touch again if the block fails.
+
+        Ended where it does not come back before the end.
+        """
         corners = [time, *(point for point in self.trajectory.breakpoints if time < point < end), end]
         for before, after in pairwise(corners):
             if self.trajectory(after) > 0:
                 load = self.trajectory(before), self.trajectory(after)
                 back = before + (after - before) * load[0] / (load[0] - load[1])
                 self.detached.begin, self.detached.end = time, back
+                try:
+                    yield
+                except Exception:
+                    self.detached.begin = self.detached.end = math.inf
+                    raise
                 return
         raise self.pulled_off(time)
 

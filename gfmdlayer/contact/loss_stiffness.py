@@ -175,11 +175,11 @@ class Pivoting:
         )
         right = restricted(self._stiffness, gap)
         rtol = _LINEAR * self._tolerance
-        found, failed = gmres(operator, right, rtol=rtol, restart=_KRYLOV, maxiter=_RESTARTS)
+        solution, failed = gmres(operator, right, rtol=rtol, restart=_KRYLOV, maxiter=_RESTARTS)
         if failed and gap.size <= _DENSE:
             self._influence = self._field(self._compliance.copy())
             return self._closing(contact, gap)
-        pressure[contact] = found
+        pressure[contact] = solution
         return pressure
 
     def _eliminated(self, contact: BoolArray, gap: FloatArray) -> FloatArray:
@@ -245,7 +245,7 @@ class LossStiffnessSolver:
         mixture = Mixing(_MIXED, symmetric * self._weights, problem.ranks)
         last = self._guess(problem, start)
         transforms, iterations, released = 1, 0, 0.0
-        # What pivoting does not know, and a surface of which it has a part only.
+        # Pivoting knows neither attraction nor hardness nor ranks.
         alone = problem.interface.attracts or problem.hardness < np.inf or problem.ranks.count > 1
         for _ in range(_MOST_ALONE if alone else _MOST_PROBLEMS):
             intercept = problem.intercept + difference * last
@@ -286,9 +286,9 @@ class LossStiffnessSolver:
             if followed:
                 small = state.pressure.size <= _MOST_FOLLOWED
                 contact = pivoting.pressed_in() if small else state.pressure > 0
-            found = pivoting.solve(contact)
+            forms = pivoting.solve(contact)
             spent = state.transforms + pivoting.transforms, state.iterations + pivoting.rounds
-            for u, spectrum, pressure, contact in found:
+            for u, spectrum, pressure, contact in forms:
                 state = make_solution(problem, u, pressure, spectrum, spent=spent, within=tolerance)
                 if state.converged:
                     return state, contact
@@ -326,35 +326,35 @@ def _with_loss(
 
 
 class Mixing:
-    """Anderson mixing of a fixed-point iteration: what to try next, from what was tried and found."""
+    """Anderson mixing of a fixed-point iteration: the next guess from the last ones and their results."""
 
     def __init__(self, most: int, weight: float | FloatArray = 1.0, ranks: Ranks = ALONE) -> None:
-        # At most so many are mixed. `weight` of each value in the square of a step.
+        # `most` results are mixed. `weight` of each value in the square of a step.
         self._most, self._weight, self._ranks = most, weight, ranks
-        self._found: list[Spectral] = []
+        self._results: list[Spectral] = []
         self._steps: list[Spectral] = []
         self._best = np.inf
 
-    def next(self, tried: Any, found: Any) -> Any:
-        """Add an array tried and the one found with it; return the next to try."""
-        step = found - tried
+    def next(self, tried: Any, result: Any) -> Any:
+        """Add a guess and its result; return the next guess."""
+        step = result - tried
         size = self._ranks.total(self._part(step, step))
         if size == 0:
-            return found
+            return result
         if size > self._best:
-            last = self._found[-1]
-            self._found, self._steps = [], []
+            last = self._results[-1]
+            self._results, self._steps = [], []
             self._best = np.inf
             return last
         self._best = size
-        self._found = [*self._found[1 - self._most :], found]
+        self._results = [*self._results[1 - self._most :], result]
         self._steps = [*self._steps[1 - self._most :], step]
         products = np.array([[self._part(f, g) for f in self._steps] for g in self._steps])
         gram = self._ranks.total(products) / size
         shares = np.linalg.pinv(gram, rcond=1e-12, hermitian=True).sum(axis=0)
         if not abs(shares.sum()) > 0:
-            return found
-        return np.asarray(np.tensordot(shares / shares.sum(), np.array(self._found), axes=1))
+            return result
+        return np.asarray(np.tensordot(shares / shares.sum(), np.array(self._results), axes=1))
 
     def _part(self, f: Spectral, g: Spectral) -> float:
         """Mean of f g, of the values of this process."""

@@ -26,20 +26,23 @@ from gfmdlayer.resumable import Saving
 _REACH = 32  # part of the surface, at least, on either side of the contact where the next may be
 _BLOCK = 256  # points that are passed over together where nothing is in contact
 
-Weights = tuple[float, float, float]
-LastThree = tuple[FloatArray, FloatArray, FloatArray]
+Weights = tuple[float, float]
+LastTwo = tuple[FloatArray, FloatArray]
 
 
 class DisplacementPrediction(Saving):
-    """The parabola in time through the last three accepted displacements (fewer where there are fewer)."""
+    """The straight line in time through the last two accepted displacements; the last one where it is alone.
+
+    A parabola through the last three takes more iterations: docs/theory/ablation.md.
+    """
 
     KEPT: ClassVar[tuple[str, ...]] = ("times", "fields")
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         # `size` is the number of points of this process; before the first step the guess is zero.
         self._ranks = ranks
-        self._times: deque[float] = deque(maxlen=3)
-        self._fields: deque[FloatArray] = deque(maxlen=3)
+        self._times: deque[float] = deque(maxlen=2)
+        self._fields: deque[FloatArray] = deque(maxlen=2)
         self._size = size
 
     def remember(
@@ -56,17 +59,17 @@ class DisplacementPrediction(Saving):
         """Return the guess for a later time, as a new array."""
         if not self._times:
             return np.zeros(self._size)
-        return _combined(_lagrange(self._times, time), _last_three(self._fields))
+        return _combined(_weights(self._times, time), _last_two(self._fields))
 
 
 class PressurePrediction(DisplacementPrediction):
-    """Pressures extrapolated across moving edges of the contact, from the last three accepted steps."""
+    """Pressures extrapolated across moving edges of the contact, from the last two accepted steps."""
 
     KEPT = (*DisplacementPrediction.KEPT, "gaps", "mu", "moves", "contact")
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         super().__init__(size, ranks)
-        self._gaps: deque[FloatArray] = deque(maxlen=3)
+        self._gaps: deque[FloatArray] = deque(maxlen=2)
         self._mu = 0.0
         self._moves = 0  # steps in a row in which the contact changed
         self._contact = 0, size  # points between which it was in the last step
@@ -76,7 +79,7 @@ class PressurePrediction(DisplacementPrediction):
     ) -> None:
         """Add an accepted step: the pressure and the gap, one value a point; see the base class."""
         if self._times:
-            weights, gaps = _lagrange(self._times, time), _last_three(self._gaps)
+            weights, gaps = _weights(self._times, time), _last_two(self._gaps)
             last = self._fields[-1]
             *sums, first, end = _learn(weights, gaps, last, pressure, self._contact)
             squares, predicted, moved = self._ranks.total(np.array(sums)).tolist()
@@ -92,39 +95,31 @@ class PressurePrediction(DisplacementPrediction):
         """Return the guess for a later time, as a new array."""
         if not self._times:
             return np.zeros(self._size)
-        pressures, gaps = _last_three(self._fields), _last_three(self._gaps)
+        pressures, gaps = _last_two(self._fields), _last_two(self._gaps)
         first, end = self._contact
         reach, size = max(self._size // _REACH, (end - first) // 2), self._size
         near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
-        weights, guess = _lagrange(self._times, time), np.zeros(size)
+        weights, guess = _weights(self._times, time), np.zeros(size)
         _extrapolate(weights, pressures, gaps, self._mu, self._moves > 1, near, guess)
         return guess
 
 
-def _lagrange(times: Sequence[float], time: float) -> Weights:
-    """Lagrange's weights for a time; zero where there are fewer than three points to go through."""
+def _weights(times: Sequence[float], time: float) -> Weights:
+    """Weights of the last two steps in the straight line through them, at a time."""
     if len(times) == 1:
-        return 0.0, 0.0, 1.0
-    if len(times) == 2:
-        part = (time - times[0]) / (times[1] - times[0])
-        return 0.0, 1.0 - part, part
-    first, second, third = times
-    to_first, to_second, to_third = time - first, time - second, time - third
-    return (
-        to_second * to_third / ((first - second) * (first - third)),
-        to_first * to_third / ((second - first) * (second - third)),
-        to_first * to_second / ((third - first) * (third - second)),
-    )
+        return 0.0, 1.0
+    part = (time - times[0]) / (times[1] - times[0])
+    return 1.0 - part, part
 
 
-def _last_three(fields: Sequence[FloatArray]) -> LastThree:
-    """The last three fields; missing ones are repeated and have no weight."""
-    return fields[0], fields[-2] if len(fields) > 1 else fields[0], fields[-1]
+def _last_two(fields: Sequence[FloatArray]) -> LastTwo:
+    """The last two fields; one that is alone is repeated, without a weight."""
+    return fields[0], fields[-1]
 
 
 @kernel(reorder=True)
 def _learn(
-    w: Weights, gaps: LastThree, last: FloatArray, now: FloatArray, contact: tuple[int, int]
+    w: Weights, gaps: LastTwo, last: FloatArray, now: FloatArray, contact: tuple[int, int]
 ) -> tuple[float, float, float, int, int]:
     """Compare points that came into contact with their prediction."""
     # `contact` are the points, multiples of a block apart, between which the last contact is. Returns two
@@ -146,7 +141,7 @@ def _learn(
         for i in range(first, first + new.size):
             if now[i] > 0.0 >= last[i]:
                 s = 0.0
-                for j in range(3):
+                for j in range(2):
                     s -= w[j] * _two_thirds(gaps[j][i])
                 if s > 0.0:
                     squares += now[i] ** 2
@@ -156,41 +151,40 @@ def _learn(
 
 @kernel(reorder=True)
 def _extrapolate(
-    w: Weights, p: LastThree, gaps: LastThree, mu: float, moving: bool, near: tuple[int, int],
+    w: Weights, p: LastTwo, gaps: LastTwo, mu: float, moving: bool, near: tuple[int, int],
     guess: FloatArray,
 ) -> None:  # fmt: skip
     """Extrapolate point by point near the contact; most points are far from it."""
     for first in range(near[0], near[1], _BLOCK):
         end, possible = min(first + _BLOCK, near[1]), 0.0
-        p0, p1, p2 = p[0][first:end], p[1][first:end], p[2][first:end]
-        gap0, gap1, gap2 = gaps[0][first:end], gaps[1][first:end], gaps[2][first:end]
+        p0, p1, gap0, gap1 = p[0][first:end], p[1][first:end], gaps[0][first:end], gaps[1][first:end]
         for i in range(p0.size):
-            opening = 2.0 * (w[0] * gap0[i] + w[1] * gap1[i] + w[2] * gap2[i]) - gap2[i]
-            possible += (1.0 if opening <= 0.0 else 0.0) + p0[i] + p1[i] + p2[i]
+            opening = 2.0 * (w[0] * gap0[i] + w[1] * gap1[i]) - gap1[i]
+            possible += (1.0 if opening <= 0.0 else 0.0) + p0[i] + p1[i]
         if possible > 0.0:
             for i in range(p0.size):
-                guess[first + i] = _guess(w, (p0[i], p1[i], p2[i]), (gap0[i], gap1[i], gap2[i]), mu, moving)
+                guess[first + i] = _extrapolated(w, (p0[i], p1[i]), (gap0[i], gap1[i]), mu, moving)
 
 
 @kernel(inner=True)
-def _guess(w: Weights, p: Weights, gap: Weights, mu: float, moving: bool) -> float:
-    """Pressure at one point, from those of three steps and the gaps."""
-    pressed = p[0] > 0.0 and p[1] > 0.0 and p[2] > 0.0
-    if p[2] > 0.0 and not moving:
-        return max(w[0] * p[0] + w[1] * p[1] + w[2] * p[2], 0.0)
-    if p[2] <= 0.0 and 2.0 * (w[0] * gap[0] + w[1] * gap[1] + w[2] * gap[2]) > gap[2]:
+def _extrapolated(w: Weights, p: Weights, gap: Weights, mu: float, moving: bool) -> float:
+    """Pressure at one point, from those of two steps and the gaps."""
+    pressed = p[0] > 0.0 and p[1] > 0.0
+    if p[1] > 0.0 and not moving:
+        return max(w[0] * p[0] + w[1] * p[1], 0.0)
+    if p[1] <= 0.0 and 2.0 * (w[0] * gap[0] + w[1] * gap[1]) > gap[1]:
         return 0.0  # far from closing
     s = 0.0
-    for j in range(3):
+    for j in range(2):
         s += w[j] * (p[j] ** 2 if pressed or p[j] > 0.0 else -mu * _two_thirds(gap[j]))
     return np.sqrt(s) if s > 0.0 else 0.0
 
 
 @kernel
-def _combined(w: Weights, fields: LastThree) -> FloatArray:
+def _combined(w: Weights, fields: LastTwo) -> FloatArray:
     field = np.empty(fields[0].size)
     for i in range(field.size):
-        field[i] = w[0] * fields[0][i] + w[1] * fields[1][i] + w[2] * fields[2][i]
+        field[i] = w[0] * fields[0][i] + w[1] * fields[1][i]
     return field
 
 

@@ -24,7 +24,7 @@ _ROUNDING = 1e-12  # part of the height of the punch
 _FLAT = 1e-8
 CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
 HEIGHT_ROUNDING = 0.01  # likewise, of the least depth that counts, which is 1e-14 of the heights
-# Part of the tolerance within which a solve ends; the rest is for what lifting the surface clear adds.
+# Part of the tolerance within which a solve ends; lifting the surface clear of the punch may add the rest.
 CLOSE = 0.8
 AIM = 0.25  # likewise where a gap in the contact is aimed at instead, and that gap, as part of the depth
 _LARGEST_LIFT = 1e-3  # beyond it scaling the pressure is no small correction
@@ -51,7 +51,7 @@ class Iterate(NamedTuple):
 
 
 class SurfaceState(NamedTuple):
-    """A state of the surface: what `Solution` has in arrays."""
+    """A state of the surface: the arrays of a `Solution`."""
 
     u: FloatArray
     p: FloatArray
@@ -66,14 +66,14 @@ def apply_to(
     field: FloatArray,
     spectrum: ComplexArray,
     work: ComplexArray,
-    found: FloatArray,
+    result: FloatArray,
 ) -> None:
     """Write A or kappa times a field, by the factors of the modes, and its transform; two transforms."""
     # The transform may be the work array: then it is not kept.
     forward(plans, field, spectrum)
     for k in range(work.size):
         work[k] = factors[k] * spectrum[k]
-    backward(plans, work, found)
+    backward(plans, work, result)
 
 
 def per_point(stiffness: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
@@ -88,9 +88,9 @@ def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, Comp
     compliance, stiffness = per_point(problem.stiffness, problem.obstacle.size)
     free = problem.intercept * compliance
     gap0 = problem.obstacle - transforms.backward(free)
-    given = problem.mean_pressure is not None
+    load_given = problem.mean_pressure is not None
     floor = problem.residual_floor
-    return System(compliance, stiffness, gap0, problem.obstacle, floor, given, compliance[0]), free
+    return System(compliance, stiffness, gap0, problem.obstacle, floor, load_given, compliance[0]), free
 
 
 def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArray) -> None:

@@ -62,7 +62,7 @@ class Problem:
 
     @property
     def mean_is_fixed(self) -> bool:
-        """Whether the mean displacement is prescribed (as zero) and lambda is to be found."""
+        """Whether the mean displacement is prescribed (as zero) and lambda unknown."""
         return self.mean_pressure is None and self.mean_stiffness == 0
 
     @property
@@ -107,7 +107,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a solver found; fields have one value a point."""
+    """The solution of a problem; fields have one value a point."""
 
     displacement: FloatArray  # u <= h + flow, with the mean constraint satisfied to rounding
     pressure: FloatArray  # p = f + lambda, the compressive stress at every point
@@ -184,7 +184,7 @@ _FINER_LIMIT = 1000  # iterations of a solve that may fail
 def solve_finer(
     solver: Solver, problem: Problem, start: FloatArray, finer: float, tolerance: float, limit: int
 ) -> Solution:
-    """Solve to the finer of two tolerances where rounding and iterations allow it, else to the given one."""
+    """Solve to a finer tolerance; where this fails, to the given one."""
     # Adaptive steps need the finer one on bodies with a large ratio of glassy to relaxed modulus. The error
     # of the displacement returns in the stress of the next steps, multiplied by this ratio. Above the
     # tolerance of the steps it looks like curvature of u(t), and no shorter step lowers it.
@@ -195,9 +195,9 @@ def solve_finer(
         return tight
     if tight.residual <= tolerance:  # the second solve confirms that its state keeps the constraints too
         start = getattr(tight, solver.starts_from)
-    given = solver.solve(problem, start, tolerance, limit)
-    pairs, iterations = tight.transforms + given.transforms, tight.iterations + given.iterations
-    return replace(given, transforms=pairs, iterations=iterations)
+    loose = solver.solve(problem, start, tolerance, limit)
+    pairs, iterations = tight.transforms + loose.transforms, tight.iterations + loose.iterations
+    return replace(loose, transforms=pairs, iterations=iterations)
 
 
 def make_solution(
@@ -219,19 +219,19 @@ def make_solution(
     wall = problem.wall_pressure(pressure, gap)
     if assessment is None:
         assessment = assess_over(problem.ranks, wall, displacement, problem.obstacle, problem.residual_floor)
-    found = Assessment(*assessment)
+    assessed = Assessment(*assessment)
     return Solution(
         displacement=displacement,
         pressure=pressure,
         gap=gap,
         spectrum=spectrum,
-        mean_pressure=found.mean_pressure if wall is pressure else problem.ranks.mean(pressure),
-        mean_gap=found.mean_gap,
-        contact_area=found.contact_area,
-        residual=found.residual,
+        mean_pressure=assessed.mean_pressure if wall is pressure else problem.ranks.mean(pressure),
+        mean_gap=assessed.mean_gap,
+        contact_area=assessed.contact_area,
+        residual=assessed.residual,
         transforms=spent[0],
         iterations=spent[1],
-        converged=bool(found.residual <= within),
+        converged=bool(assessed.residual <= within),
         flow=flow,
     )
 
@@ -239,15 +239,17 @@ def make_solution(
 def why_not_converged(problem: Problem, solution: Solution, method: str, tolerance: float) -> str:
     """Return why a state is no solution: by its residual, by its overlap, or for want of a minimum."""
     spent = f"after {solution.iterations} iterations of {method}"
-    found = f"residual {solution.residual:.2e} {spent}; the tolerance is {tolerance:.2e}"
+    residual = f"residual {solution.residual:.2e} {spent}; the tolerance is {tolerance:.2e}"
     if not solution.residual <= tolerance:
-        return found
+        return residual
     overlap = problem.ranks.maximum(-float(solution.gap.min()))
     if overlap > 0:
-        return f"the surface overlaps the punch by {overlap:.2e} {spent}, more than rounding does ({found})"
+        return (
+            f"the surface overlaps the punch by {overlap:.2e} {spent}, more than rounding does ({residual})"
+        )
     if problem.interface.attracts:
-        return f"no minimum of the energy {spent} ({found})"
-    return f"the mean was not kept {spent} ({found})"
+        return f"no minimum of the energy {spent} ({residual})"
+    return f"the mean was not kept {spent} ({residual})"
 
 
 def surface_at(problem: Problem, gap: FloatArray) -> FloatArray:

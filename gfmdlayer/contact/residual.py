@@ -81,8 +81,8 @@ def scales_over(
 ) -> tuple[float, float]:
     """Scales (P, D) of the residual of a state of which each rank holds its part."""
     if ranks.count == 1:
-        found: tuple[float, float] = residual_scales(pressure, u, floor)
-        return found
+        both: tuple[float, float] = residual_scales(pressure, u, floor)
+        return both
     largest, lowest, total = _extrema_part(pressure, u)
     total, size = ranks.total(np.array([total, u.size])).tolist()
     largest, depth = ranks.maximum(np.array([largest, -lowest])).tolist()
@@ -95,8 +95,8 @@ def assess_over(
 ) -> tuple[float, float, float, float]:
     """Assess a state of which each rank holds its part, see `assess`."""
     if ranks.count == 1:
-        found: tuple[float, float, float, float] = assess(pressure, u, h, floor)
-        return found
+        assessment: tuple[float, float, float, float] = assess(pressure, u, h, floor)
+        return assessment
     pressure_scale, depth = scales_over(ranks, pressure, u, floor)
     worst, *sums = _assess_part(pressure, u, h, 1.0 / pressure_scale, 1.0 / depth)
     touching, total, gaps, size = ranks.total(np.array([*sums, u.size])).tolist()

@@ -33,8 +33,8 @@ class Declaration:
 
     def pairs_per_step(self, points: int, options: Mapping[str, object]) -> float:
         """Estimate the FFT pairs of a time step; `options` is the solver's section of the configuration."""
-        found = (self.pairs_with[item] for item in options.items() if item in self.pairs_with)
-        pairs, power = next(found, (self.pairs, self.power))
+        listed = (self.pairs_with[item] for item in options.items() if item in self.pairs_with)
+        pairs, power = next(listed, (self.pairs, self.power))
         return float(pairs * (points / 4096) ** power)
 
     def load(self) -> Any:
@@ -47,26 +47,26 @@ class Declaration:
 # directions; the factor for rough contact at 256^2 to 2048^2 points. All measured.
 SOLVERS: Mapping[str, Declaration] = {
     "active_set": Declaration(
-        "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=30, rough=12
+        "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=28, rough=12
     ),
     "nested_gradient": Declaration(
         "gfmdlayer.contact.nested.solver:NestedGradient",
         "pressure",
         5,
         0.1,
-        fields=30,
+        fields=28,
         distributed=True,
         yields=True,
     ),
     "conjugate_gradient": Declaration(
-        "gfmdlayer.contact.bounded:ConjugateGradient", "pressure", 34, 0.2, fields=22
+        "gfmdlayer.contact.bounded:ConjugateGradient", "pressure", 34, 0.2, fields=20
     ),
     "fire": Declaration(
         "gfmdlayer.contact.fire:Fire",
         "displacement",
         93,
         0.03,
-        fields=35,
+        fields=34,
         adhesive=True,
         pairs_with={("inertia", "uniform"): (238, 0.3)},
     ),
@@ -83,8 +83,7 @@ SOLVERS: Mapping[str, Declaration] = {
 }
 
 
-# With friction at the interface there is this one, which no word chooses: pairs of a step with slip, of one
-# component each.
+# The solver with friction, which no keyword chooses; pairs of a step with slip, each component counted.
 FRICTIONAL = Declaration(
     "gfmdlayer.friction.solver:FrictionSolver", "pressure", 25, 0.08, fields=80, rough=3.5
 )
@@ -99,10 +98,10 @@ ATTRACTED = replace(FRICTIONAL, pairs=60, power=0.14, fields=126)  # with `newto
 # nested gradients take where it is small, in 0.8 to 0.95 of it where it is wide. Lines keep the active set; a
 # moving punch changes nothing in the rule.
 #
-# And the tolerance that this solver aims at, see `problem.solve_finer`.
+# Last, the tolerance of this solver, see `problem.solve_finer`.
 
 AUTO = "auto"
-_CONTRAST = 1e5  # of moduli, above which adaptive steps take more than the given tolerance
+_CONTRAST = 1e5  # of moduli, above which adaptive steps need a tighter tolerance than the given one
 _FINEST = 1e-12  # residual that rounding leaves within reach
 
 
@@ -132,7 +131,7 @@ def contrast(materials: Iterable[Relaxation]) -> float:
 
 
 def finer(tolerance: float, of_steps: float | None, stiffened: float, *, attracts: bool) -> float:
-    """Return the tolerance that contact is solved to: a finer one where adaptive steps need it."""
+    """Return the tolerance of the solver: tighter for adaptive steps on bodies of large glassy contrast."""
     # `of_steps` is the tolerance of adaptive steps, None where steps are fixed; `stiffened` the glassy over
     # the relaxed modulus. With an interface that attracts, `newton` ends near 1e-8, and steps are not many.
     if attracts or of_steps is None or stiffened <= _CONTRAST:

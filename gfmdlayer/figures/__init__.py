@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from gfmdlayer.figures.curve_plots import curves_figure
     from gfmdlayer.figures.map_plots import map_figure
     from gfmdlayer.figures.plots import plot_results
-    from gfmdlayer.figures.snapshot_plots import snapshots_figure, waterfall_figure
+    from gfmdlayer.figures.snapshots import snapshots_figure, waterfall_figure
 
 __all__ = ["curves_figure", "map_figure", "plot_results", "snapshots_figure", "waterfall_figure"]
 
@@ -21,8 +21,8 @@ _HOME = {
     "curves_figure": "curve_plots",
     "map_figure": "map_plots",
     "plot_results": "plots",
-    "snapshots_figure": "snapshot_plots",
-    "waterfall_figure": "snapshot_plots",
+    "snapshots_figure": "snapshots",
+    "waterfall_figure": "snapshots",
 }
 
 

@@ -116,7 +116,7 @@ class ColourBar(NamedTuple):
         name_axes(bar.ax, y=self.scale.quantity)
 
 
-class Curve(NamedTuple):
+class DrawnCurve(NamedTuple):
     """A curve: indices of its case along the dimensions of the sweep, and its look."""
 
     place: dict[str, int]
@@ -128,7 +128,7 @@ class Family(NamedTuple):
     """The curves of a sweep, and their colours, line styles and legend."""
 
     sweep: Dataset  # without the dimensions of fixed keys
-    curves: list[Curve]  # one for each case
+    curves: list[DrawnCurve]  # one for each case
     legend: list[tuple[str, str, Dashes]]  # title, colour, line style
     bar: ColourBar | None  # in place of entries for the colours
     notes: list[str]
@@ -154,7 +154,7 @@ def family(sweep: Dataset, along: str = "") -> Family:
             sweep = chosen(sweep, sweep[name], [sweep.sizes[name] // 2])
     names = varied
     if not names:
-        return Family(sweep, [Curve({}, colours(1)[0], line_style(0))], [], None, [])
+        return Family(sweep, [DrawnCurve({}, colours(1)[0], line_style(0))], [], None, [])
     if len(names) == 2 and sweep.sizes[names[1]] > len(LINE_STYLES) >= sweep.sizes[names[0]]:
         names.reverse()
     if len(names) == 2 and sweep.sizes[names[1]] > len(LINE_STYLES):
@@ -167,12 +167,12 @@ def _of_product(sweep: Dataset, names: list[str]) -> Family:
     shades, titles, bar = _coloured(sweep[names[0]])
     if len(names) == 1:
         dashes = [line_style(0 if bar else i) for i in range(len(shades))]
-        curves = [Curve({names[0]: i}, *look) for i, look in enumerate(zip(shades, dashes, strict=True))]
+        curves = [DrawnCurve({names[0]: i}, *look) for i, look in enumerate(zip(shades, dashes, strict=True))]
         legend = list(zip(_with_failures(sweep, names[0], titles), shades, dashes, strict=False))
         return Family(sweep, curves, legend, bar, [])
     dashed = value_titles(sweep[names[1]])
     curves = [
-        Curve({names[0]: i, names[1]: j}, shade, line_style(j))
+        DrawnCurve({names[0]: i, names[1]: j}, shade, line_style(j))
         for i, shade in enumerate(shades)
         for j in range(len(dashed))
     ]
@@ -188,12 +188,12 @@ def _of_list(sweep: Dataset) -> Family:
     if many is None:
         titles = _with_failures(sweep, "case", list(case_titles(sweep).values()))
         looks = [(shade, line_style(i)) for i, shade in enumerate(colours(len(titles)))]
-        curves = [Curve({"case": i}, *look) for i, look in enumerate(looks)]
+        curves = [DrawnCurve({"case": i}, *look) for i, look in enumerate(looks)]
         legend = [(title, *look) for title, look in zip(titles, looks, strict=True)]
         return Family(sweep, curves, legend, None, [])
     shades, _, bar = _coloured(many)
     others = ", ".join(symbol(key) for key in keys if key is not many)
-    curves = [Curve({"case": i}, shade, line_style(0)) for i, shade in enumerate(shades)]
+    curves = [DrawnCurve({"case": i}, shade, line_style(0)) for i, shade in enumerate(shades)]
     return Family(sweep, curves, [], bar, [f"also varied: {others}"] * bool(others))
 
 

@@ -38,7 +38,7 @@ from gfmdlayer.figures.selection import (
     rows,
     swept,
 )
-from gfmdlayer.figures.snapshot_plots import Inset
+from gfmdlayer.figures.snapshots import Inset
 from gfmdlayer.observables import SPARSE
 from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError
@@ -174,13 +174,13 @@ def _scale_axes(axes: Axes, names: Mapping[str, str], log: Sequence[str]) -> lis
     said = []
     if "y" not in log and axes.dataLim.y0 >= 0:
         axes.set_ylim(0, 1.05 * axes.dataLim.y1 or 1.0)  # of a constant, matplotlib leaves no room
-    for each in set(log):
-        values = np.concatenate([np.asarray(getattr(line, f"get_{each}data")()) for line in axes.lines])
+    for axis in set(log):
+        values = np.concatenate([np.asarray(getattr(line, f"get_{axis}data")()) for line in axes.lines])
         if not (values > 0).any():
-            raise ResultsError(f"log {each}: {names[each]} has no positive value; draw it without")
-        axes.set(**{f"{each}scale": "log"})
+            raise ResultsError(f"log {axis}: {names[axis]} has no positive value; draw it without")
+        axes.set(**{f"{axis}scale": "log"})
         if (values <= 0).any():
-            said.append(f"values of {names[each].replace('_', ' ')} that are not positive are left out")
+            said.append(f"values of {names[axis].replace('_', ' ')} that are not positive are left out")
     return said
 
 

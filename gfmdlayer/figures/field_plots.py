@@ -21,7 +21,7 @@ from gfmdlayer.figures.plot_style import (
     new_figure,
     styled,
 )
-from gfmdlayer.figures.snapshot_plots import (
+from gfmdlayer.figures.snapshots import (
     MAP_POINTS,
     MOST_MAPS,
     Extremes,
@@ -283,9 +283,9 @@ def _field(case: Dataset, name: str) -> DataArray:
         for each in BELOW
         if each in case and each[:7] == "stress_"
     }
-    found = case["stress_zz"].copy(data=invariants(stress)[name]).rename(name)
-    found.attrs["long_name"] = INVARIANTS[name]
-    return found
+    field = case["stress_zz"].copy(data=invariants(stress)[name]).rename(name)
+    field.attrs["long_name"] = INVARIANTS[name]
+    return field
 
 
 def _interfaces(case: Dataset) -> list[int]:

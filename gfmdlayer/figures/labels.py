@@ -217,11 +217,11 @@ def quantity(array: DataArray, scales: Mapping[str, Any] = MappingProxyType({}))
     factors = _factors(str(array.attrs.get("units", "1")))
     if not factors.keys() <= SCALES.keys():
         return Quantity(symbol(array), str(array.attrs["units"]))
-    if "key" in array.attrs or any(SCALES[each][0] not in scales for each in factors):
+    if "key" in array.attrs or any(SCALES[factor][0] not in scales for factor in factors):
         return Quantity(symbol(array))
-    scale = math.prod(float(scales[SCALES[each][0]]) ** power for each, power in factors.items())
+    scale = math.prod(float(scales[SCALES[factor][0]]) ** power for factor, power in factors.items())
     return Quantity(
-        _over(symbol(array), {SCALES[each][1]: power for each, power in factors.items()}), "", scale
+        _over(symbol(array), {SCALES[factor][1]: power for factor, power in factors.items()}), "", scale
     )
 
 
@@ -369,12 +369,15 @@ def explained(case: Dataset, names: Sequence[str], written: Iterable[str] = ()) 
     """
     text = " ".join(written)
     keys = [str(name) for name, key in case.coords.items() if "key" in key.attrs and symbol(key) in text]
-    found = [case[name] for name in dict.fromkeys([*names, *keys]) if name in case]
-    known = [each for each in found if "long_name" in each.attrs]
-    parts = [f"{symbol(each)}: {_meaning(each)}" for each in known if symbol(each).startswith("$")]
-    along = [case[name] for name in ("snapshot", "x") if any(name in each.dims for each in found)]
+    variables = [case[name] for name in dict.fromkeys([*names, *keys]) if name in case]
+    known = [variable for variable in variables if "long_name" in variable.attrs]
+    parts = [
+        f"{symbol(variable)}: {_meaning(variable)}" for variable in known if symbol(variable).startswith("$")
+    ]
+    along = [case[name] for name in ("snapshot", "x") if any(name in variable.dims for variable in variables)]
     scales = [
-        quantity(each, case.attrs).symbol.removeprefix(symbol(each).rstrip("$")) for each in [*known, *along]
+        quantity(variable, case.attrs).symbol.removeprefix(symbol(variable).rstrip("$"))
+        for variable in [*known, *along]
     ]
     scales += ["G_0" for part in parts if "G_0)" in part]  # of the mean pressure over 2 G0
     used, said = " ".join(scales), {part.partition(":")[0] for part in parts}

@@ -13,17 +13,16 @@ from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
+from gfmdlayer.figures.movies import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes
-from gfmdlayer.figures.snapshot_plots import (
+from gfmdlayer.figures.snapshots import (
     MOST_CASES,
     Inset,
     at_times,
     cases_with_snapshots,
-    default_suffix,
     snapshots_figure,
     waterfall_figure,
-    write_movie,
 )
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.schema import ResultsError

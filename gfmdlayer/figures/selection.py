@@ -256,9 +256,9 @@ def each_interface(dataset: Dataset, names: Sequence[str]) -> tuple[Dataset, lis
         for name, column in dataset.data_vars.items()
         if "interface" in column.dims
     }
-    single = {str(each.name): each for columns in parts.values() for each in columns}
-    wanted = [[str(each.name) for each in parts[name]] if name in parts else [name] for name in names]
-    return dataset.drop_vars(parts).assign(single), [each for group in wanted for each in group]
+    single = {str(column.name): column for columns in parts.values() for column in columns}
+    wanted = [[str(column.name) for column in parts[name]] if name in parts else [name] for name in names]
+    return dataset.drop_vars(parts).assign(single), [column for group in wanted for column in group]
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:

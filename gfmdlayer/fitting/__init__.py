@@ -1,1 +1,1 @@
-"""From a measured master curve or relaxation curve to the Prony series of a configuration."""
+"""Fits: laws to measured moduli, bodies to force curves of an indenter and to maps of them."""

@@ -22,17 +22,18 @@ import h5py
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.config import ConfigError, text
+from gfmdlayer.config import ConfigError
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
-from gfmdlayer.fitting.indentation.curve import Correction, in_si
-from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
-from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
-from gfmdlayer.fitting.indentation.fit import fit_curves
-from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
-from gfmdlayer.fitting.indentation.report import COLUMNS, SCALARS, add_estimates
-from gfmdlayer.fitting.indentation.starts import keys_with_adhesion
+from gfmdlayer.fitting.curve_files import Entry, Units, contents, entries, read_curve
+from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
+from gfmdlayer.fitting.estimates import FitOptions, IndentationFit
+from gfmdlayer.fitting.force_curve import Correction, in_si
+from gfmdlayer.fitting.indentation import fit_curves
+from gfmdlayer.fitting.indentation_report import COLUMNS, SCALARS, add_estimates
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import Free, IndentationModel
+from gfmdlayer.fitting.starts import keys_with_adhesion
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import parameter
@@ -52,6 +53,7 @@ from gfmdlayer.study.progress import Display, Reporter
 from gfmdlayer.study.run import Summary
 from gfmdlayer.study.schedule import Outcome, Schedule
 from gfmdlayer.study.workers import WorkerPool
+from gfmdlayer.validation import text
 
 # The file cases/NNNN.h5 of the estimates of one curve:
 #
@@ -112,7 +114,7 @@ class FitTask:
         return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
 
     def _fit(self, case: MapCase) -> IndentationFit:
-        model = Model(self.model)
+        model = IndentationModel(self.model)
         curve = read_curve(case.entry, self.units, in_si(model.config.units), self.options)
         fit = fit_curves([curve], model, self.free, self.options, advise=False)
         if not all(np.isfinite(each.value) for each in fit.parameters):
@@ -173,7 +175,7 @@ _MEANINGS = {
 }
 
 
-class _Layout(NamedTuple):
+class _MapLayout(NamedTuple):
     """Coordinates of the dimensions, and the place of each case along them."""
 
     coordinates: dict[str, FloatArray]
@@ -196,14 +198,14 @@ def collect(
         numbers[place], labels[place] = case.index, case.entry.name
         if case.index in failed:
             continue
-        found = read_estimates(folder.case(case.index))
-        if found is None:
+        estimates = read_estimates(folder.case(case.index))
+        if estimates is None:
             failed[case.index] = f"curve {case.entry.name}: its file cannot be read"
             continue
         for row, key in enumerate(keys):
-            if key in found.keys:  # a curve has no stiffness to fit where its depth is prescribed
-                np.moveaxis(tables[row], 0, -1)[place] = found.columns[:, found.keys.index(key)]
-        np.moveaxis(scalars, 0, -1)[place] = found.scalars
+            if key in estimates.keys:  # a curve has no stiffness to fit where its depth is prescribed
+                np.moveaxis(tables[row], 0, -1)[place] = estimates.columns[:, estimates.keys.index(key)]
+        np.moveaxis(scalars, 0, -1)[place] = estimates.scalars
     with new_file(folder.sweep) as file:
         h5 = file.begin()
         for name, values in layout.coordinates.items():
@@ -232,7 +234,7 @@ def parameter_names(keys: Sequence[str]) -> list[str]:
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
-def _layout(positions: Sequence[tuple[float, ...]]) -> _Layout:
+def _layout(positions: Sequence[tuple[float, ...]]) -> _MapLayout:
     """Place curves on the grid of their positions, or in a row if the positions form no grid."""
     if all(len(position) == 2 for position in positions):
         x, y = np.array(positions).T
@@ -240,8 +242,10 @@ def _layout(positions: Sequence[tuple[float, ...]]) -> _Layout:
         places = list(zip(rows.tolist(), columns.tolist(), strict=True))
         full = len(set(places)) == len(places) and 2 * len(places) > across.size * up.size
         if full and min(across.size, up.size) > 1:
-            return _Layout({"y": up, "x": across}, places)
-    return _Layout({"curve": np.arange(len(positions), dtype=float)}, [(i,) for i in range(len(positions))])
+            return _MapLayout({"y": up, "x": across}, places)
+    return _MapLayout(
+        {"curve": np.arange(len(positions), dtype=float)}, [(i,) for i in range(len(positions))]
+    )
 
 
 def _levels(values: FloatArray) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int64]], FloatArray]:
@@ -262,7 +266,7 @@ class ForceMap:
         self, paths: Sequence[Path], directory: Path, model: Mapping[str, Any], free: Free,
         options: FitOptions, units: Units | None = None,
     ) -> None:  # fmt: skip
-        self._model, self.keys = Model(model), list(free)
+        self._model, self.keys = IndentationModel(model), list(free)
         if options.contact == "detect":
             self.keys += [key for key in ("contact_point", "force_offset") if key not in self.keys]
         if options.adhesion == CHOOSE:
@@ -318,9 +322,13 @@ class ForceMap:
                     self._warm_up(pool, todo)
                 for outcome in Schedule(pool, self.task, self.folder, reporter.ended).run(todo):
                     outcomes[outcome.index] = outcome
-            collected = all(each.state in {"complete", "failed"} for each in outcomes.values())
+            collected = all(outcome.state in {"complete", "failed"} for outcome in outcomes.values())
             if collected:
-                reasons = {each.index: each.reason for each in outcomes.values() if each.state == "failed"}
+                reasons = {
+                    outcome.index: outcome.reason
+                    for outcome in outcomes.values()
+                    if outcome.state == "failed"
+                }
                 collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name},
                         self._model.config.unit)  # fmt: skip
         failures = [outcomes[index] for index in sorted(outcomes) if outcomes[index].state == "failed"]

@@ -53,7 +53,7 @@ NEIGHBOURS = math.log(1.1)
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedLaw:
     """A fitted series."""
 
     measurement: Measurement  # the measured curve
@@ -76,15 +76,17 @@ class Fit:
         """Largest magnitude of the relative errors."""
         return float(np.abs(self.errors).max())
 
-    def normalised(self) -> Fit:
+    def normalised(self) -> FittedLaw:
         """The same fit with all moduli in units of G0, or of G for a power law without G0."""
         unit, data = self.material.unit, self.material.model_dump(exclude_none=True)
         for section in (data, *data.get("branches", ())):
             section |= {key: section[key] / unit for key in ("G", "G0", "Ginf") if key in section}
-        return Fit(self.measurement.in_units_of(unit), type(self.material).model_validate(data), self.least)
+        return FittedLaw(
+            self.measurement.in_units_of(unit), type(self.material).model_validate(data), self.least
+        )
 
 
-def fit(measurement: Measurement, branches: int | None = None, relaxed: float | None = None) -> Fit:
+def fit(measurement: Measurement, branches: int | None = None, relaxed: float | None = None) -> FittedLaw:
     """Fit a Prony series to a measured curve.
 
     `branches` is the number of branches (default: the fewest that are enough); there are fewer if more do not
@@ -94,7 +96,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
     if branches is not None and not 1 <= branches <= most:
         raise FitError(f"got {branches} branches; must be 1 to {most} for {measurement.abscissa.size} rows")
     check_relaxed(measurement, relaxed)
-    problem = _Problem(measurement, relaxed)
+    problem = _SeriesProblem(measurement, relaxed)
     least = problem.least
     enough = max(MARGIN * least, ACCURACY)
     times = problem.grown(branches or most, EXACT if branches else enough)
@@ -104,7 +106,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
     if relaxed is None and moduli[0] < FLOWING * measurement.moduli[0].min():
         raise flows(measurement, float(moduli[0]))
     series = zip(moduli[1:].tolist(), np.exp(times).tolist(), strict=True)
-    return Fit(measurement, Prony(float(moduli[0]), tuple(series)), least)
+    return FittedLaw(measurement, Prony(float(moduli[0]), tuple(series)), least)
 
 
 def check_relaxed(measurement: Measurement, relaxed: float | None) -> None:
@@ -127,7 +129,7 @@ def flows(measurement: Measurement, relaxed: float) -> FitError:
 
 
 @dataclass(frozen=True)
-class _Problem:
+class _SeriesProblem:
     """The least-squares problem in the moduli, G0 first, and the logarithms of the times."""
 
     measurement: Measurement
@@ -187,8 +189,8 @@ class _Problem:
 
     def polished(self, times: FloatArray) -> FloatArray:
         """Return the times of least error nearby, sorted; zero and nearly coincident branches are removed."""
-        found = least_squares(self.residual, times, self.jacobian, self.bounds, xtol=1e-6, ftol=1e-8)
-        kept = self._distinct(np.sort(found.x))
+        moved = least_squares(self.residual, times, self.jacobian, self.bounds, xtol=1e-6, ftol=1e-8)
+        kept = self._distinct(np.sort(moved.x))
         return kept if kept.size == times.size else self.polished(kept)
 
     def _distinct(self, times: FloatArray) -> FloatArray:
@@ -243,7 +245,7 @@ class _Unknowns:
     starts: list[list[float]]
 
 
-def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) -> Fit:
+def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) -> FittedLaw:
     """Fit the law MODELS[model] to a measured curve, with G0 = `relaxed` if given."""
     if not (model == "power_law" and relaxed == 0):
         check_relaxed(measurement, relaxed)
@@ -255,15 +257,15 @@ def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) 
         return np.ravel(measurement.predicted(law, measurement.abscissa) / wanted - 1)
 
     starts = sorted(unknowns.starts, key=lambda start: float(np.sum(residual(np.array(start)) ** 2)))
-    found = [least_squares(residual, start, x_scale="jac") for start in starts[:BEST]]
-    best = min(found, key=lambda each: each.cost)
+    trials = [least_squares(residual, start, x_scale="jac") for start in starts[:BEST]]
+    best = min(trials, key=lambda trial: trial.cost)
     law = unknowns.law(best.x.clip(-LIMIT, LIMIT))
     lowest = float(wanted[0].min())
     if relaxed is None and isinstance(law, PowerLaw) and 0 < law.G0 < NO_SPRING * lowest:
         return fit_law(measurement, model, 0.0)
     if relaxed is None and not isinstance(law, PowerLaw) and law.relaxed < FLOWING * lowest:
         raise flows(measurement, law.relaxed)
-    return Fit(measurement, law, _Problem(measurement, relaxed or None).least)
+    return FittedLaw(measurement, law, _SeriesProblem(measurement, relaxed or None).least)
 
 
 def _relaxing(

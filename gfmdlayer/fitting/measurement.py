@@ -170,14 +170,14 @@ def _quantities(path: Path, names: str | None) -> tuple[tuple[str, ...], tuple[s
     number, text, words = next((line for line in lines if any(map(is_number, line[2]))), lines[-1])
     header = names if names is not None else lines[0][1] if number > lines[0][0] else None
     place = "--columns" if names is not None else f"{path}:{lines[0][0]}"
-    if header is not None and (found := recognised(header)) is not None:
-        if not names_one_curve(found):
+    if header is not None and (quantities := recognised(header)) is not None:
+        if not names_one_curve(quantities):
             raise TableError(f"{place}: {header!r} does not name the columns of a curve; must be {WAYS}")
-        if len(found) != len(words):
+        if len(quantities) != len(words):
             raise TableError(
-                f"{path}:{number}: {text!r} is {len(words)} words; {header!r} names {len(found)}"
+                f"{path}:{number}: {text!r} is {len(words)} words; {header!r} names {len(quantities)}"
             )
-        return found, _units(header, found)
+        return quantities, _units(header, quantities)
     if names is not None or len(words) not in by_width:
         if names is not None:
             raise TableError(f"{place}: {names!r} is not known; must be {WAYS}")
@@ -189,12 +189,12 @@ def _quantities(path: Path, names: str | None) -> tuple[tuple[str, ...], tuple[s
 
 def _units(header: str, quantities: Sequence[str]) -> tuple[str, str]:
     """Return the units of the abscissa and of the moduli, "" where they have none or several."""
-    found = [_UNIT.search(name.strip().strip('"')) for name in separated(header)]
-    written = [match[1].strip("[]()/ ") if match else "" for match in found]
-    units = {each.removeprefix("E "): unit for each, unit in zip(quantities, written, strict=True)}
-    first = next(units[each] for each in ("omega", "frequency", "time") if each in units)
+    matches = [_UNIT.search(name.strip().strip('"')) for name in separated(header)]
+    written = [match[1].strip("[]()/ ") if match else "" for match in matches]
+    units = {quantity.removeprefix("E "): unit for quantity, unit in zip(quantities, written, strict=True)}
+    first = next(units[quantity] for quantity in ("omega", "frequency", "time") if quantity in units)
     first = "rad/s" if "frequency" in units and first == "Hz" else first
-    moduli = {units[each] for each in ("storage", "loss", "relaxation") if each in units}
+    moduli = {units[quantity] for quantity in ("storage", "loss", "relaxation") if quantity in units}
     return first, moduli.pop() if len(moduli) == 1 else ""
 
 
@@ -249,8 +249,8 @@ WAYS = "omega or f with two of G', G'', tan delta; or t, G; E for G in tension"
 
 def recognised(header: str) -> tuple[str, ...] | None:
     """Return the quantities of the columns in a line of names, E before moduli in tension, or None."""
-    found = [quantity_named(name) for name in separated(header)]
-    return None if None in found else tuple(map(str, found))
+    quantities = [quantity_named(name) for name in separated(header)]
+    return None if None in quantities else tuple(map(str, quantities))
 
 
 def separated(header: str) -> list[str]:
@@ -304,9 +304,9 @@ def names_one_curve(quantities: Sequence[str]) -> bool:
 def converted(quantities: Sequence[str], rows: FloatArray, poisson: float) -> FloatArray:
     """Return omega, G' and G'', shape (rows, 3), or t and G, shape (rows, 2), in shear."""
     known = {}
-    for each, values in zip(quantities, rows.T, strict=True):
-        tension = each.startswith("E ")
-        known[each.removeprefix("E ")] = values / (2 * (1 + poisson)) if tension else values
+    for quantity, values in zip(quantities, rows.T, strict=True):
+        tension = quantity.startswith("E ")
+        known[quantity.removeprefix("E ")] = values / (2 * (1 + poisson)) if tension else values
     if "time" in known:
         return np.column_stack([known["time"], known["relaxation"]])
     if "frequency" in known:
@@ -315,4 +315,4 @@ def converted(quantities: Sequence[str], rows: FloatArray, poisson: float) -> Fl
         known["storage"] = known["loss"] / known["tan"]
     if "loss" not in known:
         known["loss"] = known["storage"] * known["tan"]
-    return np.column_stack([known[each] for each in MASTER])
+    return np.column_stack([known[quantity] for quantity in MASTER])

@@ -79,12 +79,12 @@ class Sets:
     @property
     def base(self) -> FloatArray:
         """Tractions that satisfy the conditions of the sets, from those of the state."""
-        found = np.vstack((self.p[np.newaxis], self.t))
+        tractions = np.vstack((self.p[np.newaxis], self.t))
         slipping = self._bounds(self.p)[self.slip] * self.n
         if self.axes == 2:
             slipping += self.across * (self.across * self.t[:, self.slip]).sum(axis=0)
-        found[1:, self.slip] = slipping
-        return found
+        tractions[1:, self.slip] = slipping
+        return tractions
 
     @property
     def free(self) -> int:
@@ -93,13 +93,13 @@ class Sets:
 
     def expanded(self, v: NDArray[Any]) -> NDArray[Any]:
         """Fields at the points in contact of free unknowns."""
-        found = np.zeros((1 + self.axes, self.size), dtype=v.dtype)
-        found[0] = v[: self.size]
+        fields = np.zeros((1 + self.axes, self.size), dtype=v.dtype)
+        fields[0] = v[: self.size]
         end = self.size + self.axes * self.stick.size
-        found[1:, self.stick] = v[self.size : end].reshape(self.axes, -1)
+        fields[1:, self.stick] = v[self.size : end].reshape(self.axes, -1)
         if self.axes == 2:
-            found[1:, self.slip] = self.across * v[end:]
-        return found
+            fields[1:, self.slip] = self.across * v[end:]
+        return fields
 
     def moved(self, fields: NDArray[Any]) -> NDArray[Any]:
         """Add to fields of free unknowns the shear that follows the pressure where the points slip."""
@@ -173,12 +173,12 @@ class Intervals:
         """Return the tractions that give displacements."""
         if not v.size:
             return v
-        found = np.empty(v.size, dtype=np.float32)
+        tractions = np.empty(v.size, dtype=np.float32)
         for rows, inverse in self._alike:
-            found[rows] = v[rows] @ inverse
+            tractions[rows] = v[rows] @ inverse
         loads = self._among @ np.add.reduceat(self._shape * v, self._first)
-        found += self._shape * np.repeat(loads, self._length)
-        return found
+        tractions += self._shape * np.repeat(loads, self._length)
+        return tractions
 
 
 def intervals(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -205,7 +205,7 @@ class LinearSystem:
         self._inverses: list[Intervals] = []
         if blocks is not None:
             groups = sets.points, sets.points[sets.stick]
-            self._inverses = [Intervals(each, of) for each, of in zip(blocks, groups, strict=True)]
+            self._inverses = [Intervals(block, points) for block, points in zip(blocks, groups, strict=True)]
         self._C, self._K = C.among(sets.points), K.among(sets.points)
         self.unit = at.W_s / at.p_s
         axes, size = sets.axes, sets.size
@@ -240,9 +240,9 @@ class LinearSystem:
         for i in self.which:
             ones = np.zeros((1 + sets.axes, sets.size), dtype=np.float32)
             ones[i] = 1.0
-            found = np.zeros((1 + sets.axes, size), dtype=np.float32)
-            found[:, sets.points] = sets.expanded(self.softened(sets.compressed(ones)))
-            fields[i] = found
+            response = np.zeros((1 + sets.axes, size), dtype=np.float32)
+            response[:, sets.points] = sets.expanded(self.softened(sets.compressed(ones)))
+            fields[i] = response
         return Ones(fields, touching, sticking)
 
     def _sums(self, v: NDArray[Any]) -> FloatArray:
@@ -276,27 +276,27 @@ class LinearSystem:
         """Return the left side: displacements less the multipliers, and the sums of forces."""
         sets, free = self.sets, self.sets.free
         v = z[:free]
-        found: NDArray[Any] = sets.compressed(self._C(sets.moved(sets.expanded(v))))
-        found = found * np.float32(1 / self.unit) + self.shift * v
+        left: NDArray[Any] = sets.compressed(self._C(sets.moved(sets.expanded(v))))
+        left = left * np.float32(1 / self.unit) + self.shift * v
         if not self.which:
-            return found
+            return left
         ones = np.zeros((1 + sets.axes, sets.size), dtype=np.float32)
         for i, c in zip(self.which, z[free:], strict=True):
             ones[i] = c
         sums = self._sums(v) / math.sqrt(sets.size)
-        return np.concatenate((found - sets.compressed(ones), sums.astype(np.float32)))
+        return np.concatenate((left - sets.compressed(ones), sums.astype(np.float32)))
 
     def right_side(self, gap: FloatArray, slip: FloatArray, base: FloatArray) -> NDArray[Any]:
         """Return what the tractions `base` leave, whose gap and slip at the points in contact are given."""
         sets = self.sets
-        found = -sets.compressed(np.vstack((gap[np.newaxis], slip)))
+        right = -sets.compressed(np.vstack((gap[np.newaxis], slip)))
         if sets.axes == 2:
             tail = sets.size + 2 * sets.stick.size
-            found[tail:] -= sets.delay * (sets.across * base[1:, sets.slip]).sum(axis=0)
+            right[tail:] -= sets.delay * (sets.across * base[1:, sets.slip]).sum(axis=0)
         if not self.which:
-            return found
+            return right
         sums = np.array([base[i].sum() for i in self.which])
-        return np.concatenate((found, (self.goal - sums) / math.sqrt(sets.size)))
+        return np.concatenate((right, (self.goal - sums) / math.sqrt(sets.size)))
 
 
 def gmres(
@@ -349,17 +349,17 @@ class FrictionNewton:
     ) -> tuple[FrictionState, int]:
         """Return the state that was reached from a guess of the tractions, and the steps."""
         self._ones, self._inverts = None, False
-        way = _Way(self, problem)
+        path = _Globalisation(self, problem)
         at = self.state(problem, admissible(problem, x))
-        way.best = at
+        path.best = at
         for step in range(limit + 1):
             if at.residual < tolerance:
                 at = self._exact(problem, at, tolerance)
             if at.residual < tolerance or step == limit:
                 break
-            at = way.next(at, tolerance)
-        if not at.residual < tolerance and way.best.residual < at.residual:
-            at = way.best
+            at = path.next(at, tolerance)
+        if not at.residual < tolerance and path.best.residual < at.residual:
+            at = path.best
         return at, step
 
     def state(self, problem: FrictionProblem, x: FloatArray) -> FrictionState:
@@ -400,15 +400,15 @@ class FrictionNewton:
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
         least = _LEAST_INEXACT[len(at.t) - 1]
         inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), least))
-        found, _ = gmres(system.apply, system.precondition, b, inexact, INNER)
-        moved = base + sets.moved(sets.expanded(found[: sets.free]))
+        solution, _ = gmres(system.apply, system.precondition, b, inexact, INNER)
+        moved = base + sets.moved(sets.expanded(solution[: sets.free]))
         if sets.axes == 2:  # a direction of slip that has turned far: back to the circle
             p = moved[0, sets.slip]
             limit = sets.law.at(sets.slip).bound(np.maximum(p, 0) * at.p_s) / at.p_s
             moved[1:, sets.slip] = in_disks(moved[1:, sets.slip], limit)
         x = np.zeros_like(at.x)
         x[:, points] = moved * at.p_s
-        path = at.path + found[-sets.axes :] * at.W_s if problem.force is not None else None
+        path = at.path + solution[-sets.axes :] * at.W_s if problem.force is not None else None
         return x, path
 
     def _blocks_for(self, sets: Sets, damping: float) -> tuple[BlockInverse, BlockInverse] | None:
@@ -435,8 +435,8 @@ class FrictionNewton:
         return self.displacements(x), 0.0
 
 
-class _Way:
-    """The globalisation of one solve: full steps, and damped ones from the best state where they fail."""
+class _Globalisation:
+    """Full steps of one solve, and damped ones from the best state where they fail."""
 
     def __init__(self, newton: FrictionNewton, problem: FrictionProblem) -> None:
         self._newton, self._problem = newton, problem

@@ -146,8 +146,8 @@ class FrictionSolver:
         """The solver without friction."""
         declared = SOLVERS[self._choice.method]
         options = {"grid": self._levels[0].grid} if declared.distributed else {}
-        found: frictionless.Solver = declared.load()(self._transforms, **options)
-        return found
+        solver: frictionless.Solver = declared.load()(self._transforms, **options)
+        return solver
 
     def _pressed(
         self,
@@ -166,7 +166,7 @@ class FrictionSolver:
         if shear is not None and problem.response.couples and shear.any():
             lifted = np.vstack((np.zeros((1, h.size)), shear))
             h = h + self._levels[0].newton(problem.response).displacements(lifted)[0]
-        given = frictionless.Problem(
+        normal_problem = frictionless.Problem(
             stiffness,
             np.zeros(stiffness.size, dtype=np.complex128),
             h - (problem.depth if problem.load is None else 0.0),
@@ -178,50 +178,50 @@ class FrictionSolver:
             guess = np.full(h.size, np.inf) if gap is None else gap.copy()
         else:
             guess = np.zeros(h.size) if start is None else start[0].copy()
-        found = self._frictionless.solve(given, guess, tolerance, limit * INNER)
-        self._spent.pairs += found.transforms
-        return given, found
+        normal = self._frictionless.solve(normal_problem, guess, tolerance, limit * INNER)
+        self._spent.pairs += normal.transforms
+        return normal_problem, normal
 
     def _smooth(
         self,
         problem: FrictionProblem,
-        given: frictionless.Problem,
-        found: frictionless.Solution,
+        normal_problem: frictionless.Problem,
+        normal: frictionless.Solution,
         tolerance: float,
     ) -> FrictionSolution:
         """Return a contact without shear; the displacement of a punch on which no force acts is none."""
-        p, depth, attraction = found.pressure, problem.depth, None
+        p, depth, attraction = normal.pressure, problem.depth, None
         if problem.load is not None:
             compliance = float(np.ravel(problem.response.normal)[0])
-            depth = float(found.displacement.mean()) + compliance * problem.load
+            depth = float(normal.displacement.mean()) + compliance * problem.load
         if problem.interface.attracts:
-            attraction = problem.interface.traction(found.gap)
-            p = _of_the_wall(p, attraction, found.gap)
+            attraction = problem.interface.traction(normal.gap)
+            p = _of_the_wall(p, attraction, normal.gap)
         C, _ = self._levels[0].newton(problem.response).operators
-        u = C.shear_of(-given.stiffness * found.spectrum)
+        u = C.shear_of(-normal_problem.stiffness * normal.spectrum)
         path, why = np.zeros(len(u)) if problem.path is None else problem.path, ""
-        if not found.converged:
-            why = frictionless.why_not_converged(given, found, self._choice.method, tolerance)
-        displacement = np.vstack((found.gap + depth - problem.heights, u))
+        if not normal.converged:
+            why = frictionless.why_not_converged(normal_problem, normal, self._choice.method, tolerance)
+        displacement = np.vstack((normal.gap + depth - problem.heights, u))
         if problem.offset is not None:
             displacement[1:] += problem.offset[1:]
         return FrictionSolution(
             pressure=p,
             traction=np.zeros(u.shape),
             displacement=displacement,
-            gap=found.gap,
+            gap=normal.gap,
             slip=problem.slip_at_rest + u - path[:, np.newaxis],
             depth=depth,
             path=path,
             stick=np.zeros(p.shape, dtype=bool),
-            residual=found.residual,
+            residual=normal.residual,
             pairs=self._spent.pairs,
-            iterations=found.iterations,
-            converged=found.converged,
+            iterations=normal.iterations,
+            converged=normal.converged,
             reason=why,
             attraction=attraction,
-            released_energy=found.released_energy,
-            margin=found.margin,
+            released_energy=normal.released_energy,
+            margin=normal.margin,
         )
 
     def _attracted(
@@ -240,7 +240,7 @@ class FrictionSolver:
         least = max(_FINER * tolerance, min(tolerance, _LEAST_TOLERANCE))
         for turn in range(_ROUNDS):
             enough = max(least, min(_OF_A_ROUND * off, _COARSE_TOLERANCE))
-            given, normal = self._pressed(problem, shear, None, gap, enough, limit)
+            normal_problem, normal = self._pressed(problem, shear, None, gap, enough, limit)
             released, steps, gap = released + normal.released_energy, steps + normal.iterations, normal.gap
             attraction = law.traction(gap)
             p = _of_the_wall(normal.pressure, attraction, gap)
@@ -248,7 +248,7 @@ class FrictionSolver:
                 shear, mixing, off = np.zeros_like(shear), Mixing(MIXED), 0.0
                 continue
             if not normal.converged or not p.any():
-                apart = self._smooth(problem, given, normal, tolerance)
+                apart = self._smooth(problem, normal_problem, normal, tolerance)
                 return replace(apart, released_energy=released, iterations=steps)
             loads = np.vstack((-attraction[np.newaxis], np.zeros((axes, p.size))))
             pulled = self._levels[0].newton(problem.response).displacements(loads)
@@ -259,27 +259,27 @@ class FrictionSolver:
                 interface=HARD_WALL,
             )
             if reason := under.why_not_solvable():
-                apart = self._smooth(problem, given, normal, tolerance)
+                apart = self._smooth(problem, normal_problem, normal, tolerance)
                 return replace(apart, iterations=steps, converged=False, reason=reason)
             guess = np.vstack((p[np.newaxis], shear))
             at, more = self._under_a_wall(under, guess, enough, limit, near=turn > 0)
             steps += more
-            found = _solution(under, at, steps, self._spent.pairs, enough)
-            change = np.abs(law.traction(np.maximum(found.gap, 0.0)) - attraction).max()
+            solution = _solution(under, at, steps, self._spent.pairs, enough)
+            change = np.abs(law.traction(np.maximum(solution.gap, 0.0)) - attraction).max()
             off = float(change) / max(float(p.max()), float(attraction.max()))
-            found = replace(
-                found,
-                gap=np.where(found.contact, 0.0, np.maximum(found.gap, 0.0)),
-                residual=max(found.residual, off),
+            solution = replace(
+                solution,
+                gap=np.where(solution.contact, 0.0, np.maximum(solution.gap, 0.0)),
+                residual=max(solution.residual, off),
                 attraction=attraction,
                 released_energy=released,
                 margin=normal.margin,
             )
-            if not found.converged or found.residual < tolerance:
-                return found
-            shear = mixing.next(shear, found.traction)
+            if not solution.converged or solution.residual < tolerance:
+                return solution
+            shear = mixing.next(shear, solution.traction)
         reason = f"attraction and shear traction do not settle in {_ROUNDS} rounds; residual {off:.2e}"
-        return replace(found, converged=False, reason=reason)
+        return replace(solution, converged=False, reason=reason)
 
     def _gradually(
         self, problem: FrictionProblem, failed: FrictionState, tolerance: float, limit: int
@@ -351,7 +351,7 @@ class FrictionLevel:
     def windows(self) -> list[tuple[int, int]]:
         """Operator and part of windows whose kernels have been made."""
         made = () if self._newton is None else self._newton.operators
-        return [(number, part) for number, each in enumerate(made) for part in each.windows]
+        return [(number, part) for number, operator in enumerate(made) for part in operator.windows]
 
     def newton(self, response: Response) -> FrictionNewton:
         """Return Newton's method for a response."""
@@ -359,8 +359,8 @@ class FrictionLevel:
             if self._newton is not None:
                 self.counted.clear()
             C, K = (
-                Operator(self.grid, each, self._work, {part for i, part in self.counted if i == number})
-                for number, each in enumerate((response, response.inverse(self.grid)))
+                Operator(self.grid, kind, self._work, {part for i, part in self.counted if i == number})
+                for number, kind in enumerate((response, response.inverse(self.grid)))
             )
             self.response, self._newton = response, FrictionNewton(C, K)
         return self._newton
@@ -368,9 +368,9 @@ class FrictionLevel:
     def restricted(self, response: Response, finer: FrictionLevel) -> Response:
         """Return the response of the next finer grid at the modes of this one."""
         if self.response is None or response is not self._finer:
-            self._finer, found = response, response.on(finer.transforms, self.transforms)
-            self.newton(found)
-            return found
+            self._finer, coarse = response, response.on(finer.transforms, self.transforms)
+            self.newton(coarse)
+            return coarse
         return self.response
 
     def coarser(self) -> FrictionLevel | None:
@@ -419,27 +419,27 @@ def _rough_guess(problem: FrictionProblem) -> FloatArray:
 
 def _halved(field: FloatArray, fine: tuple[int, ...], coarse: tuple[int, ...]) -> FloatArray:
     """Return a field on a coarser grid, with weights 1/4, 1/2, 1/4 along each axis that is halved."""
-    found = field.reshape(*field.shape[:-1], *fine)
-    first = found.ndim - len(fine)
+    result = field.reshape(*field.shape[:-1], *fine)
+    first = result.ndim - len(fine)
     for axis, (many, few) in enumerate(zip(fine, coarse, strict=True), first):
         if many != few:
-            found = 0.5 * found + 0.25 * (np.roll(found, 1, axis) + np.roll(found, -1, axis))
-            found = np.take(found, np.arange(0, many, 2), axis)
-    return np.ascontiguousarray(found).reshape(*field.shape[:-1], -1)
+            result = 0.5 * result + 0.25 * (np.roll(result, 1, axis) + np.roll(result, -1, axis))
+            result = np.take(result, np.arange(0, many, 2), axis)
+    return np.ascontiguousarray(result).reshape(*field.shape[:-1], -1)
 
 
 def _finer(field: FloatArray, coarse: tuple[int, ...], fine: tuple[int, ...]) -> FloatArray:
     """Return a field on a finer grid, interpolated linearly along each axis that is doubled."""
-    found = field.reshape(*field.shape[:-1], *coarse)
-    first = found.ndim - len(coarse)
+    result = field.reshape(*field.shape[:-1], *coarse)
+    first = result.ndim - len(coarse)
     for axis, (few, many) in enumerate(zip(coarse, fine, strict=True), first):
         if many != few:
-            doubled = np.repeat(found, 2, axis)
-            between: list[Any] = [slice(None)] * found.ndim
+            doubled = np.repeat(result, 2, axis)
+            between: list[Any] = [slice(None)] * result.ndim
             between[axis] = slice(1, None, 2)
-            doubled[tuple(between)] = 0.5 * (found + np.roll(found, -1, axis))
-            found = doubled
-    return found.reshape(*field.shape[:-1], -1)
+            doubled[tuple(between)] = 0.5 * (result + np.roll(result, -1, axis))
+            result = doubled
+    return result.reshape(*field.shape[:-1], -1)
 
 
 def _coarser(problem: FrictionProblem, fine: FrictionLevel, coarse: FrictionLevel) -> FrictionProblem:

@@ -31,7 +31,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.sums import Sums
@@ -104,7 +104,7 @@ def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
 
 
 @dataclass
-class _Position:
+class StepState:
     """Position of the run in time, and the quantities that set the length of the next step."""
 
     time: float = 0.0
@@ -125,7 +125,7 @@ class _Position:
 
 
 class AdaptiveSteps:
-    """Steps chosen during the run: `accepts` judges each before the next is yielded."""
+    """Steps chosen during the run: `accepts` judges each, and `advance` goes on behind an accepted one."""
 
     def __init__(
         self,
@@ -142,7 +142,8 @@ class AdaptiveSteps:
         self._tolerance, self._stops, self._shortest_time = tolerance, stops, shortest_time
         self._attracted = least[1] > 0
         self._separation = min(_SEPARATION * (tolerance / 1e-4) ** (1 / 3), _WIDEST_SEPARATION)
-        self._position = _Position(largest_response=least[0], largest_depth=least[1])
+        self._position = StepState(largest_response=least[0], largest_depth=least[1])
+        self._behind = self._position  # the last step, if it is accepted
 
     def __iter__(self) -> Iterator[Instant]:
         """Yield the time points in order; a shorter step follows a rejected one."""
@@ -169,8 +170,8 @@ class AdaptiveSteps:
             yield self._given
 
     def accepts(self, step: Step, error: Error) -> bool:
-        """Accept the last step if its error is within the tolerance, and set the next one."""
-        now, change = self._position, step.change
+        """Accept the last step if its error is within the tolerance; set the length of the next one."""
+        now, change = replace(self._position), step.change
         response_scale = max(now.largest_response, abs(step.response))
         depth_scale = max(now.largest_depth, step.depth)
         if self._given.step == 0:
@@ -182,7 +183,7 @@ class AdaptiveSteps:
             found = self._error(step, error, (response_scale, depth_scale))
             if change is not None and (change.jumps or change.separation > self._separation):
                 jump = change.drive * _ratio(abs(step.response - now.response), response_scale)
-                accepted = self._accepts_abrupt(max(found, jump), change)
+                accepted = self._accepts_abrupt(now, max(found, jump), change)
             else:
                 accepted = found <= self._tolerance
                 if not accepted and self._given.step <= _ROUNDING * self._given.time:
@@ -190,15 +191,22 @@ class AdaptiveSteps:
                 widest = math.inf
                 if change is not None and change.separation > 0:
                     widest = _SAFETY * self._separation / change.separation
-                self._set_next_step(_SAFETY * self._tolerance / max(found, 1e-300), accepted, widest)
+                self._set_next_step(now, _SAFETY * self._tolerance / max(found, 1e-300), accepted, widest)
         if accepted:
+            self._behind = now
             now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, step.depth
             now.response, now.last_step = step.response, self._given.step
             now.time = self._given.time
             now.after_breakpoint = self._given.breakpoint
             now.next_stop += self._lands
             now.reach = 0.0 if self._lands else now.reach
+        else:
+            self._position = now
         return accepted
+
+    def advance(self) -> None:
+        """Go on behind the last step, which was accepted."""
+        self._position = self._behind
 
     def course(self) -> Course | None:
         """Return the course if the next step is the first that depends on the end."""
@@ -219,7 +227,7 @@ class AdaptiveSteps:
 
     def restore(self, state: State) -> None:
         """Continue from a position."""
-        self._position = _Position(**{name: state[name].item() for name in asdict(self._position)})
+        self._position = StepState(**{name: state[name].item() for name in asdict(self._position)})
 
     @property
     def _shortest(self) -> float:
@@ -234,9 +242,9 @@ class AdaptiveSteps:
             return max(relative, displacement / scales[1])
         return max(_ratio(relative * abs(step.response), scales[0]), _ratio(displacement, scales[1]))
 
-    def _accepts_abrupt(self, error: float, change: Change) -> bool:
+    def _accepts_abrupt(self, now: StepState, error: float, change: Change) -> bool:
         """Accept or reject a step over an instability or a fast separation, and set the next."""
-        now, step = self._position, self._given.step
+        step = self._given.step
         accepted = error <= self._tolerance or step <= self._shortest
         room = _SAFETY * self._tolerance / max(error, 1e-300)
         if accepted:
@@ -253,9 +261,9 @@ class AdaptiveSteps:
         left = now.jump_by - now.time
         return left if left <= now.over_jump else max(left / 2, now.over_jump)
 
-    def _set_next_step(self, room: float, accepted: bool, widest: float) -> None:
+    def _set_next_step(self, now: StepState, room: float, accepted: bool, widest: float) -> None:
         """Set the next step: `room` is the largest factor on its error, `widest` on its length."""
-        now, factor, step = self._position, min(room ** (1 / 3), widest), self._given.step
+        factor, step = min(room ** (1 / 3), widest), self._given.step
         if accepted:
             growth = _FIRST_GROWTH if now.steps_since_breakpoint < _FIRST_STEPS else _GROWTH
             # A step that was cut to land on a stop does not shorten the next ones.

@@ -101,7 +101,7 @@ class Elements(NamedTuple):
     edges: IntArray  # (waves + 1,): the positions of wave k are edges[k] ... edges[k + 1] - 1
 
 
-class Factors(NamedTuple):
+class NetworkFactors(NamedTuple):
     """Factors of a step, the same at all wavenumbers."""
 
     x: FloatArray  # (elements,)
@@ -121,7 +121,12 @@ class Solved(NamedTuple):
 
 @kernel(reorder=True)
 def solve_step(
-    elements: Elements, factors: Factors, rule: Quadrature, xi: FloatArray, u: FloatArray, solved: Solved
+    elements: Elements,
+    factors: NetworkFactors,
+    rule: Quadrature,
+    xi: FloatArray,
+    u: FloatArray,
+    solved: Solved,
 ) -> None:
     """Solve the linear systems of a step that begins with xi and u."""
     waves, redundant, springs = elements.projection.shape
@@ -209,7 +214,7 @@ def _weigh(elements: Elements, table: FloatArray, xi: FloatArray, sums: FloatArr
 @kernel(reorder=True)
 def advance_step(
     elements: Elements,
-    factors: Factors,
+    factors: NetworkFactors,
     rule: Quadrature,
     solved: Solved,
     moved: FloatArray,
@@ -377,7 +382,7 @@ class StackModes(Modes):
 
         return np.array([1.0 if each is None else rate(each) for each in self._reduced_times])
 
-    def _factors_for(self, length: float, rates: FloatArray) -> Factors:
+    def _factors_for(self, length: float, rates: FloatArray) -> NetworkFactors:
         """Return the factors of a step in which the reduced times elapse at these mean rates."""
         of, rule = self._elements, self._rule
         x = rates[self._layer] * length / self._theta
@@ -386,9 +391,9 @@ class StackModes(Modes):
         squares = of.roots[:, np.newaxis] * scaled
         compliance = np.add.reduceat(squares, of.first[:-1]) if x.size else squares
         decay = 1 - (E * rule.residues).real.sum(axis=1)
-        return Factors(x, decay, np.hstack((scaled.real, scaled.imag)), compliance)
+        return NetworkFactors(x, decay, np.hstack((scaled.real, scaled.imag)), compliance)
 
-    def _solve(self, factors: Factors, xi: FloatArray, u: FloatArray) -> Solved:
+    def _solve(self, factors: NetworkFactors, xi: FloatArray, u: FloatArray) -> Solved:
         """Solve the linear systems of a step that begins with xi and u."""
         (waves, redundant), positions, poles = self._elements.force.shape, len(xi), self._rule.poles.size
         solved = Solved(
@@ -402,7 +407,7 @@ class StackModes(Modes):
 
     def _advanced(
         self,
-        factors: Factors,
+        factors: NetworkFactors,
         solved: Solved,
         xi: FloatArray,
         begin: FloatArray,

@@ -57,14 +57,17 @@ class FixedSteps(Saving):
 
     def __iter__(self) -> Iterator[Instant]:
         """Yield the time points in order."""
-        for instant in islice(self._instants, self._count, None):
-            self._time = instant.time
-            yield instant
+        for point in islice(self._instants, self._count, None):
+            self._time = point.time
+            yield point
 
     def accepts(self, *_: Any) -> bool:
         """Accept every step."""
-        self._count += 1
         return True
+
+    def advance(self) -> None:
+        """Go on behind the last step."""
+        self._count += 1
 
     def course(self) -> Course | None:
         """Return the course, see `AdaptiveSteps.course`, before the last step at the latest."""

@@ -42,7 +42,7 @@ _PRECISE = 1e-13
 _CLOSE = 1e-8  # of the reach, of the radius where contact is lost: its value is stationary
 
 
-class Adhesion(NamedTuple):
+class EdgeAdhesion(NamedTuple):
     """Adhesion of an elastic contact: JKR's work, or DMT's force, or neither."""
 
     work: float = 0.0  # energy per area
@@ -76,7 +76,7 @@ class _Values(NamedTuple):
     stiffness_slope: FloatArray
     lift_slope: FloatArray
 
-    def under(self, control: Control, adhesion: Adhesion) -> tuple[FloatArray, FloatArray]:
+    def under(self, control: Control, adhesion: EdgeAdhesion) -> tuple[FloatArray, FloatArray]:
         """Return what is prescribed, and its derivative to the radius."""
         root = math.sqrt(adhesion.work)
         share = control.depth_share + control.compliance * self.stiffness
@@ -118,21 +118,21 @@ class Equilibria:
 
     def at(self, a: FloatArray) -> _Values:
         """Return the functions at radii within the reach."""
-        found, slopes = self.panels[0].at(a)
+        values, slopes = self.panels[0].at(a)
         for panel in self.panels[1:]:
             beyond = a > panel.begin
-            found[:, beyond], slopes[:, beyond] = panel.at(a[beyond])
+            values[:, beyond], slopes[:, beyond] = panel.at(a[beyond])
         H, slope, integral = abel_transforms(self.profile, a)
         own = a * H - integral  # D/4 of the halfspace's force, whose derivative is a times the slope of H
         if self.relative:
-            ratio = np.exp(found[0])
+            ratio = np.exp(values[0])
             depth, depth_slope = H * ratio, ratio * (slope + H * slopes[0])
-            force = own * np.exp(found[1])
+            force = own * np.exp(values[1])
         else:
-            depth, depth_slope, force = H + found[0], slope + slopes[0], own + found[1]
+            depth, depth_slope, force = H + values[0], slope + slopes[0], own + values[1]
         radius = np.maximum(a, 1e-300)
-        k = 4 * a / self.local * np.exp(found[2])
-        lift = np.sqrt(math.pi * a * self.local) * np.exp(-found[3])
+        k = 4 * a / self.local * np.exp(values[2])
+        lift = np.sqrt(math.pi * a * self.local) * np.exp(-values[3])
         stiffness_slope, lift_slope = k * (1 / radius + slopes[2]), lift * (0.5 / radius - slopes[3])
         force *= 4 / self.local
         return _Values(a, depth, force, k, lift, depth_slope, stiffness_slope, lift_slope)
@@ -141,14 +141,14 @@ class Equilibria:
     def _grid(self) -> _Values:
         return self.at(self.reach * np.linspace(0.0, 1.0, _RADII) ** 2)
 
-    def largest(self, control: Control, adhesion: Adhesion) -> float:
+    def largest(self, control: Control, adhesion: EdgeAdhesion) -> float:
         """Return the prescribed value at the reach; infinite at a rim."""
         return math.inf if self.reach >= self.profile.rim else float(self._under(control, adhesion)[0][-1])
 
-    def _under(self, control: Control, adhesion: Adhesion) -> tuple[FloatArray, FloatArray]:
+    def _under(self, control: Control, adhesion: EdgeAdhesion) -> tuple[FloatArray, FloatArray]:
         return self._grid.under(control, adhesion)
 
-    def branch(self, control: Control, adhesion: Adhesion) -> Branch:
+    def branch(self, control: Control, adhesion: EdgeAdhesion) -> StableContacts:
         """Return the stable contacts under a control."""
         values = self._under(control, adhesion)[0]
         least = int(np.argmin(values))
@@ -163,46 +163,46 @@ class Equilibria:
                 lost = float(brentq(slope, *ends, xtol=_CLOSE * self.reach))
         end = float(self.at(np.array([lost])).under(control, adhesion)[0][0])
         stable = np.minimum.accumulate(values[::-1])[::-1]  # the largest radius at a value is taken
-        return Branch(self, control, adhesion, lost, end, np.maximum(stable, end))
+        return StableContacts(self, control, adhesion, lost, end, np.maximum(stable, end))
 
 
 @dataclass(frozen=True)
-class Branch:
+class StableContacts:
     """The stable contacts under a control: from the smallest prescribed value, where contact is lost, on."""
 
     of: Equilibria
     control: Control
-    adhesion: Adhesion
+    adhesion: EdgeAdhesion
     radius: float  # where contact is lost
     end: float  # the prescribed value there
     _stable: FloatArray
 
     def __call__(self, prescribed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return depth, force and contact radius at prescribed values; below the end, those of the end."""
-        found, level = self.of, np.maximum(prescribed, self.end)
+        contacts, level = self.of, np.maximum(prescribed, self.end)
         # In the root of the value above its end the radius is smooth: the value is stationary there.
         root = np.sqrt(level - self.end)
-        a = np.interp(root, np.sqrt(self._stable - self.end), found._grid.a)
-        a = np.clip(a, self.radius, found.reach)
+        a = np.interp(root, np.sqrt(self._stable - self.end), contacts._grid.a)
+        a = np.clip(a, self.radius, contacts.reach)
         inside = (level > self.end) & (level < self._stable[-1])
         for _ in range(_ITERATIONS):
-            value, slope = found.at(a[inside]).under(self.control, self.adhesion)
+            value, slope = contacts.at(a[inside]).under(self.control, self.adhesion)
             own = np.sqrt(np.maximum(value - self.end, 0.0))
             step = 2 * own * (root[inside] - own) / np.where(slope > 0, slope, np.inf)
-            moved = np.clip(a[inside] + step, self.radius, found.reach)
-            done = np.abs(moved - a[inside]).max(initial=0.0) < _PRECISE * found.reach
+            moved = np.clip(a[inside] + step, self.radius, contacts.reach)
+            done = np.abs(moved - a[inside]).max(initial=0.0) < _PRECISE * contacts.reach
             a[inside] = moved
             if done:
                 break
         a[level == self.end] = self.radius
-        values = found.at(a)
+        values = contacts.at(a)
         root_w = math.sqrt(self.adhesion.work)
         depth = values.depth - root_w * values.lift
         force = values.force - self.adhesion.force - root_w * values.stiffness * values.lift
         # Beyond the rim, and within rounding elsewhere, at a constant radius.
         share = self.control.depth_share + self.control.compliance * values.stiffness
         rest = level - self.control.depth_share * depth - self.control.compliance * force
-        more = np.divide(rest, share, out=np.zeros_like(rest), where=(share > 0) & (a >= found.reach))
+        more = np.divide(rest, share, out=np.zeros_like(rest), where=(share > 0) & (a >= contacts.reach))
         return depth + more, force + values.stiffness * more, a
 
 
@@ -215,7 +215,7 @@ def touches(prescribed: FloatArray, end: FloatArray) -> BoolArray:
     return found
 
 
-class Nodes(NamedTuple):
+class WaveNodes(NamedTuple):
     """Nodes in q for contacts up to a radius, on bodies of the same lengths."""
 
     reach: float
@@ -239,13 +239,13 @@ class Nodes(NamedTuple):
         return float(q_K[-1]), C
 
 
-def find_nodes(body: Body, reach: float) -> Nodes:
+def find_nodes(body: Body, reach: float) -> WaveNodes:
     """Return the nodes for contacts up to a radius; ValueError if the body does not support a load."""
     features = find_features(body, reach)
-    return Nodes(reach, features.surface, *panels(features, reach), features.last)
+    return WaveNodes(reach, features.surface, *panels(features, reach), features.last)
 
 
-def equilibria(local: float, C: FloatArray, nodes: Nodes, profile: Revolution) -> Equilibria:
+def equilibria(local: float, C: FloatArray, nodes: WaveNodes, profile: Revolution) -> Equilibria:
     """Return the contacts of an elastic body of D = `local`, and of C/D at the nodes."""
     reach = min(nodes.reach, profile.rim)
     if not C.any():

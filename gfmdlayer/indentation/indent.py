@@ -64,19 +64,19 @@ class Profiles(NamedTuple):
     gap: FloatArray  # infinite beyond the end of an indenter
 
 
-def profiles(found: Indentation, profile: Revolution, times: FloatArray, r: FloatArray) -> Profiles:
+def profiles(indentation: Indentation, profile: Revolution, times: FloatArray, r: FloatArray) -> Profiles:
     """Return the profiles of an indentation at ascending times, at which it kept its fields."""
-    assert found.fields is not None
-    assert found.space is not None
+    assert indentation.fields is not None
+    assert indentation.space is not None
     pressure, displacement, gap = np.zeros((3, times.size, r.size))
-    for k, at in enumerate(np.searchsorted(found.time, times)):
-        surface = _Surface(found.fields, int(at), k, found.space, profile)
+    for k, at in enumerate(np.searchsorted(indentation.time, times)):
+        surface = _IndentedSurface(indentation.fields, int(at), k, indentation.space, profile)
         pressure[k] = surface.pressure(r)
         displacement[k], gap[k] = surface.displacement_and_gap(r)
     return Profiles(times, r, pressure, displacement, gap)
 
 
-class _Surface:
+class _IndentedSurface:
     """The surface at one time, with the radius and the depth of the fields; the columns are extrapolated."""
 
     def __init__(self, fields: Marched, at: int, snapshot: int, space: Space, profile: Revolution) -> None:
@@ -125,8 +125,8 @@ class _Surface:
 
     def _H(self, x: FloatArray) -> FloatArray:
         """Abel transform of the profile."""
-        found = [abel_transform(self._profile, each) for each in x.ravel().tolist()]
-        return np.array(found).reshape(x.shape)
+        transforms = [abel_transform(self._profile, radius) for radius in x.ravel().tolist()]
+        return np.array(transforms).reshape(x.shape)
 
     def _sunk(self, x: FloatArray) -> FloatArray:
         """Abel transform of the downward displacement outside the contact."""
@@ -187,7 +187,7 @@ class IsolatedIndentation:
         """Force, depth, radius and energies over time; ArithmeticError if the tolerance is not reached."""
         if self.step is not None:
             return self._on_equal_steps(self.step)
-        found = follow(
+        result = follow(
             self.body,
             self.profile,
             self.history,
@@ -197,22 +197,23 @@ class IsolatedIndentation:
             snapshots=self._kept,
             space=self._space,
         )
-        if not found.error <= self.tolerance:
+        if not result.error <= self.tolerance:
             raise ArithmeticError(
-                f"estimated error {found.error:.2e}; the tolerance is {self.tolerance:.2e}{self._jump(found)}"
+                f"estimated error {result.error:.2e}; the tolerance is {self.tolerance:.2e}"
+                + self._jump(result)
             )
-        return found
+        return result
 
-    def _jump(self, found: Indentation) -> str:
+    def _jump(self, result: Indentation) -> str:
         """Say which jump of a contact with adhesion takes longer than the tolerance allows."""
-        duration = float(found.time[-1] - found.time[0])
-        steps = np.diff(found.time)
-        coarse = jumps(found, self.tolerance * duration)
+        duration = float(result.time[-1] - result.time[0])
+        steps = np.diff(result.time)
+        coarse = jumps(result, self.tolerance * duration)
         if not (self.adhesion.work and coarse.size):
             return ""
         at = coarse[steps[coarse].argmax()]
         return (
-            f". Contact jumps at t = {found.time[at]:.6g}, and the time is known to {steps[at]:.1e} only; "
+            f". Contact jumps at t = {result.time[at]:.6g}, and the time is known to {steps[at]:.1e} only; "
             f"try a tolerance of {2 * steps[at] / duration:.1e}"
         )
 
@@ -236,25 +237,25 @@ class IsolatedIndentation:
 
     def columns(self) -> dict[str, FloatArray]:
         """Return the columns, each of shape (nt,)."""
-        found = self.solved
-        work = work_done(found.force, found.depth, float(found.stored[0] + found.dissipated[0]))
+        result = self.solved
+        work = work_done(result.force, result.depth, float(result.stored[0] + result.dissipated[0]))
         if self.adhesion.work:
             work -= self._work_torn_off(work)
         return {
-            "time": found.time,
-            "force": found.force,
-            "depth": found.depth,
-            "contact_radius": found.radius,
+            "time": result.time,
+            "force": result.force,
+            "depth": result.depth,
+            "contact_radius": result.radius,
             "work": work,
-            "stored": found.stored,
-            "dissipated": found.dissipated,
-            "energy_residual": work - found.stored - found.dissipated - found.parted,
+            "stored": result.stored,
+            "dissipated": result.dissipated,
+            "energy_residual": work - result.stored - result.dissipated - result.parted,
         }
 
     def _work_torn_off(self, work: FloatArray) -> FloatArray:
         """Work on the way from the contact to the surface, whose depth a torn off indenter has."""
-        history, found = self.history, self.solved
-        torn = history.by_force_at(found.time[1:]) & (found.radius[:-1] > 0) & (found.radius[1:] == 0)
+        history, result = self.history, self.solved
+        torn = history.by_force_at(result.time[1:]) & (result.radius[:-1] > 0) & (result.radius[1:] == 0)
         return np.concatenate(([0.0], np.cumsum(np.diff(work) * torn)))
 
     def profiles(self) -> Profiles:
@@ -268,15 +269,15 @@ class IsolatedIndentation:
         A transform of the pressure that falls from the axis to the edge, and one of the gap that is not
         negative, are enough; where they are not so, the profiles are looked at.
         """
-        found = self.solved
-        assert found.space is not None
-        suspicious = found.rise.max() * found.radius.max() > _NEGATIVE * np.abs(found.force).max()
+        result = self.solved
+        assert result.space is not None
+        suspicious = result.rise.max() * result.radius.max() > _NEGATIVE * np.abs(result.force).max()
         if self.adhesion.work or not suspicious:
             return []
-        time = found.time[[int(found.rise.argmax())]]
-        again = on_steps(self.body, found.space, self.profile, self.history, found.time, snapshots=time)
-        near = profiles(again, self.profile, time, np.linspace(0.0, 2 * found.radius.max(), _CHECKED))
-        scales = {"pressure": float(near.pressure.max()), "gap": float(np.abs(found.depth).max())}
+        time = result.time[[int(result.rise.argmax())]]
+        again = on_steps(self.body, result.space, self.profile, self.history, result.time, snapshots=time)
+        near = profiles(again, self.profile, time, np.linspace(0.0, 2 * result.radius.max(), _CHECKED))
+        scales = {"pressure": float(near.pressure.max()), "gap": float(np.abs(result.depth).max())}
         return [
             f"{name} below zero at t = {time[0]:.6g}, by {-least / scale:.1e} of the largest: the contact is "
             "not one disc there"

@@ -66,7 +66,7 @@ class Branches(NamedTuple):
     to_retarded: FloatArray  # (nb, nb), and back
 
 
-class Nodes(NamedTuple):
+class MarchNodes(NamedTuple):
     """Nodes in x, which depend on the largest contact radius only."""
 
     reach: float  # the largest contact radius
@@ -90,7 +90,7 @@ class EdgeLaw(NamedTuple):
     exponent: float
 
 
-class Drive(NamedTuple):
+class MarchDrive(NamedTuple):
     """Prescribed depth or force at the ends of the steps, shape (nt,); linear over each step.
 
     Where the control changes, the first step begins at the depth or force that the last one has found.
@@ -118,7 +118,7 @@ class Points(NamedTuple):
     near: IntArray  # (4,), the places that an interpolation takes
 
 
-class Surface(NamedTuple):
+class MarchSurface(NamedTuple):
     """Stress and past at the points."""
 
     chi: FloatArray  # (np,), continued beyond a
@@ -126,11 +126,11 @@ class Surface(NamedTuple):
     memory: FloatArray  # (nb, np), in the contact relaxing variables, outside of it retarded ones
 
 
-class State(NamedTuple):
+class MarchState(NamedTuple):
     """State of a run between two steps."""
 
     points: Points
-    surface: Surface
+    surface: MarchSurface
     X: FloatArray  # (nq,), cosine transform of chi
     zeta: FloatArray  # (nm, nq), internal variables of C
     marks: FloatArray  # radii where the slope of chi may jump: knots of the profile, and _MARKS of the edge
@@ -151,7 +151,7 @@ class Weights(NamedTuple):
     cc: FloatArray
 
 
-class Step(NamedTuple):
+class MarchStep(NamedTuple):
     """A step of one length."""
 
     near: Weights  # (nb,), of relaxing variables and the displacement
@@ -163,7 +163,7 @@ class Step(NamedTuple):
     local_table: FloatArray  # (2 n + 3,), kernel of what C lacks of D: (1/pi) int share cos(q z) dq
 
 
-class Work(NamedTuple):
+class MarchArrays(NamedTuple):
     """Arrays of one solution."""
 
     x: FloatArray  # nodes
@@ -182,17 +182,17 @@ class Work(NamedTuple):
     free: FloatArray  # (nb,)
 
 
-class Run(NamedTuple):
+class MarchRun(NamedTuple):
     """The parts of a run."""
 
     body: Compliance
     branches: Branches
     profile: Revolution
-    nodes: Nodes
-    drive: Drive
-    state: State
-    step: Step
-    work: Work
+    nodes: MarchNodes
+    drive: MarchDrive
+    state: MarchState
+    step: MarchStep
+    work: MarchArrays
     stop: float  # largest radius: the rim of the indenter, or the reach of the nodes
     covered: FloatArray  # (1,), the largest contact radius so far
     share: FloatArray  # (nq,), part of D that C lacks: 1, or 0 in the node of a spring
@@ -374,7 +374,7 @@ def _at(x: float, f: FloatArray, points: Points) -> float:
 
 
 @kernel(inner=True)
-def _add_point(x: float, run: Run) -> int:
+def _add_point(x: float, run: MarchRun) -> int:
     """Make x a point, with the past between its neighbours, unless there is one; return its number."""
     points, surface, work = run.state.points, run.state.surface, run.work
     low, new = _place(points, x), points.filled[0]
@@ -396,7 +396,7 @@ def _add_point(x: float, run: Run) -> int:
 
 
 @kernel(reorder=True, inner=True)
-def _transform(n: int, nodes: Nodes, work: Work) -> None:
+def _transform(n: int, nodes: MarchNodes, work: MarchArrays) -> None:
     """Cosine transform of chi at n nodes, with cosines by four points of the fixed grid."""
     out = work.transform
     for j in range(out.size):
@@ -455,13 +455,13 @@ def _set_weights(h: float, branches: Branches, weights: Weights) -> float:
 
 
 @kernel(inner=True)
-def _jump(x: float, release: float, run: Run) -> float:
+def _jump(x: float, release: float, run: MarchRun) -> float:
     """Sudden change of the displacement, where the edge of an energy release rate passes x."""
     return math.sqrt(math.pi * x * release * run.body.local)
 
 
 @kernel(inner=True)
-def _covered(x: float, h: float, part: float, run: Run) -> tuple[float, float]:
+def _covered(x: float, h: float, part: float, run: MarchRun) -> tuple[float, float]:
     """D of a point that the contact covers in the last part of a step, and the part of the past in D*chi."""
     body, branches, state, weights, past = run.body, run.branches, run.state, run.step.part, 0.0
     D = _set_weights(part * h, branches, weights)
@@ -480,7 +480,7 @@ def _covered(x: float, h: float, part: float, run: Run) -> tuple[float, float]:
 
 
 @kernel(inner=True)
-def _set_step(h: float, run: Run) -> float:
+def _set_step(h: float, run: MarchRun) -> float:
     """Set the weights of a step of length h; return the compliance D of the step."""
     body, step, work = run.body, run.step, run.work
     D = _set_weights(h, run.branches, step.near)
@@ -514,7 +514,7 @@ def _inside(x: float, a: float, stop: float) -> bool:
 
 
 @kernel(inner=True)
-def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
+def _place_nodes(a: float, nodes: MarchNodes, state: MarchState, work: MarchArrays) -> int:
     """Put Gauss nodes into [0, a], in parts that end where the contact has turned; return their number."""
     parts = 1
     work.edges[0] = 0.0
@@ -543,7 +543,7 @@ def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
 
 
 @kernel(inner=True)
-def _transform_of(f: FloatArray, a: float, run: Run) -> None:
+def _transform_of(f: FloatArray, a: float, run: MarchRun) -> None:
     """Cosine transform of an even function at the points, which may jump at the edge a of the contact."""
     nodes, work, covered = run.nodes, run.work, run.covered[0]
     n = _place_nodes(a, nodes, run.state, work) if a > 0 and run.body.local_times.size else 0
@@ -558,7 +558,7 @@ def _transform_of(f: FloatArray, a: float, run: Run) -> None:
 
 
 @kernel(inner=True)
-def _kept_in_contact(i: int, weights: Weights, moduli: FloatArray, surface: Surface) -> float:
+def _kept_in_contact(i: int, weights: Weights, moduli: FloatArray, surface: MarchSurface) -> float:
     """Part of chi, with the sign changed, that the past of a point leaves at the end of a time in contact."""
     s = 0.0
     for r in range(moduli.size):
@@ -567,7 +567,7 @@ def _kept_in_contact(i: int, weights: Weights, moduli: FloatArray, surface: Surf
 
 
 @kernel(inner=True)
-def _find_past(a_old: float, D: float, run: Run) -> None:
+def _find_past(a_old: float, D: float, run: MarchRun) -> None:
     """Find the part of the past at the end of the step: of D where the contact stays or stays away; of C."""
     body, state, step, work, moduli = run.body, run.state, run.step, run.work, run.branches.moduli
     for i in range(state.points.filled[0]):
@@ -591,7 +591,7 @@ def _find_past(a_old: float, D: float, run: Run) -> None:
 
 
 @kernel(inner=True)
-def _apex_locally(h: float, run: Run, released: bool) -> float:
+def _apex_locally(h: float, run: MarchRun, released: bool) -> float:
     """Part of D in `_apex`."""
     if released:
         D = _set_weights(h, run.branches, run.step.part)
@@ -603,7 +603,7 @@ def _apex_locally(h: float, run: Run, released: bool) -> float:
 
 
 @kernel(inner=True)
-def _apex(h: float, run: Run, released: bool) -> float:
+def _apex(h: float, run: MarchRun, released: bool) -> float:
     """Displacement of the surface at x = 0 after a time h without contact, or in which chi falls to 0."""
     body, state, s = run.body, run.state, _apex_locally(h, run, released)
     far = 0.0
@@ -616,7 +616,7 @@ def _apex(h: float, run: Run, released: bool) -> float:
 
 
 @kernel(inner=True)
-def _event(h: float, start: float, end: float, by_force: bool, run: Run, released: bool) -> float:
+def _event(h: float, start: float, end: float, by_force: bool, run: MarchRun, released: bool) -> float:
     """Return the part of a step after which contact begins, or with `released` ends.
 
     The depth grows linearly from `start` to `end`. Contact begins where it reaches the displacement of the
@@ -650,7 +650,7 @@ def _kernel(table: FloatArray, x: float, y: float, spacing: float) -> float:
 
 
 @kernel(inner=True)
-def _fill(n: int, D: float, run: Run) -> None:
+def _fill(n: int, D: float, run: MarchRun) -> None:
     """Fill the matrix with C and D of the step, and with the other D of nodes that the edge sweeps."""
     work, step, spacing = run.work, run.step, run.nodes.spacing
     x, root, matrix = work.x, work.root, work.matrix
@@ -665,7 +665,7 @@ def _fill(n: int, D: float, run: Run) -> None:
 
 
 @kernel(inner=True)
-def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
+def _solve(a: float, a_old: float, h: float, D: float, run: MarchRun) -> Trial:
     """Solve the step for a trial radius."""
     body, profile, nodes, state, step, work = run.body, run.profile, run.nodes, run.state, run.step, run.work
     n = _place_nodes(a, nodes, state, work)
@@ -706,7 +706,7 @@ def _solve(a: float, a_old: float, h: float, D: float, run: Run) -> Trial:
 
 @kernel(inner=True)
 def _find_radius(
-    h: float, target: float, by_force: bool, guess: float, a_old: float, D: float, slope: float, run: Run
+    h: float, target: float, by_force: bool, guess: float, a_old: float, D: float, slope: float, run: MarchRun
 ) -> Radius:
     """Find the contact without adhesion at the end of a step whose depth or force is `target`.
 
@@ -781,7 +781,7 @@ class Balance(NamedTuple):
 
 
 @kernel(inner=True)
-def _balance(a: float, task: EdgeTask, run: Run) -> Balance:
+def _balance(a: float, task: EdgeTask, run: MarchRun) -> Balance:
     """Compare the jump of the displacement, or chi behind the edge, with the law of the edge.
 
     An advancing edge meets a surface without chi: the displacement jumps by J0 chi. Behind a receding edge
@@ -811,7 +811,7 @@ def _contact(at: Balance, status: int, rests: bool) -> Radius:
 
 
 @kernel(inner=True)
-def _highest(left: float, right: float, task: EdgeTask, run: Run) -> Balance:
+def _highest(left: float, right: float, task: EdgeTask, run: MarchRun) -> Balance:
     """Search an interval for a positive excess by golden sections; return the last trial."""
     width = right - left
     x, y = right - _GOLDEN * width, left + _GOLDEN * width
@@ -830,7 +830,7 @@ def _highest(left: float, right: float, task: EdgeTask, run: Run) -> Balance:
 
 
 @kernel(inner=True)
-def _balanced(near: Balance, far: Balance, task: EdgeTask, run: Run) -> Radius:
+def _balanced(near: Balance, far: Balance, task: EdgeTask, run: MarchRun) -> Radius:
     """Find the edge between two trials whose excess has different signs, by regula falsi (Illinois)."""
     base, y, a, z, last, side = near.a, near.excess, far.a, far.excess, far, 0
     for _ in range(_MOST_ITERATIONS):
@@ -855,7 +855,7 @@ def _balanced(near: Balance, far: Balance, task: EdgeTask, run: Run) -> Radius:
 
 
 @kernel(inner=True)
-def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: Run) -> Radius:
+def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: MarchRun) -> Radius:
     """Find the edge beyond the trial `near`, in the direction of the sign of its excess.
 
     Trials go away in steps that double. A receding edge stops at the first balance; contact is lost without.
@@ -893,7 +893,7 @@ def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: Run) ->
 
 
 @kernel(inner=True)
-def _find_edge(guess: float, task: EdgeTask, run: Run) -> Radius:
+def _find_edge(guess: float, task: EdgeTask, run: MarchRun) -> Radius:
     """Find the contact with adhesion at the end of a step: it advances, rests, recedes, or is lost."""
     a_old = task.before.a
     at = Balance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
@@ -922,7 +922,7 @@ def _change_form(i: int, to: FloatArray, memory: FloatArray, scratch: FloatArray
 
 
 @kernel(inner=True)
-def _press(i: int, end: float, weights: Weights, branches: Branches, surface: Surface) -> float:
+def _press(i: int, end: float, weights: Weights, branches: Branches, surface: MarchSurface) -> float:
     """Move a point in contact to a displacement; return the energy that is lost."""
     begin, chi, lost = surface.sunk[i], branches.glassy * end, 0.0
     for r in range(branches.times.size):
@@ -937,7 +937,7 @@ def _press(i: int, end: float, weights: Weights, branches: Branches, surface: Su
 
 
 @kernel(inner=True)
-def _rest(i: int, free: FloatArray, modes: FloatArray, surface: Surface) -> float:
+def _rest(i: int, free: FloatArray, modes: FloatArray, surface: MarchSurface) -> float:
     """Leave a point free, so that its variables fade; return the energy that is lost."""
     lost, sunk = 0.0, 0.0
     for k in range(free.size):
@@ -950,7 +950,7 @@ def _rest(i: int, free: FloatArray, modes: FloatArray, surface: Surface) -> floa
 
 
 @kernel(inner=True)
-def _pass(i: int, end: float, h: float, part: float, was_inside: bool, jump: float, run: Run) -> float:
+def _pass(i: int, end: float, h: float, part: float, was_inside: bool, jump: float, run: MarchRun) -> float:
     """Advance a point that the edge passes, in contact for a part of the step; return the energy lost.
 
     Its displacement jumps when the edge passes; the internal variables do not.
@@ -972,7 +972,7 @@ def _pass(i: int, end: float, h: float, part: float, was_inside: bool, jump: flo
 
 
 @kernel(inner=True)
-def _under(i: int, depth: float, run: Run) -> float:
+def _under(i: int, depth: float, run: MarchRun) -> float:
     """Displacement D*chi of a point under the indenter at the end of the step."""
     work, points = run.work, run.state.points
     if i < work.far.size:
@@ -982,12 +982,12 @@ def _under(i: int, depth: float, run: Run) -> float:
 
 
 @kernel(inner=True)
-def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
+def _close(h: float, contact: Radius, a_old: float, D: float, run: MarchRun) -> float:
     """Advance the state over a step that is solved; return the energy dissipated in it."""
     body, nodes, state, step, work = run.body, run.nodes, run.state, run.step, run.work
     surface = state.surface
-    a, depth, nm, far = found.a, found.depth, body.times.shape[0], run.step.far
-    n = found.nodes if a > 0 else 0
+    a, depth, nm, far = contact.a, contact.depth, body.times.shape[0], run.step.far
+    n = contact.nodes if a > 0 else 0
     for i in range(n):
         work.unit[i] = work.root[i] * (depth * work.unit[i] + work.rest[i])
     lost = 0.0
@@ -1022,7 +1022,7 @@ def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
         end = _under(i, depth, run)
         continued = (end - work.past[i]) / (D if was_inside else body.local)
         if inside != was_inside:
-            jump = _jump(x, found.release, run)
+            jump = _jump(x, contact.release, run)
             change = _pass(i, end, h, _swept(sweep, x, H), was_inside, jump, run)
         elif inside:
             change = _press(i, end, step.near, run.branches, surface)
@@ -1036,15 +1036,15 @@ def _close(h: float, found: Radius, a_old: float, D: float, run: Run) -> float:
 
 
 @kernel(inner=True)
-def _stored(found: Radius, run: Run) -> float:
+def _stored(contact: Radius, run: MarchRun) -> float:
     """Elastic energy of the body."""
     body, branches, nodes, state, work = run.body, run.branches, run.nodes, run.state, run.work
     s, nb = 0.0, body.local_times.size
-    for i in range(found.nodes if found.a > 0 else 0):
+    for i in range(contact.nodes if contact.a > 0 else 0):
         s += body.local * (work.unit[i] / work.root[i]) ** 2
     for i in range(work.far.size - 2):
         weight = nodes.spacing * (0.5 if i in (0, work.far.size - 3) else 1.0)
-        inside = _inside(state.points.x[i], found.a, run.stop)
+        inside = _inside(state.points.x[i], contact.a, run.stop)
         for k in range(nb):
             retarded = 0.0 if inside else state.surface.memory[k, i]
             for r in range(nb if inside else 0):
@@ -1071,7 +1071,7 @@ def _remember(marks: FloatArray, a: float) -> None:
 
 
 @kernel(inner=True)
-def _rise(a: float, run: Run) -> float:
+def _rise(a: float, run: MarchRun) -> float:
     """Largest increase of chi inside the contact, and largest chi outside: with neither p, gap >= 0."""
     largest, chi, spacing = 0.0, run.state.surface.chi, run.nodes.spacing
     for i in range(run.work.far.size - 2):
@@ -1091,7 +1091,9 @@ def _empty_weights(shape: Any) -> Weights:
 
 
 @kernel(inner=True)
-def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nodes, drive: Drive) -> Run:
+def _begin(
+    body: Compliance, branches: Branches, profile: Revolution, nodes: MarchNodes, drive: MarchDrive
+) -> MarchRun:
     """Return a run of a body at rest."""
     size, nq = nodes.cosines.shape[0] // 2 + 1, body.q.size
     nb, nm = body.local_times.size, body.times.shape[0]
@@ -1100,8 +1102,8 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
     if nb:
         each_step, more = (2, _PLACES) if drive.law.work > 0 else (1, 0)
         places += each_step * drive.time.size + more + _CLOSING + 1  # the last: the inside of the edge
-        for each in drive.breakpoints:
-            places += 2 * _CLOSING * each
+        for is_breakpoint in drive.breakpoints:
+            places += 2 * _CLOSING * is_breakpoint
     points = Points(
         np.zeros(places), np.zeros(places), np.arange(places), np.array([size]), np.zeros(places, np.bool_),
         np.array([-1]), np.zeros(4, np.int64),
@@ -1110,18 +1112,18 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
         points.x[i] = i * nodes.spacing
         points.obstacle[i] = abel_transform(profile, points.x[i])
     points.bent[0] = True  # under a cone
-    state = State(
-        points, Surface(np.zeros(places), np.zeros(places), np.zeros((nb, places))),
+    state = MarchState(
+        points, MarchSurface(np.zeros(places), np.zeros(places), np.zeros((nb, places))),
         np.zeros(nq), np.zeros((nm, nq)), np.full(knots + _MARKS, np.inf),
     )  # fmt: skip
-    step = Step(
+    step = MarchStep(
         _empty_weights((nb,)), _empty_weights((nb,)), np.zeros(nb), _empty_weights((nm, nq)),
         np.zeros(nq), np.zeros(2 * size - 1), np.zeros(2 * size - 1),
     )  # fmt: skip
     for i in range(knots):
         state.marks[i] = profile.knots[i + 1]
     most = max(nodes.gauss.size, (state.marks.size + 1) * nodes.part.size) + nodes.part.size
-    work = Work(
+    work = MarchArrays(
         np.zeros(most), np.zeros(most), np.zeros(most),
         np.zeros((most, most)), np.zeros(most), np.zeros(most),
         np.zeros(state.marks.size + 2), np.zeros(places), np.zeros(size),
@@ -1133,7 +1135,7 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
         share[j] = -body.modes[nm - nb, j] / body.local_modes[0]
     if nq:
         _multiply(nodes.cosines, share * body.weights / math.pi, step.local_table)
-    return Run(
+    return MarchRun(
         body,
         branches,
         profile,
@@ -1150,7 +1152,7 @@ def _begin(body: Compliance, branches: Branches, profile: Revolution, nodes: Nod
 
 
 @kernel(inner=True)
-def _keep_fields(a: float, run: Run, chi: FloatArray, local: FloatArray, spectrum: FloatArray) -> None:
+def _keep_fields(a: float, run: MarchRun, chi: FloatArray, local: FloatArray, spectrum: FloatArray) -> None:
     """Write the fields of a snapshot: chi, D*chi and C*X."""
     body, state = run.body, run.state
     for i in range(chi.size):
@@ -1167,14 +1169,14 @@ def _keep_fields(a: float, run: Run, chi: FloatArray, local: FloatArray, spectru
 
 @kernel
 def march(  # noqa: C901
-    body: Compliance, branches: Branches, profile: Revolution, nodes: Nodes, drive: Drive
+    body: Compliance, branches: Branches, profile: Revolution, nodes: MarchNodes, drive: MarchDrive
 ) -> Marched:
     """Follow an indentation of a body at rest over given times, on nodes in x for its largest contact."""
     nt, run = drive.time.size, _begin(body, branches, profile, nodes, drive)
     state, surface, work, stop = run.state, run.state.surface, run.work, run.stop
     size, kept = work.far.size, 0
-    for each in drive.snapshots:
-        kept += each
+    for is_kept in drive.snapshots:
+        kept += is_kept
     out = Marched(
         np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt),
         np.full(nt, np.nan), np.zeros(nt), np.zeros(nt),
@@ -1186,13 +1188,13 @@ def march(  # noqa: C901
     D, stopped = 0.0, nt
     # The point of the edge, -1 without one; whether the past stays bent there.
     edge, bent, stays, rested = -1, state.points.bent, False, False
-    found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE, 0.0, False)
+    contact = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE, 0.0, False)
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
         duration = max(duration, 1e-290)
         begin, by_force = drive.value[at - 1] if at else 0.0, drive.by_force[at]
         if at and by_force != drive.by_force[at - 1]:
-            begin = found.force if by_force else found.depth
+            begin = contact.force if by_force else contact.depth
         begins = at == 0 or drive.breakpoints[at]
         done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
         snaps, snapped = False, False  # contact with adhesion begins at once
@@ -1220,22 +1222,22 @@ def march(  # noqa: C901
                 piece, met, snaps, snapped = _SNAP, True, True, True
                 continue
             apart = Radius(0.0, 0.0, free if by_force else target, 0.0, 0, 0, COMPLETE, drive.law.work, False)
-            found = apart
+            contact = apart
             if touches or (adhesive and a_old > 0):
                 guess = 0.3 * stop
                 if a_old > 0:
                     guess = min(stop, max(0.2 * a_old, a_old + h * (rate + bend * (h + since))))
                 if adhesive:
                     before = EdgeBefore(a_old, rate, since if rate < 0 else 0.0)
-                    found = _find_edge(guess, EdgeTask(h, target, by_force, before, D), run)
+                    contact = _find_edge(guess, EdgeTask(h, target, by_force, before, D), run)
                 else:
-                    found = _find_radius(h, target, by_force, guess, a_old, D, slope, run)
-                taken += found.solutions
-                slope, status = found.slope, found.status
+                    contact = _find_radius(h, target, by_force, guess, a_old, D, slope, run)
+                taken += contact.solutions
+                slope, status = contact.slope, contact.status
                 if status != COMPLETE:
                     break
-                if found.a == 0:
-                    found, ahead = apart, (1 - done) * piece
+                if contact.a == 0:
+                    contact, ahead = apart, (1 - done) * piece
                     if adhesive and a_old > 0:
                         room = surface.chi.size - state.points.filled[0] > drive.time.size - at + 4 * _CLOSING
                         if ahead > drive.located and room:
@@ -1243,49 +1245,49 @@ def march(  # noqa: C901
                             continue
                         out.lost[at] = drive.time[at] - duration * (1 - done - ahead)
                         out.last_force[at] = before_force
-                before_force = found.force
-            change = (found.a - a_old) / h
-            turned = (rate * change < 0 or (rested and not found.rests)) and at > 1 and a_old > 0
+                before_force = contact.force
+            change = (contact.a - a_old) / h
+            turned = (rate * change < 0 or (rested and not contact.rests)) and at > 1 and a_old > 0
             if turned:
                 _remember(state.marks, a_old)
             new = -1
-            if rested and edge >= 0 and not found.rests:
+            if rested and edge >= 0 and not contact.rests:
                 bent[_add_point(a_old - _TWIN * nodes.spacing, run)] = True
-            if 0 < found.a < stop and body.local_times.size:
+            if 0 < contact.a < stop and body.local_times.size:
                 for k in range(1, _CLOSING + 1 if begins else 0):
-                    _add_point(found.a - (found.a - a_old) * 0.5**k, run)
+                    _add_point(contact.a - (contact.a - a_old) * 0.5**k, run)
                 for k in range(1, _CLOSING + 1 if at and drive.breakpoints[at - 1] else 0):
-                    _add_point(a_old + (found.a - a_old) * 0.5**k, run)
-                new = _add_point(found.a, run)
+                    _add_point(a_old + (contact.a - a_old) * 0.5**k, run)
+                new = _add_point(contact.a, run)
                 a = state.points.x[new]  # the same within rounding: the edge is a point
-                found = Radius(
-                    a, found.force, found.depth, found.slope, found.nodes, found.solutions, found.status,
-                    found.release, found.rests,
+                contact = Radius(
+                    a, contact.force, contact.depth, contact.slope, contact.nodes, contact.solutions,
+                    contact.status, contact.release, contact.rests,
                 )  # fmt: skip
-            run.covered[0] = max(run.covered[0], found.a)
-            lost += _close(h, found, a_old, D, run)
+            run.covered[0] = max(run.covered[0], contact.a)
+            lost += _close(h, contact, a_old, D, run)
             if edge >= 0:
                 bent[edge] = stays or turned or new < 0
             state.points.edge[0] = new
-            for k in range(body.local_times.size if found.a == 0 and a_old > 0 else 0):
+            for k in range(body.local_times.size if contact.a == 0 and a_old > 0 else 0):
                 _transform_of(state.surface.memory[k], 0.0, run)
                 state.zeta[k - body.local_times.size] = work.transform
             if new >= 0:
-                if found.rests and new == edge:
-                    _press(-1, _under(new, found.depth, run), run.step.near, run.branches, surface)
+                if contact.rests and new == edge:
+                    _press(-1, _under(new, contact.depth, run), run.step.near, run.branches, surface)
                 else:
                     surface.memory[:, -1], surface.sunk[-1] = surface.memory[:, new], surface.sunk[new]
-                    surface.sunk[-1] -= _jump(found.a, found.release, run)
+                    surface.sunk[-1] -= _jump(contact.a, contact.release, run)
                     _change_form(-1, run.branches.of_retarded, surface.memory, work.variables)
-                stays = (stays if found.rests else bent[new]) or begins
+                stays = (stays if contact.rests else bent[new]) or begins
                 bent[new] = True
-            edge, rested = new, found.rests
-            if not found.rests:
-                taken_up = (release if change < 0 and rate < 0 else found.release) + found.release
-                parted += math.pi * (a_old**2 - found.a**2) * taken_up / 2
-                release = found.release
+            edge, rested = new, contact.rests
+            if not contact.rests:
+                taken_up = (release if change < 0 and rate < 0 else contact.release) + contact.release
+                parted += math.pi * (a_old**2 - contact.a**2) * taken_up / 2
+                release = contact.release
             bend = (change - rate) / (h + since) if since > 0 else 0.0
-            rate, a_old = change, found.a
+            rate, a_old = change, contact.a
             since = h if 0 < a_old < stop and not drive.breakpoints[at] else 0.0
             if snaps:  # the speed of a jump tells nothing
                 rate, since, snaps = 0.0, 0.0, False
@@ -1299,8 +1301,8 @@ def march(  # noqa: C901
             break
         if begins and a_old > 0:
             _remember(state.marks, a_old)
-        out.force[at], out.depth[at], out.radius[at] = found.force, found.depth, a_old
-        out.stored[at], out.dissipated[at], out.parted[at] = _stored(found, run), lost, parted
+        out.force[at], out.depth[at], out.radius[at] = contact.force, contact.depth, a_old
+        out.stored[at], out.dissipated[at], out.parted[at] = _stored(contact, run), lost, parted
         out.rise[at] = _rise(a_old, run) if a_old > 0 else 0.0
         if drive.snapshots[at]:
             _keep_fields(a_old, run, out.chi[snapshot], out.local[snapshot], out.spectrum[snapshot])

@@ -93,7 +93,7 @@ class IsolatedContact(Model):
         from gfmdlayer.files.tables import TableError
         from gfmdlayer.time_functions import Table
 
-        given, names = self.config.trajectory, files_named(self.config)
+        trajectory, names = self.config.trajectory, files_named(self.config)
         key = next((name for name in names if name.startswith("punch.")), "punch")
         try:
             self.config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
@@ -102,15 +102,15 @@ class IsolatedContact(Model):
         except TableError as error:
             yield key, str(error)
             return
-        if given.file is None:
+        if trajectory.file is None:
             return
         assert isinstance(drive, Table)
         thickness = self.config.solid.rigid_below
-        if given.control == "force" and (drive.values < 0).any():
-            yield key, f"{given.file}: holds a negative force; must be >= 0, there is no adhesion"
+        if trajectory.control == "force" and (drive.values < 0).any():
+            yield key, f"{trajectory.file}: holds a negative force; must be >= 0, there is no adhesion"
         most = float(drive.values.max())
-        if given.control == "depth" and most >= thickness:
-            message = f"{given.file}: holds a depth of {most:.6g}, beyond the rigid base"
+        if trajectory.control == "depth" and most >= thickness:
+            message = f"{trajectory.file}: holds a depth of {most:.6g}, beyond the rigid base"
             yield key, f"{message}; must be below the thickness above it, {thickness!r}"
 
     def warm_up(self, _folder: Path | None = None, _results: Path | None = None, *, plan: bool = True) -> str:  # noqa: ARG002

@@ -29,7 +29,16 @@ from gfmdlayer.indentation.compliance import (
     gauss_rule,
     panels,
 )
-from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Branches, Drive, EdgeLaw, Marched, Nodes, march
+from gfmdlayer.indentation.march import (
+    COMPLETE,
+    LEFT_GRID,
+    Branches,
+    EdgeLaw,
+    MarchDrive,
+    Marched,
+    MarchNodes,
+    march,
+)
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
@@ -114,7 +123,7 @@ class Space(NamedTuple):
     features: Features
     q: FloatArray
     weights: FloatArray
-    nodes: Nodes
+    nodes: MarchNodes
 
     def compliance(self, body: Body) -> Compliance:
         """Return the compliance of a body at these nodes."""
@@ -140,7 +149,7 @@ def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Spa
     x, w = gauss_rule(gauss)
     y, v = gauss_rule(max(8, gauss // 2))
     cosines = np.cos(np.outer(np.arange(2 * n + 3) * spacing, q))
-    nodes = Nodes(reach, spacing, cosines, (x + 1) / 2, w / 2, (y + 1) / 2, v / 2)
+    nodes = MarchNodes(reach, spacing, cosines, (x + 1) / 2, w / 2, (y + 1) / 2, v / 2)
     return Space(features, q, weights, nodes)
 
 
@@ -168,8 +177,8 @@ def find_space(
         healing = Edge(adhesion.law(space.compliance(body)).healing)  # of either elastic limit
         try:
             limits = [
-                march_on(each, space, profile, ends, ends.time, healing)
-                for each in _elastic_limits(body, space)
+                march_on(elastic, space, profile, ends, ends.time, healing)
+                for elastic in _elastic_limits(body, space)
             ]
         except LeftGridError:
             reach = _LARGER * reach
@@ -195,12 +204,12 @@ def march_on(
     kept = np.isin(time, [] if snapshots is None else snapshots)
     accuracy = _EDGE if located == 1 else _ROUGH_EDGE
     by_force, law = history.by_force_at(time), adhesion.law(body)
-    drive = Drive(time, value, by_force, breakpoints, kept, law, located, accuracy)
-    found = march(body, _branches(body), profile, space.nodes, drive)
-    if found.status == COMPLETE:
-        return found
-    when = f"t = {time[found.stopped]:.6g}"
-    if found.status == LEFT_GRID:
+    drive = MarchDrive(time, value, by_force, breakpoints, kept, law, located, accuracy)
+    marched = march(body, _branches(body), profile, space.nodes, drive)
+    if marched.status == COMPLETE:
+        return marched
+    when = f"t = {time[marched.stopped]:.6g}"
+    if marched.status == LEFT_GRID:
         raise LeftGridError(f"{when}: the contact grows beyond the radius {space.nodes.reach:.6g}")
     raise ArithmeticError(f"{when}: no contact radius found")
 
@@ -225,8 +234,9 @@ def breakpoints_of(history: History) -> FloatArray:
     switch = by_force[1:] != by_force[:-1]
     rate[switch] = 0.0
     largest = np.zeros(rate.size)
-    for each in (True, False):
-        largest[by_force[1:] == each] = np.abs(rate[by_force[1:] == each]).max(initial=1e-300)
+    for is_by_force in (True, False):
+        steps = by_force[1:] == is_by_force
+        largest[steps] = np.abs(rate[steps]).max(initial=1e-300)
     jumps = np.abs(np.diff(rate)) > _JUMP * np.maximum(largest[1:], largest[:-1] * ~switch[1:])
     return np.asarray(history.time[1:-1][jumps | switch[1:]])
 
@@ -282,7 +292,7 @@ def halfspace_radius(profile: Revolution, D: float, largest: float, by_force: bo
 
 def graded_steps(knots: FloatArray, shortest: float) -> FloatArray:
     """Steps that grow from each knot on, from a part of the shortest time to an eighth of the way."""
-    found = [knots[:1]]
+    pieces = [knots[:1]]
     for begin, end in pairwise(knots.tolist()):
         largest, at = (end - begin) / 8, 0.0
         step = min(largest, 0.3 * shortest)
@@ -292,8 +302,8 @@ def graded_steps(knots: FloatArray, shortest: float) -> FloatArray:
             ends.append(at)
             step = min(1.5 * step, largest)
         stretch = 1.0 if not ends else (end - begin) / (at + step)
-        found.append(np.append(begin + stretch * np.array(ends), end))
-    return np.concatenate(found)
+        pieces.append(np.append(begin + stretch * np.array(ends), end))
+    return np.concatenate(pieces)
 
 
 def even_steps(run: Indentation, knots: FloatArray, spread: float) -> FloatArray:
@@ -313,7 +323,7 @@ def even_steps(run: Indentation, knots: FloatArray, spread: float) -> FloatArray
         bend[np.isin(t[1:-1], knots)] = 0.0
         bend = np.concatenate((bend[:1], bend, bend[-1:]))
         density = np.maximum(density, np.sqrt(np.maximum(bend[1:], bend[:-1]) / largest))
-    found = []
+    pieces = []
     for begin, end in pairwise(knots.tolist()):
         inside = (t[:-1] >= begin) & (t[:-1] < end)
         lengths, own = np.diff(t)[inside], density[inside]
@@ -323,9 +333,9 @@ def even_steps(run: Indentation, knots: FloatArray, spread: float) -> FloatArray
         level = np.concatenate(([0.0], np.cumsum(own * lengths)))
         count = max(1, math.ceil(level[-1] / spread))
         edges = np.append(t[:-1][inside], end)
-        found.append(np.interp(np.linspace(0, level[-1], count + 1)[:-1], level, edges))
-        found[-1][0] = begin
-    return np.append(np.concatenate(found), knots[-1])
+        pieces.append(np.interp(np.linspace(0, level[-1], count + 1)[:-1], level, edges))
+        pieces[-1][0] = begin
+    return np.append(np.concatenate(pieces), knots[-1])
 
 
 def corners(t: FloatArray, values: FloatArray, within: float) -> list[int]:
@@ -398,12 +408,12 @@ def on_steps(
     LeftGridError if the contact grows beyond the space, ArithmeticError if a contact radius is not found.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
-    found = march_on(made, space, profile, history, time, adhesion, snapshots, located)
-    at = np.flatnonzero(np.isfinite(found.lost))
+    marched = march_on(made, space, profile, history, time, adhesion, snapshots, located)
+    at = np.flatnonzero(np.isfinite(marched.lost))
     return Indentation(
-        time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.parted,
-        found.rise, math.nan, found.solutions, found, space,
-        np.column_stack((found.lost[at], found.last_force[at])),
+        time, marched.force, marched.depth, marched.radius, marched.stored, marched.dissipated,
+        marched.parted, marched.rise, math.nan, marched.solutions, marched, space,
+        np.column_stack((marched.lost[at], marched.last_force[at])),
     )  # fmt: skip
 
 
@@ -424,12 +434,12 @@ def on_halved_steps(
     made = body if isinstance(body, Compliance) else space.compliance(body)
     coarse = on_steps(made, space, profile, history, time, adhesion, None, located)
     fine = on_steps(made, space, profile, history, halved(time), adhesion, snapshots, located)
-    found = _extrapolated(coarse, fine, history, adhesion)
+    result = _extrapolated(coarse, fine, history, adhesion)
     whole, half = coarse.lost, fine.lost
     if whole is not None and half is not None and whole.shape == half.shape:
         half = half.copy()
         half[:, 0] += (half[:, 0] - whole[:, 0]) / 3
-    return found._replace(lost=half)
+    return result._replace(lost=half)
 
 
 def on_quartered_steps(
@@ -478,21 +488,21 @@ def _apart(time: FloatArray, fine: FloatArray, rough: FloatArray, shift: float) 
     return np.asarray(np.maximum(low - rough, 0.0) + np.minimum(high - rough, 0.0))
 
 
-def jumps(found: Indentation, shift: float) -> IntArray:
+def jumps(run: Indentation, shift: float) -> IntArray:
     """Steps of a run above the shift in which contact begins or is lost."""
-    touching = found.radius > 0
-    return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(found.time) > shift))
+    touching = run.radius > 0
+    return np.flatnonzero((touching[1:] != touching[:-1]) & (np.diff(run.time) > shift))
 
 
-def _beside_the_pull(found: Indentation, tolerance: float) -> IntArray:
+def _beside_the_pull(run: Indentation, tolerance: float) -> IntArray:
     """The two steps at the row of the largest pull, if the force bends there by more than the tolerance."""
-    at = int(found.force.argmin())
+    at = int(run.force.argmin())
     near = slice(max(at - 1, 0), at + 2)
-    if found.force[at] >= 0 or not found.radius[near].all() or found.force[near].size < 3:
+    if run.force[at] >= 0 or not run.radius[near].all() or run.force[near].size < 3:
         return np.zeros(0, dtype=int)
     # Between equal steps a parabola is at most an eighth of its second difference below its least row.
-    bend = float(np.diff(found.force[near], 2)[0]) / 8
-    return np.array([at - 1, at] if bend > tolerance * np.abs(found.force).max() else [], dtype=int)
+    bend = float(np.diff(run.force[near], 2)[0]) / 8
+    return np.array([at - 1, at] if bend > tolerance * np.abs(run.force).max() else [], dtype=int)
 
 
 def halved(time: FloatArray) -> FloatArray:
@@ -521,13 +531,13 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History, adhe
 
     def better(of_fine: FloatArray, of_coarse: FloatArray) -> FloatArray:
         """Return the extrapolated values."""
-        found = of_fine.copy()
+        values = of_fine.copy()
         for at, rows, smooth in cases:
             known = np.interp(t, t[rows], ((of_fine[::2] - of_coarse) / 3)[rows])
             gain = halved(known)
             gain[1::2] -= _bends(t, known, smooth) * np.diff(t) ** 2 / 4
-            found[at] += gain[at]
-        return found
+            values[at] += gain[at]
+        return values
 
     reach = math.inf if fine.space is None else fine.space.nodes.reach  # at most the rim of the indenter
     return fine._replace(
@@ -587,14 +597,14 @@ def follow(
 
 def distinct(asked: Sequence[float] | FloatArray, times: FloatArray) -> FloatArray:
     """Ascending times; those equal to one of the given times but for rounding, as 3 * 0.1, are that one."""
-    found: FloatArray = np.array(asked, dtype=float)
-    same = SAME_TIME * max(float(np.abs(each).max(initial=0.0)) for each in (found, times))
-    for near in (times.searchsorted(found).clip(max=times.size - 1) - each for each in (0, 1)):
+    landings: FloatArray = np.array(asked, dtype=float)
+    same = SAME_TIME * max(float(np.abs(each).max(initial=0.0)) for each in (landings, times))
+    for near in (times.searchsorted(landings).clip(max=times.size - 1) - values for values in (0, 1)):
         other = times[near]
-        found = np.where(np.abs(found - other) <= same, other, found)
-    found = np.unique(found)
-    apart = np.diff(found) > same
-    return np.asarray(found[np.append(True, apart)[: found.size]])
+        landings = np.where(np.abs(landings - other) <= same, other, landings)
+    landings = np.unique(landings)
+    apart = np.diff(landings) > same
+    return np.asarray(landings[np.append(True, apart)[: landings.size]])
 
 
 def in_growing_space(
@@ -635,28 +645,28 @@ def _to_tolerance(
         shift = tolerance * float(knots[-1] - knots[0]) if adhesion.work else math.inf
         for _ in range(_MOST_MESHES):
             # Each step is exact: only a jump and the largest pull depend on their steps.
-            found = on_steps(body, space, profile, history, time, adhesion, kept)
-            coarse = np.append(jumps(found, shift), _beside_the_pull(found, tolerance))
+            result = on_steps(body, space, profile, history, time, adhesion, kept)
+            coarse = np.append(jumps(result, shift), _beside_the_pull(result, tolerance))
             if not coarse.size:
-                return found._replace(error=0.0)
+                return result._replace(error=0.0)
             parts = np.ones(time.size - 1)
             parts[coarse] = _PARTS_OF_JUMP
             time = _refined(time, parts, knots)
-        return found._replace(error=math.inf)
+        return result._replace(error=math.inf)
     time = _landing(even_steps(first, turns, _FIRST_SPREAD * tolerance ** (1 / _ORDER)), knots)
     solutions, shift = 0, tolerance * float(knots[-1] - knots[0]) if adhesion.work else 0.0
     for mesh in range(_MOST_MESHES):
-        found, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
-        solutions += found.solutions
-        coarse = jumps(found, shift) if shift else np.zeros(0, dtype=int)
-        if (found.error <= tolerance and not coarse.size) or found.time.size > _MOST_STEPS:
+        result, errors = on_quartered_steps(body, space, profile, history, time, kept, adhesion, shift)
+        solutions += result.solutions
+        coarse = jumps(result, shift) if shift else np.zeros(0, dtype=int)
+        if (result.error <= tolerance and not coarse.size) or result.time.size > _MOST_STEPS:
             break
         everywhere = (mesh + 1) / _MOST_MESHES * (_BEFORE_JUMPS if shift else 1.0)
-        parts = _parts(found.radius[::4], errors, everywhere, tolerance)
+        parts = _parts(result.radius[::4], errors, everywhere, tolerance)
         parts[coarse // 4] = _PARTS_OF_JUMP
         time = _refined(time, np.maximum(parts, 1.0) if mesh else parts, knots)
-    late = float(np.diff(found.time)[coarse].max(initial=0.0) / (knots[-1] - knots[0]))
-    return found._replace(solutions=solutions, error=max(found.error, late))
+    late = float(np.diff(result.time)[coarse].max(initial=0.0) / (knots[-1] - knots[0]))
+    return result._replace(solutions=solutions, error=max(result.error, late))
 
 
 def _parts(radius: FloatArray, errors: FloatArray, everywhere: float, tolerance: float) -> FloatArray:
@@ -681,12 +691,12 @@ def _refined(time: FloatArray, parts: FloatArray, knots: FloatArray) -> FloatArr
     """Times with so many steps in place of each; the knots are among them."""
     count = np.concatenate(([0.0], np.cumsum(parts)))
     at = np.interp(knots, time, count)
-    found = []
+    pieces = []
     for knot, (begin, end) in zip(knots, pairwise(at.tolist()), strict=False):
         steps = max(1, math.ceil(end - begin - 1e-9))
-        found.append(np.interp(np.linspace(begin, end, steps + 1)[:-1], count, time))
-        found[-1][0] = knot
-    return np.append(np.concatenate(found), knots[-1])
+        pieces.append(np.interp(np.linspace(begin, end, steps + 1)[:-1], count, time))
+        pieces[-1][0] = knot
+    return np.append(np.concatenate(pieces), knots[-1])
 
 
 def _landing(time: FloatArray, knots: FloatArray) -> FloatArray:

@@ -95,9 +95,9 @@ def inside(
 
     shape = tuple(data.sizes[name] for name in leads)
     names = (*interior.names, *INVARIANTS)
-    found = {named(name): np.empty((*shape, len(rows), *sizes)) for name in names}
+    fields_below = {named(name): np.empty((*shape, len(rows), *sizes)) for name in names}
     if has_springs:
-        strains, forces = (waves(f"spring_{each}", "spring") for each in ("strain", "force"))
+        strains, forces = (waves(f"spring_{part}", "spring") for part in ("strain", "force"))
     else:
         u, p = waves("displacement"), waves("pressure")
     for at in np.ndindex(shape):
@@ -105,14 +105,14 @@ def inside(
         for row, place in enumerate(rows):
             fields = interior.at(springs, place)
             for name, field in (fields | invariants(fields)).items():
-                found[named(name)][(*at, row)] = field
-    meanings = {name: (each.long_name, each.units) for name, each in VARIABLES.items()}
+                fields_below[named(name)][(*at, row)] = field
+    meanings = {name: (variable.long_name, variable.units) for name, variable in VARIABLES.items()}
     meanings |= {name: (words, "pressure") for name, words in INVARIANTS.items()}
     coords = {
         "z": ("z", np.array([place.depth for place in rows])),
         "layer": ("z", np.array([place.layer for place in rows])),
     }
-    values = {name: ([*leads, "z", *axes], each) for name, each in found.items()}
+    values = {name: ([*leads, "z", *axes], field) for name, field in fields_below.items()}
     return derived(data, values, meanings, {*leads, *axes}, coords)
 
 
@@ -151,7 +151,7 @@ def _stack(body: object, data: xarray.Dataset, *, known: bool) -> LayerStack:
             )
         base = config.solid.base
         parts: list[tuple[float, float, Law]] = [
-            (each.thickness, each.poisson, each.material) for each in config.solid.layers
+            (layer.thickness, layer.poisson, layer.material) for layer in config.solid.layers
         ]
         rigid, below = base.shear_modulus == math.inf, base.material
         if below is None and base.shear_modulus and not rigid:
@@ -159,7 +159,10 @@ def _stack(body: object, data: xarray.Dataset, *, known: bool) -> LayerStack:
         if below is not None:
             parts.append((math.inf, base.poisson, below))
     elif (stack := stack_of(body)) is not None:
-        rigid, parts = stack.rigid, [(each.thickness, each.poisson, each.material) for each in stack.layers]
+        rigid, parts = (
+            stack.rigid,
+            [(layer.thickness, layer.poisson, layer.material) for layer in stack.layers],
+        )
     else:
         raise ConfigError([f"body: got {type(body).__name__}; inside needs a LayerStack or one layer"])
     parts = [part for part in parts if part[0] > 0]
@@ -181,13 +184,13 @@ def _stack(body: object, data: xarray.Dataset, *, known: bool) -> LayerStack:
 
 def _places(stack: LayerStack, depths: Sequence[float] | FloatArray) -> list[Place]:
     """Return depth and number of the layer of each row; a depth at an interface has two."""
-    given = numbers_in(depths)
-    if given.ndim != 1 or not given.size or not np.isfinite(given).all() or (given < 0).any():
+    z = numbers_in(depths)
+    if z.ndim != 1 or not z.size or not np.isfinite(z).all() or (z < 0).any():
         raise ConfigError([f"depths: got {shown(depths)}; must be numbers >= 0, finite"])
-    if (np.diff(given) <= 0).any():
+    if (np.diff(z) <= 0).any():
         raise ConfigError([f"depths: got {shown(depths)}; must increase"])
     thicknesses = [layer.thickness for layer in stack.present]
-    if (found := beyond(thicknesses, given.tolist())) is not None:
-        i, whole = found
-        raise ConfigError([f"depths: got {given[i]:g}; must be at most {whole:g}, the body's thickness"])
-    return places(thicknesses, given.tolist())
+    if (row_and_thickness := beyond(thicknesses, z.tolist())) is not None:
+        i, whole = row_and_thickness
+        raise ConfigError([f"depths: got {z[i]:g}; must be at most {whole:g}, the body's thickness"])
+    return places(thicknesses, z.tolist())

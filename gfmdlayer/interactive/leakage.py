@@ -106,8 +106,8 @@ def leakage(
     >>> float(found.flow_yy.round(6)), float(found.flow_xx.round(5)), float(found.leak_rate.round(2))
     (1.735, 0.1492, 149.2)
     """
-    given = {"viscosity": viscosity, "pressure_drop": pressure_drop, "length": length, "width": width}
-    grid = _grid(data, along, given)
+    seal = {"viscosity": viscosity, "pressure_drop": pressure_drop, "length": length, "width": width}
+    grid = _grid(data, along, seal)
     leads = [str(name) for name in data["gap"].dims if name not in grid]
     gaps = data["gap"].transpose(*leads, *grid)
     spacing = {name: float(data[name][1] - data[name][0]) for name in grid}
@@ -120,7 +120,7 @@ def leakage(
         with suppress(ConfigError):  # of files that have moved
             body = None if (config := config_of(data)) is None else config.solid
     shape = tuple(data.sizes[name] for name in leads)
-    found: dict[str, FloatArray] = {}
+    quantities: dict[str, FloatArray] = {}
     said: list[str] = []
     for at in np.ndindex(*shape):
         here = dict(zip(leads, at, strict=True))
@@ -142,7 +142,7 @@ def leakage(
         if fields and len(grid) == 2:
             row |= dict(zip(("fluid_pressure", "flow_x", "flow_y"), fluid, strict=True))
         for name, value in row.items():
-            found.setdefault(name, np.full((*shape, *np.shape(value)), np.nan))[at] = value
+            quantities.setdefault(name, np.full((*shape, *np.shape(value)), np.nan))[at] = value
         when = f"t = {float(state['snapshot']):.6g}: " if "snapshot" in state.coords else ""
         said += [when + reason for reason in reasons]
     if (further := len(said) - MOST_SAID) > 0:
@@ -151,12 +151,12 @@ def leakage(
         warnings.warn(text, stacklevel=2)
     columns = (*FLOW, *THROATS, *CRITICAL_GAPS)
     meanings = {column.name: (column.long_name, column.units) for column in columns} | _LONG_NAMES
-    dims = {name: [*leads, *grid] if each.ndim > len(leads) else leads for name, each in found.items()}
-    values = {name: (dims[name], each) for name, each in found.items()}
-    return derived(data, values, meanings, {*leads, *(grid if "fluid_pressure" in found else ())})
+    dims = {name: [*leads, *grid] if array.ndim > len(leads) else leads for name, array in quantities.items()}
+    values = {name: (dims[name], array) for name, array in quantities.items()}
+    return derived(data, values, meanings, {*leads, *(grid if "fluid_pressure" in quantities else ())})
 
 
-def _grid(data: xarray.Dataset, along: str, given: Mapping[str, float | None]) -> tuple[str, ...]:
+def _grid(data: xarray.Dataset, along: str, seal: Mapping[str, float | None]) -> tuple[str, ...]:
     """Return the axes of the gap; ConfigError for data or arguments that cannot be used."""
     wrong = []
     if "gap" not in data or "x" not in data["gap"].dims:
@@ -167,13 +167,13 @@ def _grid(data: xarray.Dataset, along: str, given: Mapping[str, float | None]) -
         wrong.append("data: an isolated contact has no cell to leak through; must have a periodic grid")
     if along not in ("x", "y"):
         wrong.append(f"along: got {shown(along)}; must be x or y")
-    for name, value in given.items():
+    for name, value in seal.items():
         number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
         if value is not None and not (number and math.isfinite(value) and value > 0):
             wrong.append(f"{name}: got {shown(value)}; must be a number > 0, finite")
-    if (given["viscosity"] is None) and any(given[name] is not None for name in ("length", "width")):
+    if (seal["viscosity"] is None) and any(seal[name] is not None for name in ("length", "width")):
         wrong.append("viscosity: missing; length and width of the seal need viscosity and pressure_drop")
-    if given["viscosity"] is not None and given["pressure_drop"] is None:
+    if seal["viscosity"] is not None and seal["pressure_drop"] is None:
         wrong.append("pressure_drop: missing; a leak rate needs viscosity and pressure_drop")
     if wrong:
         raise ConfigError(wrong)

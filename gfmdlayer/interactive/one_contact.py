@@ -84,11 +84,11 @@ def derived(
     label = Units(**dict(part.split(": ") for part in labels.split(", "))).label if labels else str
     known = {name: meaning(words, label(units)) for name, (words, units) in meanings.items()}
     every: dict[Any, Any] = {
-        name: each for name, each in data.coords.items() if {*map(str, each.dims)} <= {*kept}
+        name: variable for name, variable in data.coords.items() if {*map(str, variable.dims)} <= {*kept}
     }
-    every |= {name: (*each, known[name]) for name, each in (coords or {}).items()}
+    every |= {name: (*variable, known[name]) for name, variable in (coords or {}).items()}
     scales = {name: data.attrs[name] for name in ("name", "L", "G0", "tau", "units") if name in data.attrs}
-    held = {name: (*each, known[name]) for name, each in values.items()}
+    held = {name: (*variable, known[name]) for name, variable in values.items()}
     return xarray.Dataset(held, every, {**provenance(), **scales})
 
 

@@ -200,13 +200,13 @@ def solve(
     frictional = {name: options.pop(name) for name in FRICTIONAL if name in options}  # type: ignore[misc]
     instantaneous, alone = options.pop("instantaneous", False), options.pop("isolated", False)
     datum = options.pop("datum", None)
-    given: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping | str) else {}
+    sections: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping | str) else {}
     if isinstance(interface, Interface | Mapping | Sequence):
-        given["interface"] = interface
-    config = _config({"points": _points(punch, points), "period": period}, options, given)
+        sections["interface"] = interface
+    config = _config({"points": _points(punch, points), "period": period}, options, sections)
     grid = Grid(config.grid.points, config.grid.period)
     _check_grid(body, grid)
-    law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
+    law: Interaction = Programme(config).interface if "interface" in sections else interface  # type: ignore[assignment]
     if frictional:
         _check_friction(frictional, plain=not alone and config.hardness is None)
     if mean_pressure is not None and alone:
@@ -225,8 +225,8 @@ def solve(
     if control == "depth" and (message := too_deep(target, float(heights.mean()), response.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     if frictional:
-        given = {"glassy": instantaneous, "solver": options, "interface": law}
-        return with_friction(body, grid, heights, (control, target), **given, **frictional)
+        step: dict[str, Any] = {"glassy": instantaneous, "solver": options, "interface": law}
+        return with_friction(body, grid, heights, (control, target), **step, **frictional)
     loading = Loading(heights, Constant(target), law, by_depth=control == "depth")
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
@@ -260,10 +260,10 @@ def _check_options(options: Mapping[str, object]) -> None:
         raise ConfigError(f"{name}: {allowed}{nearest(name, known)}" for name in unknown)
 
 
-def _check_friction(given: Mapping[str, object], *, plain: bool) -> None:
-    """Check that friction is given, and nothing that does not go with it."""
-    if "friction" not in given:
-        raise ConfigError([f"{name}: only with friction; remove it" for name in given])
+def _check_friction(options: Mapping[str, object], *, plain: bool) -> None:
+    """Raise a ConfigError for options without a bound of friction, or friction where it has no solver."""
+    if "friction" not in options:
+        raise ConfigError([f"{name}: only with friction; remove it" for name in options])
     if not plain:
         raise ConfigError(["friction: not with isolated=True or a hardness; remove one"])
 
@@ -274,8 +274,8 @@ def _check_grid(body: Body, grid: Grid) -> None:
         _check_grid(body.first, grid)
         _check_grid(body.second, grid)
     elif isinstance(body, Solid):
-        found = body.problems_on_grid(grid.points, grid.period)
-        if messages := [f"body.{problem.key}: {problem.message}" for problem in found]:
+        problems = body.problems_on_grid(grid.points, grid.period)
+        if messages := [f"body.{problem.key}: {problem.message}" for problem in problems]:
             raise ConfigError(messages)
 
 
@@ -286,10 +286,10 @@ def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
     return POINTS if callable(punch) or isinstance(punch, Shape | Mapping | str) else numbers(punch).shape  # type: ignore[arg-type]
 
 
-def _config(grid: Mapping[str, Any], solver: Mapping[str, object], given: Mapping[str, Any]) -> Config:
+def _config(grid: Mapping[str, Any], solver: Mapping[str, object], sections: Mapping[str, Any]) -> Config:
     """Return the checked configuration of grid, solver, and a punch or an interface given by its keys."""
     try:
-        return from_python({"name": "solve", "grid": grid, "solver": solver, **given})
+        return from_python({"name": "solve", "grid": grid, "solver": solver, **sections})
     except ConfigError as error:
         lines = (line.removeprefix("grid.").removeprefix("solver.") for line in error.problems)
         raise ConfigError(lines) from None
@@ -300,11 +300,11 @@ def _prescribed(
 ) -> tuple[str, float]:
     """Return the kind of control and the depth or the mean pressure."""
     values = {"depth": depth, "mean_pressure": mean_pressure, "force": force}
-    given = {name: value for name, value in values.items() if value is not None}
-    if len(given) != 1:
-        found = " and ".join(given) or "nothing"
-        raise ConfigError([f"solve: got {found}; must be one of depth, mean_pressure and force"])
-    ((name, value),) = given.items()
+    prescribed = {name: value for name, value in values.items() if value is not None}
+    if len(prescribed) != 1:
+        names = " and ".join(prescribed) or "nothing"
+        raise ConfigError([f"solve: got {names}; must be one of depth, mean_pressure and force"])
+    ((name, value),) = prescribed.items()
     number = number_in(value)
     if not math.isfinite(number) or (number < 0 and not interface.attracts):
         raise ConfigError([f"{name}: got {shown(value)}; must be a number >= 0, finite"])
@@ -437,10 +437,10 @@ def with_friction(
         raise ConfigError([f"tangential_force: {reason}"])
     tolerance, limit = solver.get("tolerance", _TOLERANCE), solver.get("max_iterations", _LIMIT)
     method = FrictionSolver(grid, Transforms(grid.points), attracts=interface.attracts)
-    found = method.solve(problem, start, gap=gap, tolerance=tolerance, limit=limit)
-    if not found.converged:
-        raise ConvergenceError(found.reason)
-    return _frictional_dataset(grid, found, moved + found.path)
+    solution = method.solve(problem, start, gap=gap, tolerance=tolerance, limit=limit)
+    if not solution.converged:
+        raise ConvergenceError(solution.reason)
+    return _frictional_dataset(grid, solution, moved + solution.path)
 
 
 def _response(body: Body, grid: Grid, glassy: bool) -> Response:
@@ -458,24 +458,24 @@ def _response(body: Body, grid: Grid, glassy: bool) -> Response:
 
 def _law(friction: float | Mapping[str, float]) -> ShearBound:
     """Return the bound of the shear traction."""
-    given = dict(friction) if isinstance(friction, Mapping) else {"coefficient": friction}
-    if not given or set(given) - {"coefficient", "strength"}:
-        keys = ", ".join(map(str, given)) or "nothing"
+    limits = dict(friction) if isinstance(friction, Mapping) else {"coefficient": friction}
+    if not limits or set(limits) - {"coefficient", "strength"}:
+        keys = ", ".join(map(str, limits)) or "nothing"
         raise ConfigError([f"friction: got {keys}; must be a number, or a mapping of coefficient, strength"])
-    for name, value in given.items():
-        given[name] = number_in(value)
-        if not given[name] >= 0:
+    for name, value in limits.items():
+        limits[name] = number_in(value)
+        if not limits[name] >= 0:
             raise ConfigError([f"friction.{name}: got {shown(value)}; must be a number >= 0"])
-    return ShearBound(given.get("coefficient", math.inf), given.get("strength", math.inf))
+    return ShearBound(limits.get("coefficient", math.inf), limits.get("strength", math.inf))
 
 
 def _components(name: str, value: float | Sequence[float], axes: int) -> FloatArray:
     """Return the components along the axes; of a number, that along x."""
-    given = numbers_in(value)
-    if given.ndim > 1 or given.size > axes or not np.isfinite(given).all():
+    components = numbers_in(value)
+    if components.ndim > 1 or components.size > axes or not np.isfinite(components).all():
         allowed = "a number" if axes == 1 else "a number, or a pair along x and y"
         raise ConfigError([f"{name}: got {shown(value)}; must be {allowed}, finite"])
-    return np.concatenate((given, np.zeros(axes - given.size)))
+    return np.concatenate((components, np.zeros(axes - components.size)))
 
 
 def _taken_from(
@@ -502,35 +502,38 @@ def _taken_from(
     return moved, np.array(fields("displacement")), np.array([pressure, *fields("shear")]), gap
 
 
-def _frictional_dataset(grid: Grid, found: FrictionSolution, moved: FloatArray) -> xarray.Dataset:
+def _frictional_dataset(grid: Grid, solution: FrictionSolution, moved: FloatArray) -> xarray.Dataset:
     """Return fields and scalars of a solution."""
-    area, touching = math.prod(grid.period), found.contact
-    pressed, gap = found.pressure.reshape(grid.shape), np.where(touching, 0.0, np.maximum(found.gap, 0.0))
+    area, touching = math.prod(grid.period), solution.contact
+    pressed, gap = (
+        solution.pressure.reshape(grid.shape),
+        np.where(touching, 0.0, np.maximum(solution.gap, 0.0)),
+    )
     interpolated = interpolated_area(touching.reshape(grid.shape), pressed, gap.reshape(grid.shape), grid)
     fields = {
-        "pressure": found.stress,
-        "displacement": -found.displacement[0],
+        "pressure": solution.stress,
+        "displacement": -solution.displacement[0],
         "gap": gap,
         "contact": touching,
-        "stick": found.stick,
+        "stick": solution.stick,
     }
     scalars = {
         "contact_area": touching.mean(),
         "contact_area_interpolated": interpolated,
         "contact_area_error": area_error(touching.reshape(grid.shape), interpolated, grid),
-        "stick_area": found.stick.mean(),
-        "mean_pressure": found.stress.mean(),
-        "force": found.stress.mean() * area,
-        "depth": found.depth,
-        "residual": found.residual,
-        "transforms": found.pairs,
-        "iterations": found.iterations,
+        "stick_area": solution.stick.mean(),
+        "mean_pressure": solution.stress.mean(),
+        "force": solution.stress.mean() * area,
+        "depth": solution.depth,
+        "residual": solution.residual,
+        "transforms": solution.pairs,
+        "iterations": solution.iterations,
     }
     for i, axis in enumerate("xy"[: len(grid.points)]):
-        fields[f"shear_{axis}"] = found.traction[i]
-        fields[f"slip_{axis}"] = np.where(touching, found.slip[i], np.nan)
-        fields[f"displacement_{axis}"] = found.displacement[1 + i]
-        scalars[f"tangential_force_{axis}"] = found.traction[i].mean() * area
+        fields[f"shear_{axis}"] = solution.traction[i]
+        fields[f"slip_{axis}"] = np.where(touching, solution.slip[i], np.nan)
+        fields[f"displacement_{axis}"] = solution.displacement[1 + i]
+        scalars[f"tangential_force_{axis}"] = solution.traction[i].mean() * area
         scalars[f"tangential_displacement_{axis}"] = moved[i]
     return dataset(grid, fields, scalars, _MEANINGS)
 

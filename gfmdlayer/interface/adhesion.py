@@ -24,7 +24,7 @@ from pydantic import Discriminator, Field, Tag
 
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.validation.fields import File, Finite, MustBe, Optional, Positive, strict
-from gfmdlayer.validation.problems import ConfigError, Problem
+from gfmdlayer.validation.problems import ConfigError, Mistake
 from gfmdlayer.validation.sections import Section
 from gfmdlayer.validation.units import Units
 
@@ -181,10 +181,10 @@ class Electrostatic(Interface):
             return math.fsum(each.thickness / each.permittivity for each in self.insulation)
         return self.insulation
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse a list without insulators: the traction in contact would be infinite."""
         if not self.h0:
-            yield Problem(("insulation",), f"got an empty list; must be {_thickness.allowed}")
+            yield Mistake(("insulation",), f"got an empty list; must be {_thickness.allowed}")
 
     def permittivity_of_vacuum(self, units: Units | None) -> float | None:
         """Return the given permittivity, or that in the units; None where these do not tell."""

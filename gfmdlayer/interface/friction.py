@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import read_columns
-from gfmdlayer.interface.interface import Coulomb, Friction, ShearStrength
+from gfmdlayer.interface.interface import Coulomb, FrictionLaw, ShearStrength
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class ShearBound:
             raise ValueError(f"shear strength: got {self.strength!r}; must be >= 0")
 
     @classmethod
-    def of(cls, laws: Iterable[Friction]) -> ShearBound | None:
+    def of(cls, laws: Iterable[FrictionLaw]) -> ShearBound | None:
         """Return the bound of laws of friction together; None without any, TableError from a bad file."""
         bound: ShearBound | None = None
         for law in laws:

@@ -95,11 +95,11 @@ Coefficient = Annotated[
 ]
 
 
-class Friction(WithoutAttraction):
+class FrictionLaw(WithoutAttraction):
     """A law of friction: the largest shear traction that the surfaces carry where they touch."""
 
 
-class Coulomb(Friction):
+class Coulomb(FrictionLaw):
     """Coulomb's law: the shear traction is at most the coefficient times the pressure."""
 
     law: Literal["coulomb"] = "coulomb"
@@ -108,7 +108,7 @@ class Coulomb(Friction):
     """coefficient of friction, or a file with two columns, slip speed and coefficient"""
 
 
-class ShearStrength(Friction):
+class ShearStrength(FrictionLaw):
     """A constant shear strength of the contact, as of adhesive friction."""
 
     law: Literal["shear_strength"] = "shear_strength"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.adhesion import Adhesion, Instabilities
+from gfmdlayer.observables.adhesion import AdhesionColumns, Instabilities
 from gfmdlayer.observables.contact import (
     INDENTATION,
     TOTALS,
@@ -12,25 +12,25 @@ from gfmdlayer.observables.contact import (
     ContactStatistics,
     Force,
     Resolution,
-    Temperature,
+    TemperatureColumns,
     Yielding,
     of_one_contact,
     totals,
 )
 from gfmdlayer.observables.energy_balance import Bodies, EnergyBalance
-from gfmdlayer.observables.friction import Friction, Slip
-from gfmdlayer.observables.inside import LARGEST, Inside
+from gfmdlayer.observables.friction import FrictionColumns, Slip
+from gfmdlayer.observables.inside import LARGEST, InsideColumns
 from gfmdlayer.observables.numerics import Effort, SeriesError, SpectrumError, SteadyState
 from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 from gfmdlayer.observables.transport import (
     FLOW,
     RESISTANCE,
     THROATS,
-    Conductance,
-    Leakage,
+    ConductanceColumns,
+    LeakageColumns,
     SealEstimates,
     SpotRadius,
-    Stiffness,
+    StiffnessColumns,
 )
 
 if TYPE_CHECKING:
@@ -57,21 +57,21 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "force": Force,
     "resolution": Resolution,
     "effort": Effort,
-    "friction": Friction,
+    "friction": FrictionColumns,
     "slip": Slip,
-    "adhesion": Adhesion,
+    "adhesion": AdhesionColumns,
     "yielding": Yielding,
     "energy": EnergyBalance,
     "bodies": Bodies,
     "instabilities": Instabilities,
     "statistics": ContactStatistics,
-    "temperature": Temperature,
+    "temperature": TemperatureColumns,
     "seal_estimates": SealEstimates,
-    "leakage": Leakage,
+    "leakage": LeakageColumns,
     "spot_radius": SpotRadius,
-    "conductance": Conductance,
-    "stiffness": Stiffness,
-    "inside": Inside,
+    "conductance": ConductanceColumns,
+    "stiffness": StiffnessColumns,
+    "inside": InsideColumns,
     "series_error": SeriesError,
     "spectrum_error": SpectrumError,
     "steady_state": SteadyState,

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 PART = 0.1  # of the largest traction; points with more are attracted
 
 
-class Adhesion(Observable):
+class AdhesionColumns(Observable):
     """Energy of the interface, attracted area and largest tension; pull-off and work of separation.
 
     The pull-off is the largest pull on the punch in the steps in which the depth falls or rests, without the
@@ -107,7 +107,7 @@ Point = tuple[float, float]
 MOST_LISTED = 1000
 
 
-class Row(NamedTuple):
+class PathPoint(NamedTuple):
     """Time, depth, mean pressure and margin of an accepted step."""
 
     time: float
@@ -121,7 +121,7 @@ class Row(NamedTuple):
         return self.depth, self.pressure
 
 
-def work_over_fold(*rows: Row, depth_given: bool) -> tuple[float, float] | None:
+def work_over_fold(*rows: PathPoint, depth_given: bool) -> tuple[float, float] | None:
     """Work per area over a step with an instability, and the part of the step before it; None if not known.
 
     The rows are the last one or two of the branch that ends, and the row after the step. `depth_given` says

@@ -209,7 +209,7 @@ def _bin_edges(asked: Histogram) -> tuple[float, ...]:
     return (0.0, *inner.tolist(), np.inf)
 
 
-class Temperature(Observable):
+class TemperatureColumns(Observable):
     """Temperature of the body, and the factor of relaxation times of the uppermost material with a shift."""
 
     COLUMNS = declared("""

@@ -34,7 +34,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.adhesion import Point, Row, across, work_over_fold
+from gfmdlayer.observables.adhesion import PathPoint, Point, across, work_over_fold
 from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 from gfmdlayer.resumable import State
 
@@ -71,7 +71,7 @@ class EnergyBalance(Observable):
         self._by_depth = case.config.trajectory.control == "depth"
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
-        self._rows: deque[Row] = deque(maxlen=2)  # of the way up to here
+        self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
         # Positions and tangential stresses; displacements of the punch and shear tractions, along each axis.
         self._tangential: deque[tuple[Point, ...]] = deque(maxlen=2)
 
@@ -81,7 +81,7 @@ class EnergyBalance(Observable):
         # Other parts of the energy of the contact.
         attraction += float(step.row.get("plastic_work", 0.0)) + float(step.row.get("slip_heat", 0.0))
         energies = stored + dissipated + attraction
-        now = Row(step.time, step.depth, step.mean_pressure, step.margin)
+        now = PathPoint(step.time, step.depth, step.mean_pressure, step.margin)
         tangential = _tangential(step)
         # Pressed in, pulled off or back: the path is not known.
         if step.detached != self._torn or not self._rows:
@@ -101,7 +101,9 @@ class EnergyBalance(Observable):
             "energy_residual": self._work - stored - dissipated - attraction - self._lost,
         }
 
-    def _work_of_step(self, step: Step, now: Row, tangential: tuple[Point, ...], gained: float) -> float:
+    def _work_of_step(
+        self, step: Step, now: PathPoint, tangential: tuple[Point, ...], gained: float
+    ) -> float:
         """Work over a step in which the energies grow by `gained`, plus the loss."""
         released = step.released_energy if self._has_losses else 0.0
         over = None
@@ -146,7 +148,7 @@ class EnergyBalance(Observable):
     def restore(self, state: State) -> None:
         """Continue from the work and the points of another run."""
         super().restore(state)
-        self._rows.extend(Row(*values) for values in state["normal"].tolist())
+        self._rows.extend(PathPoint(*values) for values in state["normal"].tolist())
         self._tangential.extend(tuple(map(tuple, points)) for points in state["tangential"].tolist())
         if "field_time" in state:
             self._field = float(state["field_time"]), state["field_gap"]

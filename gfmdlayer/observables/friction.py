@@ -39,7 +39,7 @@ def direction(config: Config) -> FloatArray:
     return np.array([math.cos(angle), math.sin(angle)])[: len(config.grid.points)]
 
 
-class Friction(Observable):
+class FrictionColumns(Observable):
     """Position, mean tangential stress, its ratio to the mean pressure, and the centre of pressure.
 
     Position and centre are those of a punch that moves at a velocity. The fields are on coordinates that move

@@ -30,7 +30,7 @@ LARGEST = declared(r"""
 VON_MISES, *PLACE, SHEAR, PEEL, PLANE_SHEAR = LARGEST
 
 
-class Inside(Every):
+class InsideColumns(Every):
     """Largest von Mises and shear stress, and largest peel and shear stress at each interface.
 
     They are the largest at the points of the grid, at the depths of the configuration. Peel is tension across

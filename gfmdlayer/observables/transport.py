@@ -126,7 +126,7 @@ class SealEstimates(Observable):
         return {name: found[name] for name in self._names}
 
 
-class Leakage(Every):
+class LeakageColumns(Every):
     """Flow tensor of a thin fluid film through the gap, by the Reynolds equation (`output.leakage`).
 
     The leak rate of a seal of length Lx and width Ly is flow_xx/(12 viscosity) Ly/Lx times the drop of
@@ -252,7 +252,7 @@ class SpotRadius(OfSpots):
         return {RADIUS.name: self._total(step) / 4}
 
 
-class Conductance(OfSpots):
+class ConductanceColumns(OfSpots):
     """Resistance of the contact spots between two conductors (`output.conductance`).
 
     Constriction and films on both sides, and the films in series over the cell. Without contact it is
@@ -292,7 +292,7 @@ class Conductance(OfSpots):
         return {RESISTANCE.name: 1 / total + self._series if total > 0 else math.inf}
 
 
-class Stiffness(Every):
+class StiffnessColumns(Every):
     """Dynamic stiffness of the contact, force over depth, at a frozen contact area (`output.stiffness`).
 
     Storage and loss at each frequency, for amplitudes that leave the contact area as it is. It is no slope of

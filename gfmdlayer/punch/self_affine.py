@@ -22,7 +22,7 @@ from pydantic import Field
 
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.validation.fields import MustBe, Optional, Positive, Seed, strict
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.problems import Mistake
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray, FloatArray
@@ -91,30 +91,30 @@ class SelfAffine(Shape):
         heights = grid.from_waves(amplitude * _phases(grid, self.seed))
         return np.asarray(heights - grid.ranks.minimum(float(heights.min())))
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse a surface of no size, or of two."""
         one_rms = "one of rms_slope and rms_height must be given"
         if self.rms_slope is None and self.rms_height is None:
-            yield Problem(("rms_slope",), f"missing; {one_rms}", ("shape",))
+            yield Mistake(("rms_slope",), f"missing; {one_rms}", ("shape",))
         if self.rms_slope is not None and self.rms_height is not None:
-            yield Problem(("rms_height",), f"given beside rms_slope; {one_rms}", ("rms_slope",))
+            yield Mistake(("rms_height",), f"given beside rms_slope; {one_rms}", ("rms_slope",))
 
-    def misfits(self, cell: Cell) -> Iterator[Problem]:
+    def misfits(self, cell: Cell) -> Iterator[Mistake]:
         """Refuse waves that the grid does not resolve, that the cell does not hold, or in another order."""
         spacing = max(length / n for length, n in zip(cell.period, cell.points, strict=False))
         if self.short_cutoff <= 2 * spacing:
             message = f"got {self.short_cutoff!r}; must be > {2 * spacing!r}, two spacings of the grid"
-            yield Problem(("short_cutoff",), message)
+            yield Mistake(("short_cutoff",), message)
         below, shortest = "short_cutoff", self.short_cutoff
         for key, value in (("roll_off", self.roll_off), ("long_cutoff", self.long_cutoff)):
             if value is not None:
                 if value < shortest:
                     message = f"got {value!r}, below {below} = {shortest!r}; must be a longer wave"
-                    yield Problem((key,), message, (below,))
+                    yield Mistake((key,), message, (below,))
                 below, shortest = key, value
         if shortest > max(cell.period):
             message = f"got {shortest!r}; must be <= the period, {max(cell.period)!r}"
-            yield Problem((below,), message)
+            yield Mistake((below,), message)
 
 
 def _phases(grid: Grid, seed: int) -> ComplexArray:

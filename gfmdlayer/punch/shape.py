@@ -12,7 +12,7 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.problems import Mistake, shown
 from gfmdlayer.validation.sections import Kind
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class Shape(Kind):
             If the heights come from a file that cannot be used on this grid.
         """
 
-    def misfits(self, cell: Cell) -> Iterator[Problem]:  # noqa: ARG002
+    def misfits(self, cell: Cell) -> Iterator[Mistake]:  # noqa: ARG002
         """Yield why the punch does not fit into the cell or onto its grid, in keys of the punch."""
         return iter(())
 
@@ -84,7 +84,7 @@ class Analytic(Shape):
     def height(self, axes: Axes) -> FloatArray:
         """Height at coordinates along each axis, counted from the apex."""
 
-    def misfit(self, extent: Extent) -> Problem | None:  # noqa: ARG002
+    def misfit(self, extent: Extent) -> Mistake | None:  # noqa: ARG002
         """Return why the punch does not fit into its length along an axis, if so."""
         return None
 
@@ -98,7 +98,7 @@ class Analytic(Shape):
         sparse = np.meshgrid(*axes, indexing="ij", sparse=True)
         return np.array(np.broadcast_to(self.height(list(sparse)), grid.shape))
 
-    def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Problem]:
+    def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Mistake]:
         """Yield the first reason for which the punch does not fit, as one of `counts` along each axis."""
         found = self._misplaced(len(cell.points))
         for axis, (length, count) in enumerate(zip(cell.period, counts, strict=False)):
@@ -108,18 +108,18 @@ class Analytic(Shape):
         if found:
             yield found
 
-    def _misplaced(self, axes: int) -> Problem | None:
+    def _misplaced(self, axes: int) -> Mistake | None:
         """Refuse values for two directions on a line, and a shape that is flat in both directions."""
         if axes == 1 and getattr(self, "along", "y") == "x":
             message = "got 'x', the direction of the line itself; must be y, or grid.points two numbers"
-            return Problem(("along",), message)
+            return Mistake(("along",), message)
         for key, value in vars(self).items():
             if isinstance(value, tuple) and axes == 1:
                 message = f"got {shown(value)}; must be one number, or grid.points two numbers"
-                return Problem((key,), message)
+                return Mistake((key,), message)
             if isinstance(value, tuple) and all(each in {0, math.inf} for each in value):
                 message = f"got {shown(value)}, which makes the punch flat; one must be > 0 and finite"
-                return Problem((key,), message)
+                return Mistake((key,), message)
         return None
 
 

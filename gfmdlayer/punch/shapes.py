@@ -9,7 +9,7 @@ from pydantic import BeforeValidator
 
 from gfmdlayer.punch.shape import Analytic, Cell, Shape
 from gfmdlayer.validation.fields import Count, sequence
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.problems import Mistake
 from gfmdlayer.validation.sections import OneOf, load_table
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Array(Shape):
         """Heights of the copies, of the grid's shape."""
         return self.element.heights(grid, self.counts)
 
-    def misfits(self, cell: Cell) -> Iterator[Problem]:
+    def misfits(self, cell: Cell) -> Iterator[Mistake]:
         """Yield why one copy does not fit into its part of the cell."""
         axes = len(cell.points)
         if len(self.counts) in {1, axes}:
@@ -51,7 +51,7 @@ class Array(Shape):
             yield from (each.within(("element",)) for each in self.element.misfits(cell, counts))
         else:
             wanted = f"one number, or one for each of the {axes} directions" if axes > 1 else "one number"
-            yield Problem(("counts",), f"got {len(self.counts)} numbers; must be {wanted}")
+            yield Mistake(("counts",), f"got {len(self.counts)} numbers; must be {wanted}")
 
 
 SHAPES: Mapping[str, type[Shape]] = {

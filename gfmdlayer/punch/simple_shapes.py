@@ -10,7 +10,7 @@ from pydantic import Field
 
 from gfmdlayer.punch.shape import Analytic, Axes, Cell, Extent, Shape, across, along_axis, distance, single
 from gfmdlayer.validation.fields import Amplitudes, File, Lengths, MustBe, Positive, Word, strict
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.problems import Mistake
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -77,7 +77,7 @@ class Sphere(Analytic):
         """R - (R^2 - r^2)^(1/2), and R beyond the radius."""
         return _circle(distance(axes), self.radius)
 
-    def misfit(self, extent: Extent) -> Problem | None:
+    def misfit(self, extent: Extent) -> Mistake | None:
         """Refuse a circle that ends inside the cell."""
         return _short(self.radius, extent)
 
@@ -108,7 +108,7 @@ class Cylinder(Analytic):
         """R - (R^2 - x^2)^(1/2), and R beyond the radius, constant along one axis."""
         return _circle(abs(across(axes, self.along)), self.radius)
 
-    def misfit(self, extent: Extent) -> Problem | None:
+    def misfit(self, extent: Extent) -> Mistake | None:
         """Refuse a circle that ends inside the cell."""
         return None if "xy"[extent.axis] == self.along else _short(self.radius, extent)
 
@@ -144,14 +144,14 @@ class Flat(Analytic):
             outside = np.maximum(distance(axes) - self.width / 2, 0.0)
         return outside**2 / (2 * self.edge_radius)
 
-    def misfit(self, extent: Extent) -> Problem | None:
+    def misfit(self, extent: Extent) -> Mistake | None:
         """Refuse a flat part that fills the cell with its edges."""
         width = along_axis(self.width, extent.axis)
         if not math.isfinite(width) or width + 2 * self.edge_radius < extent.length:
             return None
         allowed = f"width + 2 edge_radius must be below {extent.words}"
         message = f"got {width!r} with edge_radius {self.edge_radius!r}; {allowed}"
-        return Problem(("width",), message, ("edge_radius",))
+        return Mistake(("width",), message, ("edge_radius",))
 
     def face(self, period: tuple[float, ...]) -> float:
         """Width of the disc, or diagonal of the rectangle."""
@@ -195,7 +195,7 @@ class Sinusoid(Analytic):
         )
         return np.asarray(sum(a * (1 - np.cos(2 * np.pi * x / length)) for x, a, length in waves))
 
-    def misfit(self, extent: Extent) -> Problem | None:
+    def misfit(self, extent: Extent) -> Mistake | None:
         """Refuse waves that do not join up with themselves."""
         wavelength = along_axis(self.wavelength, extent.axis)
         waves = extent.length / wavelength
@@ -204,7 +204,7 @@ class Sinusoid(Analytic):
             return None
         allowed = "must be the period divided by a whole number"
         message = f"got {wavelength!r}, which does not divide {extent.words}; {allowed}"
-        return Problem(("wavelength",), message, ("amplitude",))
+        return Mistake(("wavelength",), message, ("amplitude",))
 
 
 def _circle(r: FloatArray, radius: float) -> FloatArray:
@@ -214,12 +214,12 @@ def _circle(r: FloatArray, radius: float) -> FloatArray:
     return np.asarray(r * r / (radius + np.sqrt(radius * radius - r * r)))
 
 
-def _short(radius: float, extent: Extent) -> Problem | None:
+def _short(radius: float, extent: Extent) -> Mistake | None:
     if radius >= extent.length / 2:
         return None
     found = f"got {radius!r}: the circle ends inside the cell and has no height beyond"
     allowed = f"must be a number >= half {extent.words} (a parabola takes any radius)"
-    return Problem(("radius",), f"{found}; {allowed}")
+    return Mistake(("radius",), f"{found}; {allowed}")
 
 
 Angle = Annotated[float, strict, Field(gt=0, lt=90), MustBe("a number > 0 and < 90, in degrees")]
@@ -302,11 +302,11 @@ class Pyramid(Analytic):
         slope = 1 / np.tan(np.radians(self.angle))
         return np.asarray(slope * np.max([np.cos(t) * x + np.sin(t) * y for t in turns], axis=0))
 
-    def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Problem]:
+    def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Mistake]:
         """Refuse a pyramid on a line."""
         if len(cell.points) == 1:
             message = "got the text 'pyramid'; must be another shape, or grid.points two numbers"
-            yield Problem(("shape",), message, chooses=True)
+            yield Mistake(("shape",), message, chooses=True)
         else:
             yield from super().misfits(cell, counts)
 
@@ -352,10 +352,10 @@ class _Isolated(Shape):
         """Heights on a periodic grid: refused by `misfits`, and here."""
         raise ValueError(f"{self.shape}: has no height beyond its rim, as a periodic surface of {grid} needs")
 
-    def misfits(self, cell: Cell) -> Iterator[Problem]:  # noqa: ARG002
+    def misfits(self, cell: Cell) -> Iterator[Mistake]:  # noqa: ARG002
         """Refuse every periodic cell."""
         message = f"got {self.shape!r}, which has a rim; must be another shape, or grid.geometry axisymmetric"
-        yield Problem(("shape",), message, ("grid.geometry",), chooses=True)
+        yield Mistake(("shape",), message, ("grid.geometry",), chooses=True)
 
 
 class FlatPunch(_Isolated):

@@ -11,8 +11,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.config import sweeps, text
+from gfmdlayer.config import sweeps
 from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.validation import text
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 _CASES, _FILES = "# Cases: ", "# Files: "

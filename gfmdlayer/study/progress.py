@@ -41,6 +41,7 @@ class Progress:
     at_work: tuple[Running, ...] = ()  # the running cases
     seconds_left: float | None = None  # time left at the pace so far; None before any progress
     slowest: Outcome | None = None  # the case of this run that took longest so far
+    least: float = 0.0  # part that was done before: a case that has just ended may not be counted yet
 
     @property
     def done(self) -> float:
@@ -51,18 +52,20 @@ class Progress:
     @property
     def fraction(self) -> float:
         """The part of all cases that is done."""
-        return self.done / self.total
+        return max(self.done / self.total, self.least)
 
     @property
     def words(self) -> str:
         """A line on the whole run."""
-        slowest = self.slowest and f"slowest {self.slowest.index:04d} in {duration(self.slowest.seconds)}"
+        slowest = ""
+        if self.slowest is not None and self.complete + self.failed > 1:
+            slowest = f"slowest {self.slowest.index:04d} in {duration(self.slowest.seconds)}"
         parts = (
             f"{self.complete} of {self.total} complete",
             f"{len(self.at_work)} running" if self.at_work else "",
             f"{self.failed} failed" if self.failed else "",
             f"{duration(self.seconds_left)} left" if self.seconds_left else "",
-            slowest or "",
+            slowest,
         )
         return ", ".join(filter(None, parts))
 
@@ -176,6 +179,7 @@ class Reporter:
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None
+        self._least = 0.0
         self._begun = self._ready = time.monotonic()
         self._over = threading.Event()
         self._lock = threading.Lock()
@@ -259,10 +263,12 @@ class Reporter:
         except OSError:  # the folder may be unreadable for a while
             return
         with self._lock:
-            self._display.advance(self._progress(tuple(at_work)))
+            progress = self._progress(tuple(at_work))
+            self._display.advance(progress)
+            self._least = progress.fraction
 
     def _progress(self, at_work: tuple[Running, ...]) -> Progress:
-        now = Progress(self._total, self._complete, self._failed, at_work, None, self._slowest)
+        now = Progress(self._total, self._complete, self._failed, at_work, None, self._slowest, self._least)
         spent = time.monotonic() - self._ready
         if self._seconds is None:
             rate = (now.done - self._before) / spent if spent > 0 else 0.0

@@ -26,7 +26,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from gfmdlayer.validation.problems import nearest, shown
+from gfmdlayer.validation.problems import A_NUMBER, nearest, shown
 
 # Products and quotients of a few numbers of this size do not leave the range of double precision.
 SMALLEST, LARGEST = 1e-30, 1e30
@@ -67,27 +67,12 @@ class MustBe:
         return taken
 
     def _hint(self, value: object) -> str:
-        numeric = "number" in self.allowed
-        if isinstance(value, bool):
-            return " (true and false are not numbers)" if numeric else ""
+        """Return "; did you mean ...?" for the nearest word, or how to write what begins as a number."""
         if not isinstance(value, str):
             return ""
-        if not numeric or (self.words and nearest(value, self.words)):
-            return nearest(value, self.words)
-        if with_comma := re.fullmatch(r"([-+]?\d+),(\d+)", value.strip()):
-            return f"; did you mean {with_comma[1]}.{with_comma[2]}, with a point?"
-        if with_unit := re.fullmatch(
-            r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([A-Za-z\u00b5\u03bc]{1,4})", value.strip()
-        ):
-            units = "All lengths are in one unit, and so are moduli and times"
-            return f"; did you mean {with_unit[1]}, without {with_unit[2]}? {units}"
-        if value.lower().lstrip("+").startswith("inf"):
-            return "; infinity is written .inf" if ".inf" in self.allowed else ""
-        try:
-            float(value)
-        except ValueError:
-            return ""
-        return f"; did you mean {value.strip()}, without quotes?"
+        if (hint := nearest(value, self.words)) or "number" not in self.allowed:
+            return hint
+        return f"; {A_NUMBER}" if re.match(r"\s*[-+]?\.?\d", value) else ""
 
 
 class Word(MustBe):

@@ -8,10 +8,13 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 Location = tuple[str | int, ...]
 
 
+A_NUMBER = "numbers have a decimal point, no quotes and no unit"
+_YOUNGS = {"E", "E0", "Einf", "youngs_modulus"}  # near to the names of shear moduli, and another value
 _ALIKE = 0.75  # a key elsewhere in the configuration is suggested from this similarity on
 _MOST_LISTED = 20  # keys in a message; only sweeps have more, since they take the keys of all sections
 
@@ -45,7 +48,7 @@ class ConfigError(ValueError):
 
 
 @dataclass(frozen=True)
-class Problem:
+class Mistake:
     """One error in a configuration."""
 
     location: Location  # path of the key, such as ("layer", "thickness")
@@ -59,7 +62,7 @@ class Problem:
         """Dotted key, without a place in a list at its end: ``layers.1.thickness``."""
         return dotted_key(without_last_places(self.location))
 
-    def within(self, location: Location, *others: str) -> Problem:
+    def within(self, location: Location, *others: str) -> Mistake:
         """Return the problem of a section as one of the configuration, which depends on `others` too."""
         prefix = "".join(f"{part}." for part in location)
         keys = (*(prefix + other for other in self.others), *others)
@@ -69,10 +72,13 @@ class Problem:
         return f"{dotted(self.location)}: {self.message}"
 
 
+Problem = Mistake  # the former name, which bodies of users import; until version 0.5
+
+
 class InconsistentError(ValueError):
     """Values that are each allowed but contradict one another."""
 
-    def __init__(self, problems: Sequence[Problem]) -> None:
+    def __init__(self, problems: Sequence[Mistake]) -> None:
         self.problems = tuple(problems)
         super().__init__("; ".join(map(str, problems)))
 
@@ -102,6 +108,23 @@ def without_last_places(location: Location) -> Location:
     return location
 
 
+def set_aside(data: Any, location: Location) -> str:
+    """Remove the value at a location of plain data, or the section that should hold it; return its key."""
+    path = without_last_places(location)
+    holder = data
+    for depth, part in enumerate(path):
+        if isinstance(part, int) and isinstance(holder, list) and part < len(holder):
+            holder = holder[part]
+            continue
+        if not isinstance(holder, dict) or part not in holder:
+            return set_aside(data, path[:depth]) if depth else str(part)
+        if depth == len(path) - 1 or not isinstance(holder[part], dict | list):
+            del holder[part]
+            return dotted_key(path[: depth + 1])
+        holder = holder[part]
+    return ""
+
+
 def not_in_list(part: str | int, length: int, key: str) -> str:
     """Return a message if `part` is not the place of an entry in the list at `key`, else nothing."""
     if isinstance(part, int) and part < length:
@@ -112,11 +135,11 @@ def not_in_list(part: str | int, length: int, key: str) -> str:
     return f"{key} has {entries}, and {part} is not one of them; must be {allowed}"
 
 
-def not_increasing(at: Location, values: Iterable[float], noun: str, *others: str) -> Iterator[Problem]:
+def not_increasing(at: Location, values: Iterable[float], noun: str, *others: str) -> Iterator[Mistake]:
     """Yield the values of a list that are not above the one before."""
     for i, (before, value) in enumerate(pairwise(values), start=1):
         if value <= before:
-            yield Problem((*at, i), f"got {value!r} after {before!r}; {noun} must increase", others)
+            yield Mistake((*at, i), f"got {value!r} after {before!r}; {noun} must increase", others)
 
 
 def shown(value: object) -> str:
@@ -164,8 +187,10 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
     hint = colon_without_space(key) or nearest(key, siblings)
     if key in everywhere and key not in siblings and "." in key:
         hint = f"; did you mean {key.replace('.', ': {')}: ...{'}' * key.count('.')}?"
+    elif key in _YOUNGS:
+        hint = "; moduli are shear moduli, G = E/(2 (1 + nu))"
     elif key.isdecimal():
-        hint = "; numbers have a decimal point, not a comma"
+        hint = f"; {A_NUMBER}"
     elif not hint:
         same_ending = {name.rpartition(".")[2]: name for name in everywhere}
         found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1, cutoff=_ALIKE)

@@ -21,7 +21,7 @@ from gfmdlayer.validation.fields import MustBe, Word, dimension, meanings
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
-    Problem,
+    Mistake,
     colon_without_space,
     dotted,
     dotted_key,
@@ -72,11 +72,11 @@ class Section(BaseModel):
             raise ConfigError(map(str, self.all_problems(data, error))) from None
 
     @classmethod
-    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Problem]:  # noqa: ARG003
+    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Mistake]:  # noqa: ARG003
         """Return the errors that pydantic found in plain data, as problems."""
         return explained(error, cls, cls.fields())
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between the values; locations and keys are relative to this section."""
         return iter(())
 
@@ -204,7 +204,7 @@ def replaced(section: Part, change: Callable[[Any], Any]) -> Part:
     return section.model_copy(update=update) if update else section
 
 
-def contradictions(section: Section) -> Iterator[Problem]:
+def contradictions(section: Section) -> Iterator[Mistake]:
     """Yield the problems of a section and of all sections below it."""
     for at, part in sections_in(section):
         for problem in part.problems():
@@ -223,9 +223,9 @@ def types_in(annotation: Any) -> Iterator[type]:
         yield annotation
 
 
-def explained(error: ValidationError, root: type[Section], everywhere: Iterable[str]) -> list[Problem]:
+def explained(error: ValidationError, root: type[Section], everywhere: Iterable[str]) -> list[Mistake]:
     """Return the errors that pydantic found in a `root`, as problems; suggest keys from `everywhere`."""
-    found: list[Problem] = []
+    found: list[Mistake] = []
     for entry in error.errors(include_url=False):
         location, section, chosen_by = _resolved(entry["loc"], root, entry["type"] == "extra_forbidden")
         match entry["type"]:
@@ -235,25 +235,25 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
                 found += [problem.within(location) for problem in entry["ctx"]["error"].problems]
             case "extra_forbidden":
                 message = unknown_key(str(location[-1]), section.fields(), everywhere)
-                found.append(Problem(location, message, at_key=True))
+                found.append(Mistake(location, message, at_key=True))
             case "missing":
                 key = str(location[-1])
                 notes = (note.allowed for note in section.fields()[key].metadata if isinstance(note, MustBe))
                 allowed = next(notes, None) or meanings(section).get(key, "given")
-                found.append(Problem(location, f"missing; must be {allowed}"))
+                found.append(Mistake(location, f"missing; must be {allowed}"))
             case "union_tag_invalid":
                 words = Word(*entry["ctx"]["expected_tags"].replace("'", "").split(", "))
                 word = entry["ctx"]["tag"]
                 message = f"got {shown(word)}; must be {words.allowed}{nearest(word, words.words)}"
-                found.append(Problem((*location, chosen_by), message, chooses=True))
+                found.append(Mistake((*location, chosen_by), message, chooses=True))
             case "must_be" | "value_error":
-                found.append(Problem(location, entry["msg"].removeprefix("Value error, ")))
+                found.append(Mistake(location, entry["msg"].removeprefix("Value error, ")))
             case kind:
                 allowed, value = _SHAPES.get(kind, entry["msg"]), entry["input"]
                 hint = colon_without_space(value) if isinstance(value, str) else ""
                 if kind == "model_type":
                     allowed += _form(section, location, value)
-                found.append(Problem(location, f"got {shown(value)}; must be {allowed}{hint}"))
+                found.append(Mistake(location, f"got {shown(value)}; must be {allowed}{hint}"))
     return list(dict.fromkeys(found))
 
 

@@ -26,7 +26,7 @@ from gfmdlayer.verification import (
     stacks,
     transport,
 )
-from gfmdlayer.verification.rows import Check, Outcome, carry_out, write_report
+from gfmdlayer.verification.rows import Check, CheckResult, carry_out, write_report
 
 _GROUPS = {
     "Closed forms": (
@@ -102,7 +102,7 @@ def verify(
     *,
     quick: bool = False,
     jobs: int = 1,
-    report: Callable[[Check, Outcome], None] = lambda _check, _outcome: None,
+    report: Callable[[Check, CheckResult], None] = lambda _check, _outcome: None,
     checks: Sequence[Check] | None = None,
 ) -> bool:
     """Carry out the checks; return whether every row lies inside its bound.
@@ -122,7 +122,7 @@ def verify(
     return all(outcome.holds for _, outcome in outcomes)
 
 
-def _outcomes(checks: Sequence[Check], quick: bool, jobs: int) -> Iterator[Outcome]:
+def _outcomes(checks: Sequence[Check], quick: bool, jobs: int) -> Iterator[CheckResult]:
     task = partial(carry_out, quick=quick)
     if jobs == 1:
         yield from map(task, checks)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from gfmdlayer.time_functions import Table
-from gfmdlayer.verification.rows import Curve, Row
+from gfmdlayer.verification.rows import Convergence, Row
 from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, Recording, run
 from gfmdlayer.verification.theory import (
     DEPTH,
@@ -31,7 +31,7 @@ _FINE: dict[str, object] = {
 _SOLVERS = {"active_set": "active set", "conjugate_gradient": "conjugate gradients", "fire": "FIRE"}
 
 
-def time_steps(quick: bool) -> Iterator[Row | Curve]:
+def time_steps(quick: bool) -> Iterator[Row | Convergence]:
     """Error against the time step, and against the tolerance of adaptive steps, in whole runs.
 
     Backward differences are of first order, u linear over a step of second: here the largest error of ptilde
@@ -50,7 +50,7 @@ def time_steps(quick: bool) -> Iterator[Row | Curve]:
         ("exponential", "exponential integrator", 2),
     ):
         runs = [run(values, {"time.step": step, "time.integrator": integrator}) for step in _STEPS]
-        curve = Curve("step", name, _STEPS, tuple(_error(each, fine) / largest for each in runs), order)
+        curve = Convergence("step", name, _STEPS, tuple(_error(each, fine) / largest for each in runs), order)
         yield curve
         yield curve.row(0.11, f"{'Eq. (24)' if order == 1 else 'u linear in a step'}, n = {n}")
     tolerances, errors, residual = (1e-2, 1e-3, 1e-4, 1e-5), [], 1e-8
@@ -60,7 +60,7 @@ def time_steps(quick: bool) -> Iterator[Row | Curve]:
         errors.append(_error(run(values, adaptive, {"solver.tolerance": residual}), fine) / largest)
         name = f"error of ptilde, tolerance {tolerance:g}"
         yield Row(name, 0.0, errors[-1], tolerance + solvers, f"the tolerance, n = {n}")
-    yield Curve("tolerance", "adaptive steps", tolerances, tuple(errors), 1)
+    yield Convergence("tolerance", "adaptive steps", tolerances, tuple(errors), 1)
 
 
 def papers_step(quick: bool) -> Iterator[Row]:
@@ -80,7 +80,7 @@ def papers_step(quick: bool) -> Iterator[Row]:
     yield Row(f"error of ptilde, relative, n = {n}", 0.0, off, 0.0025, "Eqs. (5), (28)")
 
 
-def grid_spacing(quick: bool) -> Iterator[Row | Curve]:
+def grid_spacing(quick: bool) -> Iterator[Row | Convergence]:
     """Error against the number of points, on an elastic halfspace.
 
     The error of the mean pressure is C (D/L)^2 times a known function of the contact, C a function of the
@@ -112,12 +112,12 @@ def grid_spacing(quick: bool) -> Iterator[Row | Curve]:
         ("error of ptilde", pressure, -2, 0.05),
         ("error of atilde", area, -1, 0.25),
     ):
-        curve = Curve("points", name, tuple(map(float, grids)), tuple(found_errors.tolist()), slope)
+        curve = Convergence("points", name, tuple(map(float, grids)), tuple(found_errors.tolist()), slope)
         yield curve
         yield curve.row(tilt, f"n = {grids[0]} to {grids[-1]}")
 
 
-def solver_tolerance(quick: bool) -> Iterator[Row | Curve]:
+def solver_tolerance(quick: bool) -> Iterator[Row | Convergence]:
     """Error against the tolerance of the solvers.
 
     At a residual r the error of the mean pressure is r (p_max + depth d pbar/d(depth)) at most, and Ginf/G0
@@ -136,7 +136,7 @@ def solver_tolerance(quick: bool) -> Iterator[Row | Curve]:
             errors.append(float(np.sqrt(np.mean((found - p) ** 2)) / p.max()))
             bound = [10 * solver_error(tolerance, *each) for each in zip(a, p, strict=True)]
             parts.append(float((np.abs(found - p) / bound).max()))
-        curve = Curve("tolerance", name, tolerances, tuple(errors), 1)
+        curve = Convergence("tolerance", name, tolerances, tuple(errors), 1)
         yield curve
         yield curve.row(0.26, f"residual, n = {n}")
         yield Row(f"{name}: error of ptilde over its bound", 0.0, max(parts), 1.0, "Betti")
@@ -181,7 +181,7 @@ def stored_energy(quick: bool) -> Iterator[Row]:
     yield Row(f"work, n = {n}", energy, found.last("work"), energy * (off + steps**-2), source)
 
 
-def balance(quick: bool) -> Iterator[Row | Curve]:
+def balance(quick: bool) -> Iterator[Row | Convergence]:
     """The residual of the energy balance of the paper's default case, relative to the work.
 
     Over a step of backward Euler each mode loses w |du|^2/2 besides its heat, dt/(2 tau) of the heat at most:
@@ -195,7 +195,7 @@ def balance(quick: bool) -> Iterator[Row | Curve]:
     for integrator, order in (("backward_euler", 1), ("exponential", 2)):
         runs = [run(values, {"time.integrator": integrator, "time.step": step}) for step in _BALANCE_STEPS]
         residuals = tuple(map(_residual, runs))
-        curve = Curve(
+        curve = Convergence(
             "step", f"energy balance, {integrator.replace('_e', ' E')}", _BALANCE_STEPS, residuals, order
         )
         yield curve

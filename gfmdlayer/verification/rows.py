@@ -42,7 +42,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Curve:
+class Convergence:
     """Error against the number of points, the time step or a tolerance."""
 
     against: Literal["points", "step", "tolerance"]  # the abscissa
@@ -68,7 +68,7 @@ class Check:
     group: str  # section of the report
     # Yields rows and curves; the argument asks for small grids. The first line of its docstring is the title
     # of the check, the rest derives the bounds.
-    find: Callable[[bool], Iterable[Row | Curve]]
+    find: Callable[[bool], Iterable[Row | Convergence]]
     peer: str = ""  # optional module that the check needs
 
     @property
@@ -83,11 +83,11 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CheckResult:
     """Result of a check."""
 
     rows: tuple[Row, ...] = ()  # in the order of the check, also those before a failure
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[Convergence, ...] = ()
     seconds: float = 0.0  # wall time
     failure: str = ""  # the error that ended the check, or empty
     missing: str = ""  # the module that is not installed, or empty
@@ -98,21 +98,21 @@ class Outcome:
         return not self.failure and all(row.inside for row in self.rows)
 
 
-def carry_out(check: Check, quick: bool) -> Outcome:
+def carry_out(check: Check, quick: bool) -> CheckResult:
     """Carry out a check, with small grids if `quick`; an exception or no row is a failure of the check."""
     if check.peer and find_spec(check.peer) is None:
-        return Outcome(missing=check.peer)
+        return CheckResult(missing=check.peer)
     begun, failure = time.perf_counter(), ""
-    found: list[Row | Curve] = []
+    found: list[Row | Convergence] = []
     try:
         found.extend(check.find(quick))
         if not any(isinstance(each, Row) for each in found):
             failure = "found nothing"
     except Exception as error:  # of any kind: reported, and the exit status is 1
         failure = f"{type(error).__name__}: {error}"
-    return Outcome(
+    return CheckResult(
         tuple(each for each in found if isinstance(each, Row)),
-        tuple(each for each in found if isinstance(each, Curve)),
+        tuple(each for each in found if isinstance(each, Convergence)),
         time.perf_counter() - begun,
         failure,
     )
@@ -120,7 +120,7 @@ def carry_out(check: Check, quick: bool) -> Outcome:
 
 # The report: the table in Markdown, the derivations, plots of convergence.
 
-Outcomes = Sequence[tuple[Check, Outcome]]
+CheckResults = Sequence[tuple[Check, CheckResult]]
 
 _HEAD = """\
 | quantity | theory | found | bound | source | |
@@ -133,7 +133,7 @@ _AXES = {
 _MARKERS = "os^Dv"
 
 
-def write_report(out: Path, outcomes: Outcomes, quick: bool) -> None:
+def write_report(out: Path, outcomes: CheckResults, quick: bool) -> None:
     """Write verification.md and its pictures."""
     curves = [curve for _, outcome in outcomes for curve in outcome.curves]
     pictures = [f"{against}.png" for against in _AXES if any(curve.against == against for curve in curves)]
@@ -146,7 +146,7 @@ def write_report(out: Path, outcomes: Outcomes, quick: bool) -> None:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
 
 
-def summary(outcomes: Outcomes) -> str:
+def summary(outcomes: CheckResults) -> str:
     """Count the rows, in one sentence."""
     rows = [row for _, outcome in outcomes for row in outcome.rows]
     failed = sum(bool(outcome.failure) for _, outcome in outcomes)
@@ -169,7 +169,7 @@ def _number(value: float) -> str:
     return f"{value:.10g}" if 1e-3 <= abs(value) < 1e6 else f"{value:.3e}"
 
 
-def _markdown(outcomes: Outcomes, quick: bool, pictures: Sequence[str]) -> str:
+def _markdown(outcomes: CheckResults, quick: bool, pictures: Sequence[str]) -> str:
     lines = ["# Verification", ""]
     lines += [f"**{summary(outcomes)}**{' (quick: small grids)' if quick else ''}", ""]
     lines += ["Bounds are on |found - theory|; they are derived below the table.", ""]
@@ -189,7 +189,7 @@ def _markdown(outcomes: Outcomes, quick: bool, pictures: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def _table_lines(check: Check, outcome: Outcome) -> list[str]:
+def _table_lines(check: Check, outcome: CheckResult) -> list[str]:
     rows: list[tuple[str, ...]] = [(f"**{check.title}**", "", "", "", "", ""), *map(row_cells, outcome.rows)]
     if outcome.missing:
         rows.append((outcome.missing, "", "", "", "", "not installed"))
@@ -209,7 +209,7 @@ def _escape(text: str) -> str:
     )
 
 
-def convergence_figure(curves: Sequence[Curve]) -> Figure:
+def convergence_figure(curves: Sequence[Convergence]) -> Figure:
     """Draw error curves over the same abscissa on logarithmic axes, the slope by theory dashed."""
     from matplotlib.ticker import LogLocator
 

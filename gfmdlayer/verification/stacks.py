@@ -13,7 +13,7 @@ from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.verification.rows import Curve, Row
+from gfmdlayer.verification.rows import Convergence, Row
 from gfmdlayer.verification.runs import Recording, difference, run
 from gfmdlayer.verification.theory import solver_error
 
@@ -106,7 +106,7 @@ def pavement(_quick: bool) -> Iterator[Row]:
         yield Row(f"pavement: deflection {name}, mm", known, deflection, 1e-4 * known, "ELLEA1, in ALVA")
 
 
-def runs(quick: bool) -> Iterator[Row | Curve]:
+def runs(quick: bool) -> Iterator[Row | Convergence]:
     """Order of the time steps and balance of energy in whole runs of a stack.
 
     See `orders.time_steps` and `orders.balance` for the bounds. Merging modes changes K by a
@@ -117,11 +117,11 @@ def runs(quick: bool) -> Iterator[Row | Curve]:
     fine = run(values, {"time.step": _STEPS[-1] / 16})
     every = [run(values, {"time.step": step}) for step in _STEPS]
     errors = tuple(_error(each, fine) for each in every)
-    curve = Curve("step", "stack: exponential integrator", _STEPS, errors, 2)
+    curve = Convergence("step", "stack: exponential integrator", _STEPS, errors, 2)
     yield curve
     yield curve.row(0.11, f"u linear in a step, n = {n}")
     residuals = tuple(float(np.abs(r["energy_residual"]).max() / r["work"].max()) for r in every)
-    balance = Curve("step", "stack: energy balance", _STEPS, residuals, 2)
+    balance = Convergence("step", "stack: energy balance", _STEPS, residuals, 2)
     yield balance
     yield balance.row(0.2, f"first law, n = {n}")
     merged = _body_of(values)

@@ -19,14 +19,14 @@ from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.transport.leakage import flow_through
 from gfmdlayer.transport.percolation import throats
 from gfmdlayer.transport.spots import Spots, impedance, inverse
-from gfmdlayer.verification.rows import Curve, Row
+from gfmdlayer.verification.rows import Convergence, Row
 
 _MADELUNG, _THIRD = 3.90026492, 9.0336217  # lattice sums over a square cell, of 1/r and 1/r^3
 _INSIDE, _STRIP = 0.13, 0.19  # spacings from the outline of the points to the edge, of a disc and a strip
 _SCATTER = 0.05  # spacings by which this varies with the place of a disc's outline between the points
 
 
-def leakage(quick: bool) -> Iterator[Row | Curve]:
+def leakage(quick: bool) -> Iterator[Row | Convergence]:
     """Flow between plates, across and along ridges, through a checkerboard, and none through a closed cell.
 
     Ridges 1 + e cos: across (1 - e^2)^(5/2)/(1 + e^2/2), along 1 + 3 e^2/2. The harmonic mean is the
@@ -48,7 +48,7 @@ def leakage(quick: bool) -> Iterator[Row | Curve]:
     for m in points:
         gap = np.repeat(1 + e * np.cos(2 * np.pi * np.arange(m) / m)[:, None], 8, axis=1)
         errors.append(abs(flow_through(gap, (1.0, 1.0), "linear").tensor[0, 0] / across - 1))
-    curve = Curve("points", "flow by the linear mean", tuple(map(float, points)), tuple(errors), -2.0)
+    curve = Convergence("points", "flow by the linear mean", tuple(map(float, points)), tuple(errors), -2.0)
     yield curve
     yield curve.row(0.1, "second order")
     fields = np.where((np.arange(n)[:, None] * 2 // n + np.arange(n) * 2 // n) % 2, 1.0, 0.4)

@@ -34,8 +34,8 @@ from gfmdlayer.contact.nested.solver import nest
 from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePrediction
 from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history import adaptive_steps
-from gfmdlayer.history.adaptive_steps import ErrorControl
+from gfmdlayer.history import adaptive_steps, errors
+from gfmdlayer.history.errors import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.kernels import kernel
 from gfmdlayer.verification.runs import Recording
@@ -191,7 +191,7 @@ def _patched(patches: Patches) -> ExitStack:
 def _workloads(points: int, steps: int) -> dict[str, list[Config]]:
     side = max(points // 32, 32)
     square = {"grid.points": [side, side], "output.snapshots": []}
-    end = max(steps // 40, 2)
+    end, active_set = max(steps // 40, 2), {"method": "active_set", "tolerance": 1e-6}
     rough, sphere = load(_CONFIGS / "rough-layer.yaml"), load(_CONFIGS / "coated-sphere.yaml")
     cutoff = max(0.015625, 4 / side)
     return {
@@ -199,7 +199,12 @@ def _workloads(points: int, steps: int) -> dict[str, list[Config]]:
         "figure2 adaptive": [_adapted(_line(points, thickness=d)) for d in _THICKNESSES],
         f"rough {side}²": [
             rough.with_values(
-                {**square, "punch.short_cutoff": cutoff, "time.end": end * float(rough.time.step)}
+                {
+                    **square,
+                    "solver": active_set,
+                    "punch.short_cutoff": cutoff,
+                    "time.end": end * float(rough.time.step),
+                }
             )
         ],
         f"coated sphere {side}²": [sphere.with_values({**square, "time.step": 0.04, "time.end": 0.04 * end})],
@@ -270,12 +275,12 @@ def _adapted(config: Config) -> Config:
     return config.with_values({"time": {"step": "adaptive", "end": 8.0, "tolerance": _TOLERANCE}})
 
 
-class _LastSteps(PressurePrediction):
-    """The extrapolation of pressures from fewer steps than three."""
+class _LastPressure(PressurePrediction):
+    """The last pressure: no extrapolation."""
 
-    def __init__(self, size: int, past: int) -> None:
+    def __init__(self, size: int) -> None:
         super().__init__(size)
-        self._times, self._fields, self._gaps = (type(self._times)(maxlen=past) for _ in range(3))
+        self._times, self._fields, self._gaps = (type(self._times)(maxlen=1) for _ in range(3))
 
 
 class _LinearHistory(Modes):
@@ -362,8 +367,7 @@ ACTIVE_SET = (
     _Ablation("conjugacy to the pressure", patches=lambda: _compiled_anew(_scale_pressure=_no_scaling)),
     _Ablation("points leave before convergence", patches=lambda: _compiled_anew(_WELL_UNDER=0.0)),
     _Ablation("only once they hardly move", patches=lambda: _compiled_anew(_SETTLED=1e300)),
-    _Ablation("extrapolation: last state", parts=lambda case: {"guess": _LastSteps(case.grid.size, 1)}),
-    _Ablation("parabola: straight line", parts=lambda case: {"guess": _LastSteps(case.grid.size, 2)}),
+    _Ablation("extrapolation: last state", parts=lambda case: {"guess": _LastPressure(case.grid.size)}),
     _Ablation(
         "p², gap^(2/3): pressure itself", parts=lambda case: {"guess": DisplacementPrediction(case.grid.size)}
     ),
@@ -382,7 +386,7 @@ ADAPTIVE = (
     _Ablation(
         "curvature of the history",
         parts=lambda case: {
-            "integrator": _LinearHistory(
+            "history": _LinearHistory(
                 case.body.spectrum(case.grid.wavenumbers), SCHEMES["exponential"], case.grid.sums
             )
         },
@@ -396,9 +400,7 @@ ADAPTIVE = (
         "velocity discarded at breakpoints",
         patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
-    _Ablation(
-        "part of the unknown curvature: all", patches=lambda: [(adaptive_steps, "_UNKNOWN_CURVATURE", 1.0)]
-    ),
+    _Ablation("part of the unknown curvature: all", patches=lambda: [(errors, "_UNKNOWN_CURVATURE", 1.0)]),
     _Ablation(
         "limits of growth",
         patches=lambda: [(adaptive_steps, name, 1e9) for name in ("_GROWTH", "_FIRST_GROWTH")],

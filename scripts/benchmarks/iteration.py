@@ -36,7 +36,7 @@ def measure(effort: Effort) -> list[Table]:
 def _overhead(points: int, mass_weighted: bool, repetitions: int) -> float:
     config = default_case(grid__points=points)
     case = Case(config, warm_up(config))
-    problem = Problem(*case.integrator.terms(STEP), case.punch - 0.01)
+    problem = Problem(*case.contact.history.terms(STEP), case.punch - 0.01)
     iterations = max(1, _POINTS_MOVED // points)
     solver = Fire(case.transforms, mass_weighted=mass_weighted)
     start = np.zeros(points)

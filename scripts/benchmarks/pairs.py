@@ -29,7 +29,7 @@ QUICK = Effort(points=(1 << 10, 1 << 12), steps=100)
 LARGE = 1 << 20  # only for the active set
 
 _INGREDIENTS_AT = 1 << 14
-_STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps
+_STARTS = {1: "last step", 2: "straight line"}  # by the number of past steps
 # Frictional contacts on a halfspace of nu = 0.3: points, axes, pairs that a first solve and a step may take.
 _FRICTIONAL = {
     "cylinder": (1 << 12, 1, 80, 40),
@@ -137,8 +137,8 @@ def _frictional(
     }
 
 
-class _Polynomial(Stateless):
-    """Extrapolation of the displacement by a polynomial through the last `past` steps."""
+class _Extrapolation(Stateless):
+    """Extrapolation of the displacement from the last `past` steps."""
 
     def __init__(self, points: int, past: int) -> None:
         self._size, self._fields = points, deque[tuple[float, FloatArray]](maxlen=past)
@@ -151,17 +151,17 @@ class _Polynomial(Stateless):
         return guess.at(time)
 
     def remember(self, time: float, field: FloatArray, _gap: FloatArray, at_breakpoint: bool = False) -> None:
-        """Keep an accepted step; the polynomial uses no step before a breakpoint."""
+        """Keep an accepted step; steps before a breakpoint are forgotten."""
         if at_breakpoint:
             self._fields.clear()
         self._fields.append((time, field))
 
 
 def _fire(points: int, steps: int, inertia: str, past: int) -> Recording:
-    """Run FIRE, started from a polynomial through `past` earlier fields."""
+    """Run FIRE, started from the last `past` fields."""
     config = default_case(
         grid__points=points, time__end=steps * STEP, solver={"method": "fire", "inertia": inertia}
     )
     recording = Recording()
-    simulate(Case(config, warm_up(config), guess=_Polynomial(points, past)), recording)
+    simulate(Case(config, warm_up(config), guess=_Extrapolation(points, past)), recording)
     return recording

@@ -101,7 +101,7 @@ class _Residual:
 
     def __init__(self, config: Config) -> None:
         case = Case(config)
-        self._transforms, self._integrator, self._punch = case.transforms, case.integrator, case.punch
+        self._transforms, self._integrator, self._punch = case.transforms, case.contact.history, case.punch
 
     def __call__(self, displacement: FloatArray, load: float, depth: float) -> float:
         """Assess the step and advance the history."""

@@ -135,9 +135,9 @@ def _passes(points: int, repetitions: int, stream: Callable[[int], None]) -> Tab
 def _solve(points: int, threads: int) -> Callable[[], object]:
     """A solve from rest; the first one compiles and plans."""
     case = Case(configuration(points), threads=threads)
-    problem = case.loading.problem(*case.integrator.terms(0.0), 1.0)
-    case.solve(problem, 0.0)
-    return lambda: case.solve(problem, 0.0)
+    problem = case.contact.loading.problem(*case.contact.history.terms(0.0), 1.0)
+    case.contact.solve(problem, 0.0)
+    return lambda: case.contact.solve(problem, 0.0)
 
 
 def _clocked(points: int, solve: Callable[[], object]) -> tuple[float, dict[str, list[float]]]:

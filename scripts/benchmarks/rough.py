@@ -76,7 +76,7 @@ def _cold(points: int) -> Table:
     rows: list[dict[str, Cell]] = []
     for name, values in _BODIES.items():
         case = Case(rough(points).with_values(values))
-        stiffness = np.array(case.integrator.terms(1e-9)[0])
+        stiffness = np.array(case.contact.history.terms(1e-9)[0])
         stiffness[0] = 0.0
         zero, transforms = np.zeros(stiffness.size, dtype=np.complex128), case.transforms
         closing = transforms.backward(stiffness * transforms.forward(case.punch)) / case.punch.size
@@ -197,7 +197,7 @@ def compare(points: int, repetitions: int) -> list[Table]:
     for method in ("nested_gradient", *METHODS[:2]):
         for tolerance in (*_LOOSER, RESIDUAL):
             given = {"solver": {"method": method, "tolerance": tolerance}}
-            solver = Case(config.with_values(given), transforms=case.transforms).solver
+            solver = Case(config.with_values(given), transforms=case.transforms).contact.solver
             taken, solution = _solved(solver, problem, tolerance, repetitions)
             found = solution.contact_area, solution.residual, solution.transforms
             row = _row(method, found, taken, tolerance)

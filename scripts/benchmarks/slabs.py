@@ -92,12 +92,12 @@ def measure(effort: Effort) -> list[Table]:
 def solved(points: int, ranks: Ranks, threads: int = 1) -> dict[str, Any]:
     """Solve the case on this process and its ranks; a first solve compiles and plans."""
     case = Case(configuration(points), threads=threads, ranks=ranks)
-    kappa, b = case.integrator.terms(0.0)
-    problem = case.loading.problem(kappa, b, 1.0)
-    case.solve(problem, 0.0)
+    kappa, b = case.contact.history.terms(0.0)
+    problem = case.contact.loading.problem(kappa, b, 1.0)
+    case.contact.solve(problem, 0.0)
     ranks.total(0.0)
     begun = time.perf_counter()
-    solution = case.solve(problem, 0.0)
+    solution = case.contact.solve(problem, 0.0)
     seconds = time.perf_counter() - begun
     field, spectrum = case.transforms.empty_field(), case.transforms.empty_spectrum()
     field[:], number = 0.0, max(3, (1 << 24) // points**2)

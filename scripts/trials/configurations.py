@@ -153,7 +153,7 @@ def scales(config: Values, rng: Draw) -> tuple[float, float, float]:
     case = Case(bare)
     times = [tau for law in bare.laws for _, tau in law.maxwell_branches] or [1.0]
     end = choose(rng, *times) * decades(rng, -3, 3)
-    kappa, _ = case.integrator.terms(0.0)
+    kappa, _ = case.contact.history.terms(0.0)
     height = float(case.punch.mean())
     if kappa[0] > 0:  # may be pressed deeper than the cell holds
         height *= choose(rng, 1.0, 10.0)

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gfmdlayer.body.materials import Prony, Zener
-from gfmdlayer.config import Config, ConfigError, digest, load, text
+from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.study.cases import input_errors
+from gfmdlayer.validation import text
 from gfmdlayer.validation.units import Units
 from tests.config.reading import problems, read
 
@@ -147,6 +148,23 @@ def test_a_rejected_value_causes_no_further_errors(tmp_path):
     content = "name: x\ntime: {end: ten}\noutput: {snapshots: [9]}"
     (problem,) = problems(tmp_path, content)
     assert problem.startswith("case.yaml:2:13: time.end:")
+
+
+def test_a_wrong_key_of_a_sweep_hides_no_error_of_its_other_keys_and_of_the_sections(tmp_path):
+    content = """\
+name: a/b
+halfspace: {material: {G0: 1}, shear_modulus: 1}
+trajectory: {control: load}
+sweep: {layer.ticknes: [1], trajectory.load: 3, layer.poisson: [0.3, 0.6]}
+"""
+    found = problems(tmp_path, content)  # a load is missing only for want of a list in the sweep
+    assert [problem.split(" ")[0] for problem in found] == [
+        "case.yaml:1:7:",
+        "case.yaml:2:47:",
+        "case.yaml:4:9:",
+        "case.yaml:4:46:",
+        "case.yaml:4:70:",
+    ]
 
 
 def test_more_than_a_million_cases_are_rejected(tmp_path):
@@ -338,6 +356,15 @@ def test_a_case_has_its_values_and_no_sweep():
         config.with_values({"layer.x": 2})
 
 
+def test_a_case_ends_with_its_own_trajectory():
+    path = {"kind": "approach_retract", "depth": 0.1, "approach_speed": 0.1}
+    config = Config(name="x", trajectory=path, time={"step": "adaptive"})
+    assert config.time.end == 2.0
+    assert config.with_values({"trajectory.approach_speed": 0.05}).time.end == 4.0  # retract_speed follows
+    assert config.with_values({"trajectory": {"depth": 0.1}}).time.end == 8.0
+    assert config.with_values({"time.end": 1.0, "trajectory.depth": 0.2}).time.end == 1.0
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [
@@ -490,8 +517,3 @@ def test_words_become_labels_and_stay_without_units():
 )  # fmt: skip
 def test_other_names_and_sweeps_of_labels_are_refused(tmp_path, units, message):
     assert message in "\n".join(problems(tmp_path, f"name: a\nunits: {units}\n"))
-
-
-def test_configurations_without_units_keep_their_digest():
-    # Of version 0.1: results of it stay valid.
-    assert digest(Config(name="x")) == "655824c9d0e292b21e7f13cad05f9044d3211883f6365e0bfbbb1fd7a51c1af1"

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from gfmdlayer.cli import main
-from gfmdlayer.config import digest, load, text
+from gfmdlayer.config import digest, load
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.config.model import problems
 from gfmdlayer.config.sweeps import unswept
+from gfmdlayer.validation import text
 
 ROOT = Path(__file__).parents[2]
 LINE = "name: line\ngrid: {points: 64, period: 2.0}\n"

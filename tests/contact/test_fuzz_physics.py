@@ -119,7 +119,7 @@ def cases(draw):
     control = draw(st.sampled_from(["depth", "depth", "load"]))
     most = 0.95 * height
     if control == "load":  # up to what presses the lowest mode flat
-        kappa, _ = Case(bare).integrator.terms(0.0)
+        kappa, _ = Case(bare).contact.history.terms(0.0)
         most = 2 * float(kappa[1:].min()) * height
     # Gaps are known to 1e-16 of the heights. A load that presses less than this over the tolerance deep makes
     # a residual that rounding decides: 1e-3 of the largest, 1e-6 of it in a first adaptive step, and 1e-6.
@@ -167,7 +167,9 @@ def test_the_mechanics_of_any_case(tmp_path, recorder, case):
     assert ((found["contact_area"] >= 0) & (found["contact_area"] <= 1)).all()
     # Where less than the least presses it may pull, by the tolerance.
     case = Case(config)
-    least, _ = scales(0.0, 0.0, case.loading.problem(*case.integrator.terms(0.0), 0.0).residual_floor)
+    least, _ = scales(
+        0.0, 0.0, case.contact.loading.problem(*case.contact.history.terms(0.0), 0.0).residual_floor
+    )
     assert (found["mean_pressure"] >= -tolerance * least / (2 * config.layer.material.G0)).all()
     if config.trajectory.control == "load":
         loads = [Programme(config).drive(time) for time in found["time"]]

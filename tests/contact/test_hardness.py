@@ -53,9 +53,9 @@ CYCLES = {"control": "load", "kind": "approach_retract", "load": 0.004, "approac
 def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity():
     """Residuals by their definition: over tolerance times the largest pressure, or times the depth."""
     case = Case(config(0.02))
-    (kappa, b), hardness = case.history.terms(0.25), 0.02
-    problem = case.imprint.under(case.loading.problem(kappa, b, 1.0))
-    found = case.solver.solve(problem, np.zeros(64 * 64), TOLERANCE, 1000)
+    (kappa, b), hardness = case.contact.history.terms(0.25), 0.02
+    problem = case.contact.imprint.under(case.contact.loading.problem(kappa, b, 1.0))
+    found = case.contact.solver.solve(problem, np.zeros(64 * 64), TOLERANCE, 1000)
     assert found.converged
     assert found.flow is not None
     p, u = found.pressure, found.displacement
@@ -73,9 +73,9 @@ def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity():
     np.testing.assert_allclose(force, p, atol=1e-12)
     assert found.flow.max() > 0.01 * depth
     # Under the same load again there is nothing left to flow.
-    case.imprint.remember(found)
-    problem = case.imprint.under(case.loading.problem(kappa, b, 1.0))
-    again = case.solver.solve(problem, p, TOLERANCE, 1000)
+    case.contact.imprint.remember(found)
+    problem = case.contact.imprint.under(case.contact.loading.problem(kappa, b, 1.0))
+    again = case.contact.solver.solve(problem, p, TOLERANCE, 1000)
     assert again.flow is not None
     assert again.flow.max() <= TOLERANCE * depth
 
@@ -197,7 +197,7 @@ def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint():
     given = config(0.02, trajectory=CYCLES | {"cycles": 1}, time={"step": 0.25})
     case, found = Case(given), Recording()
     case.run(found)
-    touch = float((case.punch + case.imprint.depth).min())
+    touch = float((case.punch + case.contact.imprint.depth).min())
     assert touch > 0
     assert found["depth"][-1] == pytest.approx(touch, rel=1e-6)
 
@@ -232,7 +232,7 @@ def test_columns_of_a_contact_without_images_are_totals():
     given = config(0.08, grid=alone, punch=SPHERE, trajectory=path, output={"snapshots": [1.0]})
     case, found, cell = Case(given), Recording(), 1.4**2
     case.run(found)
-    assert found["plastic_work"][-1] == pytest.approx(0.08 * case.imprint.depth.mean() * cell)
+    assert found["plastic_work"][-1] == pytest.approx(0.08 * case.contact.imprint.depth.mean() * cell)
     at_hardness = found.fields[-1][2] == 0.08
     assert found["yielded_area"][-1] == pytest.approx(at_hardness.mean() * cell)
     assert at_hardness.any()
@@ -329,7 +329,7 @@ def test_flat_summits_stick_better_and_the_balance_of_energy_closes():
             assert (pressure + traction).max() == pytest.approx(hardness, rel=1e-12)
             assert imprint.max() > 0
             work = found["plastic_work"][-1]
-            assert work == pytest.approx((hardness - 2.0) * case.imprint.depth.mean(), rel=1e-12)
+            assert work == pytest.approx((hardness - 2.0) * case.contact.imprint.depth.mean(), rel=1e-12)
             residuals.append(abs(found["energy_residual"][-1]) / found["work"][-1])
     assert pulls[1] > 1.1 * pulls[0]
     assert residuals[1] <= residuals[0] / 4

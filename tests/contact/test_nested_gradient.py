@@ -51,7 +51,7 @@ def problem_of(seed, sizes=SIZES):
         }
     )
     case = Case(config)
-    stiffness = np.array(case.integrator.terms(1e9)[0])
+    stiffness = np.array(case.contact.history.terms(1e9)[0])
     given_load = draw.random() < 0.6
     mean, stiffness[0] = float(stiffness[0]), 0.0
     nothing = np.zeros(stiffness.size, complex)
@@ -154,7 +154,7 @@ def film():
         }
     )  # fmt: skip
     case = Case(config)
-    stiffness = np.array(case.integrator.terms(1e9)[0])
+    stiffness = np.array(case.contact.history.terms(1e9)[0])
     stiffness[0] = 0.0
     full = case.transforms.backward(stiffness * case.transforms.forward(case.punch)) / case.punch.size
     return case, Problem(stiffness, np.zeros(stiffness.size, complex), case.punch, -0.3 * full.min())

@@ -16,7 +16,7 @@ def edge_law(squared_width):
     return np.sqrt(SLOPE * np.maximum(inside, 0)), OPENING * np.maximum(-inside, 0) ** 1.5
 
 
-@pytest.mark.parametrize("degree", [0, 1, 2])
+@pytest.mark.parametrize("degree", [0, 1])
 def test_pressures_of_a_fixed_contact_are_extrapolated_exactly(degree):
     # As many steps as a polynomial of the degree needs, at uneven times.
     rng = np.random.default_rng(degree)
@@ -24,19 +24,19 @@ def test_pressures_of_a_fixed_contact_are_extrapolated_exactly(degree):
     coefficients[:, 30:] = 0.0
     gap = np.where(np.arange(50) < 30, 0.0, 1.0)
     prediction = PressurePrediction(50)
-    for time in (0.1, 0.4, 0.55)[: degree + 1]:
+    for time in (0.1, 0.4)[: degree + 1]:
         pressure = np.asarray(np.polynomial.polynomial.polyval(time, coefficients))
         prediction.remember(time, pressure, gap)
-    # The weights of Lagrange's polynomial add up to less than 30 in magnitude here.
+    # The two weights add up to less than 5 in magnitude here.
     expected = np.polynomial.polynomial.polyval(0.9, coefficients)
-    np.testing.assert_allclose(prediction.at(0.9), expected, rtol=30 * 2.3e-16 * 4)
+    np.testing.assert_allclose(prediction.at(0.9), expected, rtol=5 * 2.3e-16 * 4)
 
 
-def test_only_the_last_three_steps_count():
+def test_only_the_last_two_steps_count():
     gap, prediction = np.zeros(4), PressurePrediction(4)
     prediction.remember(-7.0, np.full(4, 1e6), gap)
-    for time in (0.0, 1.0, 2.0):
-        prediction.remember(time, np.full(4, 5 + time**2), gap)
+    for time in (1.0, 2.0):
+        prediction.remember(time, np.full(4, 5 + 3 * time), gap)
     np.testing.assert_allclose(prediction.at(3.0), 14.0, rtol=1e-14)
 
 

@@ -142,7 +142,7 @@ def test_one_solve_suffices_where_no_finer_tolerance_is_needed():
 def test_a_failed_step_names_its_reason():
     case = Case(Config(name="x", grid={"points": 64}, trajectory={"depth": 0.01}))
     flat = np.zeros(case.grid.wavenumbers.shape)
-    problem = case.loading.problem(flat + 1.0, flat + 0j, 1.0)
+    problem = case.contact.loading.problem(flat + 1.0, flat + 0j, 1.0)
     u = problem.obstacle.copy()
 
     def reason(u, within):
@@ -160,7 +160,7 @@ def test_a_failed_step_names_its_reason():
     attracting = Config(
         name="x", grid={"points": 64}, interface={"law": "exponential", "work": 1e-3, "range": 0.1}
     )
-    law = Case(attracting).loading.problem(flat + 1.0, flat + 0j, 1.0).interface
+    law = Case(attracting).contact.loading.problem(flat + 1.0, flat + 0j, 1.0).interface
     assert law.attracts
     state = make_solution(problem, u, np.zeros(u.size), flat + 0j, spent=(3, 2), within=-1.0)
     adhesive = replace(problem, interface=law)

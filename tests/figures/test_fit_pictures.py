@@ -9,8 +9,8 @@ import pytest
 from gfmdlayer import ForceCurve, fit_indentation
 from gfmdlayer.figures.map_plots import fit_map_figure
 from gfmdlayer.figures.plot_style import styled
-from gfmdlayer.fitting import report
-from gfmdlayer.fitting.indentation.report import fit_figure
+from gfmdlayer.fitting import material
+from gfmdlayer.fitting.indentation_report import fit_figure
 from gfmdlayer.fitting.laws import fit
 from gfmdlayer.fitting.measurement import read
 from tests.figures.test_everything import faults, labels
@@ -24,7 +24,7 @@ def of_a_master_curve(folder, *, si):
     head = "f [Hz], G' [Pa], G'' [Pa]" if si else "omega,G',G''"
     rows = "\n".join(f"{a},{b},{c}" for a, b, c in zip(omega, storage, loss, strict=True))
     (folder / "curve.csv").write_text(f"{head}\n{rows}\n")
-    return report.fit_figure(fit(read(folder / "curve.csv"), branches=2))
+    return material.fit_figure(fit(read(folder / "curve.csv"), branches=2))
 
 
 def of_a_relaxation_curve(folder, *, si):
@@ -32,7 +32,7 @@ def of_a_relaxation_curve(folder, *, si):
     head = "t [s], G [Pa]" if si else "t,G"
     rows = "\n".join(f"{a},{b}" for a, b in zip(time, 1 + 0.2 * np.exp(-time), strict=True))
     (folder / "curve.csv").write_text(f"{head}\n{rows}\n")
-    return report.fit_figure(fit(read(folder / "curve.csv")))
+    return material.fit_figure(fit(read(folder / "curve.csv")))
 
 
 def of_a_force_curve(_folder, *, si):

@@ -14,10 +14,11 @@ from gfmdlayer.figures.curve_family import Scale, family
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import quantity, value_labels
 from gfmdlayer.figures.map_plots import map_figure
+from gfmdlayer.figures.movies import animated, write_movie
 from gfmdlayer.figures.plot_style import CONTACT
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.selection import notes, select, swept
-from gfmdlayer.figures.snapshot_plots import animated, snapshots_figure, write_movie
+from gfmdlayer.figures.snapshots import snapshots_figure
 from gfmdlayer.results.schema import ResultsError, described_key
 from gfmdlayer.results.writer import CaseWriter
 
@@ -471,7 +472,7 @@ def test_a_time_has_the_same_colour_in_all_profiles():
 
 
 def test_frames_of_a_movie_come_at_the_rate_asked_for(tmp_path, monkeypatch):
-    monkeypatch.setattr("gfmdlayer.figures.snapshot_plots.FRAME_DPI", 20)
+    monkeypatch.setattr("gfmdlayer.figures.movies.FRAME_DPI", 20)
     write_movie(case(3), tmp_path / "film.gif", fps=5)
     with Image.open(tmp_path / "film.gif") as film:
         assert (film.n_frames, film.info["duration"]) == (3, 200)

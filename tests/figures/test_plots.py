@@ -10,13 +10,13 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 from xarray import Dataset
 
-from gfmdlayer.figures import snapshot_plots
+from gfmdlayer.figures import movies
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, colours
 from gfmdlayer.figures.plots import plot_results
-from gfmdlayer.figures.snapshot_plots import OVERLAP, Inset, snapshots_figure, waterfall_figure
+from gfmdlayer.figures.snapshots import OVERLAP, Inset, snapshots_figure, waterfall_figure
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
@@ -346,7 +346,7 @@ def test_screen_is_the_same_figure_larger(thicknesses, columns):
 @pytest.fixture
 def coarse(monkeypatch):
     """Movies of few dots, which are drawn sooner."""
-    monkeypatch.setattr(snapshot_plots, "FRAME_DPI", 20)
+    monkeypatch.setattr(movies, "FRAME_DPI", 20)
 
 
 @pytest.mark.usefixtures("coarse")
@@ -364,7 +364,7 @@ def test_movie_shows_each_snapshot(tmp_path, monkeypatch, shape):
         with Image.open(tmp_path / "demo.gif") as written:
             assert written.n_frames == 3
     with open_case(case_path(tmp_path, 0)) as data:
-        figure, show = snapshot_plots.animated(data, "case")
+        figure, show = movies.animated(data, "case")
         show(2)
         assert figure.axes[0].get_title(loc="left") == r"case    $t/\tau$ = 1"
         shown = fields[2, [2, 1]] if len(shape) == 2 else fields[2, :2]  # of a surface the gap
@@ -396,7 +396,7 @@ def test_movie_formats_that_cannot_be_written_are_refused(thicknesses, monkeypat
     with pytest.raises(ResultsError, match=r"'\.png'; use \.mp4, \.gif"):
         plot_results(thicknesses, thicknesses / "demo.png", kind="movie")
     monkeypatch.setattr("shutil.which", lambda _: "/somewhere/ffmpeg")
-    assert snapshot_plots.default_suffix() == ".mp4"
+    assert movies.default_suffix() == ".mp4"
 
 
 def test_pictures_of_snapshots_need_snapshots(tmp_path):

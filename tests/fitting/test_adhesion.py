@@ -16,16 +16,17 @@ import pytest
 import gfmdlayer
 from gfmdlayer import Cone, ConfigError, ForceCurve, Parabola, design_indentation, fit_indentation
 from gfmdlayer.cli import main
-from gfmdlayer.fitting.indentation.curve import Correction, straight_derivatives
-from gfmdlayer.fitting.indentation.elastic import Touch, jumps_between, measured_contact
-from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, preference
-from gfmdlayer.fitting.indentation.fit import _with_losses
-from gfmdlayer.fitting.indentation.problem import Model, Prediction
-from gfmdlayer.fitting.indentation.report import as_data
-from gfmdlayer.fitting.indentation.starts import curve_parameters, make_problem
-from gfmdlayer.fitting.indentation.stepped import with_spring
+from gfmdlayer.fitting.elastic import Touch, jumps_between, measured_contact
+from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, preference
+from gfmdlayer.fitting.force_curve import Correction, straight_derivatives
+from gfmdlayer.fitting.indentation import _with_losses
+from gfmdlayer.fitting.indentation_report import as_data
 from gfmdlayer.fitting.measurement import FitError
-from gfmdlayer.indentation.equilibrium import Adhesion
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import IndentationModel
+from gfmdlayer.fitting.starts import curve_parameters, make_problem
+from gfmdlayer.fitting.stepped import with_spring
+from gfmdlayer.indentation.equilibrium import EdgeAdhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.solve import Edge, History, find_space, on_halved_steps
 
@@ -391,9 +392,9 @@ def test_a_shrinking_contact_on_a_cantilever_has_its_loss_and_its_work_found() -
     force += 0.01 * np.ptp(force) * np.random.default_rng(1).standard_normal(time.size)
     base = np.interp(time, moved.time, moved.value)
     curve = ForceCurve("gel", time, base - force / stiffness, force, prescribed="base", stiffness=stiffness)
-    made_of = Model(model)
+    made_of = IndentationModel(model)
     seen = Prediction(curve, adhesive=True)
-    seen.adapt(made_of.config, at := Correction(stiffness=stiffness, adhesion=Adhesion(work=0.02)))
+    seen.adapt(made_of.config, at := Correction(stiffness=stiffness, adhesion=EdgeAdhesion(work=0.02)))
     seen.label(made_of.config, at)
     (jump,) = seen.touch.jumps
     assert abs(time[jump.row] - lost) < 3 * (time[1] - time[0])
@@ -407,7 +408,7 @@ def test_contact_under_a_force_begins_with_a_jump_of_the_depth() -> None:
     pressed = gfmdlayer.indent(GEL, Cone(slope=0.3), time, force=force, work_of_adhesion=0.02)
     depth = np.interp(time, pressed.time, pressed.depth)
     seen = Prediction(ForceCurve("gel", time, depth, force, prescribed="force"), adhesive=True)
-    made, at = Model(model).config, Correction(adhesion=Adhesion(work=0.02))
+    made, at = IndentationModel(model).config, Correction(adhesion=EdgeAdhesion(work=0.02))
     seen.adapt(made, at)
     found = seen.response(made, at)[1]
     assert depth[1] > 0.1 * depth.max()
@@ -428,7 +429,7 @@ def peeled(punch: Any, end: float, rows: int, work: float, level: float = 0.0, *
 def test_a_work_far_off_gives_way_to_one_that_follows_a_flat_punch(factor: float) -> None:
     """In contact nothing depends on the work of a flat punch."""
     curve = peeled(gfmdlayer.FlatPunch(radius=0.5), 2.5, 101, 0.01, noise=1e-3)
-    made = Model(relaxing({"shape": "flat_punch", "radius": 0.5}, 0.01))
+    made = IndentationModel(relaxing({"shape": "flat_punch", "radius": 0.5}, 0.01))
     parameters = curve_parameters([curve], made, ["adhesion.work"], FitOptions())
     problem = make_problem([curve], made, parameters, FitOptions())
     problem.adapt(u := problem.coordinates({"adhesion.work": 0.01 * factor}))

@@ -9,8 +9,8 @@ import pytest
 
 import gfmdlayer.nanite
 from gfmdlayer import ConfigError, ForceCurve, design_indentation, fit_indentation
-from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
-from gfmdlayer.fitting.indentation.report import add_fit, comparison, write_report
+from gfmdlayer.fitting.curve_files import entries, read_curve
+from gfmdlayer.fitting.indentation_report import add_fit, comparison, write_report
 
 MODEL = {
     "layer": {"thickness": 1.0, "material": {"model": "zener", "G0": 1.0, "Ginf": 4.0, "tau": 1.0}},

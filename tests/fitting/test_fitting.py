@@ -14,9 +14,9 @@ from gfmdlayer.body.shifts import WLF
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import load
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.laws import ACCURACY, MARGIN, Fit, fit
+from gfmdlayer.fitting.laws import ACCURACY, MARGIN, FittedLaw, fit
+from gfmdlayer.fitting.material import fit_figure, fit_material
 from gfmdlayer.fitting.measurement import FitError, MasterCurve, RelaxationCurve, read
-from gfmdlayer.fitting.report import fit_figure, fit_material
 from gfmdlayer.results.journal import Recording
 from gfmdlayer.results.schema import ResultsError
 
@@ -85,14 +85,14 @@ def test_a_fractional_zener_solid_over_eight_decades_is_fitted_to_a_percent(kind
     assert fitted.largest < 0.01
     if kind is MasterCurve:
         between = fractional_zener(kind, np.sqrt(x[1:] * x[:-1]), alpha)
-        assert Fit(between, fitted.material, 0).largest < 0.01
+        assert FittedLaw(between, fitted.material, 0).largest < 0.01
 
 
 def test_both_kinds_of_curve_tell_of_the_same_solid():
     """The master curve's series relaxes as the Mittag-Leffler function, away from the ends of its range."""
     series = fit(fractional_zener(MasterCurve, np.geomspace(1e-4, 1e4, 81), 0.5)).material
     relaxing = fractional_zener(RelaxationCurve, np.geomspace(1e-3, 1e3, 31), 0.5)
-    assert Fit(relaxing, series, 0).largest < 0.01
+    assert FittedLaw(relaxing, series, 0).largest < 0.01
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

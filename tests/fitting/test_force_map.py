@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from gfmdlayer import cli, open_results
+from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_map import ForceMap, parameter_names
-from gfmdlayer.fitting.indentation.estimates import FitOptions
 from gfmdlayer.study.workers import assemble
 from tests.waiting import until
 

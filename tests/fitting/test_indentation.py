@@ -14,12 +14,13 @@ import pytest
 
 from gfmdlayer import ConfigError, ForceCurve, cli, fit_indentation
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.indentation.curve import Drive, in_si
-from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
-from gfmdlayer.fitting.indentation.estimates import detect
-from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, Prediction, free_parameters
-from gfmdlayer.fitting.indentation.report import comparison, write_report
+from gfmdlayer.fitting.curve_files import entries, read_curve
+from gfmdlayer.fitting.estimates import detect
+from gfmdlayer.fitting.force_curve import StraightDrive, in_si
+from gfmdlayer.fitting.indentation_report import comparison, write_report
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import IndentationModel, LeastSquares, free_parameters
 
 RADIUS = 5.0
 ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")
@@ -100,7 +101,7 @@ def test_profile_and_linear_intervals_agree_where_the_problem_is_nearly_linear()
 
 
 def test_the_last_modulus_follows_from_eulers_theorem():
-    model = Model(body(thickness=1.0))
+    model = IndentationModel(body(thickness=1.0))
     parameters = free_parameters(model, ZENER, ["a"], {})
     problem = LeastSquares(model, parameters, [Prediction(curve(noisy(0)))])
     u = problem.start
@@ -194,7 +195,7 @@ def test_detection_carries_its_uncertainty_into_the_moduli():
 
 def test_a_noisy_depth_is_reduced_to_its_straight_pieces():
     depth = RAMP_HOLD + 1e-3 * np.random.default_rng(0).standard_normal(TIME.size)
-    drive = Drive.of(TIME, depth)
+    drive = StraightDrive.of(TIME, depth)
     assert drive.time.size <= 6
     assert drive.error == pytest.approx(1e-3, rel=0.2)
     assert np.abs(np.interp(TIME, drive.time, drive.value) - RAMP_HOLD).max() < 2e-3
@@ -307,7 +308,7 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path):
     rows = "\n".join(f"{i},{i},{i}" for i in range(20))
     path.write_text(f"time (ms),depth (nm),force (nN)\n{rows}\n")
     units = {"length": "um", "stress": "kPa", "time": "s"}  # kPa um^2 = nN
-    model = Model(body() | {"units": units})
+    model = IndentationModel(body() | {"units": units})
     found = read_curve(entries([path])[0], into=in_si(model.config.units))
     assert [found.time[1], found.depth[1], found.force[1]] == pytest.approx([1e-3, 1e-3, 1.0])
 

@@ -10,12 +10,13 @@ import pytest
 import gfmdlayer
 from gfmdlayer import ConfigError, ForceCurve, fit_indentation
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.indentation.curve import Correction, Drive
-from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
-from gfmdlayer.fitting.indentation.estimates import FitOptions
-from gfmdlayer.fitting.indentation.problem import Model, Prediction
-from gfmdlayer.fitting.indentation.stepped import with_spring
+from gfmdlayer.fitting.curve_files import entries, read_curve
+from gfmdlayer.fitting.estimates import FitOptions
+from gfmdlayer.fitting.force_curve import Correction, StraightDrive
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import IndentationModel
+from gfmdlayer.fitting.stepped import with_spring
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.indentation.solve import History, find_space, on_halved_steps
@@ -40,7 +41,7 @@ def noise(seed, level):
 
 def contact(**history):
     """Return force and depth of the model under a history, at the rows."""
-    config = Model(MODEL).config
+    config = IndentationModel(MODEL).config
     body = IsolatedContact(config).body
     found = gfmdlayer.indent(body, as_revolution(config.punch), TIME, tolerance=3e-4, **history)
     return np.interp(TIME, found.time, found.force), np.interp(TIME, found.time, found.depth)
@@ -49,7 +50,7 @@ def contact(**history):
 def test_a_precise_ramp_that_turns_between_rows_gives_the_moduli() -> None:
     # With 32 steps the force is within 2e-3 of that of `indent`. Corners at rows make tau 3 % larger.
     times, most = np.linspace(0.0, 6.0, 401), [-0.1, 0.1, 0.1, -0.4]  # turns at the rows 133.3 and 266.7
-    config, depth = Model(MODEL).config, np.interp(times, [0, 2, 4, 6], most)
+    config, depth = IndentationModel(MODEL).config, np.interp(times, [0, 2, 4, 6], most)
     body, indenter = IsolatedContact(config).body, as_revolution(config.punch)
     found = gfmdlayer.indent(body, indenter, [0, 2, 4, 6], depth=most, tolerance=1e-5)
     force = np.interp(times, found.time, found.force)
@@ -61,7 +62,7 @@ def on_base(stiffness):
     """Return a curve without noise of a cantilever whose base follows the ramp."""
     curve = ForceCurve("afm", TIME, RAMP, np.maximum(RAMP, 0), prescribed="base", stiffness=stiffness)
     curve = replace(curve, depth=RAMP - curve.force / stiffness)
-    prediction, config = Prediction(curve), Model(MODEL).config
+    prediction, config = Prediction(curve), IndentationModel(MODEL).config
     prediction.adapt(config, Correction(stiffness=stiffness))
     force, _ = prediction.response(config, Correction(stiffness=stiffness))
     return replace(curve, force=force, depth=RAMP - force / stiffness)
@@ -90,7 +91,10 @@ def test_creep_gives_the_thickness_of_a_layer_that_a_fit_of_relaxation_loses():
 def test_a_spring_in_series_leaves_the_contact_under_its_own_depth():
     # The base follows a ramp; the depth that follows, prescribed on the same body, gives the same force. Both
     # have the error of 200 steps, some 1e-4; where contact is lost inside a step, its square root.
-    body, profile = IsolatedContact(Model(MODEL).config).body, as_revolution(Model(MODEL).config.punch)
+    body, profile = (
+        IsolatedContact(IndentationModel(MODEL).config).body,
+        as_revolution(IndentationModel(MODEL).config.punch),
+    )
     times = TIME[TIME <= 4.4]
     space = find_space(body, profile, History(TIME, RAMP))
     sprung = with_spring(space, space.compliance(body), 5.0)
@@ -134,7 +138,7 @@ def test_tilt_drift_and_offset_of_the_baseline_are_found_beside_the_moduli():
 def test_noise_of_the_prescribed_quantity_widens_the_intervals_and_moves_no_corner_of_the_ramp():
     force, depth = contact(depth=RAMP)
     noisy = depth + noise(3, 0.02 * np.ptp(depth))
-    drive = Drive.of(TIME, noisy)
+    drive = StraightDrive.of(TIME, noisy)
     # A kink of slopes 0.2 and 0 in rows of noise s, 25 ms apart: an error of the time of s/0.2 (dt/1 s)^0.5.
     assert drive.time[1:-1] == pytest.approx([1.5, 4.0], abs=4 * 0.006 / 0.2 * 0.025**0.5 * 2)
     measured = force + noise(4, 0.005 * force.max())
@@ -184,7 +188,7 @@ def test_a_pause_at_constant_force_between_motions_of_the_base():
     words = np.where(pause, "force", "base")
     force = np.where(pause, curve.force[top], curve.force)
     mixed = replace(curve, force=force, prescribed=list(words))
-    prediction, config, at = Prediction(mixed), Model(MODEL).config, Correction(stiffness=5.0)
+    prediction, config, at = Prediction(mixed), IndentationModel(MODEL).config, Correction(stiffness=5.0)
     prediction.adapt(config, at)
     found, depth = prediction.response(config, at)
     assert found[pause] == pytest.approx(curve.force[top], rel=1e-3)

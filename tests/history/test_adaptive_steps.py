@@ -3,12 +3,13 @@
 import math
 from functools import cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from gfmdlayer import model
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
@@ -122,54 +123,42 @@ def test_the_effort_of_a_rejected_step_is_in_the_next_row(monkeypatch, run):
     assert recording["transforms"].sum() == sum(solution.transforms for solution in solutions)
     assert recording["iterations"].sum() == sum(solution.iterations for solution in solutions)
     calls = Config(name="progress").with_values(ADAPTIVE | {"grid.points": 64, "time.end": 2.0})
-    model.simulate(calls, recording, seen.append)
+    simulate(calls, recording, seen.append)
     assert len(seen) >= 5
 
 
-class CubicControl:
-    """The control of an error that is proportional to the third power of the step."""
-
-    shortest_time, tolerance = 1.0, 1e-4
-
-    def __init__(self, steps, size):
-        self.steps, self.size, self.breakpoints = steps, size, 0
-
-    def error(self, _spectrum, **_moving):
-        return self.size * self.steps[-1] ** 3, 0.0
-
-    def discard_velocity(self):
-        self.breakpoints += 1
+def attempt(instant, depth=0.0):
+    """A step to a time point, at a depth, without attraction."""
+    return SimpleNamespace(instant=instant, response=1.0, depth=depth, deforms=False, change=None)
 
 
 def accepted_steps(size, end, snapshots=(), breakpoints=()):
-    """Accepted time points, number of attempts, and the error control."""
-    tried = []
-    control = CubicControl(tried, size)
-    steps = AdaptiveSteps(control, stops(end, snapshots, breakpoints))
-    accepted = []
+    """Accepted time points and number of attempts, with an error of a size times the cube of the step."""
+    attempts, accepted = 0, []
+    steps = AdaptiveSteps(1e-4, stops(end, snapshots, breakpoints), 1.0)
     for instant in steps:
-        tried.append(instant.step)
-        if steps.accepts(np.zeros(1, dtype=complex), 1.0, 0.0):
+        attempts += 1
+        if steps.accepts(attempt(instant), lambda step, **_moving: (size * step.instant.step**3, 0.0)):
+            steps.advance()
             accepted.append(instant)
-    return accepted, len(tried), control
+    return accepted, attempts
 
 
 def test_steps_converge_to_just_below_the_tolerance():
-    accepted, attempts, _ = accepted_steps(size=1.0, end=100.0)
+    accepted, attempts = accepted_steps(size=1.0, end=100.0)
     longest = (1e-4) ** (1 / 3)
     assert 0.9 * longest < np.median([instant.step for instant in accepted]) < longest
     assert attempts - len(accepted) <= 2
 
 
 def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts():
-    accepted, _, control = accepted_steps(
-        size=1e-12, end=1e4, breakpoints=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7]
-    )
+    accepted, _ = accepted_steps(size=1e-12, end=1e4, breakpoints=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7])
     growth = [after.step / before.step for before, after in pairwise(accepted[1:])]
     assert max(growth[:3]) <= 4 * (1 + 1e-9)
     assert {0.5, 77.7} <= {instant.time for instant in accepted if instant.snapshot}
     assert [instant.time for instant in accepted if instant.breakpoint] == [3.0, 5000.0]  # the end is not
-    assert control.breakpoints == 2
+    # The motion before a breakpoint does not predict the one behind it.
+    assert [before.time for before, after in pairwise(accepted) if after.fresh] == [3.0, 5000.0]
     assert len(accepted) < 50
 
 
@@ -208,16 +197,29 @@ def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run, tmp_path):
 def test_a_retracted_punch_is_not_deep():
     seen = []
 
-    class RecordsDeep(CubicControl):
-        def error(self, _spectrum, **known):
-            seen.append(known["deep"])
-            return 0.0, 0.0
+    def error(_step, *, deep, **_moving):
+        seen.append(deep)
+        return 0.0, 0.0
 
-    steps = AdaptiveSteps(RecordsDeep([], 0.0), stops(5.0, [], []))
+    steps = AdaptiveSteps(1e-4, stops(5.0, [], []), 1.0)
     depths = (-1.0, 0.005, 0.004, 4e-5, -1.0)
-    for _, depth in zip(steps, depths, strict=False):
-        assert steps.accepts(np.zeros(1, dtype=complex), 1.0, depth)
+    for instant, depth in zip(steps, depths, strict=False):
+        assert steps.accepts(attempt(instant, depth), error)
+        steps.advance()
     assert seen == [True, True, False, False]
+
+
+def test_a_step_that_fails_after_it_was_accepted_leaves_the_time_as_before():
+    steps = AdaptiveSteps(1e-4, stops(5.0, [], []), 1.0)
+    instants = iter(steps)
+    assert steps.accepts(attempt(next(instants)), None)
+    steps.advance()
+    tried = attempt(next(instants))
+    before = steps.state()
+    assert steps.accepts(tried, lambda _step, **_moving: (0.0, 0.0))
+    assert steps.state() == before
+    steps.advance()
+    assert steps.state()["time"] > before["time"]
 
 
 def test_under_a_stiff_glass_contact_is_solved_as_steps_need(run):

@@ -13,7 +13,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.adaptive_steps import ErrorControl
+from gfmdlayer.history.errors import ErrorControl, NormalMeans
 from gfmdlayer.history.modes import SCHEMES, Modes
 
 EPS = np.finfo(float).eps
@@ -99,11 +99,9 @@ def test_orders_of_the_schemes(name, expected, material):
     errors = []
     for count in counts:
         times = [2.0 * i / count for i in range(count + 1)]
-        modes = (
-            ErrorControl(Modes(spectrum, SCHEMES["exponential"]), Sums(np.ones(Q.size)), 1e-4, curved=True)
-            if name == "curved"
-            else Modes(spectrum, SCHEMES[name])
-        )
+        modes = Modes(spectrum, SCHEMES["exponential" if name == "curved" else name])
+        if name == "curved":
+            modes = ErrorControl(modes, NormalMeans(modes, Sums(np.ones(Q.size))), curved=True)
         found = stresses(modes, times, math.sin)[-1]
         errors.append(np.abs(found / exact - 1).max())
     assert order(errors, 2 / counts) == pytest.approx(expected, abs=0.1)

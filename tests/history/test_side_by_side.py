@@ -9,7 +9,7 @@ from gfmdlayer.body.pair import in_series
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.adaptive_steps import ErrorControl
+from gfmdlayer.history.errors import ErrorControl, NormalMeans
 from gfmdlayer.history.modes import Modes, backward_euler, exponential
 from gfmdlayer.history.side_by_side import SideBySide
 from gfmdlayer.history.sliding_modes import SlidingModes
@@ -56,7 +56,10 @@ def test_the_exponential_scheme_is_of_second_order_and_of_third_with_the_curvatu
     exact = march(Modes(in_series(*bodies()), exponential), 20_000)
     off = [abs(march(both(exponential), count) - exact) for count in (50, 100)]
     assert off[0] / off[1] == pytest.approx(4, rel=0.1)
-    curved = [abs(march(ErrorControl(both(exponential), ONE, 1e-4), count) - exact) for count in (100, 200)]
+    curved = []
+    for count in (100, 200):
+        history = both(exponential)
+        curved.append(abs(march(ErrorControl(history, NormalMeans(history, ONE)), count) - exact))
     assert curved[1] < off[1] / 8
     assert curved[0] / curved[1] > 4
 

@@ -247,7 +247,7 @@ def test_adaptive_steps_meet_the_tolerance_in_a_ramp_of_temperature(heated):
 def test_a_body_of_one_reduced_time_is_refused_where_shifts_differ(heated):
     config = Config(name="a").with_values(heated | {"time.end": 2.5})
     with pytest.raises(TypeError, match="a ViscoelasticLayer has one reduced time; must be a body with"):
-        Case(config, body=halfspace(1.0)).integrator  # noqa: B018
+        Case(config, body=halfspace(1.0)).contact.history  # noqa: B018
 
 
 def test_an_elastic_skin_needs_no_shift(heated):

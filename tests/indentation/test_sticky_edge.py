@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import gfmdlayer
 from gfmdlayer import LayeredHalfspace, Prony
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.indentation.equilibrium import BY_DEPTH, Adhesion, equilibria, find_nodes
+from gfmdlayer.indentation.equilibrium import BY_DEPTH, EdgeAdhesion, equilibria, find_nodes
 from gfmdlayer.indentation.solve import Edge, History, find_space, follow, on_steps, work_done
 from gfmdlayer.punch.revolution import abel_transform, cone, paraboloid
 
@@ -78,7 +78,7 @@ def test_sudden_and_slow_retractions_are_those_of_the_elastic_limits(duration):
     nodes = find_nodes(body, 0.5)
     contacts = equilibria(*nodes.compliance(body), nodes, indenter)
     work = WORK * (SLOW / FAST if sudden else 1.0)
-    stable = contacts.branch(BY_DEPTH, Adhesion(work))
+    stable = contacts.branch(BY_DEPTH, EdgeAdhesion(work))
     steps = np.linspace(history.time[-2], history.time[-1], 60)
     space = find_space(LAYER, indenter, history, adhesion=edge)
     found = on_steps(LAYER, space, indenter, history, np.unique(np.concatenate((history.time, steps))), edge)

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from gfmdlayer.interface.adhesion import Dugdale, Electrostatic, Exponential, LennardJones
 from gfmdlayer.interface.forms import interact
-from gfmdlayer.interface.interface import Friction, HardWall
+from gfmdlayer.interface.interface import FrictionLaw, HardWall
 from gfmdlayer.interface.law import HARD_WALL, Driven, total
 from gfmdlayer.interface.laws import LAWS
 
@@ -29,7 +29,7 @@ each_law = pytest.mark.parametrize("law", LAWS_AND_SUM.values(), ids=LAWS_AND_SU
 
 
 def test_every_law_of_the_table_is_tested():
-    assert EXAMPLES.keys() == {name for name, law in LAWS.items() if not issubclass(law, Friction)}
+    assert EXAMPLES.keys() == {name for name, law in LAWS.items() if not issubclass(law, FrictionLaw)}
 
 
 @each_law

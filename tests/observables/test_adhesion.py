@@ -9,7 +9,7 @@ import xarray
 import gfmdlayer
 from gfmdlayer.config import Config
 from gfmdlayer.observables import columns
-from gfmdlayer.observables.adhesion import PART, Adhesion
+from gfmdlayer.observables.adhesion import PART, AdhesionColumns
 from gfmdlayer.results.journal import Journal, Recording
 
 LAW = {"law": "exponential", "work": 1e-3, "range": 4e-3}
@@ -68,7 +68,7 @@ def test_a_sweep_holds_the_numbers_of_its_cases(tmp_path):
 
 def test_the_hard_wall_has_no_columns_of_adhesion():
     names = {column.name for column in columns(Config(name="a", interface={"law": "hard_wall"}))}
-    assert names.isdisjoint(column.name for column in Adhesion.COLUMNS)
+    assert names.isdisjoint(column.name for column in AdhesionColumns.COLUMNS)
     assert names == {column.name for column in columns(Config(name="a"))}
 
 
@@ -77,7 +77,7 @@ def test_the_work_counts_only_the_pull_in_retraction():
         solution = SimpleNamespace(mean_pressure=pressure)
         return depth, solution.mean_pressure, 2 * pressure
 
-    found = Adhesion(SimpleNamespace(grid=SimpleNamespace(sums=None)))
+    found = AdhesionColumns(SimpleNamespace(grid=SimpleNamespace(sums=None)))
     for values in (step(0, -3), step(1, -3), step(2, -1), step(1, 1), step(0, -1), step(-1, -1), step(-2, 0)):
         found._pull(*values)
     # From 2 to 1 and from 1 to 0 half a step each pulls, 1/4; then a whole one, 1, and a triangle, 1/2.

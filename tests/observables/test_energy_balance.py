@@ -1,7 +1,5 @@
 """Energy balance: work = stored + dissipated, and the signs and limits of each."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -11,6 +9,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.history.modes import SCHEMES, exponential
 from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.step import Energy, Fields, Instant, Step
 
 SHORT = {"time.end": 2.0, "solver.tolerance": 1e-8}
 COMPRESSIBLE = {"layer.poisson": 0.3, "halfspace.shear_modulus": float("inf"), "grid.points": 512}
@@ -108,14 +107,20 @@ def test_the_factors_of_heat_cannot_be_negative(scheme):
 
 
 def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth():
-    balance, energy = EnergyBalance(Case(Config(name="x"))), SimpleNamespace(stored=2.0, dissipated=0.5)
-    problem = SimpleNamespace(interface=HARD_WALL)
+    balance, energy = EnergyBalance(Case(Config(name="x"))), Energy(stored=2.0, dissipated=0.5)
 
     def work_at(depth):
-        surface = SimpleNamespace(depth=depth)
-        solution = SimpleNamespace(mean_pressure=depth**2, margin=1.0)
-        step = SimpleNamespace(
-            time=0.0, row={}, energy=energy, surface=surface, solution=solution, problem=problem, shear=None
+        known = {"instant": Instant(0.0, 0.0), "mean_pressure": depth**2, "depth": depth, "margin": 1.0}
+        rest = dict.fromkeys(("prescribed", "response", "mean_gap", "contact_area", "residual"), 0.0)
+        step = Step(
+            **known,
+            **rest,
+            pairs=0,
+            iterations=0,
+            interface=HARD_WALL,
+            fields=Fields(),
+            solution=None,
+            energy=energy,
         )
         return balance.measure(step)["work"]
 

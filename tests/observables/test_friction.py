@@ -276,12 +276,11 @@ def steady_time(friction, since=0.0):
     """Return the time at which a window of length 2 is steady, with steps of 0.25."""
     slow = SimpleNamespace(slowest=lambda _tolerance: 2.0)
     imposed = SimpleNamespace(breakpoints=(since,), reduced_time=None)
-    case = SimpleNamespace(config=CONFIG, integrator=slow, programme=imposed)
+    case = SimpleNamespace(config=CONFIG, history=slow, programme=imposed)
     observable = SteadyState(case)
-    solution, surface = SimpleNamespace(mean_pressure=1.0), SimpleNamespace(depth=0.01)
     for time in (0.25 * i for i in range(1000)):
         row = {"friction": friction(time)}
-        step = SimpleNamespace(time=time, solution=solution, surface=surface, row=row)
+        step = SimpleNamespace(time=time, mean_pressure=1.0, depth=0.01, row=row)
         assert observable.measure(step) == {}
         if observable.finished:
             assert observable.attributes == {"settled": 1, "steady_time": time}

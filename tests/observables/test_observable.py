@@ -35,7 +35,7 @@ class RmsPressure(Observable):
         self._largest = 0.0
 
     def measure(self, step):
-        rms = float(np.sqrt(np.mean(step.solution.pressure**2)))
+        rms = float(np.sqrt(np.mean(step.fields["pressure"] ** 2)))
         self._largest = max(self._largest, rms)
         return {"pressure_rms": rms, "largest_rms": self._largest}
 

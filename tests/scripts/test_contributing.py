@@ -41,6 +41,11 @@ trajectory: {{depth: 0.01, ramp_time: 0.5}}
 time: {{end: 2.0, step: 0.125}}
 solver: {{tolerance: 1.0e-9}}""",
     "a body": f"{GRID}\nbody: {{kind: winkler, k: 5.0}}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
+    "a contact": f"""{GRID}
+body: {{kind: winkler, k: 5.0}}
+trajectory: {{depth: 0.01, ramp_time: 1.0}}
+time: {{end: 4.0, step: adaptive, tolerance: 1.0e-5}}
+output: {{snapshots: [1.0, 4.0]}}""",
     "an interface law": f"{GRID}\ninterface: {{law: two_ranges, work: 1.0e-3, range: 0.05, far: 1}}\n{STEPS}",
     "a solver": f"grid: {{points: 32}}\nsolver: {{method: projected_gradient}}\n{STEPS}",
     "a geometry": f"grid: {{geometry: spring}}\nsweep: {{layer.material.G0: [1.0, 3.0]}}\n{STEPS}",
@@ -198,6 +203,20 @@ def test_each_point_of_a_winkler_bed_carries_its_own_overlap(folder):
     # A point is touched within a step of 1/4: it is wrong by less than k v dt^2/tau.
     np.testing.assert_allclose(last["pressure"], exact, rtol=0, atol=5 * speed * 0.25**2)
     assert exact.max() > 10 * 5 * speed * 0.25**2
+
+
+def test_a_bed_of_asperities_is_solved_point_by_point_by_the_same_loop(folder):
+    """As above up to the end of the ramp; then p = k d (1 + the last term exp(-(t - 1)/tau))."""
+    bed = case(folder, "a contact")
+    assert not bed["transforms"].any()  # no solver: the contact of the example
+    speed, x = 0.01, bed["x"].to_numpy()
+    since = np.maximum(1 - x**2 / (2 * 0.25) / speed, 0.0)
+    for time in (1.0, 4.0):
+        exact = 5 * speed * (since + (1 - np.exp(-since)) * np.exp(1 - time))
+        found = bed["pressure"].sel(snapshot=time)
+        # Within the tolerance of the mean pressure, times what one of the points has of the mean.
+        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-5 * exact.max() * 10)
+    assert np.abs(bed["energy_residual"]).max() < 1e-3 * bed["work"].max()
 
 
 def test_a_sum_of_two_ranges_attracts(folder):

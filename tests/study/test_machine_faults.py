@@ -16,7 +16,7 @@ import pytest
 from gfmdlayer.cli import main
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
-from gfmdlayer.fitting.indentation.curve_files import entries
+from gfmdlayer.fitting.curve_files import entries
 from gfmdlayer.punch.topography import read_heights
 from gfmdlayer.study.preflight import machine_problem
 

@@ -239,8 +239,8 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(b
 
 def test_a_state_of_another_body_or_grid_is_refused_in_words():
     case = Case(Config(name="parts").with_values(SMALL))
-    state = case.resumable.state()
+    state = case.kept.state()
     with pytest.raises(ValueError, match="has no local_stretch of Modes"):
-        case.resumable.restore({key: value for key, value in state.items() if "local_stretch" not in key})
+        case.kept.restore({key: value for key, value in state.items() if "local_stretch" not in key})
     with pytest.raises(ValueError, match=r"u of Modes has the shape \(1,\); must have \(33,\)"):
-        case.resumable.restore(state | {"integrator.u": np.zeros(1)})
+        case.kept.restore(state | {"history.u": np.zeros(1)})

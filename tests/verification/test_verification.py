@@ -8,7 +8,7 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.verification import CHECKS, verify
-from gfmdlayer.verification.rows import Check, Curve, Row, carry_out
+from gfmdlayer.verification.rows import Check, Convergence, Row, carry_out
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "reproduce_paper.py"
 OTHER_CODES = {"tamaas", "ContactMechanics"}
@@ -20,7 +20,7 @@ def good(_quick):
     It follows from nothing.
     """
     yield Row("one", 1.0, 1.5, 0.5, "a book")
-    yield Curve("step", "a line", (0.1, 0.2, 0.4), (0.01, 0.04, 0.16), 2)
+    yield Convergence("step", "a line", (0.1, 0.2, 0.4), (0.01, 0.04, 0.16), 2)
 
 
 def outside(_quick):

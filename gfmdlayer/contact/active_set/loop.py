@@ -30,7 +30,7 @@ class ContactSet(NamedTuple):
     close: FloatArray  # work array; empty on a line
 
 
-class Work(NamedTuple):
+class LoopArrays(NamedTuple):
     """Work arrays, and the scalars of the present state."""
 
     z: FloatArray
@@ -51,7 +51,7 @@ SCALARS = np.dtype(
         ("mean", np.float64),  # mean of u
         ("free_mean", np.float64),  # mean of u without pressure
         ("rigid_shift", np.float64),  # of the punch under load control: gap = gap0 + A p - rigid_shift
-        ("energy", np.float64),  # p A p of `Work.pressure`; 0 where directions are not conjugate to it
+        ("energy", np.float64),  # p A p of `LoopArrays.pressure`; 0 where directions are not conjugate to it
     ]
 )
 
@@ -69,11 +69,11 @@ def make_contact(shape: tuple[int, ...]) -> ContactSet:
     )
 
 
-def make_work(transforms: Transforms) -> Work:
+def make_work(transforms: Transforms) -> LoopArrays:
     """Work arrays for the shape of some transforms."""
     z, direction, change, pressure, pressure_change = (transforms.empty_field() for _ in range(5))
     now = np.zeros(1, dtype=SCALARS)
-    return Work(z, transforms.empty_spectrum(), direction, change, pressure, pressure_change, now)
+    return LoopArrays(z, transforms.empty_spectrum(), direction, change, pressure, pressure_change, now)
 
 
 @kernel(inner=True)
@@ -182,7 +182,7 @@ def begin(  # groups of arrays; one call takes less time than two
     free: ComplexArray,
     at: Iterate,
     contact: ContactSet,
-    work: Work,
+    work: LoopArrays,
     guess: FloatArray,
     load: float,
 ) -> None:
@@ -236,7 +236,7 @@ def iterate(  # groups of arrays, and the limits of one call
     system: System,
     at: Iterate,
     contact: ContactSet,
-    work: Work,
+    work: LoopArrays,
     shift: float,
     tolerance: float,
     rounds: int,
@@ -312,7 +312,7 @@ def iterate(  # groups of arrays, and the limits of one call
 
 
 @kernel(reorder=True, inner=True)
-def _evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
+def _evaluate(plans: Plans, system: System, at: Iterate, work: LoopArrays) -> None:
     """Gap of the pressure at every point, and the mean displacement; two transforms."""
     now = work.now[0]
     apply_to(plans, system.compliance, at.p, at.spectrum, work.spectrum, at.gap)
@@ -353,7 +353,7 @@ def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: floa
 
 
 @kernel(reorder=True, inner=True)
-def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: Work, shift: float) -> bool:
+def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: LoopArrays, shift: float) -> bool:
     """Scale the pressure to the least energy, and keep it for conjugacy; return whether this is done."""
     # It needs no transform. Under a given load the pressure cannot be scaled.
     now, counts = work.now[0], contact.counts[0]
@@ -378,9 +378,9 @@ def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: Work
 
 @kernel(reorder=True, inner=True)
 def _precondition(
-    plans: Plans, system: System, at: Iterate, contact: ContactSet, work: Work, shift: float
+    plans: Plans, system: System, at: Iterate, contact: ContactSet, work: LoopArrays, shift: float
 ) -> None:
-    """Work.z = kappa r, the pressure that would close the gaps of a contact without edges; two transforms."""
+    """Write z = kappa r, which would close the gaps of a contact without edges; two transforms."""
     work.z[:] = 0.0
     for k in range(contact.counts[0].runs):
         z = work.z[contact.runs[k, 0] : contact.runs[k, 1]]
@@ -392,7 +392,7 @@ def _precondition(
 
 @kernel(reorder=True, inner=True)
 def _next_direction(
-    system: System, at: Iterate, contact: ContactSet, work: Work, shift: float, memory: float
+    system: System, at: Iterate, contact: ContactSet, work: LoopArrays, shift: float, memory: float
 ) -> tuple[float, float]:
     """Write the next direction of conjugate gradients; return r.z and r.d."""
     # ``memory`` is 1/(r.z) of the last iteration, or 0. Under a given load directions have no mean.
@@ -415,7 +415,7 @@ def _next_direction(
 
 
 @kernel(inner=True)
-def _step(at: Iterate, contact: ContactSet, work: Work, length: float) -> None:
+def _step(at: Iterate, contact: ContactSet, work: LoopArrays, length: float) -> None:
     """Go along the direction; the gap follows in the contact and near it."""
     add(contact.runs, contact.counts[0].runs, length, work.direction, at.p)
     add(contact.near, contact.counts[0].near, length, work.change, at.gap)
@@ -424,11 +424,11 @@ def _step(at: Iterate, contact: ContactSet, work: Work, length: float) -> None:
 @kernel(inner=True)
 def _largest_on_line(contact: ContactSet, direction: FloatArray) -> float:
     """Largest entry of a direction on a line; zero on a surface in two directions."""
-    found = 0.0
+    largest = 0.0
     for k in range(contact.counts[0].runs if contact.reach[1] == contact.member.size else 0):
         for i in range(contact.runs[k, 0], contact.runs[k, 1]):
-            found = max(found, abs(direction[i]))
-    return found
+            largest = max(largest, abs(direction[i]))
+    return largest
 
 
 @kernel(reorder=True, inner=True)
@@ -445,7 +445,7 @@ def _along_residual(at: Iterate, contact: ContactSet, x: FloatArray, shift: floa
 
 @kernel(reorder=True, inner=True)
 def _violations(
-    system: System, at: Iterate, contact: ContactSet, work: Work, shift: float
+    system: System, at: Iterate, contact: ContactSet, work: LoopArrays, shift: float
 ) -> tuple[float, float, float]:
     """Range of the gaps in the contact, tension there, and overlap where the gap is known."""
     # Each in the residual's scales, which are set. Under a given load the punch is shifted first, so that the

@@ -99,9 +99,9 @@ class ActiveSet:
         shift, within = 0.0, CLOSE * tolerance
         left = max(left - iterations, 1)
         for _ in range(2):
-            found, more, done = self._iterate(system, shift, within, left)
+            solved, more, done = self._iterate(system, shift, within, left)
             transforms, iterations = transforms + more, iterations + done
-            if not found:
+            if not solved:
                 more, done = self._save(system, problem, shift, within, limit - iterations)
                 transforms, iterations = transforms + more, iterations + done
             pairs, half = divmod(transforms + self._half_pair, 2)
@@ -151,13 +151,13 @@ class ActiveSet:
         portion_size, transforms, iterations = max(_WORK // self._at.p.size, _FEWEST), 0, 0
         while True:
             portion = min(portion_size, limit - iterations)
-            found, more, done = iterate(
+            solved, more, done = iterate(
                 self._transforms.plans, system, self._at, self._contact, self._work, shift, within,
                 self._rounds, portion, False,
             )  # fmt: skip
             transforms, iterations = transforms + more, iterations + done
-            if found or done + 1 < portion or limit - iterations <= 1:
-                return found, transforms, iterations
+            if solved or done + 1 < portion or limit - iterations <= 1:
+                return solved, transforms, iterations
 
     def _save(
         self, system: System, problem: Problem, shift: float, within: float, limit: int
@@ -170,15 +170,15 @@ class ActiveSet:
 
     def _system_of(self, problem: Problem) -> System:
         """The problem in pressures; stiffness and compliance are made anew only where they have changed."""
-        given = problem.mean_pressure is not None
+        load_given = problem.mean_pressure is not None
         same = (
             self._stiffness is not None
-            and given == self._system.load_given
+            and load_given == self._system.load_given
             and problem.least_depth == self._system.floor.depth
             and (problem.stiffness is self._stiffness or np.array_equal(problem.stiffness, self._stiffness))
         )
         if not same:
-            self._set_stiffness(problem.stiffness, problem.residual_floor, load_given=given)
+            self._set_stiffness(problem.stiffness, problem.residual_floor, load_given=load_given)
         self._stiffness = problem.stiffness
         return self._system._replace(h=problem.obstacle)
 

@@ -20,7 +20,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.active_set.loop import ContactSet, Work, iterate, list_runs, make_contact, make_work
+from gfmdlayer.contact.active_set.loop import (
+    ContactSet,
+    LoopArrays,
+    iterate,
+    list_runs,
+    make_contact,
+    make_work,
+)
 from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, SurfaceState, System
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
@@ -125,7 +132,7 @@ class Window(NamedTuple):
     system: System
     at: Iterate
     contact: ContactSet
-    work: Work
+    work: LoopArrays
     length: Pair  # of the transforms
     width: Pair  # of the window
     surface: Pair  # points of the surface
@@ -185,7 +192,7 @@ def solve(
     _free_surface(surface)
     at, contact, work, system = window.at, window.contact, window.work, window.system
     carried = _gather(window, origin, surface, guess)
-    found = 0.0 < carried < np.inf
+    solved = 0.0 < carried < np.inf
     if system.load_given:
         share = load * surface.h.size / carried
         for i in range(at.p.size):
@@ -196,13 +203,13 @@ def solve(
     list_runs(contact)
     shift, within, transforms, iterations, clear = 0.0, CLOSE * tolerance, 0, 0, False
     for attempt in range(2):
-        if not found or clear:
+        if not solved or clear:
             break
         arguments = window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
-        found, more, done = _iterate(iterate_at, arguments)
+        solved, more, done = _iterate(iterate_at, arguments)
         transforms, iterations = transforms + more, iterations + done
-        found = found and (attempt > 0 or contact.counts[0].points > 0)
-        clear = found and _raise_clear(window, tolerance)
+        solved = solved and (attempt > 0 or contact.counts[0].points > 0)
+        clear = solved and _raise_clear(window, tolerance)
         # Else aim at a gap in the contact that is larger than the differences of the gaps.
         within = AIM * tolerance
         shift = within * now.depth_scale
@@ -337,7 +344,7 @@ class WindowResult(NamedTuple):
 class Windows:
     """The windows of the surface of one run."""
 
-    def __init__(self, transforms: Transforms, work: Work, *, used: bool = True) -> None:
+    def __init__(self, transforms: Transforms, work: LoopArrays, *, used: bool = True) -> None:
         self._transforms, self._shape = transforms, transforms.shape
         self._parts = parts(self._shape) if used else ()
         self._made: dict[int, tuple[Transforms, Window]] = {}

@@ -186,8 +186,8 @@ def direct(
         for i in range(ds.size):
             along = zs[i] - less + part * ds[i]
             ds[i] = along if rs[i] != _NONE else _NONE
-        found = _project(length, shift, cap, p[begin:stop], rs, ds, step[begin:stop])
-        total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
+        sums = _project(length, shift, cap, p[begin:stop], rs, ds, step[begin:stop])
+        total, count, slope, ended = total + sums[0], count + sums[1], slope + sums[2], ended + sums[3]
     return (total, count, slope, ended), (0.0,)
 
 
@@ -201,8 +201,8 @@ def project(
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        found = _project(length, shift, cap, p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
-        total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
+        sums = _project(length, shift, cap, p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
+        total, count, slope, ended = total + sums[0], count + sums[1], slope + sums[2], ended + sums[3]
     return (total, count, slope, ended), (0.0,)
 
 
@@ -385,7 +385,7 @@ class ParallelPasses:
                 return sums, maxima
         else:
             parts = self._all(kernel, arguments)
-            sums, maxima = (np.array(each) for each in zip(*parts, strict=True))
+            sums, maxima = (np.array(values) for values in zip(*parts, strict=True))
             sums, maxima = sums.sum(axis=0), maxima.max(axis=0)
         total, largest = self._sums.total(np.array(sums)), self._sums.maximum(np.array(maxima))
         return total.tolist(), largest.tolist()
@@ -413,7 +413,7 @@ _ROUNDING, _SUMMED = 1e-14, 800.0  # of a load; of a sum of pressures, in units 
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
 
-class Extent(NamedTuple):
+class FieldExtent(NamedTuple):
     """How far the fields of a state reach."""
 
     mean: float  # of u
@@ -424,7 +424,7 @@ class Extent(NamedTuple):
 
 
 @dataclass
-class Fields:
+class NestedFields:
     """A problem and its state, one value a point.
 
     `gap0` is not needed where the load is given; the gap is then known up to a rigid shift.
@@ -441,7 +441,7 @@ class Fields:
     level: float = 0.0  # gap in contact, weighted by the pressure, or the gap that is aimed at
 
 
-class Level:
+class GridLevel:
     """Operators and work arrays of one grid; transforms are in single precision."""
 
     def __init__(
@@ -472,7 +472,7 @@ class Level:
 
     def displace(self, problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:
         """Replace the transform of the pressure by the displacement's; write it in `work` too."""
-        numbers = (each.view(np.float64) for each in (problem.intercept, spectrum, work))
+        numbers = (modes.view(np.float64) for modes in (problem.intercept, spectrum, work))
         self._modes.only(displace, problem.stiffness, *numbers)
 
     def precondition(self) -> Sequence[float]:
@@ -481,32 +481,32 @@ class Level:
         beside = self.grid.halo(r, REACH, REACH)
         return self.parallel(precondition, self._weights, r, *beside, self.z, self.d)[0]
 
-    def set_scales(self, at: Fields, per_point: float = 0.0) -> Extent:
+    def set_scales(self, at: NestedFields, per_point: float = 0.0) -> FieldExtent:
         """Set the level of a state and the scales of its residual."""
         # Where `per_point` is not zero, u times its inverse stands in the place of the gap.
         arrays = at.h, at.p, at.gap
         (load, weighted, total), extrema = self.parallel(extent, per_point, at.cap, *arrays)
-        found = Extent(total / self.grid.size, *extrema)
+        reached = FieldExtent(total / self.grid.size, *extrema)
         if at.load is not None:
             at.level = weighted / load if load > 0 else 0.0 if at.cap is None else self.middle(at, at.cap)
-        at.scales = self.scales(found, at.level)
+        at.scales = self.scales(reached, at.level)
         at.level = at.aim * at.scales[1] if at.load is None else at.level
-        return found
+        return reached
 
-    def middle(self, at: Fields, cap: float) -> float:
+    def middle(self, at: NestedFields, cap: float) -> float:
         """Gap between those at the cap and those without pressure, where all points are either."""
         capped = at.p >= cap
         highest = self.grid.sums.maximum(float(at.gap.max(initial=-np.inf, where=capped)))
         lowest = self.grid.sums.minimum(float(at.gap.min(initial=np.inf, where=~capped)))
-        finite = [each for each in (highest, lowest) if np.isfinite(each)]
+        finite = [gap for gap in (highest, lowest) if np.isfinite(gap)]
         return sum(finite) / max(len(finite), 1)
 
-    def scales(self, extent: Extent, level: float) -> tuple[float, float]:
+    def scales(self, extent: FieldExtent, level: float) -> tuple[float, float]:
         """Scales of pressure and depth, where the gap counts from a level."""
         depth = max(extent.mean + level, 0.0) + extent.depth - level
         return scales.py_func(extent.pressure, depth, self.floor)
 
-    def set_load(self, at: Fields) -> bool:
+    def set_load(self, at: NestedFields) -> bool:
         """Scale the pressure to the given load; return whether there is any pressure, and can be as much."""
         if at.cap is not None:
             return self._set_capped(at, at.cap)
@@ -517,7 +517,7 @@ class Level:
             at.p *= at.load / total
         return True
 
-    def _set_capped(self, at: Fields, cap: float) -> bool:
+    def _set_capped(self, at: NestedFields, cap: float) -> bool:
         """Cut the pressure off at the cap; scale the rest, or else all, to the given load; see `set_load`."""
         np.minimum(at.p, cap, out=at.p)
         for _ in range(_PROJECTIONS):
@@ -537,7 +537,7 @@ class Level:
             at.p[below] = np.minimum(factor * at.p[below], cap)
         return True
 
-    def add_response(self, at: Fields) -> None:
+    def add_response(self, at: NestedFields) -> None:
         """Write the gap of the pressure, from the gap without it, in single precision."""
         np.copyto(self.step, at.p, casting="same_kind")
         self.respond()
@@ -551,7 +551,7 @@ class Search:
     them where no load is given.
     """
 
-    def __init__(self, level: Level, at: Fields) -> None:
+    def __init__(self, level: GridLevel, at: NestedFields) -> None:
         self._on, self.at = level, at
         for field in (level.d, level.z, level.r, level.step, level.change):
             field.fill(0.0)
@@ -635,9 +635,9 @@ class Search:
         step = self._alpha, self._shift, self.at.cap
         self._note(on.parallel(project, *step, p, on.r, on.d, on.step)[0])
 
-    def _note(self, found: Sequence[float]) -> None:
+    def _note(self, sums: Sequence[float]) -> None:
         """Note the load beyond the given one, the number of pressures, and how the energy falls."""
-        total, self._count, self._slope, self._ended = found
+        total, self._count, self._slope, self._ended = sums
         self._above = total - (self.at.load or 0.0)
 
     @property
@@ -679,8 +679,8 @@ class Search:
         fields = at.p, at.gap, at.gap0, on.step, on.change, on.z
         while True:
             move = Move(length, scale, at.load is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
-            found, (opened, below) = on.parallel(advance, move, at.cap, *fields)
-            self._load, self._weighted, self._free, inner = found
+            sums, (opened, below) = on.parallel(advance, move, at.cap, *fields)
+            self._load, self._weighted, self._free, inner = sums
             if at.cap is None or at.load is None or length == 0.0:
                 break
             length = 0.0  # the level is known after the step

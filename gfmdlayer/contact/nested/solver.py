@@ -28,7 +28,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.loop import iterate
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.nested.iteration import Extent, Fields, Level, Search, project, settle
+from gfmdlayer.contact.nested.iteration import FieldExtent, GridLevel, NestedFields, Search, project, settle
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import assess, scales_over
@@ -47,7 +47,7 @@ _BEFORE, _AFTER = 3, 4  # rows of the coarse grid that rows of the fine one may 
 _COARSE_TOLERANCE, _COARSE_LIMIT = 1e-3, 60  # of residual and iterations on a coarser grid
 
 
-def prolong(coarse: Level, at: Fields, fine: Level, target: FloatArray) -> None:
+def prolong(coarse: GridLevel, at: NestedFields, fine: GridLevel, target: FloatArray) -> None:
     """Write the pressure of a finer grid, from the state of the coarse one."""
     shape = (-1, coarse.grid.shape[-1])
     p, gap = at.p.reshape(shape), np.maximum(at.gap - at.level, 0.0).reshape(shape)
@@ -147,20 +147,20 @@ def _interpolate(
                 continue
             inner = deep[row, m] + deep[row, right] + deep[row + 1, m] + deep[row + 1, right]
             if inner == 4.0:
-                wx, found = _weights(x), 0.0
+                wx, value = _weights(x), 0.0
                 for a in range(4):
                     line = 0.0
                     for b in range(4):
                         line += wx[b] * p[row + a - 1, (m + b - 1) % n]
-                    found += wy[a] * line
-                target[i * columns + j] = max(found, 0.0)
+                    value += wy[a] * line
+                target[i * columns + j] = max(value, 0.0)
             else:
                 s = (1.0 - y) * ((1.0 - x) * smooth[row, m] + x * smooth[row, right])
                 s += y * ((1.0 - x) * smooth[row + 1, m] + x * smooth[row + 1, right])
                 target[i * columns + j] = np.sqrt(s) if s > 0.0 else 0.0
 
 
-def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> float:
+def nest(fine: GridLevel, transforms: Transforms, problem: Problem, at: NestedFields) -> float:
     """Write the pressure of a first guess; return the pairs in single precision, as parts of fine ones."""
     surface = transforms.forward(problem.obstacle)
     free = np.zeros_like(surface)
@@ -168,11 +168,11 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     last, pairs = None, 0.0
     for grid in reversed(fine.grid.nested[1:]):
         coarse = transforms.of_shape(grid.points, single=True)
-        level = Level(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
-        fields = (coarse.backward(transforms.truncated(each, coarse)) for each in (surface, free))
+        level = GridLevel(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
+        fields = (coarse.backward(transforms.truncated(waves, coarse)) for waves in (surface, free))
         h, displaced = (field.astype(np.float64) / fine.grid.size for field in fields)
         load = None if at.load is None else at.load * grid.size / fine.grid.size
-        state = Fields(h, h - displaced, np.zeros_like(h), np.zeros_like(h), load, at.cap)
+        state = NestedFields(h, h - displaced, np.zeros_like(h), np.zeros_like(h), load, at.cap)
         if not _prolonged(last, level, state):
             _press(level, state)
         level.add_response(state)
@@ -187,7 +187,7 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     return pairs
 
 
-def _prolonged(last: tuple[Level, Fields] | None, level: Level, at: Fields) -> bool:
+def _prolonged(last: tuple[GridLevel, NestedFields] | None, level: GridLevel, at: NestedFields) -> bool:
     """Write the pressure of a coarser grid, of the given load; return whether there is any."""
     if last is None:
         return False
@@ -195,7 +195,7 @@ def _prolonged(last: tuple[Level, Fields] | None, level: Level, at: Fields) -> b
     return level.set_load(at)
 
 
-def _press(level: Level, at: Fields) -> None:
+def _press(level: GridLevel, at: NestedFields) -> None:
     """Write a first pressure where the punch lies lowest, of the given load."""
     sums = level.grid.sums
     lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
@@ -228,7 +228,7 @@ class NestedGradient:
         # grids as parts.
         self._transforms = transforms
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
-        self._fine: Level | None = None
+        self._fine: GridLevel | None = None
         self._stiffness: FloatArray = np.empty(0)
         self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
@@ -276,9 +276,9 @@ class NestedGradient:
             return solution
         if at.cap is not None:
             return self._by_sets(problem, solution, tolerance, limit)
-        found = self._by_active_set(problem, at.p, (int(pairs), iterations), tolerance, limit)
-        self._failures += found.converged
-        return found
+        solution = self._by_active_set(problem, at.p, (int(pairs), iterations), tolerance, limit)
+        self._failures += solution.converged
+        return solution
 
     def state(self) -> State:
         """Return the number of steps handed over in a row, the part of a pair, and the active set's state."""
@@ -299,17 +299,17 @@ class NestedGradient:
         for p in (single, np.zeros(1)):
             project(0, 1, 1.0, 0.0, None, p, single, single, single)
 
-    def _level_of(self, problem: Problem) -> Level:
+    def _level_of(self, problem: Problem) -> GridLevel:
         """The operators of the grid, made anew only where the stiffness has changed."""
         if self._fine is None:
             single = self._transforms.of_shape(self._grid.points, single=True)
-            self._fine = Level(self._grid, single, problem.stiffness, problem.residual_floor)
+            self._fine = GridLevel(self._grid, single, problem.stiffness, problem.residual_floor)
         elif not self._grid.sums.minimum(int(np.array_equal(problem.stiffness, self._stiffness))):
             self._fine.set_stiffness(problem.stiffness)  # by all ranks, whoever's part has changed
         self._stiffness, self._fine.floor, self._fine.pairs = problem.stiffness, problem.residual_floor, 0
         return self._fine
 
-    def _fields(self, fine: Level, problem: Problem, start: FloatArray, tolerance: float) -> Fields:
+    def _fields(self, fine: GridLevel, problem: Problem, start: FloatArray, tolerance: float) -> NestedFields:
         """The problem with the first guess, not negative; NaN counts as zero."""
         p, gap = self._transforms.empty_field(), self._transforms.empty_field()
         np.fmax(start, 0.0, out=p)
@@ -317,8 +317,10 @@ class NestedGradient:
         if cap is not None:
             p[p >= (1.0 - _EXTRAPOLATED) * cap] = cap
         if problem.mean_pressure is not None:
-            return Fields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size, cap)
-        at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None, cap, _AIM * tolerance)
+            return NestedFields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size, cap)
+        at = NestedFields(
+            problem.obstacle, self._transforms.empty_field(), p, gap, None, cap, _AIM * tolerance
+        )
         nothing = np.zeros_like(self._work)
         fine.displace(problem, nothing, self._work)
         self._transforms.transform_back(self._work, at.gap0)
@@ -326,7 +328,9 @@ class NestedGradient:
         self._doubles += 0.5
         return at
 
-    def _from_guess(self, fine: Level, problem: Problem, at: Fields, tolerance: float) -> Search | None:
+    def _from_guess(
+        self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float
+    ) -> Search | None:
         """Begin with the first guess, if it has any pressure or needs none."""
         if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
             at.p[:] = 0.0  # no contact
@@ -334,24 +338,26 @@ class NestedGradient:
             return None
         return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
 
-    def _search(self, fine: Level, at: Fields, extent: Extent, tolerance: float) -> Search:
+    def _search(self, fine: GridLevel, at: NestedFields, extent: FieldExtent, tolerance: float) -> Search:
         """Begin with a state, in single precision where that resolves the gaps."""
         if tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
             return Search(fine, at)
-        given = at.load is not None
-        fields = [at.p, at.gap] if given else [at.p, at.gap, at.gap0]
+        load_given = at.load is not None
+        fields = [at.p, at.gap] if load_given else [at.p, at.gap, at.gap0]
         while len(self._narrow) < len(fields):
             self._narrow.append(fine.transforms.empty_field())
-        shift = at.level if given else 0.0  # gaps then count from the level
+        shift = at.level if load_given else 0.0  # gaps then count from the level
         for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
             with np.errstate(over="ignore"):  # the residual of an infinite field is not below any tolerance
                 np.subtract(field, less, out=narrowed, casting="same_kind")
         p, gap = self._narrow[:2]
-        gap0 = gap if given else self._narrow[2]
-        now = Fields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)
+        gap0 = gap if load_given else self._narrow[2]
+        now = NestedFields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)
         return Search(fine, now)
 
-    def _evaluate(self, problem: Problem, fine: Level, at: Fields) -> tuple[ComplexArray, Extent]:
+    def _evaluate(
+        self, problem: Problem, fine: GridLevel, at: NestedFields
+    ) -> tuple[ComplexArray, FieldExtent]:
         """Write the gap of the pressure, of the given load; return the transform of h - gap, and extents."""
         fine.set_load(at)
         spectrum: ComplexArray = self._transforms.empty_spectrum()
@@ -364,15 +370,15 @@ class NestedGradient:
     def _solution(
         self,
         problem: Problem,
-        fine: Level,
-        at: Fields,
+        fine: GridLevel,
+        at: NestedFields,
         spectrum: ComplexArray,
-        extent: Extent,
+        extent: FieldExtent,
         tolerance: float,
     ) -> Solution:
         """Clear the surface of the punch, and assess it."""
-        given = at.load is not None
-        shift = -extent.overlap if given else 0.0
+        load_given = at.load is not None
+        shift = -extent.overlap if load_given else 0.0
         at.scales = pressure, depth = fine.scales(extent, shift)
         at.level -= shift
         u = self._transforms.empty_field()
@@ -380,7 +386,7 @@ class NestedGradient:
         (touching, load, gaps, total), (residual, overlap) = fine.parallel(
             settle, 1.0 / pressure, 1.0 / depth, shift, at.cap, at.h, at.p, at.gap, u, flow
         )
-        if given and self._grid.first_row == 0:
+        if load_given and self._grid.first_row == 0:
             spectrum[0] = total
         clear = overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * fine.floor.depth)
         size = self._grid.size
@@ -407,17 +413,17 @@ class NestedGradient:
                 mean_pressure=None if load is None else load - float(held.mean()),
                 hardness=np.inf,
             )
-            found = self._by_active_set(rest, np.where(capped, 0.0, start), spent, tolerance, limit)
-            spent, u = (found.transforms, found.iterations), found.displacement
-            start, flow = found.pressure + held, np.where(capped, np.maximum(u - h, 0.0), 0.0)
+            below = self._by_active_set(rest, np.where(capped, 0.0, start), spent, tolerance, limit)
+            spent, u = (below.transforms, below.iterations), below.displacement
+            start, flow = below.pressure + held, np.where(capped, np.maximum(u - h, 0.0), 0.0)
             depth = scales_over(problem.ranks, start, u, problem.residual_floor)[1]
             now = np.where(capped, h - u <= 0.5 * tolerance * depth, start > problem.hardness)
-            if not found.converged or spent[1] >= limit:
+            if not below.converged or spent[1] >= limit:
                 break
             if np.array_equal(now, capped):
                 over = assess(start, u, h + flow, problem.residual_floor)
                 return make_solution(
-                    problem, u, start, found.spectrum, spent=spent, within=tolerance, assessment=over,
+                    problem, u, start, below.spectrum, spent=spent, within=tolerance, assessment=over,
                     gap=np.maximum(h - u, 0.0), flow=flow,
                 )  # fmt: skip
             capped = now
@@ -432,8 +438,10 @@ class NestedGradient:
             with compiling():  # rarely needed, and thus not compiled beforehand
                 ActiveSet(self._transforms).compile()
         solver = self._active_set or ActiveSet(self._transforms, windows=False)
-        found = solver.solve(problem, start, tolerance, max(limit - iterations, 1))
-        if found.converged:
+        solution = solver.solve(problem, start, tolerance, max(limit - iterations, 1))
+        if solution.converged:
             self._active_set = solver
-        self.spent = self.spent[0] + found.transforms, self.spent[1]
-        return replace(found, transforms=found.transforms + pairs, iterations=found.iterations + iterations)
+        self.spent = self.spent[0] + solution.transforms, self.spent[1]
+        return replace(
+            solution, transforms=solution.transforms + pairs, iterations=solution.iterations + iterations
+        )

@@ -103,12 +103,12 @@ def cycle_of(whole: Grid, stiffness: FloatArray, kappa_1: float) -> Cycle:
         lacking = np.zeros(modes.size, dtype=bool)
         for axis, wave in enumerate(waves):
             lacking |= (2 * wave >= below[axis]) & (below[axis] < points[axis])
-        exact, found = np.maximum(kappa[modes], kappa_1 / unit), symbol(grid, taps, modes)
-        if not (taps[0] > 0 and (np.abs(found / exact - 1)[lacking] < _MISFIT).all()):
+        exact, fitted = np.maximum(kappa[modes], kappa_1 / unit), symbol(grid, taps, modes)
+        if not (taps[0] > 0 and (np.abs(fitted / exact - 1)[lacking] < _MISFIT).all()):
             return no_cycle()
         weights.append(taps)
         constants.append(
-            ((lacking / exact).mean(), min(_SMOOTHING, _POSITIVE * float(taps[0]) / found.max()))
+            ((lacking / exact).mean(), min(_SMOOTHING, _POSITIVE * float(taps[0]) / fitted.max()))
         )
         kappa = truncated(kappa, points, below)
     cycle = _cycle(whole, shapes, unit, weights, constants, _LOWEST * kappa_1 / unit)
@@ -219,11 +219,11 @@ def set_cycle(cycle: Cycle, work: Any) -> None:
 def _set_below(cycle: Cycle, level: int, stiffness: Any, below: Any) -> None:
     """Write the D of the next grid."""
     c, row = np.float32(cycle.point[level]), cycle.rows[5]
-    softest = np.float32(_SOFT) / c
+    lowest = np.float32(_SOFT) / c
     for i in range(stiffness.shape[0]):
         D = stiffness[i]
         for j in range(D.size):
-            yields = D[j] if D[j] > softest else softest
+            yields = D[j] if D[j] > lowest else lowest
             row[j] = D[j] / (_ONE + c * yields)
         _add_row(cycle, level, i, row, below)
 
@@ -266,9 +266,9 @@ def run_cycle(cycle: Cycle, force: Any, target: Any) -> tuple[float, float]:
     for level in range(last - 1, -1, -1):
         first = cycle.grids[level, 2] - finest
         r = _field(cycle, level, force, 0) if level == 0 else _field(cycle, level, cycle.r, first)
-        found = _field(cycle, level, target, 0) if level == 0 else _field(cycle, level, cycle.result, first)
+        result = _field(cycle, level, target, 0) if level == 0 else _field(cycle, level, cycle.result, first)
         below = _field(cycle, level + 1, cycle.result, first + r.size)
-        total, across = _ascend(cycle, level, r, below, found)
+        total, across = _ascend(cycle, level, r, below, result)
     return total, across
 
 
@@ -321,7 +321,7 @@ def _descend(cycle: Cycle, level: int, force: Any, below: Any) -> None:
     weights, c = cycle.weights[level], np.float32(cycle.point[level])
     smoothing = np.float32(cycle.smoothing[level])
     stiffness = _field(cycle, level, cycle.D, cycle.grids[level, 2])
-    w0, w2, least, softest = weights[0], weights[2], _HALF * weights[0], np.float32(_SOFT) / c
+    w0, w2, least, lowest = weights[0], weights[2], _HALF * weights[0], np.float32(_SOFT) / c
     ring, row, beside = cycle.rows, cycle.rows[5], cycle.rows[6]
     left, right = beside[_ROOM - 1 :], beside[_ROOM + 1 :]
     ends, ends_D = _beside(cycle, level)
@@ -339,7 +339,7 @@ def _descend(cycle: Cycle, level: int, force: Any, below: Any) -> None:
         _apply_beside(weights, i, ring, r, D, row, beside)
         before, after = ring[i % 5][_ROOM - 2 :], ring[i % 5][_ROOM + 2 :]
         for j in range(columns):
-            yields = D[j] if D[j] > softest else softest
+            yields = D[j] if D[j] > lowest else lowest
             row[j] = (row[j] - left[j] - right[j] - w2 * (before[j] + after[j])) / (_ONE + c * yields)
         _add_row(cycle, level, i, row, below)
 
@@ -352,7 +352,7 @@ def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tu
     weights, c = cycle.weights[level], np.float32(cycle.point[level])
     smoothing = np.float32(cycle.smoothing[level])
     stiffness = _field(cycle, level, cycle.D, cycle.grids[level, 2])
-    w0, w2, least, softest = weights[0], weights[2], _HALF * weights[0], np.float32(_SOFT) / c
+    w0, w2, least, lowest = weights[0], weights[2], _HALF * weights[0], np.float32(_SOFT) / c
     ring, row, beside, line, motion = cycle.rows, cycle.rows[5], cycle.rows[6], cycle.rows[7], cycle.rows[8]
     left, right = beside[_ROOM - 1 :], beside[_ROOM + 1 :]
     ends, ends_D = _beside(cycle, level)
@@ -377,26 +377,26 @@ def _ascend(cycle: Cycle, level: int, force: Any, below: Any, target: Any) -> tu
         x, r, D = ring[(k + 5) % 5], _row(force, k, ends), _row(stiffness, k, ends_D)
         inner = x[_ROOM:]
         for j in range(columns):
-            stiff, yields = w0 + D[j], D[j] if D[j] > softest else softest
+            stiff, yields = w0 + D[j], D[j] if D[j] > lowest else lowest
             stiff, yields = stiff if stiff > least else least, _ONE + c * yields
             inner[j] = (smoothing * yields * r[j] + stiff * motion[j]) / (stiff * yields)
         _close(x, columns)
         i = k - 2
         if i < 0:
             continue
-        r, D, found = force[i], stiffness[i], target[i]
+        r, D, result = force[i], stiffness[i], target[i]
         _apply_beside(weights, i, ring, r, D, row, beside)
         before, here, after = ring[i % 5][_ROOM - 2 :], ring[i % 5][_ROOM:], ring[i % 5][_ROOM + 2 :]
         for j in range(columns):
             stiff = w0 + D[j]
             rest = row[j] - left[j] - right[j] - w2 * (before[j] + after[j])
             value = here[j] + smoothing * rest / (stiff if stiff > least else least)
-            found[j] = value if D[j] < PRESSED else _NONE
+            result[j] = value if D[j] < PRESSED else _NONE
         moved: Any = _NONE  # in single precision over few points only
         along: Any = _NONE
         for j in range(columns):
-            moved += found[j]
-            along += r[j] * found[j]
+            moved += result[j]
+            along += r[j] * result[j]
         total += moved
         across += along
     return total, across
@@ -423,16 +423,16 @@ def _add_row(cycle: Cycle, level: int, i: int, row: Any, below: Any) -> None:
         here[j] += (_ONE - part) * row[j]
         after[j] += part * row[j]
     for k in range(m, m + 2 if i == rows - 1 else end):
-        found, full = below[0 if k == rows_below and not shared else k - before], cycle.rows[7 + k % 2]
+        row_below, full = below[0 if k == rows_below and not shared else k - before], cycle.rows[7 + k % 2]
         if columns == 2 * columns_below:
             full[_ROOM - 1] = full[_ROOM - 1 + columns]
             values = full[_ROOM - 1 :]
             for j in range(columns_below):
-                found[j] += per * (values[2 * j + 1] + _HALF * (values[2 * j] + values[2 * j + 2]))
+                row_below[j] += per * (values[2 * j + 1] + _HALF * (values[2 * j] + values[2 * j + 2]))
         else:
             for j in range(columns):
                 left, value = cycle.place[begin + j], per * full[_ROOM + j]
                 share = cycle.part[begin + j] * value
-                found[left] += value - share
-                found[left + 1 if left + 1 < columns_below else 0] += share
+                row_below[left] += value - share
+                row_below[left + 1 if left + 1 < columns_below else 0] += share
         full[_ROOM : _ROOM + columns] = _NONE

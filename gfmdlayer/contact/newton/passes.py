@@ -62,7 +62,7 @@ class Origin(NamedTuple):
     response: Any
 
 
-class Step(NamedTuple):
+class FreeSystem(NamedTuple):
     """The linear system of a step, on the free points, and its solution.
 
     All but the first two are in single precision: forces in a unit of stress of the step, stiffnesses in
@@ -144,7 +144,7 @@ def set_interaction(system: AdhesiveSystem, at: AdhesiveState, cap: Any) -> floa
 
 @kernel(reorder=True, inner=True)
 def balance(
-    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step, cap: Any
+    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: FreeSystem, cap: Any
 ) -> tuple[float, float, float, float, float]:
     """Find the free points, and the pressure of the wall, less the cap on points that yield.
 
@@ -190,7 +190,7 @@ def balance(
 
 @kernel(reorder=True, inner=True)
 def _open_pressure(
-    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step, cap: Any
+    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: FreeSystem, cap: Any
 ) -> tuple[float, float, float, float, float, float, float]:
     """Write the pressure but for the multiplier.
 
@@ -231,7 +231,7 @@ def begin(
     single: Plans,
     system: AdhesiveSystem,
     curvature: FloatArray,
-    step: Step,
+    step: FreeSystem,
     damping: float,
     lack: float,
     unit: float,
@@ -271,7 +271,7 @@ def begin(
 
 
 @kernel(reorder=True, inner=True)
-def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float) -> None:
+def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: FreeSystem, damping: float) -> None:
     """Set the preconditioner that takes a transform."""
     n, total, stiff = system.size, 0.0, unit_of(system.kappa_1)
     (stiffest,) = greatest(system.over, (curvature.max(),))
@@ -290,7 +290,7 @@ def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: Step, da
 
 
 @kernel(reorder=True, inner=True)
-def precondition(single: Plans, step: Step, r: Any, z: Any) -> tuple[int, float, float]:
+def precondition(single: Plans, step: FreeSystem, r: Any, z: Any) -> tuple[int, float, float]:
     """Write z = M r, M close to the inverse of K + w'' + damping, zero where points are pressed.
 
     Returns the FFT pairs, and the sums of z and r z. M is the cycle if there is one. Else
@@ -316,14 +316,14 @@ def precondition(single: Plans, step: Step, r: Any, z: Any) -> tuple[int, float,
 
 
 @kernel(inner=True)
-def lifted(step: Step) -> Any:
+def lifted(step: FreeSystem) -> Any:
     """Return the answer of M, as far as it knows the free points, to a pressure that is even on them."""
     return step.cycle.one if step.cycle.grids.size > 0 else step.free
 
 
 @kernel(reorder=True, inner=True)
 def minimise(
-    single: Plans, system: AdhesiveSystem, step: Step, floor: float, inexact: float
+    single: Plans, system: AdhesiveSystem, step: FreeSystem, floor: float, inexact: float
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
@@ -369,7 +369,7 @@ def minimise(
 
 
 @kernel(reorder=True, inner=True)
-def _curvatures(step: Step) -> tuple[float, float, float, float]:
+def _curvatures(step: FreeSystem) -> tuple[float, float, float, float]:
     """Sums of s K s, s H s and s^2 for a direction s, and of H s over the free points.
 
     In single precision over few points only.
@@ -395,7 +395,7 @@ def _curvatures(step: Step) -> tuple[float, float, float, float]:
 
 
 @kernel(reorder=True, inner=True)
-def _advance(way: float, mean: float, step: Step) -> float:
+def _advance(way: float, mean: float, step: FreeSystem) -> float:
     """Go along the direction; return the largest force that is left."""
     largest, part, even, none = np.zeros(LANES, np.float32), np.float32(way), np.float32(mean), np.float32(0)
     for first in range(0, step.d.size, LANES):
@@ -416,7 +416,7 @@ _MOST = 400  # iterations
 
 
 @kernel(reorder=True, inner=True)
-def _centre(system: AdhesiveSystem, step: Step, count: float) -> float:
+def _centre(system: AdhesiveSystem, step: FreeSystem, count: float) -> float:
     """Take the mean, which belongs to the multiplier, from the forces; return the largest."""
     total, largest = 0.0, np.zeros(LANES, np.float32)
     for i in range(step.d.size):
@@ -436,7 +436,7 @@ def _centre(system: AdhesiveSystem, step: Step, count: float) -> float:
 def move(
     system: AdhesiveSystem,
     at: AdhesiveState,
-    step: Step,
+    step: FreeSystem,
     far: float,
     mean: float,
     to: AdhesiveState,
@@ -487,7 +487,7 @@ def is_yielding(overlap: float, pressure: float, free: float) -> bool:
 
 @kernel(reorder=True, inner=True)
 def set_stress_after(
-    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: Step, unit: float, to: AdhesiveState
+    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: FreeSystem, unit: float, to: AdhesiveState
 ) -> int:
     """Write the stress after a step from K d, in single precision; return the FFT pairs.
 
@@ -523,7 +523,7 @@ def compare(
     part: float,
     multiplier: float,
     to: AdhesiveState,
-    step: Step,
+    step: FreeSystem,
     cap: Any,
 ) -> tuple[float, float, float, float]:
     """Compare two states, with the arguments of `balance` and its results for the first.
@@ -555,7 +555,7 @@ def compare(
 
 
 @kernel(inner=True)
-def keep_tangent(origin: Origin, step: Step, unit: float, far: float) -> None:
+def keep_tangent(origin: Origin, step: FreeSystem, unit: float, far: float) -> None:
     """Keep the first step of a branch, which leads along its tangent to the end of the time step."""
     for i in range(step.d.size):
         origin.tangent[i], origin.response[i] = far * step.d[i], unit * step.response[i]
@@ -619,7 +619,7 @@ def shorten(at: AdhesiveState, part: float, to: AdhesiveState) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def lost(system: AdhesiveSystem, at: AdhesiveState) -> bool:
+def detaches(system: AdhesiveSystem, at: AdhesiveState) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
     overlap, traction = greatest(system.over, (-(system.h - at.u).min(), at.traction.max()))
     return bool(-overlap > system.range and traction < -system.load)

@@ -55,16 +55,16 @@ from gfmdlayer.contact.newton.cycle import cycle_of, no_cycle, unit_of
 from gfmdlayer.contact.newton.passes import (
     AdhesiveState,
     AdhesiveSystem,
+    FreeSystem,
     Origin,
-    Step,
     along_deviation,
     apply,
     balance,
     begin,
     compare,
+    detaches,
     keep_tangent,
     lifted,
-    lost,
     minimise,
     move,
     precondition,
@@ -114,13 +114,13 @@ class NewtonFields(NamedTuple):
     at: AdhesiveState
     to: AdhesiveState
     held: FloatArray
-    step: Step
+    step: FreeSystem
     spectrum: ComplexArray  # of u
     origin: Origin
 
 
-class Progress(NamedTuple):
-    """What one call of the loop hands to the next."""
+class NewtonState(NamedTuple):
+    """State of the path between two calls of the loop."""
 
     done: float  # part of the motion of the punch, 1 where the traction that held the surface is gone
     mean: float  # mean displacement at the beginning of that motion
@@ -141,8 +141,8 @@ class Progress(NamedTuple):
 
 
 @kernel
-def is_lost(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
-    """Whether a descent has lost the energy of an instability.
+def is_instability(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
+    """Whether the energy lost in a descent is that of an instability.
 
     The descent may also set right a step along the branch that has gone astray, by much less than the work of
     adhesion of one point.
@@ -156,11 +156,11 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     single: Plans,
     system: AdhesiveSystem,
     fields: NewtonFields,
-    given: Progress,
+    begun: NewtonState,
     tolerance: float,
     limit: int,
     cap: Any,
-) -> Progress:
+) -> NewtonState:
     """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
 
     Where the residual is within the tolerance and the energy known, the spectrum belongs to the state.
@@ -170,7 +170,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     (
         done, mean0, damping, descends, refused, unstable, drop, released, pulled_off, multiplier, residual,
         energy, exact, tangent, pairs, _,
-    ) = given  # fmt: skip
+    ) = begun  # fmt: skip
     iterations, settled, evaluated = 0, False, np.isnan(energy)
     if evaluated:
         set_stress(plans, system, at, fields.spectrum, step.spectrum)
@@ -189,7 +189,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         (strongest,) = greatest(system.over, (step.pressure.max(),))
         aim = tolerance * max(system.strength, strongest)
         if descends and done < 1.0 and lack == 0.0 and (largest <= aim or settled):
-            released += drop if is_lost(system, drop, unstable) else 0.0
+            released += drop if is_instability(system, drop, unstable) else 0.0
             descends, unstable, drop, damping = False, False, 0.0, 0.0
             continue
         if iterations == limit:
@@ -265,8 +265,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled, refused = True, False, True
             damping = max(_SHORTER * damping, _AT_REST * system.kappa_1)
-            stiffest, softest = greatest(system.over, (at.curvature.max(), -at.curvature.min()))
-            if damping > _HOPELESS * (system.kappa_1 + max(stiffest, softest)):
+            stiffest, concave = greatest(system.over, (at.curvature.max(), -at.curvature.min()))
+            if damping > _HOPELESS * (system.kappa_1 + max(stiffest, concave)):
                 break
             continue
         at, to, swapped, energy = to, at, not swapped, after
@@ -284,12 +284,12 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         refused = False
         damping = 0.0 if damping < _AT_REST * system.kappa_1 else damping
         if system.load < 0.0 and not system.mean_is_fixed:
-            pulled_off = lost(system, at)
+            pulled_off = detaches(system, at)
     if swapped:
         _copy(at, to)
-    iterations += given.iterations
+    iterations += begun.iterations
     residual = np.inf if lack != 0.0 else residual
-    return Progress(
+    return NewtonState(
         done,
         mean0,
         damping,
@@ -310,7 +310,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
 
 
 @kernel(inner=True)
-def _in_single(step: Step) -> bool:
+def _in_single(step: FreeSystem) -> bool:
     """Whether states on the way are in single precision."""
     return bool(step.cycle.grids.size > 0)
 
@@ -377,7 +377,7 @@ class LowestMode(NamedTuple):
 
 @kernel(reorder=True)
 def find_margin(
-    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: Step, lowest: LowestMode
+    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: FreeSystem, lowest: LowestMode
 ) -> tuple[float, float, float, int]:
     """Improve the lowest mode.
 
@@ -469,7 +469,13 @@ def _admit(system: AdhesiveSystem, free: Any, x: Any, one: Any) -> None:
 
 @kernel(reorder=True)
 def leave(
-    plans: Plans, system: AdhesiveSystem, at: AdhesiveState, to: AdhesiveState, step: Step, x: Any, cap: Any
+    plans: Plans,
+    system: AdhesiveSystem,
+    at: AdhesiveState,
+    to: AdhesiveState,
+    step: FreeSystem,
+    x: Any,
+    cap: Any,
 ) -> tuple[float, int]:
     """Leave a state that is no minimum along x, to the side where the energy is lower.
 
@@ -534,7 +540,7 @@ class Newton:
         )
         work = small.empty_spectrum()
         kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
-        step = Step(
+        step = FreeSystem(
             field(), spectrum(), free, d, force, direction, applied, z, share, point, stiffness,
             kappa, softening, work, response, no_cycle(),
         )  # fmt: skip
@@ -570,7 +576,7 @@ class Newton:
         if converged:
             self._mode[:], self._part = self._lowest.x, part
         released = progress.released
-        released += progress.drop if is_lost(system, progress.drop, progress.unstable) else 0.0
+        released += progress.drop if is_instability(system, progress.drop, progress.unstable) else 0.0
         if converged and begun.done == 0.0 and cap is None:
             released = self._balanced(system, start, begun, progress, released)
         pressure, gap, flow, under = fields.at.stress + progress.multiplier, None, None, problem
@@ -595,7 +601,7 @@ class Newton:
         return replace(solution, released_energy=released / self._grid.size, margin=self._margin)
 
     def _balanced(
-        self, system: AdhesiveSystem, start: FloatArray, begun: Progress, now: Progress, released: float
+        self, system: AdhesiveSystem, start: FloatArray, begun: NewtonState, now: NewtonState, released: float
     ) -> float:
         """Energy lost in instabilities, sum over the points, of which descents have met those `released`."""
         fields, least = self._fields, _NOTHING * system.strength * system.range
@@ -629,8 +635,8 @@ class Newton:
         return self._fields
 
     def _check(
-        self, system: AdhesiveSystem, progress: Progress, tolerance: float, cap: float | None
-    ) -> tuple[Progress, bool]:
+        self, system: AdhesiveSystem, progress: NewtonState, tolerance: float, cap: float | None
+    ) -> tuple[NewtonState, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
         fields, plans, lowest = self._fields, self._transforms.plans, self._lowest
         margin, curvature, attraction, turns = self._find_margin(system)
@@ -652,14 +658,14 @@ class Newton:
     def _find_margin(self, system: AdhesiveSystem) -> tuple[float, float, float, int]:
         """Follow the lowest mode; begin anew where none of the points that it moved is free."""
         fields, lowest = self._fields, self._lowest
-        given = self._single.plans, system, fields.at, fields.step, lowest
-        found: tuple[float, float, float, int] = find_margin(*given)
+        arguments = self._single.plans, system, fields.at, fields.step, lowest
+        followed: tuple[float, float, float, int] = find_margin(*arguments)
         moved, free = self._grid.sums.maximum(np.array([lowest.x.any(), fields.step.free.any()], float))
         if moved or not free:
-            return found
+            return followed
         lowest.x[:] = _any_deformation(self._grid)
-        margin, curvature, attraction, pairs = find_margin(*given)
-        return margin, curvature, attraction, found[-1] + pairs
+        margin, curvature, attraction, pairs = find_margin(*arguments)
+        return margin, curvature, attraction, followed[-1] + pairs
 
     def compile(self) -> None:
         """Compile the kernel for a balance of forces that is no minimum."""
@@ -679,7 +685,7 @@ class Newton:
         """Continue from a state."""
         self._mode[:], self._part = state["mode"], float(state["part"])
 
-    def _begin(self, system: AdhesiveSystem, start: FloatArray, cap: float | None) -> Progress:
+    def _begin(self, system: AdhesiveSystem, start: FloatArray, cap: float | None) -> NewtonState:
         """Set the surface where it begins; return where the path is."""
         fields, done, mean, energy, multiplier = self._fields, 1.0, 0.0, math.nan, 0.0
         u = fields.at.u
@@ -692,7 +698,7 @@ class Newton:
         else:
             u[:] = 0.0
             project(u, system.h, system.mean_is_fixed, sums.ranks)
-        return Progress(
+        return NewtonState(
             done, mean, damping=0.0, descends=False, refused=False, unstable=False, drop=0.0, released=0.0,
             pulled_off=False, multiplier=multiplier, residual=np.inf, energy=energy, exact=True,
             tangent=False, pairs=float(done == 0.0), iterations=0,
@@ -700,7 +706,7 @@ class Newton:
 
 
 def _any_deformation(grid: Grid) -> FloatArray:
-    """One that no symmetry rules out; always the same, of which each rank has its rows."""
+    """Return a deformation without symmetry, always the same; each rank has its rows of it."""
     numbers, row = np.random.default_rng(0), grid.size // grid.points[0]
     for _ in range(grid.first_row):
         numbers.normal(size=row)

@@ -120,36 +120,36 @@ class Reader:
             return None
 
     def _contents(self, number: int, h5: h5py.File) -> Contents:
-        found = Contents(dict(h5.attrs), len(h5["time"]))
-        variables = {name: each for name, each in h5.items() if isinstance(each, h5py.Dataset)}
-        for name, each in variables.items():
+        contents = Contents(dict(h5.attrs), len(h5["time"]))
+        variables = {name: dataset for name, dataset in h5.items() if isinstance(dataset, h5py.Dataset)}
+        for name, dataset in variables.items():
             if name not in self.described:
-                self.described[name] = _described(each)
+                self.described[name] = _described(dataset)
         along = {name: self.described[name].dimensions for name in variables}
         columns = [name for name, axes in along.items() if axes[:1] == ("time",)]
-        each_row = sum(variables[name].size for name in columns) / max(found.rows, 1)
+        each_row = sum(variables[name].size for name in columns) / max(contents.rows, 1)
         if self._with_curves is None:
-            least = max(int(min(LEAST_ROWS, found.rows) * each_row), 1)
+            least = max(int(min(LEAST_ROWS, contents.rows) * each_row), 1)
             self._with_curves = [self._files[i] for i in spread(len(self._files), CURVE_NUMBERS // least)]
         has_curves = number in self._with_curves
-        kept = kept_rows(found.rows, max(int(CURVE_NUMBERS / (len(self._with_curves) * each_row)), 2))
+        kept = kept_rows(contents.rows, max(int(CURVE_NUMBERS / (len(self._with_curves) * each_row)), 2))
         for name in columns if has_curves else set(columns).intersection(IN_TABLE):
             values = variables[name][...]
             finite = np.abs(values[np.isfinite(values)])
-            found.extremes[name] = float(finite.max(initial=0.0))
+            contents.extremes[name] = float(finite.max(initial=0.0))
             if has_curves:
-                found.columns[name] = np.asarray(values[kept], dtype=float)
+                contents.columns[name] = np.asarray(values[kept], dtype=float)
         held = {"time", "snapshot", "x", "y"}
         for name, axes in along.items():
             if axes and not held & {*axes, name} and variables[name].dtype.kind in "iuf" and len(axes) == 1:
-                found.lists[name] = np.asarray(variables[name][:MOST_OF_LISTS], dtype=float)
-        for name, value in found.attributes.items():
+                contents.lists[name] = np.asarray(variables[name][:MOST_OF_LISTS], dtype=float)
+        for name, value in contents.attributes.items():
             if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iuf":
-                found.lists[name] = value[:MOST_OF_LISTS].astype(float)
+                contents.lists[name] = value[:MOST_OF_LISTS].astype(float)
                 self.described.setdefault(name, Described({}, (name,)))
         if has_curves and self._has_room(number, self._with_curves, h5):
-            found.surfaces = self._surfaces(h5)
-        return found
+            contents.surfaces = self._surfaces(h5)
+        return contents
 
     def _has_room(self, number: int, among: list[int], h5: h5py.File) -> bool:
         """Whether the page has room for the snapshots of the case; if not for all, some cases have it."""
@@ -233,16 +233,16 @@ def html(label: str) -> str:
 
 
 def _mathtext(part: str) -> str:
-    text = _ACCENT.sub(lambda found: found[2] + _ACCENTS[found[1]], part.replace(r"\,", "\u2009"))
+    text = _ACCENT.sub(lambda match: match[2] + _ACCENTS[match[1]], part.replace(r"\,", "\u2009"))
     text = _UPRIGHT.sub(r"\1", _UPRIGHT_INDEX.sub(r"\1{\2}", text))
-    text = _SIGN.sub(lambda found: _SIGNS.get(found[1], found[1]), text)
+    text = _SIGN.sub(lambda match: _SIGNS.get(match[1], match[1]), text)
     return _INDEX.sub(_index, escape(text, quote=False)).translate({ord("{"): None, ord("}"): None})
 
 
-def _index(found: re.Match[str]) -> str:
+def _index(match: re.Match[str]) -> str:
     """Raise a power in Unicode, which needs no tags, and lower an index by a tag."""
-    inner = found[2] or found[3]
-    if found[1] == "_":
+    inner = match[2] or match[3]
+    if match[1] == "_":
         return f"<sub>{inner}</sub>"
     return inner.translate(_RAISED) if re.fullmatch(r"[-+0-9]+", inner) else f"<sup>{inner}</sup>"
 
@@ -258,7 +258,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, np.ndarray):
-        return ", ".join(str(plain(each)) for each in value.ravel().tolist())
+        return ", ".join(str(plain(item)) for item in value.ravel().tolist())
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):
@@ -269,49 +269,51 @@ def plain(value: Any) -> Any:
 SOFTWARE = ("gfmdlayer_version", "git_commit", "python_version", *(f"{name}_version" for name in LIBRARIES))
 
 
-def warnings(found: Contents) -> list[str]:
+def warnings(contents: Contents) -> list[str]:
     """Return the doubts about a case, from its file; the last two are otherwise only in a log."""
-    said = str(found.attributes.get("warnings", "")).splitlines()
-    if 0 < (points := int(found.attributes.get("most_contact_points", FEWEST))) < FEWEST:
+    said = str(contents.attributes.get("warnings", "")).splitlines()
+    if 0 < (points := int(contents.attributes.get("most_contact_points", FEWEST))) < FEWEST:
         said.append(f"coarse: at most {points} point{'s' * (points > 1)} in contact")
-    if found.attributes.get("settled") == 0:
+    if contents.attributes.get("settled") == 0:
         said.append("not steady at the end")
     return said
 
 
 def origins(complete: Sequence[Contents]) -> dict[str, str]:
     """Return the values of each attribute of provenance over the cases; times from the first to the last."""
-    found: dict[str, str] = {}
+    shown: dict[str, str] = {}
     for name in (*SOFTWARE, "hostname"):
-        values = dict.fromkeys(str(each.attributes[name]) for each in complete if name in each.attributes)
+        values = dict.fromkeys(
+            str(contents.attributes[name]) for contents in complete if name in contents.attributes
+        )
         if values:
-            found[name.replace("_", " ")] = ", ".join(values)
+            shown[name.replace("_", " ")] = ", ".join(values)
     for name, choose in (("started", min), ("finished", max)):
-        if every := [str(each.attributes[name]) for each in complete if name in each.attributes]:
-            found[name] = choose(every)
-    seconds = [float(each.attributes.get("wall_seconds", 0.0)) for each in complete]
+        if every := [str(contents.attributes[name]) for contents in complete if name in contents.attributes]:
+            shown[name] = choose(every)
+    seconds = [float(contents.attributes.get("wall_seconds", 0.0)) for contents in complete]
     if seconds:
-        found["seconds, all cases"] = f"{sum(seconds):.4g}"
-    return found
+        shown["seconds, all cases"] = f"{sum(seconds):.4g}"
+    return shown
 
 
 def notes(cases: Sequence[Listed], complete: Sequence[Contents]) -> dict[str, str]:
     """Return notes on the curves and surfaces that the page leaves out."""
-    drawn = [each for each in complete if each.columns]
-    thinned = [each for each in drawn if len(each.columns["time"]) < each.rows]
-    found = {"curves": "", "surfaces": ""}
+    drawn = [contents for contents in complete if contents.columns]
+    thinned = [contents for contents in drawn if len(contents.columns["time"]) < contents.rows]
+    left_out = {"curves": "", "surfaces": ""}
     if len(drawn) < len(complete):
-        found["curves"] = f"The page shows the curves of {len(drawn)} of {len(complete)} complete cases. "
+        left_out["curves"] = f"The page shows the curves of {len(drawn)} of {len(complete)} complete cases. "
     if thinned:
-        widest = max(thinned, key=lambda each: each.rows)
-        found["curves"] += (
+        widest = max(thinned, key=lambda contents: contents.rows)
+        left_out["curves"] += (
             f"The page shows up to {len(widest.columns['time'])} of {widest.rows} rows of a case."
         )
-    have = sum(int(each.attributes.get("snapshots", 0)) > 0 for each in complete)
-    held = sum(each.surfaces is not None for each in complete)
+    have = sum(int(contents.attributes.get("snapshots", 0)) > 0 for contents in complete)
+    held = sum(contents.surfaces is not None for contents in complete)
     if held < have:
-        found["surfaces"] = f"The page shows the surfaces of {held} of {len(cases)} cases."
-    return found
+        left_out["surfaces"] = f"The page shows the surfaces of {held} of {len(cases)} cases."
+    return left_out
 
 
 SCALES = ("L", "G0", "tau")
@@ -331,16 +333,16 @@ class Drawn(NamedTuple):
     @classmethod
     def of(cls, name: str, attributes: Mapping[str, str], scales: Mapping[str, Any], largest: float) -> Drawn:
         """Return it for values up to `largest`: the power of ten goes with the unit, if it has one."""
-        found = quantity(xarray.DataArray(np.nan, name=name, attrs=dict(attributes)), scales)
-        found = found.fit([largest / found.scale]) if found.unit else found
-        return cls(html(found.label), found.scale * 10.0**found.power)
+        axis = quantity(xarray.DataArray(np.nan, name=name, attrs=dict(attributes)), scales)
+        axis = axis.fit([largest / axis.scale]) if axis.unit else axis
+        return cls(html(axis.label), axis.scale * 10.0**axis.power)
 
     def __call__(self, values: Any) -> str:
         """Return values as the page holds them."""
         return packed(np.asarray(values) / self.divisor)
 
 
-class Swept(NamedTuple):
+class PageKeys(NamedTuple):
     """The swept keys as the page has them, their coordinates, and for each case the places of its values."""
 
     keys: list[dict[str, Any]]
@@ -352,11 +354,11 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
     """Read the cases, and return the data of their page for `json.dumps`; see `write_report`."""
     reader = Reader(cases)
     contents = [reader.read(case) if case.state == "complete" else None for case in cases]
-    complete = [each for each in contents if each is not None]
+    complete = [content for content in contents if content is not None]
     scales = {
         name: complete[0].attributes[name]
         for name in SCALES
-        if complete and len({each.attributes.get(name) for each in complete}) == 1
+        if complete and len({content.attributes.get(name) for content in complete}) == 1
         if name in complete[0].attributes
     }
     unit: Callable[[str], str] = str
@@ -366,8 +368,8 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
     described = reader.described
     columns, fields = (find(complete, described, scales) for find in (_columns, _fields))
     listed = [
-        _case(case, found, places, (columns, fields, described))
-        for case, found, places in zip(cases, contents, swept.places, strict=True)
+        _case(case, content, places, (columns, fields, described))
+        for case, content, places in zip(cases, contents, swept.places, strict=True)
     ]
     return {
         "keys": swept.keys,
@@ -379,29 +381,29 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
         "shown": _shown_first(columns, complete, swept),
         "fields": {name: drawn.label for name, drawn in fields.items()},
         "cases": listed,
-        "config": config or next((str(each.attributes.get("config", "")) for each in complete), ""),
+        "config": config or next((str(content.attributes.get("config", "")) for content in complete), ""),
         "provenance": origins(complete),
         "notes": notes(cases, complete),
     }
 
 
-def _swept(cases: Sequence[Listed], unit: Callable[[str], str]) -> Swept:
+def _swept(cases: Sequence[Listed], unit: Callable[[str], str]) -> PageKeys:
     keys = list(dict.fromkeys(key for case in cases for key in case.values))
     layout = lay_out([case.values for case in cases], keys, listed=True)
-    found, coordinates, places = [], {}, []
-    for name, each in layout.labels.items():
-        labels, inverse = np.unique(each.values, return_inverse=True)
-        if each.values.dtype.kind == "U":  # in the order of the configuration
-            order = list(dict.fromkeys(each.values.tolist()))
-            labels, inverse = np.array(order), np.array([order.index(text) for text in each.values])
-        coordinate = xarray.DataArray(labels, dims=name, name=name, attrs=described_key(each.key, unit))
+    keys_of_page, coordinates, places = [], {}, []
+    for name, label in layout.labels.items():
+        labels, inverse = np.unique(label.values, return_inverse=True)
+        if label.values.dtype.kind == "U":  # in the order of the configuration
+            order = list(dict.fromkeys(label.values.tolist()))
+            labels, inverse = np.array(order), np.array([order.index(text) for text in label.values])
+        coordinate = xarray.DataArray(labels, dims=name, name=name, attrs=described_key(label.key, unit))
         titles = [html(title) for title in value_titles(coordinate)]
-        is_number = each.values.dtype.kind in "if"
-        found.append(
+        is_number = label.values.dtype.kind in "if"
+        keys_of_page.append(
             {
-                "key": each.key,
+                "key": label.key,
                 "symbol": html(symbol(coordinate)),
-                "meaning": coordinate.attrs.get("long_name", each.key),
+                "meaning": coordinate.attrs.get("long_name", label.key),
                 "titles": titles,
                 "values": [plain(value) for value in labels.tolist()] if is_number else None,
             }
@@ -409,15 +411,17 @@ def _swept(cases: Sequence[Listed], unit: Callable[[str], str]) -> Swept:
         coordinates[name] = coordinate
         places.append(inverse.tolist())
     by_case = [list(each) for each in zip(*places, strict=True)] if places else [[] for _ in cases]
-    return Swept(found, coordinates, by_case)
+    return PageKeys(keys_of_page, coordinates, by_case)
 
 
 def _columns(
     complete: Sequence[Contents], described: Mapping[str, Described], scales: Mapping[str, Any]
 ) -> dict[str, Drawn]:
     """Return all columns that any case has, time first."""
-    names = dict.fromkeys(["time", *(name for each in complete for name in sorted(each.columns))])
-    largest = {name: max((each.extremes.get(name, 0.0) for each in complete), default=0.0) for name in names}
+    names = dict.fromkeys(["time", *(name for contents in complete for name in sorted(contents.columns))])
+    largest = {
+        name: max((contents.extremes.get(name, 0.0) for contents in complete), default=0.0) for name in names
+    }
     known = (name for name in names if name in described)
     return {name: Drawn.of(name, described[name].attributes, scales, largest[name]) for name in known}
 
@@ -460,7 +464,8 @@ def _bins(
     along = described[name].dimensions[1]
     both = (along, f"{along}_end")
     ends = next(
-        ([each.lists[end] for end in both] for each in complete if each.lists.keys() >= {*both}), None
+        ([contents.lists[end] for end in both] for contents in complete if contents.lists.keys() >= {*both}),
+        None,
     )
     if ends is None:
         return {}
@@ -471,7 +476,7 @@ def _bins(
     return {"bins": {"label": drawn.label, "edges": [plain(edge) for edge in edges.tolist()]}}
 
 
-def _shown_first(columns: Mapping[str, Drawn], complete: Sequence[Contents], swept: Swept) -> list[str]:
+def _shown_first(columns: Mapping[str, Drawn], complete: Sequence[Contents], swept: PageKeys) -> list[str]:
     """Return the two columns that are drawn when the page opens, chosen as for the figures."""
     about = {"swept": " ".join(each["key"] for each in swept.keys)}
     if complete:
@@ -486,54 +491,57 @@ def _shown_first(columns: Mapping[str, Drawn], complete: Sequence[Contents], swe
 
 def _case(
     case: Listed,
-    found: Contents | None,
+    contents: Contents | None,
     places: list[int],
     how: tuple[Mapping[str, Drawn], Mapping[str, Drawn], Mapping[str, Described]],
 ) -> dict[str, Any]:
     columns, fields, described = how
     about: dict[str, Any] = {"number": case.number, "at": places, "state": case.state, "reason": case.reason}
-    if found is None:
+    if contents is None:
         unreadable = {"state": "damaged", "reason": f"{case.path.name} is not a complete result file"}
         return about | (unreadable if case.state == "complete" else {})
-    placed = PLACED | found.lists.keys()
-    facts = {name: plain(value) for name, value in found.attributes.items() if name not in placed}
-    work = found.extremes.get("work", 0.0)
-    binned = {each.dimensions[1] for each in described.values() if len(each.dimensions) == 2}
+    placed = PLACED | contents.lists.keys()
+    facts = {name: plain(value) for name, value in contents.attributes.items() if name not in placed}
+    work = contents.extremes.get("work", 0.0)
+    binned = {
+        description.dimensions[1] for description in described.values() if len(description.dimensions) == 2
+    }
     return about | {
-        "rows": found.rows,
-        "residual": plain(found.extremes.get("residual")) if "residual" in found.extremes else None,
-        "balance": found.extremes["energy_residual"] / work
-        if work and "energy_residual" in found.extremes
+        "rows": contents.rows,
+        "residual": plain(contents.extremes.get("residual")) if "residual" in contents.extremes else None,
+        "balance": contents.extremes["energy_residual"] / work
+        if work and "energy_residual" in contents.extremes
         else None,
-        "seconds": plain(found.attributes.get("wall_seconds")),
-        "warnings": warnings(found),
+        "seconds": plain(contents.attributes.get("wall_seconds")),
+        "warnings": warnings(contents),
         "facts": facts,
         "lists": [
             {"name": name, "about": described[name].attributes, "values": packed(values)}
-            for name, values in found.lists.items()
+            for name, values in contents.lists.items()
             if described[name].dimensions[0] not in binned
         ],
-        "columns": {name: columns[name](values) for name, values in found.columns.items()} or None,
-        "surface": None if found.surfaces is None else _surface(found.surfaces, fields),
+        "columns": {name: columns[name](values) for name, values in contents.columns.items()} or None,
+        "surface": None if contents.surfaces is None else _surface(contents.surfaces, fields),
     }
 
 
-def _surface(found: Surfaces, fields: Mapping[str, Drawn]) -> dict[str, Any]:
+def _surface(surfaces: Surfaces, fields: Mapping[str, Drawn]) -> dict[str, Any]:
     said = [
         f"every {_ordinal(n)} point along {name}"
-        for name, n in zip("xy", found.strides, strict=False)
+        for name, n in zip("xy", surfaces.strides, strict=False)
         if n > 1
     ]
-    said += [f"{len(found.times)} of {found.among} snapshots"] * (len(found.times) < found.among)
+    said += [f"{len(surfaces.times)} of {surfaces.among} snapshots"] * (len(surfaces.times) < surfaces.among)
     return {
-        "times": (found.times / fields["snapshot"].divisor).tolist(),
-        "axes": {name: fields[name](values) for name, values in found.axes.items()},
-        "fields": {name: fields[name](values) for name, values in found.fields.items()},
+        "times": (surfaces.times / fields["snapshot"].divisor).tolist(),
+        "axes": {name: fields[name](values) for name, values in surfaces.axes.items()},
+        "fields": {name: fields[name](values) for name, values in surfaces.fields.items()},
         "note": ", ".join(said),
         "inside": None
-        if found.inside is None
+        if surfaces.inside is None
         else {
-            name: fields[name](values) for name, values in zip(("z", "von_mises"), found.inside, strict=True)
+            name: fields[name](values)
+            for name, values in zip(("z", "von_mises"), surfaces.inside, strict=True)
         },
     }
 

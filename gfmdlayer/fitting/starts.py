@@ -13,25 +13,26 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.config import ConfigError, text
-from gfmdlayer.fitting.indentation.curve import DEPTH, ForceCurve, baseline, noise_of
-from gfmdlayer.fitting.indentation.elastic import KINDS, NO_ADHESION, work_for
-from gfmdlayer.fitting.indentation.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
-from gfmdlayer.fitting.indentation.problem import (
+from gfmdlayer.config import ConfigError
+from gfmdlayer.fitting.elastic import KINDS, NO_ADHESION, work_for
+from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
+from gfmdlayer.fitting.force_curve import DEPTH, ForceCurve, baseline, noise_of
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import (
     MODULI,
     SECTIONS,
     STICKING,
     WIDE,
     Free,
+    FreeParameter,
+    IndentationModel,
     LeastSquares,
-    Model,
-    Parameter,
-    Prediction,
     free_parameters,
 )
-from gfmdlayer.indentation.equilibrium import Adhesion
+from gfmdlayer.indentation.equilibrium import EdgeAdhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.punch.revolution import abel_transform
+from gfmdlayer.validation import text
 from gfmdlayer.validation.problems import location_of_key, shown, unknown_key
 
 TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
@@ -50,13 +51,15 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
         except OSError as error:
             raise ConfigError([f"{model}: cannot be read ({error.strerror}); must be a YAML file"]) from None
         if document.problems or not isinstance(document.data, dict):
-            found = [f"{place}: {message}" for place, message in document.problems]
-            raise ConfigError(found or [f"{model}: must have the keys layer, halfspace and punch"])
+            problems = [f"{place}: {message}" for place, message in document.problems]
+            raise ConfigError(problems or [f"{model}: must have the keys layer, halfspace and punch"])
         data = document.data
         try:
-            Model({key: value for key, value in data.items() if key != "free"})
+            IndentationModel({key: value for key, value in data.items() if key != "free"})
         except ConfigError as error:
-            raise ConfigError(f"{_place(document, each)}: {each}" for each in error.problems) from None
+            raise ConfigError(
+                f"{_place(document, problem)}: {problem}" for problem in error.problems
+            ) from None
     own = data.pop("free", None)
     keys = own if free is None else free
     if wrong := list(_wrong_keys(keys)):
@@ -91,10 +94,15 @@ def _finite(value: Any) -> bool:
 
 
 def make_problem(
-    curves: Sequence[ForceCurve], model: Model, parameters: Sequence[Parameter], options: FitOptions
+    curves: Sequence[ForceCurve],
+    model: IndentationModel,
+    parameters: Sequence[FreeParameter],
+    options: FitOptions,
 ) -> LeastSquares:
     """Return the least-squares problem of curves, at the model's values."""
-    offsets = {each.curve: each.start for each in parameters if each.key == "force_offset"}
+    offsets = {
+        parameter.curve: parameter.start for parameter in parameters if parameter.key == "force_offset"
+    }
     return LeastSquares(
         model,
         parameters,
@@ -111,8 +119,8 @@ def make_problem(
 
 
 def curve_parameters(
-    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions
-) -> list[Parameter]:
+    curves: Sequence[ForceCurve], model: IndentationModel, free: Free, options: FitOptions
+) -> list[FreeParameter]:
     """Return the free parameters of a fit, with the starts and the default bounds that follow from curves."""
     depth = max(float(np.ptp(curve.depth)) for curve in curves)
     force = max(float(np.ptp(curve.force)) for curve in curves)
@@ -134,20 +142,25 @@ def curve_parameters(
     if uncertain and "stiffness" not in asked:
         spans["stiffness"] = (min(springs.values()) / STRETCH, max(springs.values()) * STRETCH)
         added = free_parameters(model, {"stiffness": None}, [curve.name for curve in curves], spans)
-        added = [each for each in added if each.curve in {"", *uncertain}]
+        added = [parameter for parameter in added if parameter.curve in {"", *uncertain}]
     else:
         added = []
-    found = free_parameters(model, asked, [curve.name for curve in curves], spans) + added
+    parameters = free_parameters(model, asked, [curve.name for curve in curves], spans) + added
     starts = {curve.name if len(curves) > 1 else "": curve for curve in curves}
-    found = [
-        replace(each, start=starts[each.curve].stiffness or 1.0) if each.key == "stiffness" else each
-        for each in found
+    parameters = [
+        replace(parameter, start=starts[parameter.curve].stiffness or 1.0)
+        if parameter.key == "stiffness"
+        else parameter
+        for parameter in parameters
     ]
     if options.contact == "given":
-        return found
+        return parameters
     sticks = model.adhesion is not None or options.adhesion is not None
     points = {name: _touch(curve) if sticks else detect(curve) for name, curve in starts.items()}
-    return [_from_detection(each, points[each.curve]) if each.key in spans else each for each in found]
+    return [
+        _from_detection(parameter, points[parameter.curve]) if parameter.key in spans else parameter
+        for parameter in parameters
+    ]
 
 
 def _touch(curve: ForceCurve) -> ContactPoint:
@@ -179,12 +192,12 @@ def _change(curve: ForceCurve) -> ContactPoint:
         powers = np.vander(position[row:] - position[row], 3)
         rest = force[row:] - powers @ np.linalg.lstsq(powers, force[row:], rcond=None)[0]
         squares[row] = force[:row].var() * row + float(rest @ rest)
-    row = min(squares, key=lambda each: squares[each])
+    row = min(squares, key=lambda split: squares[split])
     offset = float(np.mean(force[:row]))
     return ContactPoint(float(position[row]), abs(float(position[row] - position[row - 1])), offset)
 
 
-def _from_detection(parameter: Parameter, point: Any) -> Parameter:
+def _from_detection(parameter: FreeParameter, point: Any) -> FreeParameter:
     start = {"contact_point": point.depth, "force_offset": point.offset}.get(parameter.key, parameter.start)
     low, high = parameter.bounds
     if parameter.key in {"contact_point", "force_offset"}:
@@ -199,8 +212,8 @@ def first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
     """
     if problem.model.adhesion is not None:
         return _sticking_guess(problem)
-    times = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] == "tau"]
-    duration = max(float(np.ptp(each.curve.time)) for each in problem.predictions)
+    times = [i for i, parameter in enumerate(problem.parameters) if parameter.key.rpartition(".")[2] == "tau"]
+    duration = max(float(np.ptp(prediction.curve.time)) for prediction in problem.predictions)
     shifts = [0.0]
     if times:
         first = min(problem.start[i] for i in times)
@@ -219,8 +232,10 @@ def _sticking_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
 
     For each of several factors the adhesion follows from the largest pull of the curves.
     """
-    moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
-    sticky = [i for i, each in enumerate(problem.parameters) if each.key.startswith(STICKING)]
+    moduli = [
+        i for i, parameter in enumerate(problem.parameters) if parameter.key.rpartition(".")[2] in MODULI
+    ]
+    sticky = [i for i, parameter in enumerate(problem.parameters) if parameter.key.startswith(STICKING)]
     trials, middle = [], _scaled(problem, problem.start)[2]
     low, high = problem.bounds
     for factor in middle * np.geomspace(1 / RANGE, RANGE, TRIALS) if moduli else [1.0]:
@@ -236,17 +251,17 @@ def _sticking_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
 def _sticking(problem: LeastSquares, u: FloatArray) -> float:
     """Return the work, or the force, of adhesion that has the largest pull of the curves."""
     (kind,) = (str(value) for key, value in (problem.model.adhesion or {}).items() if key == "model")
-    found = []
-    for each in problem.predictions:
-        config, at = problem.at(u, each)
-        force = each.curve.force - baseline(each.curve, at)
-        pull = max(-float(np.min(force[each.used])), 3 * noise_of(each.curve.force))
+    sizes = []
+    for prediction in problem.predictions:
+        config, at = problem.at(u, prediction)
+        force = prediction.curve.force - baseline(prediction.curve, at)
+        pull = max(-float(np.min(force[prediction.used])), 3 * noise_of(prediction.curve.force))
         pull = max(pull, 1e-4 * float(np.max(force)))
         if kind == "jkr":
-            bare = each.contacts(config, at._replace(adhesion=Adhesion()))
+            bare = prediction.contacts(config, at._replace(adhesion=EdgeAdhesion()))
             pull = work_for(pull, bare.equilibria)
-        found.append(pull)
-    return float(np.median(found))
+        sizes.append(pull)
+    return float(np.median(sizes))
 
 
 def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, float]:
@@ -254,21 +269,23 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
 
     The force at the measured depth is the predicted one, multiplied by a power of the ratio of the depths.
     """
-    moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
+    moduli = [
+        i for i, parameter in enumerate(problem.parameters) if parameter.key.rpartition(".")[2] in MODULI
+    ]
     predicted, measured = [], []
-    for each in problem.predictions:
-        config, at = problem.at(u, each)
-        force, depth = each.response(config, at._replace(adhesion=Adhesion()))
+    for prediction in problem.predictions:
+        config, at = problem.at(u, prediction)
+        force, depth = prediction.response(config, at._replace(adhesion=EdgeAdhesion()))
         problem.solutions += 1
-        since = each.curve.time - each.curve.time[0]
-        own = each.curve.depth - at.contact_point - at.drift * since
-        if each.kinds != {DEPTH}:
+        since = prediction.curve.time - prediction.curve.time[0]
+        own = prediction.curve.depth - at.contact_point - at.drift * since
+        if prediction.kinds != {DEPTH}:
             touching = depth > 0.05 * float(np.max(depth))
             ratio = np.maximum(own[touching], 0.0) / depth[touching]
             force = np.where(depth > 0, force, 0.0)
-            force[touching] *= ratio ** each.setup(config).onset
-        predicted.append(force[each.used])
-        measured.append((each.curve.force - baseline(each.curve, at))[each.used])
+            force[touching] *= ratio ** prediction.setup(config).onset
+        predicted.append(force[prediction.used])
+        measured.append((prediction.curve.force - baseline(prediction.curve, at))[prediction.used])
     x, y = np.concatenate(predicted), np.concatenate(measured)
     along = float(x @ y) / max(float(x @ x), 1e-300)
     factor = along if along > 0 else 1.0
@@ -278,7 +295,9 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
     return shifted, float(np.sum((factor * x - y) ** 2)), factor
 
 
-def with_adhesion(model: Model, free: Free, kind: str, curves: Sequence[ForceCurve]) -> tuple[Model, Free]:
+def with_adhesion(
+    model: IndentationModel, free: Free, kind: str, curves: Sequence[ForceCurve]
+) -> tuple[IndentationModel, Free]:
     """Return a model with adhesion of a kind whose work or force is free, or without adhesion."""
     asked = keys_with_adhesion(model, free, kind)
     if kind == NO_ADHESION:
@@ -295,7 +314,7 @@ def with_adhesion(model: Model, free: Free, kind: str, curves: Sequence[ForceCur
     return model.sticking({"model": kind, name: start}), asked
 
 
-def keys_with_adhesion(model: Model, free: Free, kind: str) -> dict[str, Sequence[float] | None]:
+def keys_with_adhesion(model: IndentationModel, free: Free, kind: str) -> dict[str, Sequence[float] | None]:
     """Return the free parameters with adhesion of a kind, in place of those of the model's."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     own = "" if kind == NO_ADHESION else f"{STICKING}{KINDS[kind]}"
@@ -307,7 +326,7 @@ def keys_with_adhesion(model: Model, free: Free, kind: str) -> dict[str, Sequenc
     return others | ({own: asked.get(own)} if own else {})
 
 
-def _size(model: Model, kind: str, curves: Sequence[ForceCurve]) -> float:
+def _size(model: IndentationModel, kind: str, curves: Sequence[ForceCurve]) -> float:
     """Return the size that adhesion may have: the largest force, or its energy over the area of contact."""
     force = max(float(np.ptp(curve.force)) for curve in curves)
     if kind == "dmt":

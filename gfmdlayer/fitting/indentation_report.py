@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from gfmdlayer.config import text
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
-from gfmdlayer.fitting.indentation.estimates import CurveFit, Estimate, IndentationFit
-from gfmdlayer.fitting.report import plain_name, with_suffixes, written
+from gfmdlayer.fitting.estimates import CurveFit, Estimate, IndentationFit
+from gfmdlayer.fitting.material import plain_name, with_suffixes, written
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
+from gfmdlayer.validation import text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,12 +69,12 @@ def as_table(fit: IndentationFit) -> str:
     ]
     lines = [f"# {line}" for line in summary(fit)]
     lines.append(",".join([*names, "used", "segment", "prescribed", "curve"]))
-    for each in fit.curves:
-        columns = _rows(each)
+    for fitted in fit.curves:
+        columns = _rows(fitted)
         numbers = np.column_stack([columns[key] for key in ("time", *MEASURED)])
         words = zip(columns["used"], columns["segment"], columns["prescribed"], strict=True)
         for row, (used, *named) in zip(numbers.tolist(), words, strict=True):
-            lines.append(",".join([*map(repr, row), str(int(used)), *named, _word(each.curve.name)]))
+            lines.append(",".join([*map(repr, row), str(int(used)), *named, _word(fitted.curve.name)]))
     return "\n".join(lines) + "\n"
 
 
@@ -83,18 +83,18 @@ def add_fit(h5: h5py.File, fit: IndentationFit) -> None:
     add_estimates(h5, fit)
     units = fit.config.units
     labels = {"time": "time", "depth": "length", "force": "force"}
-    for each in fit.curves:
-        name = each.curve.name.replace("/", "_")
+    for fitted in fit.curves:
+        name = fitted.curve.name.replace("/", "_")
         while name in h5:  # an estimate, or another curve
             name += "_"
         group = h5.create_group(name)
-        for key, values in _rows(each).items():
+        for key, values in _rows(fitted).items():
             is_text = key in {"segment", "prescribed"}
             data = np.array(values, dtype=object) if is_text else values
             group.create_dataset(key, data=data, dtype=h5py.string_dtype() if is_text else None)
             if units is not None and (words := labels.get(key.removeprefix("fitted_"))):
                 group[key].attrs["units"] = units.label(words)
-        for key, value in _curve_data(each).items():
+        for key, value in _curve_data(fitted).items():
             if value is not None:
                 stored = value if isinstance(value, (str, int, float)) else json.dumps(value)
                 group.attrs[key] = stored
@@ -102,16 +102,18 @@ def add_fit(h5: h5py.File, fit: IndentationFit) -> None:
         h5.attrs["adhesion"] = json.dumps(dict(fit.adhesion))
     if fit.choice:
         h5.attrs["alternatives"], h5.attrs["choice"] = json.dumps(dict(fit.alternatives)), fit.choice
-    given = {"start": json.dumps(dict(fit.start)), "options": json.dumps(vars(fit.options))}
+    inputs = {"start": json.dumps(dict(fit.start)), "options": json.dumps(vars(fit.options))}
     model = text.written(fit.config.model_dump(exclude_none=True))
     known = {"model": model, "warnings": "\n".join(fit.warnings)}
-    set_attributes(h5, {**provenance(), **given, **known, "complete": 1})
+    set_attributes(h5, {**provenance(), **inputs, **known, "complete": 1})
 
 
 def add_estimates(h5: h5py.File, fit: IndentationFit) -> None:
     """Put the estimates of a fit into a new file, see `force_map`."""
-    keys = np.array([each.name for each in fit.parameters], dtype=object)
-    rows = np.array([[each.value, each.standard_error, *each.interval] for each in fit.parameters]).T
+    keys = np.array([estimate.name for estimate in fit.parameters], dtype=object)
+    rows = np.array(
+        [[estimate.value, estimate.standard_error, *estimate.interval] for estimate in fit.parameters]
+    ).T
     add_variable(h5, "parameter", ("parameter",), {}, data=keys, dtype=h5py.string_dtype())
     for column, values in zip(COLUMNS, rows, strict=True):
         add_variable(h5, column, ("parameter",), {}, data=values)
@@ -127,15 +129,15 @@ def _noise(fit: IndentationFit) -> float:
     return float(np.sqrt(np.mean(known**2)))
 
 
-def _rows(each: CurveFit) -> dict[str, Any]:
+def _rows(fitted: CurveFit) -> dict[str, Any]:
     """Return the columns of a curve, measured and fitted, with the names of its segments."""
-    curve = each.curve
+    curve = fitted.curve
     words: dict[str, list[str]] = {"segment": [], "prescribed": []}
     for part in curve.segments:
         for key, word in (("segment", part.name), ("prescribed", part.prescribed)):
             words[key] += [_word(word)] * (part.end - part.first)
     numbers = {"time": curve.time, "depth": curve.depth, "force": curve.force}
-    return numbers | {"fitted_depth": each.depth, "fitted_force": each.force, "used": each.used} | words
+    return numbers | {"fitted_depth": fitted.depth, "fitted_force": fitted.force, "used": fitted.used} | words
 
 
 def _word(words: str) -> str:
@@ -172,19 +174,19 @@ def as_data(fit: IndentationFit) -> dict[str, Any]:
     }
 
 
-def _curve_data(each: CurveFit) -> dict[str, Any]:
+def _curve_data(fitted: CurveFit) -> dict[str, Any]:
     return {
-        "name": each.curve.name,
-        "rows": each.curve.time.size,
-        "fitted_rows": int(each.used.sum()),
-        "noise": _known(each.noise),
-        "depth_noise": _known(each.depth_noise),
-        "segments": [segment._asdict() for segment in each.curve.segments],
-        "guessed": each.curve.guessed,
-        "stiffness": each.curve.stiffness,
-        "stiffness_error": each.curve.stiffness_error,
-        "punch": None if each.curve.punch is None else dict(each.curve.punch),
-        **each.curve.origin,
+        "name": fitted.curve.name,
+        "rows": fitted.curve.time.size,
+        "fitted_rows": int(fitted.used.sum()),
+        "noise": _known(fitted.noise),
+        "depth_noise": _known(fitted.depth_noise),
+        "segments": [segment._asdict() for segment in fitted.curve.segments],
+        "guessed": fitted.curve.guessed,
+        "stiffness": fitted.curve.stiffness,
+        "stiffness_error": fitted.curve.stiffness_error,
+        "punch": None if fitted.curve.punch is None else dict(fitted.curve.punch),
+        **fitted.curve.origin,
     }
 
 
@@ -192,42 +194,42 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _estimate(each: Estimate) -> dict[str, Any]:
-    ends = each.profile and [end if math.isfinite(end) else None for end in each.profile]
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    ends = estimate.profile and [end if math.isfinite(end) else None for end in estimate.profile]
     return {
-        "key": each.key,
-        "curve": each.curve or None,
-        "value": each.value,
-        "standard_error": _known(each.standard_error),
-        "interval_95": [_known(end) for end in each.interval],
+        "key": estimate.key,
+        "curve": estimate.curve or None,
+        "value": estimate.value,
+        "standard_error": _known(estimate.standard_error),
+        "interval_95": [_known(end) for end in estimate.interval],
         "profile_95": ends,
-        "bounds": list(each.bounds),
+        "bounds": list(estimate.bounds),
     }
 
 
 def summary(fit: IndentationFit) -> list[str]:
     """Return lines with the estimates, the noise, the correlations and the warnings."""
-    rows = sum(each.curve.time.size for each in fit.curves)
+    rows = sum(fitted.curve.time.size for fitted in fit.curves)
     number = "1 curve" if len(fit.curves) == 1 else f"{len(fit.curves)} curves"
     parameters = "1 free parameter" if len(fit.parameters) == 1 else f"{len(fit.parameters)} free parameters"
     return [
         f"Fit of {number}, {rows} rows, {parameters}. AIC {fit.aic:.2f}, BIC {fit.bic:.2f}.",
         *_table(fit.parameters),
         *([f"adhesion: {fit.choice}"] if fit.choice else []),
-        *(line for each in fit.curves[:SHOWN_CURVES] for line in _curve(each)),
+        *(line for fitted in fit.curves[:SHOWN_CURVES] for line in _curve(fitted)),
         *_correlations(fit),
         *(f"warning: {warning}" for warning in fit.warnings),
     ]
 
 
-def _curve(each: CurveFit) -> Iterator[str]:
+def _curve(fitted: CurveFit) -> Iterator[str]:
     """Yield lines with the segments of a curve, as given or guessed, and its noise."""
-    name, guessed = each.curve.name, each.curve.guessed
-    yield f"segments of {name}: {', '.join(map(str, each.curve.segments))}" + (
+    name, guessed = fitted.curve.name, fitted.curve.guessed
+    yield f"segments of {name}: {', '.join(map(str, fitted.curve.segments))}" + (
         f" ({guessed})" if guessed else ""
     )
-    found = {"force": each.noise, "depth": each.depth_noise}
-    words = (f"{value:.4g} of the {key}" for key, value in found.items() if math.isfinite(value))
+    noise = {"force": fitted.noise, "depth": fitted.depth_noise}
+    words = (f"{value:.4g} of the {key}" for key, value in noise.items() if math.isfinite(value))
     yield f"noise of {name}: {', '.join(words)}"
 
 
@@ -245,16 +247,16 @@ def comparison(fits: dict[str, IndentationFit]) -> list[str]:
 
 
 def _table(estimates: Sequence[Estimate]) -> Iterator[str]:
-    width = max(len("parameter"), *(len(each.name) for each in estimates))
-    profiled = any(each.profile for each in estimates)
+    width = max(len("parameter"), *(len(estimate.name) for estimate in estimates))
+    profiled = any(estimate.profile for estimate in estimates)
     profile_head = "  95 % profile interval" if profiled else ""
     yield f"{'parameter':{width}}  {'value':>12}  {'error':>10}  {'95 % interval':26}{profile_head}".rstrip()
-    for each in estimates:
-        low, high = each.interval
-        line = f"{each.name:{width}}  {each.value:12.6g}  {each.standard_error:10.3g}  "
+    for estimate in estimates:
+        low, high = estimate.interval
+        line = f"{estimate.name:{width}}  {estimate.value:12.6g}  {estimate.standard_error:10.3g}  "
         line += f"{f'{low:.6g} to {high:.6g}':26}"
-        if each.profile:
-            line += f"  {each.profile[0]:.6g} to {each.profile[1]:.6g}"
+        if estimate.profile:
+            line += f"  {estimate.profile[0]:.6g} to {estimate.profile[1]:.6g}"
         yield line.rstrip()
 
 
@@ -262,8 +264,8 @@ def _correlations(fit: IndentationFit) -> Iterator[str]:
     if len(fit.parameters) < 2 or len(fit.parameters) > 2 * SHOWN_CURVES:
         return
     yield "correlation:"
-    for each, row in zip(fit.parameters, fit.correlation, strict=True):
-        yield "  " + " ".join(f"{value:6.3f}" for value in row) + f"  {each.name}"
+    for estimate, row in zip(fit.parameters, fit.correlation, strict=True):
+        yield "  " + " ".join(f"{value:6.3f}" for value in row) + f"  {estimate.name}"
 
 
 def fit_figure(fit: IndentationFit) -> Figure:
@@ -272,22 +274,22 @@ def fit_figure(fit: IndentationFit) -> Figure:
     quantities = [
         (name, by_force)
         for name, by_force in (("force", False), ("depth", True))
-        if any((each.curve.by_force == by_force).any() for each in shown)
+        if any((fitted.curve.by_force == by_force).any() for fitted in shown)
     ]
     units = fit.config.units
     with styled():
         figure = new_figure(2 if len(quantities) > 1 else 1, 100.0)
         axes = figure.subplots(2, len(quantities), sharex=True, squeeze=False, height_ratios=(2.2, 1))
         for number, ((name, by_force), (above, below)) in enumerate(zip(quantities, axes.T, strict=True)):
-            for each, colour in zip(shown, colours(len(shown) + 1), strict=False):
-                if (each.curve.by_force == by_force).any():
-                    _draw(above, below, each, by_force, colour)
+            for fitted, colour in zip(shown, colours(len(shown) + 1), strict=False):
+                if (fitted.curve.by_force == by_force).any():
+                    _draw(above, below, fitted, by_force, colour)
             above.set_title(f"({'abcd'[number]})", loc="left")
             handles, labels = above.get_legend_handles_labels()
             above.legend(handles[:3], labels[:3])
             below.axhline(0, color="black", linewidth=0.5)
             words = {"force": "force", "depth": "length"}[name]
-            time, unit = ("" if units is None else units.label(each) for each in ("time", words))
+            time, unit = ("" if units is None else units.label(word) for word in ("time", words))
             name_axes(above, y=Quantity(name, unit))
             name_axes(below, Quantity("time", time), Quantity("residual", unit))
             below.set_title(f"({'abcd'[len(quantities) + number]})", loc="left")
@@ -295,15 +297,15 @@ def fit_figure(fit: IndentationFit) -> Figure:
     return figure
 
 
-def _draw(above: Axes, below: Axes, each: CurveFit, by_force: bool, colour: str) -> None:
-    rows = each.curve.by_force == by_force
-    fitted = np.where(rows, each.depth if by_force else each.force, np.nan)  # a gap where it is prescribed
-    measured = np.where(rows, each.curve.measured, np.nan)
-    time, band = each.curve.time, each.band
+def _draw(above: Axes, below: Axes, curve_fit: CurveFit, by_force: bool, colour: str) -> None:
+    rows = curve_fit.curve.by_force == by_force
+    fitted = np.where(rows, curve_fit.depth if by_force else curve_fit.force, np.nan)  # gaps where prescribed
+    measured = np.where(rows, curve_fit.curve.measured, np.nan)
+    time, band = curve_fit.curve.time, curve_fit.band
     thin = max(1, time.size // 400)  # more markers would hide the line
     above.plot(time[::thin], measured[::thin], ".", color="0.6", ms=2.2, mew=0, label="measured")
     above.plot(time, fitted, color=colour, linewidth=1.0, label="fitted")
     above.fill_between(time, fitted - band, fitted + band, color=colour, alpha=0.3, lw=0, label="95 % band")
-    residual = np.where(each.used, measured - fitted, np.nan)
+    residual = np.where(curve_fit.used, measured - fitted, np.nan)
     below.plot(time[::thin], residual[::thin], ".", color=colour, ms=1.8, mew=0)
     below.fill_between(time, -band, band, where=rows, color=colour, alpha=0.3, lw=0)

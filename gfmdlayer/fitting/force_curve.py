@@ -17,7 +17,7 @@ from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.measurement import FitError
-from gfmdlayer.indentation.equilibrium import Adhesion
+from gfmdlayer.indentation.equilibrium import EdgeAdhesion
 from gfmdlayer.indentation.solve import corners
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 from gfmdlayer.validation.units import Units
@@ -117,8 +117,8 @@ class ForceCurve:
     def _faults(self) -> Iterator[str]:
         sizes = {key: getattr(self, key).size for key in ("time", "depth", "force")}
         if len(set(sizes.values())) > 1:
-            found = ", ".join(f"{size} of {key}" for key, size in sizes.items())
-            yield f"has {found}; give the same number of each"
+            counts = ", ".join(f"{size} of {key}" for key, size in sizes.items())
+            yield f"has {counts}; give the same number of each"
             return
         if self.time.size < FEWEST_ROWS:
             yield f"has {self.time.size} rows; a fit needs at least {FEWEST_ROWS}"
@@ -146,30 +146,30 @@ class ForceCurve:
     def _faults_of_segments(self) -> Iterator[str]:
         rows = self.time.size
         for key in ("prescribed", "segment"):
-            given = getattr(self, key)
-            if not (given is None or isinstance(given, str)) and len(given) != rows:
-                yield f"{key} has {len(given)} values for {rows} rows; give one for each row"
+            words = getattr(self, key)
+            if not (words is None or isinstance(words, str)) and len(words) != rows:
+                yield f"{key} has {len(words)} values for {rows} rows; give one for each row"
                 return
-        given = [self.prescribed] if isinstance(self.prescribed, str) else self.prescribed
-        wrong = [] if given is None else sorted({str(each) for each in given} - set(PRESCRIBED))
+        prescribed = [self.prescribed] if isinstance(self.prescribed, str) else self.prescribed
+        wrong = [] if prescribed is None else sorted({str(kind) for kind in prescribed} - set(PRESCRIBED))
         if wrong:
             yield f"prescribed is {wrong[0]!r}; it must be one of {', '.join(PRESCRIBED)}"
             return
-        kinds = {each.prescribed for each in self.segments}
+        kinds = {segment.prescribed for segment in self.segments}
         if BASE in kinds and self.stiffness is None:
             yield "the base is prescribed, but the stiffness of the cantilever is missing; give the stiffness"
         if {BASE, DEPTH} <= kinds:
             yield "prescribes the depth and the base; give one of them, or the force, in each segment"
-        names = [each.name for each in self.segments if each.name in {"approach", "retract"}]
+        names = [segment.name for segment in self.segments if segment.name in {"approach", "retract"}]
         if "approach" in names and names[0] == "retract":
             yield "its segments are out of order: retract comes before approach"
-        for each in self.segments:
-            moved = self.position_of_drive[each.end - 1] - self.position_of_drive[each.first]
-            sense = {"approach": -1, "retract": 1}.get(each.name, 0)
+        for segment in self.segments:
+            moved = self.position_of_drive[segment.end - 1] - self.position_of_drive[segment.first]
+            sense = {"approach": -1, "retract": 1}.get(segment.name, 0)
             if self.segment is not None and sense * moved > NEGLIGIBLE * np.ptp(self.position_of_drive):
                 yield (
-                    f"the segment {each} moves {'away' if sense < 0 else 'inward'}; are the segments out of "
-                    "order, or is a sign wrong?"
+                    f"the segment {segment} moves {'away' if sense < 0 else 'inward'}; are the segments out "
+                    "of order, or is a sign wrong?"
                 )
 
     @cached_property
@@ -180,26 +180,26 @@ class ForceCurve:
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
         """The segments, as given or guessed, one for each stretch of one name and one prescribed quantity."""
-        names, kinds = (_by_row(each, self.time.size) for each in (self.segment, self.prescribed))
-        for each in _guess(self) if self.prescribed is None or self.segment is None else ():
-            for row in range(each.first, each.end):
-                names[row] = names[row] or each.name
-                kinds[row] = kinds[row] or each.prescribed
+        names, kinds = (_by_row(words, self.time.size) for words in (self.segment, self.prescribed))
+        for guess in _guess(self) if self.prescribed is None or self.segment is None else ():
+            for row in range(guess.first, guess.end):
+                names[row] = names[row] or guess.name
+                kinds[row] = kinds[row] or guess.prescribed
         ends = [i for i in range(1, len(names)) if (names[i], kinds[i]) != (names[i - 1], kinds[i - 1])]
         return tuple(Segment(names[i], kinds[i], i, j) for i, j in pairwise([0, *ends, len(names)]))
 
     @cached_property
     def by_force(self) -> BoolArray:
         """Whether the force is prescribed in a row, and the depth measured; shape (rows,)."""
-        found = np.zeros(self.time.size, dtype=bool)
-        for each in self.segments:
-            found[each.first : each.end] = each.prescribed == FORCE
-        return found
+        rows = np.zeros(self.time.size, dtype=bool)
+        for segment in self.segments:
+            rows[segment.first : segment.end] = segment.prescribed == FORCE
+        return rows
 
     @property
     def by_base(self) -> bool:
         """Whether the base is prescribed in a segment."""
-        return any(each.prescribed == BASE for each in self.segments)
+        return any(segment.prescribed == BASE for segment in self.segments)
 
     @property
     def measured(self) -> FloatArray:
@@ -234,8 +234,8 @@ class ForceCurve:
         """The sentence that says which segments and prescribed quantities are guessed, or nothing."""
         missing = [
             words
-            for words, given in (("segments", self.segment), ("prescribed quantities", self.prescribed))
-            if given is None
+            for words, value in (("segments", self.segment), ("prescribed quantities", self.prescribed))
+            if value is None
         ]
         return f"{' and '.join(missing)} guessed" if missing else ""
 
@@ -264,12 +264,12 @@ def _by_row(words: str | Sequence[str] | None, rows: int) -> list[str]:
 def column(name: str, key: str, values: ArrayLike) -> FloatArray:
     """Return values as a column of numbers."""
     try:
-        found = np.array(values, dtype=float)
+        numbers = np.array(values, dtype=float)
     except (TypeError, ValueError):
         raise CurveError(f"curve {name}: {key} cannot be read as numbers") from None
-    if found.ndim != 1:
-        raise CurveError(f"curve {name}: {key} has {found.ndim} dimensions; give a single column")
-    return found
+    if numbers.ndim != 1:
+        raise CurveError(f"curve {name}: {key} has {numbers.ndim} dimensions; give a single column")
+    return numbers
 
 
 def _rows(wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> str:
@@ -306,11 +306,14 @@ def _guess(curve: ForceCurve) -> list[Segment]:
     first = first if first >= FEWEST_OF_SEGMENT else 0
     end = end if rows - end >= FEWEST_OF_SEGMENT else rows
     parts = (("approach", 0, min(first, end)), ("hold", min(first, end), end), ("retract", end, rows))
-    found = [Segment(name, _prescribed(curve, i, j), i, j) for name, i, j in parts if j > i]
-    moving = next((each.prescribed for each in found if each.name == "approach"), "")
+    segments = [Segment(name, _prescribed(curve, i, j), i, j) for name, i, j in parts if j > i]
+    moving = next((segment.prescribed for segment in segments if segment.name == "approach"), "")
     if moving == FORCE:  # a machine that prescribes the force while it moves does so in all segments
-        return [each._replace(prescribed=FORCE) for each in found]
-    return [each._replace(prescribed=moving) if moving and each.name != "hold" else each for each in found]
+        return [segment._replace(prescribed=FORCE) for segment in segments]
+    return [
+        segment._replace(prescribed=moving) if moving and segment.name != "hold" else segment
+        for segment in segments
+    ]
 
 
 def _plateau(values: FloatArray) -> tuple[int, int]:
@@ -363,7 +366,7 @@ Placing = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
-class Drive:
+class StraightDrive:
     """A prescribed quantity of straight pieces."""
 
     time: FloatArray  # shape (corners,)
@@ -374,7 +377,7 @@ class Drive:
     covariance: FloatArray
 
     @classmethod
-    def of(cls, time: FloatArray, values: FloatArray, span: float | None = None) -> Drive:
+    def of(cls, time: FloatArray, values: FloatArray, span: float | None = None) -> StraightDrive:
         """Reduce measured values to straight pieces; `span` is the range of the whole column."""
         if time.size == 1:
             return cls(time, values, 0.0, np.zeros((1, 1)))
@@ -392,12 +395,12 @@ class Drive:
         covariance = np.asarray(np.linalg.pinv(columns.T @ columns), dtype=float)
         return cls(times, at_corners, (squares / freedom) ** 0.5, covariance)
 
-    def moved(self, by: FloatArray) -> Drive:
+    def moved(self, by: FloatArray) -> StraightDrive:
         """Return the drive with changes of its values, and of the times of its inner corners."""
         count = self.time.size
         inner = by[count:] if by.size > count else np.zeros(max(count - 2, 0))
         time = self.time + np.concatenate(([0.0], inner, [0.0]))[:count]
-        return Drive(time, self.value + by[:count], self.error, self.covariance)
+        return StraightDrive(time, self.value + by[:count], self.error, self.covariance)
 
     @property
     def breakpoints(self) -> FloatArray:
@@ -417,7 +420,7 @@ def _fewest(
     squares = _least_squares(time, values, corners)[1]
     while corners.size > 2:
         without = [placed(time, values, np.delete(corners, i)) for i in range(1, corners.size - 1)]
-        sums = [_least_squares(time, values, each)[1] for each in without]
+        sums = [_least_squares(time, values, fewer)[1] for fewer in without]
         best = int(np.argmin(sums))
         if sums[best] > squares + chance:
             break
@@ -454,9 +457,9 @@ def _shifted(time: FloatArray, values: FloatArray, corners: FloatArray) -> Float
         inner, steps = corners[1:-1], ROOM * np.diff(corners)
         bounds = inner - steps[:-1], inner + steps[1:]
         scale = np.minimum(steps[:-1], steps[1:])
-        found = joined(least_squares(residual, inner, jac=jacobian, bounds=bounds, x_scale=scale).x)
-        settled = bool((np.abs(found - corners)[1:-1] < 0.5 * scale).all())
-        corners = found
+        moved = joined(least_squares(residual, inner, jac=jacobian, bounds=bounds, x_scale=scale).x)
+        settled = bool((np.abs(moved - corners)[1:-1] < 0.5 * scale).all())
+        corners = moved
         if settled:
             break
     return corners
@@ -487,8 +490,8 @@ def _least_squares(time: FloatArray, depth: FloatArray, corners: FloatArray) -> 
     moment = np.zeros(corners.size)
     np.add.at(moment, piece, left * depth)
     np.add.at(moment, piece + 1, right * depth)
-    found = np.asarray(solveh_banded(banded, moment))
-    return found, float(np.sum((depth - np.interp(time, corners, found)) ** 2))
+    values = np.asarray(solveh_banded(banded, moment))
+    return values, float(np.sum((depth - np.interp(time, corners, values)) ** 2))
 
 
 # What a prediction of a curve depends on: body and indenter, corrections of its columns, straight pieces.
@@ -503,7 +506,7 @@ class Correction(NamedTuple):
     force_drift: float = 0.0
     tilt: float = 0.0
     stiffness: float = math.inf
-    adhesion: Adhesion = Adhesion()
+    adhesion: EdgeAdhesion = EdgeAdhesion()
 
 
 OF_A_CURVE = Correction._fields[:-1]
@@ -610,8 +613,8 @@ def size_of(unit: str, column: str) -> float | None:
 
 def parse_heading(heading: str) -> tuple[str | None, str]:
     """Return the column that a heading names, or None, and its unit: ``Force (nN)`` is force and nN."""
-    found = _HEADING.fullmatch(heading.strip().strip("\"'"))
-    word, unit = (found[1], found[2] or "") if found else (heading, "")
+    parts = _HEADING.fullmatch(heading.strip().strip("\"'"))
+    word, unit = (parts[1], parts[2] or "") if parts else (heading, "")
     last = re.split(r"[\s_]+", word.strip().lower())
     for column, names in _NAMES.items():
         if word.strip().lower() in names or last[0] in names:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, Setup
+from gfmdlayer.fitting.force_curve import Correction, ForceCurve, Pieces, Setup
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.indentation.solve import (
@@ -45,7 +45,7 @@ SNAP = 1e-3, 0.1, 0.4  # further times in the first step, where the depth jumps 
 EVEN = 0.3  # fraction of the steps that is spread evenly over the time
 
 
-class Course(NamedTuple):
+class SteppedResponse(NamedTuple):
     """The response at the times of a mesh, from the first contact on, and the losses of contact."""
 
     time: FloatArray
@@ -74,7 +74,7 @@ class SteppedContact:
         self._parts: list[FloatArray] | None = None
         self._space: Space | None = None
         self._made: list[tuple[Setup, Space, Compliance]] = []  # the last ones
-        self._courses: list[tuple[tuple[object, ...], Pieces, Course]] = []  # the last ones
+        self._courses: list[tuple[tuple[object, ...], Pieces, SteppedResponse]] = []  # the last ones
 
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
         """Choose the times by the bends of the response, and the nodes by the lengths of the body."""
@@ -127,7 +127,7 @@ class SteppedContact:
         away = forces / at.stiffness if self._curve.by_base else 0.0
         return forces, np.where(by_force, depths, value - away)
 
-    def course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False) -> Course:
+    def course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool = False) -> SteppedResponse:
         """Return the response from the first contact on.
 
         A `rough` one has an error of second order in the step, of which differences are nearly free.
@@ -137,18 +137,18 @@ class SteppedContact:
             equal = same[0] is setup and same[1] is self._parts and (known, exact) == (at, rough)
             if equal and all(map(np.array_equal, there, pieces)):
                 return course
-        found = self._course(setup, at, pieces, rough)
-        self._courses = [(key, pieces, found), *self._courses[: 2 * KEPT - 1]]
-        return found
+        response = self._course(setup, at, pieces, rough)
+        self._courses = [(key, pieces, response), *self._courses[: 2 * KEPT - 1]]
+        return response
 
-    def _course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool) -> Course:
+    def _course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool) -> SteppedResponse:
         times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
         if _snaps(at, pieces):
             times = np.insert(times, 1, times[0] + np.array(SNAP) * (times[1] - times[0]))
         both = halved(times)
         history = History(both, *pieces.at(both))
         if not history.value.max() > 0:
-            return Course(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 4)))
+            return SteppedResponse(times, np.zeros(times.size), np.zeros(times.size), np.zeros((0, 4)))
         edge = Edge(at.adhesion.work)
         while True:
             space = self._space = self._space or self._find_space(setup, at, pieces, edge)
@@ -157,22 +157,26 @@ class SteppedContact:
                 if self._curve.by_base:
                     space, made = with_spring(space, made, at.stiffness)
                 if rough:
-                    found = on_steps(made, space, setup.profile, history, times, edge, None, LOCATED)
+                    solution = on_steps(made, space, setup.profile, history, times, edge, None, LOCATED)
                 else:
-                    found = on_halved_steps(made, space, setup.profile, history, times, None, edge, LOCATED)
+                    solution = on_halved_steps(
+                        made, space, setup.profile, history, times, None, edge, LOCATED
+                    )
             except LeftGridError:
                 reach = min(WIDER * self._space.nodes.reach, setup.profile.rim)
                 self._space, self.changes = make_space(self._space.features, reach), self.changes + 1
             except ArithmeticError as error:
                 raise FitError(f"curve {self._curve.name}: {error}") from error
             else:
-                force, depth = (each if rough else each[::2] for each in (found.force, found.depth))
+                force, depth = (each if rough else each[::2] for each in (solution.force, solution.depth))
                 depth = depth - force / at.stiffness if self._curve.by_base else depth
-                lost = np.zeros((0, 2)) if found.lost is None else found.lost
+                lost = np.zeros((0, 2)) if solution.lost is None else solution.lost
                 # The contact shrinks fast before it is lost: rows see the jump from the force a row before.
                 seen = lost[:, 0] - np.median(np.diff(self._curve.time))
                 seen = _with_losses(times, force, seen, lost)
-                return Course(times, force, depth, np.column_stack((lost, seen, pieces.at(lost[:, 0])[0])))
+                return SteppedResponse(
+                    times, force, depth, np.column_stack((lost, seen, pieces.at(lost[:, 0])[0]))
+                )
 
     def _compliance(self, setup: Setup, space: Space) -> Compliance:
         for known, nodes, made in self._made:
@@ -242,7 +246,7 @@ def _as_power(times: FloatArray, values: FloatArray, rows: FloatArray, power: fl
 
 def _with_losses(times: FloatArray, force: FloatArray, rows: FloatArray, lost: FloatArray) -> FloatArray:
     """Interpolate a force with adhesion up to each loss of contact, and between it and the next contact."""
-    found, begin = np.zeros(rows.size), -math.inf
+    values, begin = np.zeros(rows.size), -math.inf
     for end, last in [*lost[:, :2].tolist(), [math.inf, 0.0]]:
         nodes = (times > begin) & (times < end)
         x, y = times[nodes], force[nodes]
@@ -253,9 +257,9 @@ def _with_losses(times: FloatArray, force: FloatArray, rows: FloatArray, lost: F
             x, y = np.append(x, end), np.append(y, last)
         inside = (rows > begin) & (rows <= end) & (rows >= x[0] if x.size else False)
         if inside.any():
-            found[inside] = PchipInterpolator(x, y)(rows[inside]) if x.size > 1 else y[0]
+            values[inside] = PchipInterpolator(x, y)(rows[inside]) if x.size > 1 else y[0]
         begin = end
-    return found
+    return values
 
 
 def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, power: float) -> FloatArray:
@@ -274,9 +278,9 @@ def _until_it_opens(times: FloatArray, force: FloatArray, rows: FloatArray, powe
         leaves = min(times[last] + root[last] / pace, times[last + 1])
         times, root = np.append(times[: last + 1], leaves), np.append(root[: last + 1], 0.0)
     inside = rows <= times[-1]
-    found = np.zeros(rows.size)
-    found[inside] = np.maximum(PchipInterpolator(times, root)(rows[inside]), 0.0) ** power
-    return found
+    values = np.zeros(rows.size)
+    values[inside] = np.maximum(PchipInterpolator(times, root)(rows[inside]), 0.0) ** power
+    return values
 
 
 def _graded(

@@ -15,7 +15,7 @@ from gfmdlayer.body.shifts import WLF
 from gfmdlayer.figures.labels import SPAN_OF_ROUND, Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.fitting.laws import Fit, fit, fit_law
+from gfmdlayer.fitting.laws import FittedLaw, fit, fit_law
 from gfmdlayer.fitting.measurement import FitError, MasterCurve, Reading, read
 from gfmdlayer.results.schema import ResultsError
 
@@ -71,7 +71,7 @@ def fit_material(
     return "\n".join([*notes, *_table(fitted), *warnings, f"material: {material}", f"figure: {picture}"])
 
 
-def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
+def material_yaml(fitted: FittedLaw, name: str, notes: list[str]) -> str:
     """Write the law as a small configuration, with notes above it."""
     material = fitted.material
     lines = [f"# {note}" for note in notes]
@@ -84,7 +84,7 @@ def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def fit_figure(fitted: Fit) -> Figure:
+def fit_figure(fitted: FittedLaw) -> Figure:
     """Draw measured moduli with the fit, and below them the error, in one column of a journal."""
     from matplotlib.ticker import LogLocator, MaxNLocator
 
@@ -124,12 +124,12 @@ def with_suffixes(
     material: Path, suffixes: Sequence[str], force: bool, data: Path | None = None
 ) -> list[Path]:
     """Return the names of files beside a material; none may be the data, nor exist unless forced."""
-    for target in (found := [material, *map(material.with_suffix, suffixes)]):
+    for target in (targets := [material, *map(material.with_suffix, suffixes)]):
         if data is not None and target.exists() and data.exists() and target.samefile(data):
             raise ResultsError(f"{target}: is the data; choose another --out")
         if target.exists() and not force:
             raise ResultsError(f"{target}: exists; choose another --out, or overwrite it with --force")
-    return found
+    return targets
 
 
 def written(material: Path, texts: Mapping[Path, str], force: bool) -> None:
@@ -147,7 +147,9 @@ def plain_name(stem: str, instead: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", stem).strip("-")[:128] or instead
 
 
-def _origin(fitted: Fit, temperature: float | None, shift: WLF | None, unit: float | None) -> Iterator[str]:
+def _origin(
+    fitted: FittedLaw, temperature: float | None, shift: WLF | None, unit: float | None
+) -> Iterator[str]:
     """Yield the origin and the error of the law."""
     curve, law = fitted.measurement, fitted.material
     rows, name = curve.abscissa.size, law.model
@@ -169,7 +171,7 @@ def _origin(fitted: Fit, temperature: float | None, shift: WLF | None, unit: flo
         yield "Moduli and times are in the units of the data."
 
 
-def _table(fitted: Fit) -> Iterator[str]:
+def _table(fitted: FittedLaw) -> Iterator[str]:
     law = fitted.material
     if not isinstance(law, Prony):
         yield from (f"{name:>9}  {value:13.6e}" for name, value in _parameters(law).items())
@@ -187,7 +189,7 @@ def _parameters(law: Law) -> dict[str, float]:
     return {name: float(value) for name, value in kept.items()}
 
 
-def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator[str]:
+def _warnings(fitted: FittedLaw, asked: int | None, relaxed: float | None) -> Iterator[str]:
     material, elastic = fitted.material, fitted.measurement.moduli[0]
     if asked is not None and isinstance(material, Prony) and len(material.branches) < asked:
         yield f"{_branches(len(material.branches))} instead of {asked}: more branches do not reduce the error"

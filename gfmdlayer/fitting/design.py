@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import (
+from gfmdlayer.fitting.elastic import adhesion_of
+from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, conclude
+from gfmdlayer.fitting.force_curve import (
     BASE,
     DEPTH,
     FORCE,
@@ -26,18 +28,16 @@ from gfmdlayer.fitting.indentation.curve import (
     ForceCurve,
     column,
 )
-from gfmdlayer.fitting.indentation.elastic import adhesion_of
-from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
-from gfmdlayer.fitting.indentation.problem import (
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.problem import (
     SECTIONS,
     Free,
+    IndentationModel,
     LeastSquares,
-    Model,
-    Prediction,
     refuse_adhesion,
 )
-from gfmdlayer.fitting.indentation.starts import curve_parameters, make_problem, read_model
-from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.starts import curve_parameters, make_problem, read_model
 from gfmdlayer.validation.problems import unknown_key
 
 KEYS = ("name", "time", *PRESCRIBED, "rows", "noise", "depth_noise", "stiffness", "stiffness_error", "punch")
@@ -95,14 +95,14 @@ def design_indentation(
     True
     """
     data, keys = read_model(model, free)
-    made = Model(data)
-    given = [plans] if isinstance(plans, Mapping) else list(plans)
-    if not given:
+    made = IndentationModel(data)
+    proposed = [plans] if isinstance(plans, Mapping) else list(plans)
+    if not proposed:
         raise ConfigError(["plans: got none; give at least one"])
-    return _expected([_planned(plan, made, number) for number, plan in enumerate(given)], made, keys)
+    return _expected([_planned(plan, made, number) for number, plan in enumerate(proposed)], made, keys)
 
 
-def _planned(plan: Plan, model: Model, number: int) -> ForceCurve:
+def _planned(plan: Plan, model: IndentationModel, number: int) -> ForceCurve:
     """Return the curve of a plan, with the model's response and without noise."""
     name = str(plan.get("name", number))
     if foreign := [key for key in plan if key not in KEYS]:
@@ -136,20 +136,20 @@ def _planned(plan: Plan, model: Model, number: int) -> ForceCurve:
     prediction = Prediction(curve, adhesive=model.adhesion is not None)
     at = Correction(stiffness=stiffness or math.inf, adhesion=adhesion_of(model.adhesion))
     prediction.adapt(config, at)
-    found, deep = prediction.response(config, at)
+    response, deep = prediction.response(config, at)
     if kind == FORCE:
         return replace(curve, depth=deep)
-    return replace(curve, force=found, depth=own - found / stiffness if kind == BASE else own)
+    return replace(curve, force=response, depth=own - response / stiffness if kind == BASE else own)
 
 
-def _expected(curves: Sequence[ForceCurve], model: Model, free: Free) -> IndentationFit:
+def _expected(curves: Sequence[ForceCurve], model: IndentationModel, free: Free) -> IndentationFit:
     """Return the fit of curves without noise, at the values of the model."""
     options = FitOptions()
     problem = make_problem(curves, model, curve_parameters(curves, model, free, options), options)
     refuse_adhesion(problem)
-    for each in problem.predictions:
-        noise = each.curve.noise if each.kinds == {FORCE} else each.curve.depth_noise
-        each.drives = [replace(drive, error=noise or 0.0) for drive in each.drives]
+    for prediction in problem.predictions:
+        noise = prediction.curve.noise if prediction.kinds == {FORCE} else prediction.curve.depth_noise
+        prediction.drives = [replace(drive, error=noise or 0.0) for drive in prediction.drives]
     u = problem.start
     problem.adapt(u)
     problem.weigh(u)
@@ -157,33 +157,33 @@ def _expected(curves: Sequence[ForceCurve], model: Model, free: Free) -> Indenta
 
 
 def second_curve(problem: LeastSquares, u: Any, fit: IndentationFit, free: Free) -> Iterator[str]:
-    """Yield, for parameters that a curve does not determine, the second curve that would determine them."""
-    open_ones = [each for each in fit.parameters if each.is_open]
+    """Yield the second curve that would determine a parameter, for each that one curve does not determine."""
+    open_ones = [estimate for estimate in fit.parameters if estimate.is_open]
     if len(problem.predictions) != 1 or not open_ones:
         return
     data = fit.config.model_dump(exclude_none=True)
-    model = Model({key: data[key] for key in SECTIONS if key in data and key != "name"})
+    model = IndentationModel({key: data[key] for key in SECTIONS if key in data and key != "name"})
     keys = [key for key in free if key in model.keys or key in OF_A_CURVE]
     first = _plan(problem, u, fit)
-    found = {}
+    trials = {}
     for words, second in _proposals(first, model):
         try:
             curves = [_planned(each, model, number) for number, each in enumerate((first, second))]
             together = _expected(curves, model, keys)
         except (FitError, ConfigError, ValueError, ArithmeticError):
             continue  # an impossible proposal: too deep, or too wide
-        found[words] = {each.key: each for each in together.parameters if not each.curve}
-    for each in open_ones:
-        known = {words: errors[each.key] for words, errors in found.items() if each.key in errors}
+        trials[words] = {each.key: each for each in together.parameters if not each.curve}
+    for estimate in open_ones:
+        known = {words: errors[estimate.key] for words, errors in trials.items() if estimate.key in errors}
         if not known:
             continue
         words, best = min(known.items(), key=lambda item: item[1].error)
-        if best.error < BETTER * each.error and not best.is_open:
+        if best.error < BETTER * estimate.error and not best.is_open:
             size = f"{100 * best.error:.2g} %" if best.relative else f"{best.error:.2g}"
-            yield f"{each.name}: a second curve {words} would give it with a standard error of {size}"
+            yield f"{estimate.name}: a second curve {words} would give it with a standard error of {size}"
         else:
             tried = f"{FASTER:g} times faster or slower, a hold, a radius {WIDER:g} times larger or smaller"
-            yield f"{each.name}: no second curve would determine it, of those that were tried ({tried})"
+            yield f"{estimate.name}: no second curve would determine it, of those that were tried ({tried})"
 
 
 def _plan(problem: LeastSquares, u: Any, fit: IndentationFit) -> dict[str, Any]:
@@ -203,7 +203,7 @@ def _plan(problem: LeastSquares, u: Any, fit: IndentationFit) -> dict[str, Any]:
     return plan if curve.punch is None else plan | {"punch": dict(curve.punch)}
 
 
-def _proposals(plan: dict[str, Any], model: Model) -> Iterator[tuple[str, dict[str, Any]]]:
+def _proposals(plan: dict[str, Any], model: IndentationModel) -> Iterator[tuple[str, dict[str, Any]]]:
     kind = next(key for key in PRESCRIBED if key in plan)
     begin, time, values = plan["time"][0], plan["time"], plan[kind]
     second = plan | {"name": "second"}

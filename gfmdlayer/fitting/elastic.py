@@ -33,16 +33,16 @@ from scipy.optimize import brentq
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import Correction, ForceCurve, Pieces, Setup, noise_of
+from gfmdlayer.fitting.force_curve import Correction, ForceCurve, Pieces, Setup, noise_of
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import (
     BY_DEPTH,
     BY_FORCE,
-    Adhesion,
-    Branch,
     Control,
+    EdgeAdhesion,
     Equilibria,
-    Nodes,
+    StableContacts,
+    WaveNodes,
     by_base,
     equilibria,
     find_nodes,
@@ -80,7 +80,7 @@ class DMT(Kind):
     """attraction: force"""
 
 
-class _Holder(Section):
+class _AdhesionHolder(Section):
     adhesion: Annotated[JKR | DMT, OneOf({"jkr": JKR, "dmt": DMT})]
 
 
@@ -91,15 +91,15 @@ KINDS: Mapping[str, str] = {"jkr": "work", "dmt": "force"}  # and their paramete
 def read_adhesion(data: object) -> dict[str, str | float]:
     """Return the section `adhesion` of a model; ConfigError with every error."""
     try:
-        return dict(_Holder.model_validate({"adhesion": data}).adhesion.model_dump())
+        return dict(_AdhesionHolder.model_validate({"adhesion": data}).adhesion.model_dump())
     except ValidationError as error:
-        found = _Holder.all_problems({"adhesion": data}, error)
-        raise ConfigError(map(str, found)) from None
+        problems = _AdhesionHolder.all_problems({"adhesion": data}, error)
+        raise ConfigError(map(str, problems)) from None
 
 
-def adhesion_of(section: Mapping[str, str | float] | None) -> Adhesion:
+def adhesion_of(section: Mapping[str, str | float] | None) -> EdgeAdhesion:
     """Return the adhesion that a section `adhesion` describes."""
-    return Adhesion(**{key: float(value) for key, value in (section or {}).items() if key != "model"})
+    return EdgeAdhesion(**{key: float(value) for key, value in (section or {}).items() if key != "model"})
 
 
 class Jump(NamedTuple):
@@ -118,15 +118,15 @@ class Contacts:
 
     equilibria: Equilibria
     control: Control  # of the position
-    adhesion: Adhesion
+    adhesion: EdgeAdhesion
 
     @cached_property
-    def position(self) -> Branch:
+    def position(self) -> StableContacts:
         """The contacts under a prescribed depth or base."""
         return self.equilibria.branch(self.control, self.adhesion)
 
     @cached_property
-    def force(self) -> Branch:
+    def force(self) -> StableContacts:
         """The contacts under a prescribed force."""
         return self.equilibria.branch(BY_FORCE, self.adhesion)
 
@@ -162,12 +162,12 @@ def measured_contact(
     and after the last, one stretch of rows may be without contact; none where the force is prescribed. Where
     the noise hides a jump there is contact from a value on, `unseen` in approach and in retraction.
     """
-    found = np.ones(value.size, dtype=bool)
+    touching = np.ones(value.size, dtype=bool)
     above = np.flatnonzero((value > 0) | by_force)
     if not above.size:
-        return ~found
+        return ~touching
     stretches = np.split(above, np.flatnonzero(np.diff(above) > 1) + 1)
-    peaks = [int(each[np.argmax(value[each])]) for each in stretches]
+    peaks = [int(stretch[np.argmax(value[stretch])]) for stretch in stretches]
     valleys = [
         first + int(np.argmin(value[first : max(last, first + 1)]))
         for first, last in zip([0, *peaks], [*peaks, value.size], strict=True)
@@ -176,16 +176,16 @@ def measured_contact(
     for valley, peak in zip(valleys, peaks, strict=False):  # approaches
         start = 0 if valley == valleys[0] else valley
         gain = np.concatenate(([0.0], np.cumsum(worse[start:peak])))
-        found[start : start + int(np.argmax(gain))] = False
+        touching[start : start + int(np.argmax(gain))] = False
         if unseen[0] is not None:
-            found[start:peak] = (value[start:peak] >= unseen[0]) | by_force[start:peak]
+            touching[start:peak] = (value[start:peak] >= unseen[0]) | by_force[start:peak]
     for peak, valley in zip(peaks, valleys[1:], strict=True):  # retractions
         end = value.size if valley == valleys[-1] else valley
         gain = np.concatenate(([0.0], np.cumsum(worse[peak + 1 : end][::-1])))
-        found[end - int(np.argmax(gain)) : end] = False
+        touching[end - int(np.argmax(gain)) : end] = False
         if unseen[1] is not None:
-            found[peak + 1 : end] = (value[peak + 1 : end] >= unseen[1]) | by_force[peak + 1 : end]
-    return found
+            touching[peak + 1 : end] = (value[peak + 1 : end] >= unseen[1]) | by_force[peak + 1 : end]
+    return touching
 
 
 def jumps_between(
@@ -195,7 +195,7 @@ def jumps_between(
 
     `sizes` are those of the jumps where contact begins and ends, over the noise of the force.
     """
-    found = []
+    jumps = []
     for row in np.flatnonzero(touching[1:] != touching[:-1]) + 1:
         pair = slice(row - 1, row + 1)
         jump = sizes[0] if touching[row] else sizes[1]
@@ -206,8 +206,8 @@ def jumps_between(
         spread = spacing * (1 / 12 + CHANGE / jump**4) ** 0.5
         if certain > 0:
             bound = jump**2 * spread / (2 * spacing)
-            found.append(Jump(int(row), bool(touching[row]), spread, certain, bound))
-    return found
+            jumps.append(Jump(int(row), bool(touching[row]), spread, certain, bound))
+    return jumps
 
 
 class Jumping(Protocol):
@@ -245,32 +245,32 @@ class Touch:
         hidden = [end if size < LEAST_JUMP else None for end, size in zip(ends, sizes, strict=True)]
         self.touching = measured_contact(value, by_force, worse, hidden)
         self.jumps = []
-        for each in jumps_between(self.touching, by_force, used, value, sizes):
-            pair = slice(each.row - 1, each.row + 1)
-            whole = math.hypot(each.spread, error(each.row))
-            self.jumps.append(each._replace(bound=each.bound * whole / each.spread))
-            if not each.begins:
-                falls = np.diff(value[: each.row]) < 0
-                before = slice(int(np.flatnonzero(~falls)[-1]) + 1 if not falls.all() else 0, each.row)
+        for jump in jumps_between(self.touching, by_force, used, value, sizes):
+            pair = slice(jump.row - 1, jump.row + 1)
+            whole = math.hypot(jump.spread, error(jump.row))
+            self.jumps.append(jump._replace(bound=jump.bound * whole / jump.spread))
+            if not jump.begins:
+                falls = np.diff(value[: jump.row]) < 0
+                before = slice(int(np.flatnonzero(~falls)[-1]) + 1 if not falls.all() else 0, jump.row)
                 near = value[before] < value[pair].mean() + NEAR * whole
                 self.uncertain[before] |= self.touching[before] & near
 
     def places(self, curve: ForceCurve, contacts: Jumping, pieces: Pieces) -> FloatArray:
         """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
-        found = []
-        for each in self.jumps:
-            times = curve.time[each.row - 1 : each.row + 1]
-            end = 0.0 if each.begins else contacts.end(float(times.mean()))
-            away = (end - float(np.mean(pieces.at(times)[0]))) / each.spread
+        residuals = []
+        for jump in self.jumps:
+            times = curve.time[jump.row - 1 : jump.row + 1]
+            end = 0.0 if jump.begins else contacts.end(float(times.mean()))
+            away = (end - float(np.mean(pieces.at(times)[0]))) / jump.spread
             # Each further row adds the square of the jump over the noise.
-            far = max(abs(away) - each.bound, 0.0)
-            found.append(math.copysign(math.sqrt(max(away**2 - far**2, 0.0)), away))
-        return np.array(found)
+            far = max(abs(away) - jump.bound, 0.0)
+            residuals.append(math.copysign(math.sqrt(max(away**2 - far**2, 0.0)), away))
+        return np.array(residuals)
 
     @property
     def doubt(self) -> float:
         """Twice the logarithm of the part that one row has in the distributions of the jumps."""
-        return 2 * sum(math.log(each.spread / each.certain) for each in self.jumps)
+        return 2 * sum(math.log(jump.spread / jump.certain) for jump in self.jumps)
 
 
 class ElasticContact:
@@ -279,8 +279,8 @@ class ElasticContact:
     def __init__(self, curve: ForceCurve) -> None:
         self.changes = 0  # of the nodes
         self._curve = curve
-        self._nodes: Nodes | None = None
-        self._tables: list[tuple[Nodes, FloatArray, Equilibria]] = []
+        self._nodes: WaveNodes | None = None
+        self._tables: list[tuple[WaveNodes, FloatArray, Equilibria]] = []
         self._known: list[tuple[Setup, Correction, Contacts]] = []  # the last two
 
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
@@ -314,51 +314,53 @@ class ElasticContact:
             try:
                 if self._nodes is None or self._nodes.reach != reach:
                     self._nodes = self._find_nodes(setup.body, reach, most_phase)
-                found = self._equilibria(setup)
+                solved = self._equilibria(setup)
             except ArithmeticError:  # the lengths of the body have changed much
                 self._nodes, self.changes = self._find_nodes(setup.body, reach, most_phase), self.changes + 1
                 try:
-                    found = self._equilibria(setup)
+                    solved = self._equilibria(setup)
                 except ArithmeticError as error:
                     raise FitError(f"curve {self._curve.name}: {error}") from error
-            if all(found.largest(control, at.adhesion) >= value for control, value in most):
+            if all(solved.largest(control, at.adhesion) >= value for control, value in most):
                 break
             reach *= WIDER_ELASTIC
-        contacts = Contacts(found, position, at.adhesion)
+        contacts = Contacts(solved, position, at.adhesion)
         self._known = [(setup, at, contacts), *self._known[:1]]
         return contacts
 
-    def _find_nodes(self, body: Body, reach: float, most_phase: float) -> Nodes:
+    def _find_nodes(self, body: Body, reach: float, most_phase: float) -> WaveNodes:
         try:
-            found = find_nodes(body, reach)
+            nodes = find_nodes(body, reach)
         except ValueError as error:
             raise FitError(f"curve {self._curve.name}: {error}") from error
-        if found.last * reach > most_phase:
+        if nodes.last * reach > most_phase:
             raise FitError(
                 f"curve {self._curve.name}: the contact is more than some twelve times as wide as the "
                 "thinnest layer is thick; must be less with adhesion"
             )
-        return found
+        return nodes
 
     def _equilibria(self, setup: Setup) -> Equilibria:
         assert self._nodes is not None
         local, C = self._nodes.compliance(setup.body)
-        for nodes, known, found in self._tables:
+        for nodes, known, table in self._tables:
             similar = nodes is self._nodes and np.allclose(C, known, rtol=1e-12, atol=1e-14)
-            if similar and np.array_equal(np.hstack(found.profile), np.hstack(setup.profile)):
-                return replace(found, local=local)
+            if similar and np.array_equal(np.hstack(table.profile), np.hstack(setup.profile)):
+                return replace(table, local=local)
         found = equilibria(local, C, self._nodes, setup.profile)
         self._tables = [(self._nodes, C, found), *self._tables[:KEPT_TABLES]]
         return found
 
-    def _first_reach(self, setup: Setup, adhesion: Adhesion, most: Sequence[tuple[Control, float]]) -> float:
+    def _first_reach(
+        self, setup: Setup, adhesion: EdgeAdhesion, most: Sequence[tuple[Control, float]]
+    ) -> float:
         """Return the contact radius on a halfspace of the surface's material, within a factor of two."""
         reach = float(np.ptp(self._curve.depth))
         while True:
             far = FAR / reach
             local = far / float(setup.body.stiffness(np.array([far]), 0.0)[0])
             half = halfspace(local, setup.profile, reach)
-            if half.reach < reach or all(half.largest(each, adhesion) >= value for each, value in most):
+            if half.reach < reach or all(half.largest(control, adhesion) >= value for control, value in most):
                 return half.reach
             reach *= 2
 
@@ -367,7 +369,7 @@ def work_for(pull: float, made: Equilibria) -> float:
     """Return JKR's work of adhesion with which a contact is lost at a tensile force."""
 
     def excess(logarithm: float) -> float:
-        end = made.branch(BY_FORCE, Adhesion(math.exp(logarithm))).end
+        end = made.branch(BY_FORCE, EdgeAdhesion(math.exp(logarithm))).end
         return math.log(max(-end / pull, 1e-300))
 
     # The pull grows with the work by a power between 1/2 (flat punch) and 1 (paraboloid), or around it.

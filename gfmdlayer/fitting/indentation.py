@@ -16,30 +16,30 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.fitting.indentation.curve import WORDS, ForceCurve, Sizes, in_si
-from gfmdlayer.fitting.indentation.curve_files import Units, afm_curve, curve_facts, entries, read_curve
-from gfmdlayer.fitting.indentation.design import second_curve
-from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, minimised
-from gfmdlayer.fitting.indentation.problem import (
+from gfmdlayer.fitting.curve_files import Units, afm_curve, curve_facts, entries, read_curve
+from gfmdlayer.fitting.design import second_curve
+from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
+from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, conclude, minimised
+from gfmdlayer.fitting.force_curve import WORDS, ForceCurve, Sizes, in_si
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.fitting.problem import (
     STICKING,
     Free,
+    IndentationModel,
     LeastSquares,
-    Model,
     depths,
     refuse_adhesion,
     refuse_impossible,
     refuse_mixed_units,
     warnings_before,
 )
-from gfmdlayer.fitting.indentation.starts import (
+from gfmdlayer.fitting.starts import (
     curve_parameters,
     first_guess,
     make_problem,
     read_model,
     with_adhesion,
 )
-from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.model import IsolatedContact
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
@@ -121,11 +121,11 @@ def fit_indentation(
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
     data, keys = read_model(model, free)
-    made = Model(data)
-    given = list(_curves(every, units, in_si(made.config.units), options))
-    if not given:
+    made = IndentationModel(data)
+    measured = list(_curves(every, units, in_si(made.config.units), options))
+    if not measured:
         raise FitError("got no curve; give at least one")
-    return fit_curves(given, made, keys, options)
+    return fit_curves(measured, made, keys, options)
 
 
 def _is_afm(curve: Any) -> bool:
@@ -134,19 +134,19 @@ def _is_afm(curve: Any) -> bool:
 
 
 def _curves(
-    given: Iterable[Any], units: Units | None, into: Sizes, options: FitOptions
+    curves: Iterable[Any], units: Units | None, into: Sizes, options: FitOptions
 ) -> Iterator[ForceCurve]:
     """Yield the curves, given in any form that `fit_indentation` takes."""
-    for number, each in enumerate(given):
-        if isinstance(each, ForceCurve):
-            yield each
-        elif isinstance(each, (str, Path)):
-            yield from (read_curve(entry, units, into, options) for entry in entries([Path(each)]))
-        elif _is_afm(each):
-            yield afm_curve(each, f"{Path(each.path).stem}-{each.enum}", into, options)
-        elif all(key in each for key in ("time", "depth", "force")):
-            time, depth, force = (np.asarray(each[key]) for key in ("time", "depth", "force"))
-            words = {key: np.asarray(each[key]).astype(str).tolist() for key in WORDS if key in each}
+    for number, curve in enumerate(curves):
+        if isinstance(curve, ForceCurve):
+            yield curve
+        elif isinstance(curve, (str, Path)):
+            yield from (read_curve(entry, units, into, options) for entry in entries([Path(curve)]))
+        elif _is_afm(curve):
+            yield afm_curve(curve, f"{Path(curve.path).stem}-{curve.enum}", into, options)
+        elif all(key in curve for key in ("time", "depth", "force")):
+            time, depth, force = (np.asarray(curve[key]) for key in ("time", "depth", "force"))
+            words = {key: np.asarray(curve[key]).astype(str).tolist() for key in WORDS if key in curve}
             facts = curve_facts(words, options.stiffness, options)
             yield ForceCurve(str(number), time, depth, force, **facts)
         else:
@@ -155,7 +155,7 @@ def _curves(
 
 def fit_curves(
     curves: Sequence[ForceCurve],
-    model: Model,
+    model: IndentationModel,
     free: Free,
     options: FitOptions,
     advise: bool = True,
@@ -197,7 +197,7 @@ def fit_curves(
 
 
 def _best_adhesion(
-    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions, advise: bool
+    curves: Sequence[ForceCurve], model: IndentationModel, free: Free, options: FitOptions, advise: bool
 ) -> IndentationFit:
     """Fit without adhesion, with JKR and with DMT, and return the fit of the least BIC."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
@@ -214,7 +214,7 @@ def _best_adhesion(
     bare = fits[NO_ADHESION]
     for kind, name in names.items():
         if fits[kind].bic > bare.bic + WORSE:  # without adhesion is a limit of it: the search went astray
-            begin = {each.name: each.value for each in bare.parameters}
+            begin = {parameter.name: parameter.value for parameter in bare.parameters}
             begin[name] = FAINT * fits[kind][name].value
             fits[kind] = min(fits[kind], fitted(kind, begin), key=lambda fit: fit.bic)
     best = min(fits.values(), key=lambda fit: fit.bic)
@@ -229,8 +229,8 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray,
     minimise = partial(minimised, problem.residuals, problem.jacobian, bounds=problem.bounds)
     notes: list[str] = []
     problem.adapt(u)
-    for each in problem.predictions:  # a place of a jump that is mistaken in a guess would draw the search
-        each.touch.jumps.clear()
+    for prediction in problem.predictions:  # a wrong place of a jump would draw the search
+        prediction.touch.jumps.clear()
     known, u = u, minimise(start=u, precision=ROUGH)
     for number in range(ROUNDS):
         before = u
@@ -270,9 +270,9 @@ def _with_losses(problem: LeastSquares, u: FloatArray) -> FloatArray:
     for each in problem.predictions:
         each.forget()
     squares = [float(np.sum(problem.residuals(each) ** 2)) for each in trials]
-    found: FloatArray = trials[int(np.argmin(squares))]
-    problem.adapt(found)
-    return found
+    best: FloatArray = trials[int(np.argmin(squares))]
+    problem.adapt(best)
+    return best
 
 
 def _noise_stays(problem: LeastSquares, u: FloatArray, loss: str) -> bool:
@@ -289,10 +289,12 @@ def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
     """
     for _ in range(ROUNDS_OF_NOISE):
         before = problem.noise.copy()
-        for i, (found, each) in enumerate(zip(problem.rows_over_noise(u), problem.predictions, strict=True)):
+        for i, (residuals, prediction) in enumerate(
+            zip(problem.rows_over_noise(u), problem.predictions, strict=True)
+        ):
             for k in np.flatnonzero(~problem.noise_is_given(i)):
-                rows = each.used & ~each.touch.uncertain & (each.curve.by_force == bool(k))
-                problem.noise[i, k] = max(problem.noise[i, k] * _spread(found[rows], loss), 1e-300)
+                rows = prediction.used & ~prediction.touch.uncertain & (prediction.curve.by_force == bool(k))
+                problem.noise[i, k] = max(problem.noise[i, k] * _spread(residuals[rows], loss), 1e-300)
         problem.decorrelate()
         if np.allclose(problem.noise, before, rtol=SAME_NOISE, atol=0.0):
             break
@@ -301,7 +303,7 @@ def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
 def _spread(residual: FloatArray, loss: str) -> float:
     """Return the standard deviation of a residual, without outliers if the loss is not linear."""
     if loss == "linear":
-        found = float(np.sqrt(np.mean(residual**2)))
+        spread = float(np.sqrt(np.mean(residual**2)))
     else:
-        found = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
-    return max(found, 1e-12 * float(np.abs(residual).max()), 1e-300)
+        spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return max(spread, 1e-12 * float(np.abs(residual).max()), 1e-300)

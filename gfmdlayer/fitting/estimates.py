@@ -23,9 +23,9 @@ from scipy.special import stdtrit
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation.curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
-from gfmdlayer.fitting.indentation.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.indentation.problem import LeastSquares, Parameter
+from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
+from gfmdlayer.fitting.force_curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
+from gfmdlayer.fitting.problem import FreeParameter, LeastSquares
 
 BAND = 0.95  # confidence of all intervals
 WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their order
@@ -72,7 +72,7 @@ class FitOptions:
             value = getattr(self, key)
             if value is not None and not 0 < value < math.inf:
                 problems.append(f"{key}: got {value!r}; must be > 0 and finite")
-        if isinstance(self.segments, str) or not all(isinstance(each, str) for each in self.segments):
+        if isinstance(self.segments, str) or not all(isinstance(name, str) for name in self.segments):
             problems.append(f"segments: got {self.segments!r}; must be names, such as ('approach', 'hold')")
         if problems:
             raise ConfigError(problems)
@@ -151,17 +151,21 @@ class IndentationFit:
     @property
     def depth(self) -> float:
         """Largest depth below the contact point, of all curves."""
-        points = {each.curve: each.value for each in self.parameters if each.key == "contact_point"}
+        points = {
+            parameter.curve: parameter.value
+            for parameter in self.parameters
+            if parameter.key == "contact_point"
+        }
         shared = points.get("", 0.0)
         reached = (float(fit.curve.depth.max()) - points.get(fit.curve.name, shared) for fit in self.curves)
         return max(*reached, 0.0)
 
     def __getitem__(self, name: str) -> Estimate:
         """Return a parameter by its key, or the last part of its key."""
-        for each in self.parameters:
-            if name in {each.name, each.key, each.key.rpartition(".")[2]}:
-                return each
-        raise KeyError(f"{name}: must be one of {', '.join(each.name for each in self.parameters)}")
+        for parameter in self.parameters:
+            if name in {parameter.name, parameter.key, parameter.key.rpartition(".")[2]}:
+                return parameter
+        raise KeyError(f"{name}: must be one of {', '.join(parameter.name for parameter in self.parameters)}")
 
 
 def conclude(
@@ -178,12 +182,12 @@ def conclude(
     errors = np.sqrt(np.diag(on_scale))
     profiles: list[tuple[float, float] | None] = [None] * u.size
     if options.profile:
-        search = _Profile(problem, u, spread, factor, options.loss)
+        search = _ProfileInterval(problem, u, spread, factor, options.loss)
         profiles = [(search.end(i, t, -1.0), search.end(i, t, 1.0)) for i in range(u.size)]
     values = problem.values(u)
     estimates = tuple(
-        _estimate(each, values[each.name], (float(reported[i]), float(errors[i])), t, profiles[i])
-        for i, each in enumerate(problem.parameters)
+        _estimate(parameter, values[parameter.name], (float(reported[i]), float(errors[i])), t, profiles[i])
+        for i, parameter in enumerate(problem.parameters)
     )
     fitted = tuple(_curve_fits(problem, u, t * t * spread))
     correlation = on_scale / np.outer(errors, errors)
@@ -237,7 +241,7 @@ def preference(criteria: Mapping[str, float]) -> str:
 
 
 def _estimate(
-    parameter: Parameter,
+    parameter: FreeParameter,
     value: float,
     on_scale: tuple[float, float],
     t: float,
@@ -262,19 +266,27 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
     """Yield the curves with their predictions; `spread` is the square of the 95 % region of u."""
     derivatives = problem.derivatives(u)
     freedom = problem.rows / max(problem.rows - u.size, 1)
-    for i, each in enumerate(problem.predictions):
-        columns = np.stack([np.broadcast_to(column[i], each.used.shape) for column in derivatives], axis=1)
+    for i, prediction in enumerate(problem.predictions):
+        columns = np.stack(
+            [np.broadcast_to(column[i], prediction.used.shape) for column in derivatives], axis=1
+        )
         band = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", columns, spread, columns), 0.0))
-        force, depth = each.in_columns(*problem.at(u, each))
-        found = CurveFit(
-            each.curve, force, depth, band, each.used & ~each.touch.uncertain, math.nan, math.nan
+        force, depth = prediction.in_columns(*problem.at(u, prediction))
+        fit = CurveFit(
+            prediction.curve,
+            force,
+            depth,
+            band,
+            prediction.used & ~prediction.touch.uncertain,
+            math.nan,
+            math.nan,
         )
         noise = []
-        for k, given in enumerate((each.curve.noise, each.curve.depth_noise)):
-            rows = found.used & (each.curve.by_force == bool(k))
-            own = math.sqrt(freedom * float(np.mean(found.residual[rows] ** 2))) if rows.any() else math.nan
-            noise.append(float(given) if given is not None and rows.any() else own)
-        yield replace(found, noise=noise[0], depth_noise=noise[1])
+        for k, known in enumerate((prediction.curve.noise, prediction.curve.depth_noise)):
+            rows = fit.used & (prediction.curve.by_force == bool(k))
+            own = math.sqrt(freedom * float(np.mean(fit.residual[rows] ** 2))) if rows.any() else math.nan
+            noise.append(float(known) if known is not None and rows.any() else own)
+        yield replace(fit, noise=noise[0], depth_noise=noise[1])
 
 
 def _criteria(
@@ -282,16 +294,16 @@ def _criteria(
 ) -> tuple[float, float]:
     """Return AIC and BIC; an estimated noise counts as a parameter. `further`: residuals beside rows."""
     twice, count, uncorrelated = float(np.sum(further**2)), u.size, problem.rows_over_noise(u)
-    for i, each in enumerate(fitted):
+    for i, fit in enumerate(fitted):
         twice += problem.log_determinant(i) + problem.predictions[i].touch.doubt
-        for k, given in enumerate(problem.noise_is_given(i)):
-            own = each.curve.by_force == bool(k)
+        for k, is_given in enumerate(problem.noise_is_given(i)):
+            own = fit.curve.by_force == bool(k)
             # Rows that count with one adhesion and not with another have the mean square of the others.
-            rows, size = each.used & own, int((problem.predictions[i].used & own).sum())
+            rows, size = fit.used & own, int((problem.predictions[i].used & own).sum())
             noise = float(problem.noise[i, k])
             square = noise**2 * float(np.mean(uncorrelated[i][rows] ** 2)) if rows.any() else math.nan
             square = max(square, 1e-300)
-            if not given:
+            if not is_given:
                 twice += size * (math.log(2 * math.pi * square) + 1)
                 count += 1
             elif size:
@@ -303,19 +315,20 @@ def _doubts(
     estimates: Sequence[Estimate], correlation: FloatArray, fitted: Sequence[CurveFit], excess: float
 ) -> Iterator[str]:
     """Yield warnings: parameters that the data do not determine, and residuals that are not noise."""
-    for each in estimates:
-        (low, high), (least, most) = each.profile or each.interval, each.bounds
+    for estimate in estimates:
+        (low, high), (least, most) = estimate.profile or estimate.interval, estimate.bounds
         below, above = low <= least * (1 + 1e-6 * np.sign(least)), high >= most * (1 - 1e-6 * np.sign(most))
         if below and above:
             yield (
-                f"{each.name}: the data do not determine it; its interval spans its bounds, {least:g} to "
+                f"{estimate.name}: the data do not determine it; its interval spans its bounds, {least:g} to "
                 f"{most:g}"
             )
         elif below or above:
             side, bound = ("an upper", least) if below else ("a lower", most)
-            yield f"{each.name}: the data give only {side} limit; the interval reaches {bound:g}"
-        elif each.is_open:
-            yield f"{each.name}: the data hardly determine it; the interval spans a factor {high / low:.2g}"
+            yield f"{estimate.name}: the data give only {side} limit; the interval reaches {bound:g}"
+        elif estimate.is_open:
+            factor = f"{high / low:.2g}"
+            yield f"{estimate.name}: the data hardly determine it; the interval spans a factor {factor}"
     for i, j in combinations(range(len(estimates)), 2):
         if abs(correlation[i, j]) > 0.99:
             pair = f"{estimates[i].name} and {estimates[j].name}"
@@ -438,7 +451,7 @@ def quantile(level: float, freedom: int) -> float:
     return float(stdtrit(freedom, 0.5 + level / 2))
 
 
-class _Profile:
+class _ProfileInterval:
     """The ends of the profile intervals."""
 
     def __init__(
@@ -450,14 +463,14 @@ class _Profile:
 
     def end(self, i: int, t: float, side: float) -> float:
         """Return the lower (side -1) or upper (+1) end of parameter i on its scale; infinite if not found."""
-        found, slopes = self._problem.reported(self._best)
+        best, slopes = self._problem.reported(self._best)
         error = float(np.sqrt(slopes[i] @ self._spread @ slopes[i]))
         direction = self._spread @ slopes[i] / error**2
         reach, u = t * error, self._best
         known = [(0.0, 0.0)]  # distances from the estimate, and the roots there
         for _ in range(ROUNDS):
             moved = side * (reach - known[-1][0])
-            u = self._fixed_at(i, found[i] + side * reach, error, u + moved * direction)
+            u = self._fixed_at(i, best[i] + side * reach, error, u + moved * direction)
             known.append((reach, self._root(u)))
             (near, low), (far, root) = known[-2:]
             if abs(root - t) < CLOSE * t:
@@ -466,7 +479,7 @@ class _Profile:
             reach = float(np.clip(far + (t - root) / pace, 0.3 * far, 2 * far))
             if reach > FAR * t * error:
                 return side * np.inf
-        return float(found[i] + side * reach)
+        return float(best[i] + side * reach)
 
     def _root(self, u: FloatArray) -> float:
         grown = float(np.sum(self._problem.residuals(u) ** 2)) - self._least

@@ -29,7 +29,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.tables import TableError, is_number, read_lines, refuse_other_files
-from gfmdlayer.fitting.indentation.curve import (
+from gfmdlayer.fitting.estimates import FitOptions
+from gfmdlayer.fitting.force_curve import (
     BASE,
     COLUMNS,
     FORCE,
@@ -40,7 +41,6 @@ from gfmdlayer.fitting.indentation.curve import (
     parse_heading,
     size_of,
 )
-from gfmdlayer.fitting.indentation.estimates import FitOptions
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}
 HDF5 = {".h5", ".hdf5"}
@@ -62,20 +62,20 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
-            files += sorted(each for each in path.iterdir() if each.is_file() and each.name[0] != ".")
+            files += sorted(file for file in path.iterdir() if file.is_file() and file.name[0] != ".")
         elif path.exists():
             files.append(path)
         else:
             raise TableError(f"{path}: no such file; give a file of curves or a folder")
-    found = [entry for path in files for entry in _entries(path)]
-    if not found:
+    read = [entry for path in files for entry in _entries(path)]
+    if not read:
         raise TableError(f"{', '.join(map(str, paths))}: no curve found")
     names: dict[str, int] = {}
-    for entry in found:
+    for entry in read:
         names[entry.name] = names.get(entry.name, 0) + 1
     every = [
         entry if names[entry.name] == 1 else replace(entry, name=f"{entry.path}:{entry.key}".rstrip(":"))
-        for entry in found
+        for entry in read
     ]
     # Bytes of a file's name that are not UTF-8 become escape codes.
     return [replace(each, name=os.fsencode(each.name).decode(errors="backslashreplace")) for each in every]
@@ -97,8 +97,10 @@ def read_curve(
     if suffix not in TEXT | HDF5:
         data = _afm_group(entry.path)[int(entry.key)]
         return afm_curve(data, entry.name, into, options, position=entry.position, origin=origin)
-    columns, found, words, stiffness = _text_columns(entry.path) if suffix in TEXT else _hdf5_columns(entry)
-    sizes = _sizes(entry.path, found, units, into, columns)
+    columns, units_read, words, stiffness = (
+        _text_columns(entry.path) if suffix in TEXT else _hdf5_columns(entry)
+    )
+    sizes = _sizes(entry.path, units_read, units, into, columns)
     columns = {key: values * sizes[key] for key, values in columns.items()}
     length = sizes["depth" if "depth" in columns else "base"]
     own = options.stiffness if stiffness is None else stiffness * sizes["force"] / length
@@ -206,11 +208,11 @@ def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[
 
 
 def _sizes(
-    path: Path, found: dict[str, str], given: Units | None, into: Sizes, columns: Iterable[str]
+    path: Path, of_file: dict[str, str], of_user: Units | None, into: Sizes, columns: Iterable[str]
 ) -> dict[str, float]:
     """Return the sizes of the columns' units over the sizes of the model's; 1 if no column has a unit."""
-    units = dict(zip(COLUMNS, given or (), strict=False))
-    units = ({"base": units["depth"]} if units else {}) | units | found
+    units = dict(zip(COLUMNS, of_user or (), strict=False))
+    units = ({"base": units["depth"]} if units else {}) | units | of_file
     if not units:
         return dict.fromkeys(columns, 1.0)
     if missing := [column for column in columns if column not in units]:
@@ -263,8 +265,8 @@ def _hdf5_columns(entry: Entry) -> _Columns:
                 units[column] = unit.decode() if isinstance(unit, bytes) else str(unit)
         for column in WORDS:
             if column in place:
-                found = place[column].asstr()
-                words[column] = list(map(str, found[:] if found.ndim == 1 or row is None else found[row]))
+                values = place[column].asstr()
+                words[column] = list(map(str, values[:] if values.ndim == 1 or row is None else values[row]))
         stiffness = place.attrs.get("stiffness")
     sizes = {values.size for values in columns.values()}
     if len(sizes) == 1:
@@ -325,16 +327,16 @@ def afm_curve(
     **more: Any,
 ) -> ForceCurve:
     """Return a curve of afmformats; the position of the tip is the measured height plus the deflection."""
-    found = data.metadata.get("spring constant")
-    if found is None and options.stiffness is not None:
-        found = options.stiffness * into[2] / into[1]
+    stiffness = data.metadata.get("spring constant")
+    if stiffness is None and options.stiffness is not None:
+        stiffness = options.stiffness * into[2] / into[1]
     if "time" not in data.columns or "force" not in data.columns:
         raise TableError(f"curve {name} has no time or no force; it needs both")
     force = np.asarray(data["force"])
     if "tip position" in data.columns:
         tip = np.asarray(data["tip position"])
-    elif "height (measured)" in data.columns and found:
-        tip = np.asarray(data["height (measured)"]) + force / found
+    elif "height (measured)" in data.columns and stiffness:
+        tip = np.asarray(data["height (measured)"]) + force / stiffness
     else:
         raise TableError(
             f"curve {name} has no tip position; it needs the tip position, or the measured height and the "
@@ -345,9 +347,9 @@ def afm_curve(
     if "segment" in data.columns and mode in _PARTS:
         numbers = np.asarray(data["segment"]).astype(int)
         words["segment"] = [_PARTS[mode][min(k, len(_PARTS[mode]) - 1)] for k in numbers]
-        if found:
+        if stiffness:
             creep = mode == "creep-compliance"
-            words["prescribed"] = [FORCE if creep and each == "hold" else BASE for each in words["segment"]]
-    facts = curve_facts(words, found and float(found), options)
+            words["prescribed"] = [FORCE if creep and word == "hold" else BASE for word in words["segment"]]
+    facts = curve_facts(words, stiffness and float(stiffness), options)
     curve = ForceCurve(name, data["time"], -tip, force, **facts, **more)
     return curve.in_units(*(1 / size for size in into))

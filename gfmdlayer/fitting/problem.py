@@ -1,18 +1,11 @@
-"""The least-squares problem: predictions of a model, its free parameters, residuals and their derivatives.
+"""The least-squares problem: a model, its free parameters, residuals of the curves and their derivatives.
 
 The fit varies the vector u. A modulus, a time, a length or a stiffness enters by its logarithm; Poisson's
 ratios, exponents and corrections of a curve enter directly. An instantaneous modulus Ginf enters by the
 logarithm of Ginf - G0 of the same material, so that no step of the fit makes a material that stiffens with
 time. Residuals are predicted minus measured values over the noise: forces where the depth or the base of the
-cantilever is prescribed, depths where the force is.
-
-Values of a curve correct its columns, with the position x of the base, or else of the indenter:
-depth = measured depth - contact_point - drift (t - t_first),
-force = (measured force - force_offset - force_drift (t - t_first) - tilt (x - x_first)) stiffness/(nominal).
-
-The prescribed quantity is measured too. Straight pieces replace it, and the values at their corners have a
-covariance C from least squares. With the derivatives P of the predictions to these values, the residuals
-have the covariance noise^2 + P C P^T; they are multiplied by its inverse root (generalised least squares).
+cantilever is prescribed, depths where the force is. `prediction` has the predictions, and the covariance of
+the residuals by the noise of the prescribed quantity.
 
 Derivatives are forward differences of solutions without extrapolation to zero step, whose error of second
 order in the step hardly changes between two of them. Some are exact and need no solution: the derivatives to
@@ -26,7 +19,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
 from typing import Any, Literal
 
 import numpy as np
@@ -36,273 +28,22 @@ from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.model import explain
 from gfmdlayer.config.sweeps import assigned
-from gfmdlayer.fitting.indentation.curve import (
+from gfmdlayer.fitting.elastic import adhesion_of, read_adhesion
+from gfmdlayer.fitting.force_curve import (
     DEPTH,
     FORCE,
     OF_A_CURVE,
-    SIGMAS,
     Correction,
     CurveError,
-    Drive,
     ForceCurve,
-    Pieces,
-    Setup,
     baseline,
     onset,
-    straight_derivatives,
 )
-from gfmdlayer.fitting.indentation.elastic import (
-    Contacts,
-    ElasticContact,
-    Jumping,
-    Touch,
-    adhesion_of,
-    read_adhesion,
-)
-from gfmdlayer.fitting.indentation.stepped import KEPT, SteppedContact
 from gfmdlayer.fitting.measurement import FitError
-from gfmdlayer.indentation.equilibrium import Adhesion
+from gfmdlayer.fitting.prediction import Prediction
+from gfmdlayer.fitting.stepped import KEPT
 from gfmdlayer.indentation.indent import as_revolution
-from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.validation.problems import shown, unknown_key
-
-SHIFT = 1e-3  # of the range: smallest step of a difference to a corner
-CLOSE = 0.2  # of the shortest piece: largest step of a difference to the time of a corner
-LEAST_FORCE = 0.01  # of the largest: rows of a prescribed force below it do not count
-RETRACTED = 0.05  # of the range: a motion back by more is a retraction
-NOISY = 0.1  # noise of the prescribed quantity, over that of the measured one, that counts; both over ranges
-
-
-class Prediction:
-    """Forces and depths under the prescribed quantity of a measured curve."""
-
-    def __init__(
-        self,
-        curve: ForceCurve,
-        segments: Sequence[str] = (),
-        offset: float = 0.0,
-        adhesive: bool = False,
-    ) -> None:
-        self.curve = curve
-        self.drives: list[Drive] = []
-        self._kinds: list[str] = []
-        self.used = np.zeros(curve.time.size, dtype=bool)  # rows whose residuals count
-        for kind, each in groupby(curve.segments, key=lambda segment: segment.prescribed):
-            parts = list(each)
-            rows = slice(parts[0].first, parts[-1].end)
-            values = {FORCE: curve.force, DEPTH: curve.depth}.get(kind, curve.position_of_drive)
-            self.drives.append(Drive.of(curve.time[rows], values[rows], float(np.ptp(values))))
-            self._kinds.append(kind)
-            for part in parts:
-                self.used[part.first : part.end] = not segments or part.name in segments
-        if (by_force := curve.by_force).any():
-            # Without force the indenter may be anywhere above the surface.
-            times = np.concatenate([each.time for each in self.drives])
-            forces = np.interp(curve.time, times, np.concatenate([each.value for each in self.drives]))
-            kinds = zip(self.drives, self._kinds, strict=True)
-            errors = [each.error for each, kind in kinds if kind == FORCE]
-            least = max(LEAST_FORCE * float(np.max(curve.force) - offset), SIGMAS * max(errors) / 10**0.5)
-            counts = (np.abs(forces - offset) if adhesive else forces - offset) > least
-            if adhesive and counts.any():  # from push to pull there is contact
-                first, *_, last = np.flatnonzero(counts).tolist() * 2
-                counts[first:last] = True
-            self.used &= ~by_force | counts
-        if not self.used.any():
-            known = ", ".join(dict.fromkeys(each.name for each in curve.segments))
-            raise CurveError(
-                f"curve {curve.name}: no row is left in the segments {', '.join(segments) or known}; it has "
-                f"{known}"
-            )
-        self._setups: list[tuple[Config, Setup]] = []  # the last ones
-        self._relaxes: bool | None = None
-        self._elastic, self._stepped = ElasticContact(curve), SteppedContact(curve)
-        self._in_steps = False  # whether an elastic body is solved in steps too
-        self.touch = Touch(curve.time.size)
-        self._labels = 0
-
-    @property
-    def changes(self) -> int:
-        """Number of changes of times, nodes and rows in contact, across which responses are not compared."""
-        return self._labels + self._elastic.changes + self._stepped.changes
-
-    def corrected(self, at: Correction) -> tuple[FloatArray, FloatArray]:
-        """Return the corners of the prescribed quantity without its corrections: times and values."""
-        pieces = self._pieces(at)
-        return np.append(pieces.begin, pieces.end[-1]), np.append(pieces.first, pieces.last[-1])
-
-    @property
-    def kinds(self) -> set[str]:
-        """The prescribed quantities."""
-        return set(self._kinds)
-
-    def adapt(self, config: Config, at: Correction) -> None:
-        """Choose the times by the bends of the response of a model, and the nodes by its lengths."""
-        setup, pieces = self.setup(config), self._pieces(at)
-        if self.is_elastic(config):
-            try:
-                self._elastic.adapt(setup, at, pieces)
-            except FitError:
-                if at.adhesion != Adhesion():
-                    raise
-                self._in_steps = True  # a very wide contact
-            if not self._in_steps:
-                return
-        self._stepped.adapt(setup, at, pieces)
-
-    def response(self, config: Config, at: Correction, rough: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth of the indenter at the rows; `rough` suffices for differences."""
-        setup, pieces = self.setup(config), self._pieces(at)
-        if self.is_elastic(config) and not self._in_steps:
-            return self._elastic.response(setup, at, pieces, self.touch.touching)
-        return self._stepped.response(setup, at, pieces, self.touch.touching, rough)
-
-    def _jumping(self, config: Config, at: Correction, rough: bool = False) -> Jumping:
-        if self.is_elastic(config):
-            return self.contacts(config, at)
-        return self._stepped.course(self.setup(config), at, self._pieces(at), rough)
-
-    def contacts(self, config: Config, at: Correction) -> Contacts:
-        """Return the stable contacts of the relaxed body, up to the largest prescribed values."""
-        return self._elastic.contacts(self.setup(config), at, self._pieces(at))
-
-    def is_elastic(self, config: Config) -> bool:
-        """Whether the body of a model does not relax."""
-        if self._relaxes is None:
-            self._relaxes = bool(self.setup(config).body.spectrum(np.array([1.0])).weights.size)
-        return not self._relaxes
-
-    def setup(self, config: Config) -> Setup:
-        """Return body and indenter of a model."""
-        for known, setup in self._setups:
-            if known is config:
-                return setup
-        setup = Setup(IsolatedContact(config).body, as_revolution(config.punch))
-        self._setups = [(config, setup), *self._setups[: KEPT - 1]]
-        return setup
-
-    @property
-    def retracts(self) -> bool:
-        """Whether a row of a retraction counts."""
-        found = False
-        for part in self.curve.segments:
-            rows = np.flatnonzero(self.used[part.first : part.end]) + part.first
-            if rows.size > 1:
-                drive = self.curve.force if part.prescribed == FORCE else self.curve.position_of_drive
-                top = rows[0] + int(np.argmax(drive[rows[0] : rows[-1] + 1]))
-                found |= bool(drive[top] - drive[rows[-1]] > RETRACTED * np.ptp(drive))
-        return found
-
-    def forget(self) -> None:
-        """Let the model have its own contact."""
-        self.touch, self._labels = Touch(self.used.size), self._labels + 1
-
-    def label(self, config: Config, at: Correction) -> None:
-        """Take the rows in contact, and the jumps, from the measurement, where there is adhesion."""
-        self.forget()
-        if at.adhesion == Adhesion():
-            return
-        squares = []
-        for touching in (True, False):
-            self.touch.touching = np.full(self.used.size, touching)
-            squares.append((self.measured(config, at) - self.curve.measured) ** 2)
-        own = 1.0 if self.curve.stiffness is None else self.curve.stiffness / at.stiffness
-        seen = self.curve, self.used, self._jumping(config, at), self._pieces(at), own
-        self.touch.find(*seen, squares[0] - squares[1], self._error_of_drive)
-
-    def _error_of_drive(self, row: int) -> float:
-        """Return the standard error of the prescribed value before a row."""
-        time = float(self.curve.time[row - 1 : row + 1].mean())
-        drive = next(each for each in self.drives[::-1] if each.time[0] <= time or each is self.drives[0])
-        if drive.time.size < 2:
-            return 0.0
-        along = straight_derivatives(np.array([time]), drive.time, drive.value)[0]
-        along = along[: drive.covariance.shape[0]]
-        return drive.error * math.sqrt(max(float(along @ drive.covariance @ along), 0.0))
-
-    def jumps(self, config: Config, at: Correction, rough: bool = False) -> FloatArray:
-        """Return the places of the jumps, predicted less measured, over their errors; shape (jumps,)."""
-        if not self.touch.jumps:
-            return np.zeros(0)
-        return self.touch.places(self.curve, self._jumping(config, at, rough), self._pieces(at))
-
-    def in_columns(
-        self, config: Config, at: Correction, rough: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth as the columns of the curve would have them, at the rows."""
-        force, depth = self.response(config, at, rough)
-        curve, since = self.curve, self.curve.time - self.curve.time[0]
-        ratio = 1.0 if curve.stiffness is None else curve.stiffness / at.stiffness
-        own = ratio * force + baseline(curve, at)
-        depth = depth + at.contact_point + at.drift * since
-        if curve.stiffness and curve.by_base:  # the column is the base less the measured deflection
-            base = np.where(curve.by_force, depth + force / at.stiffness, curve.position_of_drive)
-            return own, base - own / curve.stiffness
-        return own, np.where(curve.by_force, depth, curve.depth)
-
-    def measured(self, config: Config, at: Correction, rough: bool = False) -> FloatArray:
-        """Return the predicted values of the measured quantity, at the rows."""
-        force, depth = self.in_columns(config, at, rough)
-        return np.where(self.curve.by_force, depth, force)
-
-    def scatter(self, config: Config, at: Correction, noise: FloatArray) -> tuple[FloatArray, int]:
-        """Return the errors of rows and jumps by the noise of the prescribed quantity, and the solutions.
-
-        Shape (rows + jumps, corners), with independent columns; only of the drives that are noisy beside
-        `noise`, or beside the spread of the jumps.
-        """
-        relative = float(np.median(noise)) / max(float(np.ptp(self.curve.measured)), 1e-300)
-
-        def every() -> FloatArray:
-            return np.append(self.measured(config, at, rough=True), self.jumps(config, at, rough=True))
-
-        base, columns = every(), list[FloatArray]()
-        near = all(self._error_of_drive(each.row) < NOISY * each.spread for each in self.touch.jumps)
-        solutions = 1
-        for k, drive in enumerate(self.drives):
-            span = max(float(np.ptp(drive.value)), 1e-300)
-            if (drive.error < NOISY * relative * span and near) or drive.time.size < 2:
-                continue
-            derivatives = []
-            for number, variance in enumerate(np.diag(drive.covariance)):
-                shift = np.zeros(drive.covariance.shape[0])
-                shift[number] = max(drive.error * variance**0.5, SHIFT * span)
-                if number >= drive.time.size:
-                    shift[number] = min(
-                        drive.error * variance**0.5, CLOSE * float(np.min(np.diff(drive.time)))
-                    )
-                self.drives[k] = drive.moved(shift)
-                derivatives.append((every() - base) / shift[number])
-                self.drives[k] = drive
-                solutions += 1
-            values, vectors = np.linalg.eigh(drive.covariance)
-            root = vectors * np.sqrt(np.maximum(values, 0.0))
-            columns.append(drive.error * np.stack(derivatives, axis=1) @ root)
-        return np.hstack(columns) if columns else np.zeros((base.size, 0)), solutions
-
-    def _pieces(self, at: Correction) -> Pieces:
-        curve, parts = self.curve, []
-        begin: float | None = None
-        for drive, kind in zip(self.drives, self._kinds, strict=True):
-            time, value = drive.time, drive.value
-            since = time - curve.time[0]
-            if kind == FORCE:
-                position = np.interp(time, curve.time, curve.position_of_drive) - curve.position_of_drive[0]
-                value = value - at.force_offset - at.force_drift * since - at.tilt * position
-                value = value if curve.stiffness is None else value * (at.stiffness / curve.stiffness)
-            else:
-                value = value - at.contact_point - at.drift * since
-            if begin is not None:  # from the last row of the drive before to the first of this one
-                slope = (value[1] - value[0]) / (time[1] - time[0]) if time.size > 1 else 0.0
-                first = value[0] - slope * (time[0] - begin)
-                time, value = np.append(begin, time), np.append(first, value)
-            parts.append((time[:-1], time[1:], value[:-1], value[1:], np.full(time.size - 1, kind == FORCE)))
-            begin = float(time[-1])
-        # The first piece of a drive begins at the end of the last one.
-        found = [each.breakpoints for each in self.drives]
-        later = [each[1:] if each.size > 1 else each for each in found[1:]]
-        parts_of = [np.concatenate(each) for each in zip(*parts, strict=True)]
-        return Pieces._make([*parts_of, np.concatenate([found[0], *later])])
-
 
 # The free parameters: keys of the model and values of a curve, their bounds and scales.
 
@@ -320,7 +61,7 @@ Bounds = tuple[float, float]
 Free = Sequence[str] | Mapping[str, Sequence[float] | None]
 
 
-class Model:
+class IndentationModel:
     """Body, indenter and adhesion: a configuration whose numbers have keys such as layers[0].material.G0."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
@@ -330,23 +71,23 @@ class Model:
         self._given = dict(data)
         # The curves have the history; the default depth may be impossible for this body.
         own = {key: value for key, value in data.items() if key != "adhesion"}
-        given = {"name": "indentation"} | own | {"grid": grid, "trajectory": {"depth": 0.0}}
+        case = {"name": "indentation"} | own | {"grid": grid, "trajectory": {"depth": 0.0}}
         self.adhesion = read_adhesion(data["adhesion"]) if "adhesion" in data else None
         try:
-            self.config = Config.model_validate(given)
+            self.config = Config.model_validate(case)
         except ValidationError as error:
             raise ConfigError(map(str, explain(error))) from None
         self._data = self.config.model_dump(exclude_none=True)
         self.keys = dict(_numbers(self._data | {"adhesion": self.adhesion or {}}))
 
-    def under(self, punch: Mapping[str, Any]) -> Model:
+    def under(self, punch: Mapping[str, Any]) -> IndentationModel:
         """Return the model with another indenter."""
-        return Model(self._given | {"punch": dict(punch)})
+        return IndentationModel(self._given | {"punch": dict(punch)})
 
-    def sticking(self, adhesion: Mapping[str, Any] | None) -> Model:
+    def sticking(self, adhesion: Mapping[str, Any] | None) -> IndentationModel:
         """Return the model with other adhesion, or without."""
         rest = {key: value for key, value in self._given.items() if key != "adhesion"}
-        return Model(rest if adhesion is None else rest | {"adhesion": dict(adhesion)})
+        return IndentationModel(rest if adhesion is None else rest | {"adhesion": dict(adhesion)})
 
     def with_values(self, values: dict[str, float]) -> Config:
         """Return the configuration in which the dotted keys have these values."""
@@ -364,7 +105,7 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FreeParameter:
     """A free parameter."""
 
     key: str  # dotted key of the model, or one of `OF_A_CURVE`
@@ -386,11 +127,11 @@ class Parameter:
 
 
 def free_parameters(
-    model: Model, free: Free, curves: Sequence[str], spans: Mapping[str, Bounds]
-) -> list[Parameter]:
+    model: IndentationModel, free: Free, curves: Sequence[str], spans: Mapping[str, Bounds]
+) -> list[FreeParameter]:
     """Return the free parameters of a fit; `spans` has the default bounds of the values of a curve."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    wrong, found = [], []
+    wrong, parameters = [], []
     if not asked:
         raise ConfigError(["free: got no parameter; give at least one key, such as layer.material.G0"])
     for key, bounds in asked.items():
@@ -399,7 +140,7 @@ def free_parameters(
             if key not in spans:
                 wrong.append(f"free: {key}: got a curve without a prescribed base; only such curves have it")
                 continue
-            found += [Parameter(key, 0.0, _bounds(bounds, spans[key]), owner) for owner in owners]
+            parameters += [FreeParameter(key, 0.0, _bounds(bounds, spans[key]), owner) for owner in owners]
         elif key.startswith(STICKING) and model.adhesion is None:
             wrong.append(
                 f"free: {key}: the model has no adhesion; give its section, such as "
@@ -417,20 +158,22 @@ def free_parameters(
                 wrong.append(f"free: {key}: the start is {shown(start)}; it must be > 0 and finite")
                 continue
             above = f"{key[:-4]}G0" if last == "Ginf" else ""
-            found.append(Parameter(key, start, _bounds(bounds, default), "", above))
-    for each in found:
-        low, high = each.bounds
-        if not low < high or (each.scale == "logarithmic" and low <= 0):
-            wrong.append(f"free: {each.key}: the bounds are {low:g} and {high:g}; give 0 < low < high")
-        elif each.key not in OF_A_CURVE and not low <= each.start <= high:
-            wrong.append(f"free: {each.key}: the start {each.start:g} is not between {low:g} and {high:g}")
+            parameters.append(FreeParameter(key, start, _bounds(bounds, default), "", above))
+    for parameter in parameters:
+        low, high = parameter.bounds
+        if not low < high or (parameter.scale == "logarithmic" and low <= 0):
+            wrong.append(f"free: {parameter.key}: the bounds are {low:g} and {high:g}; give 0 < low < high")
+        elif parameter.key not in OF_A_CURVE and not low <= parameter.start <= high:
+            wrong.append(
+                f"free: {parameter.key}: the start {parameter.start:g} is not between {low:g} and {high:g}"
+            )
     if wrong:
         raise ConfigError(wrong)
-    return found
+    return parameters
 
 
-def _bounds(given: Sequence[float] | None, default: Bounds) -> Bounds:
-    return default if given is None else (float(given[0]), float(given[1]))
+def _bounds(asked: Sequence[float] | None, default: Bounds) -> Bounds:
+    return default if asked is None else (float(asked[0]), float(asked[1]))
 
 
 def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
@@ -460,21 +203,23 @@ class LeastSquares:
     """Residuals of curves under a model."""
 
     def __init__(
-        self, model: Model, parameters: Sequence[Parameter], predictions: Sequence[Prediction]
+        self, model: IndentationModel, parameters: Sequence[FreeParameter], predictions: Sequence[Prediction]
     ) -> None:
         self.model, self.parameters, self.predictions = model, list(parameters), list(predictions)
         self._models = {
-            each.curve.name: model if each.curve.punch is None else model.under(each.curve.punch)
-            for each in predictions
+            prediction.curve.name: model
+            if prediction.curve.punch is None
+            else model.under(prediction.curve.punch)
+            for prediction in predictions
         }
         # Standard deviations of force and depth of each curve, by which its residuals are divided.
         self.noise = np.array(
             [
                 [
-                    each.curve.noise or float(np.ptp(each.curve.force)),
-                    each.curve.depth_noise or float(np.ptp(each.curve.depth)),
+                    prediction.curve.noise or float(np.ptp(prediction.curve.force)),
+                    prediction.curve.depth_noise or float(np.ptp(prediction.curve.depth)),
                 ]
-                for each in predictions
+                for prediction in predictions
             ]
         )
         # Errors of rows and jumps of each curve by the noise of its prescribed quantity, see `weigh`.
@@ -489,65 +234,68 @@ class LeastSquares:
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Bounds of u."""
-        low, high = np.array([each.bounds for each in self.parameters]).T.copy()
-        for i, each in enumerate(self.parameters):
-            if each.above:  # u is ln(Ginf - G0); with G0 free a lower bound of Ginf is no bound of u
-                base = self.model.keys[each.above]
-                is_free = any(other.key == each.above for other in self.parameters)
-                smallest = max(each.start - base, 0.1 * base) / WIDE
+        low, high = np.array([parameter.bounds for parameter in self.parameters]).T.copy()
+        for i, parameter in enumerate(self.parameters):
+            if parameter.above:  # u is ln(Ginf - G0); with G0 free a lower bound of Ginf is no bound of u
+                base = self.model.keys[parameter.above]
+                is_free = any(other.key == parameter.above for other in self.parameters)
+                smallest = max(parameter.start - base, 0.1 * base) / WIDE
                 low[i] = smallest if is_free else max(low[i] - base, smallest)
                 high[i] = high[i] if is_free else high[i] - base
-            if each.scale == "logarithmic":
+            if parameter.scale == "logarithmic":
                 low[i], high[i] = np.log(low[i]), np.log(high[i])
         return low, high
 
     @cached_property
     def start(self) -> FloatArray:
         """The u at which the fit starts, within the bounds."""
-        values = {each.name: each.start for each in self.parameters}
+        values = {parameter.name: parameter.start for parameter in self.parameters}
         return np.clip(self.coordinates(values), *self.bounds)
 
     def values(self, u: FloatArray) -> dict[str, float]:
         """Return the parameters at u, by name."""
-        found: dict[str, float] = {}
-        for each, at in zip(self.parameters, u.tolist(), strict=True):
-            found[each.name] = float(np.exp(at)) if each.scale == "logarithmic" else at
-        for each in self.parameters:
-            if each.above:
-                found[each.name] += found.get(each.above, self.model.keys[each.above])
-        return found
+        values: dict[str, float] = {}
+        for parameter, at in zip(self.parameters, u.tolist(), strict=True):
+            values[parameter.name] = float(np.exp(at)) if parameter.scale == "logarithmic" else at
+        for parameter in self.parameters:
+            if parameter.above:
+                values[parameter.name] += values.get(parameter.above, self.model.keys[parameter.above])
+        return values
 
     def coordinates(self, values: Mapping[str, float]) -> FloatArray:
         """Return the u of parameters."""
         u = np.empty(len(self.parameters))
-        for i, each in enumerate(self.parameters):
-            value = values[each.name]
-            if each.above:
-                base = values.get(each.above, self.model.keys[each.above])
+        for i, parameter in enumerate(self.parameters):
+            value = values[parameter.name]
+            if parameter.above:
+                base = values.get(parameter.above, self.model.keys[parameter.above])
                 value = max(value - base, 0.1 * base)
-            u[i] = np.log(value) if each.scale == "logarithmic" else value
+            u[i] = np.log(value) if parameter.scale == "logarithmic" else value
         return u
 
     def reported(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parameters on their scales, logarithmic or linear, and their derivatives to u."""
         values = self.values(u)
-        found, slopes = u.copy(), np.eye(u.size)
-        for i, each in enumerate(self.parameters):
-            if not each.above:
+        scaled, slopes = u.copy(), np.eye(u.size)
+        for i, parameter in enumerate(self.parameters):
+            if not parameter.above:
                 continue
-            value, base = values[each.name], values.get(each.above, self.model.keys[each.above])
-            found[i], slopes[i, i] = np.log(value), 1 - base / value
-            if each.above in values:
-                slopes[i, [p.name for p in self.parameters].index(each.above)] = base / value
-        return found, slopes
+            value, base = (
+                values[parameter.name],
+                values.get(parameter.above, self.model.keys[parameter.above]),
+            )
+            scaled[i], slopes[i, i] = np.log(value), 1 - base / value
+            if parameter.above in values:
+                slopes[i, [p.name for p in self.parameters].index(parameter.above)] = base / value
+        return scaled, slopes
 
     def config(self, u: FloatArray, curve: str | None = None) -> Config:
         """Return the configuration at u, with the indenter of a curve."""
         values = self.values(u)
         own = {
-            each.key: values[each.name]
-            for each in self.parameters
-            if each.key not in OF_A_CURVE and not each.key.startswith(STICKING)
+            parameter.key: values[parameter.name]
+            for parameter in self.parameters
+            if parameter.key not in OF_A_CURVE and not parameter.key.startswith(STICKING)
         }
         model = self.model if curve is None else self._models[curve]
         known = (id(model), *own.items())
@@ -559,72 +307,74 @@ class LeastSquares:
         """Return the values of a curve at u."""
         values = self.values(u)
         own = {
-            each.key: values[each.name]
-            for each in self.parameters
-            if each.key in OF_A_CURVE and each.curve in {"", curve.name}
+            parameter.key: values[parameter.name]
+            for parameter in self.parameters
+            if parameter.key in OF_A_CURVE and parameter.curve in {"", curve.name}
         }
         return Correction(
             **({"stiffness": curve.stiffness or math.inf} | own), adhesion=adhesion_of(self.adhesion(u))
         )
 
-    def at(self, u: FloatArray, each: Prediction) -> tuple[Config, Correction]:
+    def at(self, u: FloatArray, prediction: Prediction) -> tuple[Config, Correction]:
         """Return the configuration and the values of a curve at u."""
-        return self.config(u, each.curve.name), self.correction(u, each.curve)
+        return self.config(u, prediction.curve.name), self.correction(u, prediction.curve)
 
     def adhesion(self, u: FloatArray) -> dict[str, str | float] | None:
         """Return the section `adhesion` of the model at u."""
         if self.model.adhesion is None:
             return None
         values = self.values(u)
-        return {key: values.get(f"{STICKING}{key}", given) for key, given in self.model.adhesion.items()}
+        return {key: values.get(f"{STICKING}{key}", fixed) for key, fixed in self.model.adhesion.items()}
 
     def adapt(self, u: FloatArray) -> None:
         """Choose the times of the solutions for the responses at u, and the rows in contact by the data."""
         self._scatter = [None for _ in self.predictions]
         self.decorrelate()
-        for each in self.predictions:
-            each.adapt(*self.at(u, each))
-            each.label(*self.at(u, each))
+        for prediction in self.predictions:
+            prediction.adapt(*self.at(u, prediction))
+            prediction.label(*self.at(u, prediction))
 
     def contact_stays(self, u: FloatArray) -> bool:
         """Whether the rows in contact, taken from the data again at u, are the same."""
         stays = True
-        for each in self.predictions:
-            before = each.touch.touching
-            each.label(*self.at(u, each))
-            after = each.touch.touching
+        for prediction in self.predictions:
+            before = prediction.touch.touching
+            prediction.label(*self.at(u, prediction))
+            after = prediction.touch.touching
             stays &= before is after is None or bool(np.array_equal(before, after))  # type: ignore[arg-type]
         return stays
 
     def weigh(self, u: FloatArray) -> None:
         """Find the covariance of the residuals by the noise of the prescribed quantities, at u."""
-        for i, each in enumerate(self.predictions):
-            self._scatter[i], solutions = each.scatter(*self.at(u, each), self.noise_of_rows(i))
+        for i, prediction in enumerate(self.predictions):
+            self._scatter[i], solutions = prediction.scatter(*self.at(u, prediction), self.noise_of_rows(i))
             self.solutions += solutions
         self.decorrelate()
 
     def decorrelate(self) -> None:
         """Weigh the covariance of the residuals against the noise."""
         self._roots = []
-        for i, (each, found) in enumerate(zip(self.predictions, self._scatter, strict=True)):
+        for i, (prediction, scatter) in enumerate(zip(self.predictions, self._scatter, strict=True)):
             scaled = np.zeros((0, 0))
-            if found is not None:
-                rows, jumps = np.split(found, [each.used.size])
-                scaled = np.vstack((rows[each.used] / self.noise_of_rows(i)[each.used][:, np.newaxis], jumps))
+            if scatter is not None:
+                rows, jumps = np.split(scatter, [prediction.used.size])
+                scaled = np.vstack(
+                    (rows[prediction.used] / self.noise_of_rows(i)[prediction.used][:, np.newaxis], jumps)
+                )
             self._roots.append(_Root(scaled))
 
     def noise_of_rows(self, i: int) -> FloatArray:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
-        each = self.predictions[i]
-        noise = np.where(each.curve.by_force, self.noise[i, 1], self.noise[i, 0])
-        return np.where(each.touch.uncertain, np.inf, noise)
+        prediction = self.predictions[i]
+        noise = np.where(prediction.curve.by_force, self.noise[i, 1], self.noise[i, 0])
+        return np.where(prediction.touch.uncertain, np.inf, noise)
 
     def noise_is_given(self, i: int) -> BoolArray:
         """Whether the noise of force and depth of a curve is given, or needs no estimate; shape (2,)."""
-        each = self.predictions[i]
-        given = (each.curve.noise, each.curve.depth_noise)
-        measured = each.curve.by_force[each.used]
-        return np.array([given[k] is not None or not (measured == bool(k)).any() for k in (0, 1)])
+        prediction = self.predictions[i]
+        noise = (prediction.curve.noise, prediction.curve.depth_noise)
+        measured = prediction.curve.by_force[prediction.used]
+        return np.array([noise[k] is not None or not (measured == bool(k)).any() for k in (0, 1)])
 
     @property
     def noise_is_known(self) -> bool:
@@ -638,35 +388,35 @@ class LeastSquares:
     def measured(self, u: FloatArray) -> list[FloatArray]:
         """Return the predicted values of the measured quantity of each curve at u."""
         if self._last[0] != (u.tobytes(), self._changes):
-            found = [self._measured(u, each) for each in self.predictions]
-            self._last = ((u.tobytes(), self._changes), found)
+            values = [self._measured(u, prediction) for prediction in self.predictions]
+            self._last = ((u.tobytes(), self._changes), values)
         return self._last[1]
 
     @property
     def _changes(self) -> tuple[int, ...]:
-        return tuple(each.changes for each in self.predictions)
+        return tuple(prediction.changes for prediction in self.predictions)
 
     @property
     def rows(self) -> int:
         """Number of residuals of the curves."""
-        return sum(int(each.used.sum()) for each in self.predictions)
+        return sum(int(prediction.used.sum()) for prediction in self.predictions)
 
     def residuals(self, u: FloatArray) -> FloatArray:
-        """Return predicted minus measured values over the noise, the given stiffness, and places of jumps.
+        """Return predicted minus measured values over the noise, the known stiffness, and places of jumps.
 
         Infinite where the values are impossible or the contact is not found: the fit then steps less.
         """
         try:
-            found = self.measured(u)
+            values = self.measured(u)
         except (ValidationError, FitError):
             return np.full(self.rows + self._further, np.inf)
-        away = [f - each.curve.measured for f, each in zip(found, self.predictions, strict=True)]
-        given: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._given])
-        return self._joined(away, self._jumps(u), given)
+        away = [f - prediction.curve.measured for f, prediction in zip(values, self.predictions, strict=True)]
+        before: FloatArray = np.array([(u[i] - math.log(at)) / error for i, at, error in self._known_before])
+        return self._joined(away, self._jumps(u), before)
 
     def _jumps(self, u: FloatArray, rough: bool = False) -> list[FloatArray]:
         """Return the residuals of the places of jumps of each curve."""
-        return [each.jumps(*self.at(u, each), rough) for each in self.predictions]
+        return [prediction.jumps(*self.at(u, prediction), rough) for prediction in self.predictions]
 
     def jumps(self, u: FloatArray) -> FloatArray:
         """Return the places of all jumps at u, predicted less measured, over their errors."""
@@ -680,53 +430,55 @@ class LeastSquares:
     @property
     def _further(self) -> int:
         """Number of residuals beside those of rows."""
-        return len(self._given) + sum(len(each.touch.jumps) for each in self.predictions)
+        return len(self._known_before) + sum(len(prediction.touch.jumps) for prediction in self.predictions)
 
     def _uncorrelated(self, i: int, rows: FloatArray, jumps: FloatArray) -> list[FloatArray]:
         """Return the rows of a curve that count, over the noise, and its jumps, both uncorrelated."""
-        each = self.predictions[i]
-        scaled = rows[each.used] / self.noise_of_rows(i)[each.used]
+        prediction = self.predictions[i]
+        scaled = rows[prediction.used] / self.noise_of_rows(i)[prediction.used]
         return np.split(self._roots[i] @ np.append(scaled, jumps), [scaled.size])
 
     def _joined(
-        self, rows: Sequence[FloatArray], jumps: Sequence[FloatArray], given: FloatArray
+        self, rows: Sequence[FloatArray], jumps: Sequence[FloatArray], before: FloatArray
     ) -> FloatArray:
-        """Join the rows of all curves, what is given, and the jumps; uncorrelated."""
-        parts = [self._uncorrelated(i, *each) for i, each in enumerate(zip(rows, jumps, strict=True))]
-        return np.concatenate([*(part[0] for part in parts), given, *(part[1] for part in parts)])
+        """Join the rows of all curves, parameters measured beforehand, and the jumps; uncorrelated."""
+        parts = [self._uncorrelated(i, *pair) for i, pair in enumerate(zip(rows, jumps, strict=True))]
+        return np.concatenate([*(part[0] for part in parts), before, *(part[1] for part in parts)])
 
     def rows_over_noise(self, u: FloatArray) -> list[FloatArray]:
         """Return the uncorrelated residuals of each curve at all its rows, over the noise; 0 if not used."""
-        found = []
+        residuals = []
         for i, (values, jumps) in enumerate(zip(self.measured(u), self._jumps(u), strict=True)):
-            each = self.predictions[i]
-            found.append(np.zeros(each.used.size))
-            found[i][each.used] = self._uncorrelated(i, values - each.curve.measured, jumps)[0]
-        return found
+            prediction = self.predictions[i]
+            residuals.append(np.zeros(prediction.used.size))
+            residuals[i][prediction.used] = self._uncorrelated(i, values - prediction.curve.measured, jumps)[
+                0
+            ]
+        return residuals
 
     @cached_property
-    def _given(self) -> list[tuple[int, float, float]]:
+    def _known_before(self) -> list[tuple[int, float, float]]:
         """The parameters that were measured beforehand: number, value, relative error."""
-        curves = {each.curve.name: each.curve for each in self.predictions}
-        found = []
-        for i, each in enumerate(self.parameters):
-            curve = curves[each.curve or next(iter(curves))]
-            if each.key == "stiffness" and curve.stiffness and curve.stiffness_error:
-                found.append((i, curve.stiffness, curve.stiffness_error))
-        return found
+        curves = {prediction.curve.name: prediction.curve for prediction in self.predictions}
+        known = []
+        for i, parameter in enumerate(self.parameters):
+            curve = curves[parameter.curve or next(iter(curves))]
+            if parameter.key == "stiffness" and curve.stiffness and curve.stiffness_error:
+                known.append((i, curve.stiffness, curve.stiffness_error))
+        return known
 
     def jacobian(self, u: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals, shape (residuals, parameters)."""
-        given = np.zeros((len(self._given), u.size))
-        for row, (i, _, error) in enumerate(self._given):
-            given[row, i] = 1 / error
+        before = np.zeros((len(self._known_before), u.size))
+        for row, (i, _, error) in enumerate(self._known_before):
+            before[row, i] = 1 / error
         columns, slopes_of_rows = [], self.derivatives(u)
         at = self._jumps(u, rough=True)
         for i, column in enumerate(slopes_of_rows):
-            moved = self._moved(i, u) if self._further > len(self._given) else u
+            moved = self._moved(i, u) if self._further > len(self._known_before) else u
             there = at if moved is u else self._jumps(moved, rough=True)
             slopes = [(b - a) / (moved[i] - u[i]) if a.size else a for a, b in zip(at, there, strict=True)]
-            columns.append(self._joined(column, slopes, given[:, i]))
+            columns.append(self._joined(column, slopes, before[:, i]))
         return np.stack(columns, axis=1)
 
     def derivatives(self, u: FloatArray) -> list[list[FloatArray]]:
@@ -737,32 +489,32 @@ class LeastSquares:
             before = self._changes
             rough = self.measured(u)
             if not self.is_elastic:
-                rough = [self._measured(u, each, rough=True) for each in self.predictions]
+                rough = [self._measured(u, prediction, rough=True) for prediction in self.predictions]
             columns = [self._column(i, u, rough) for i in range(u.size)]
             if self._changes == before:
                 break
         if self._euler is not None:
             *others, last = self._euler
-            found = self.measured(u)
-            for k, each in enumerate(self.predictions):
-                force = found[k] - baseline(each.curve, self.correction(u, each.curve))
+            values = self.measured(u)
+            for k, prediction in enumerate(self.predictions):
+                force = values[k] - baseline(prediction.curve, self.correction(u, prediction.curve))
                 columns[last][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
         self._slopes = ((u.tobytes(), self._changes), columns)
         return columns
 
-    def _column(self, i: int, u: FloatArray, found: list[FloatArray]) -> list[FloatArray]:
+    def _column(self, i: int, u: FloatArray, at_u: list[FloatArray]) -> list[FloatArray]:
         """Derivative of the measured values to one parameter; zeros for the last one by Euler's theorem."""
         parameter = self.parameters[i]
         if self._euler is not None and i == self._euler[-1]:
-            return [np.zeros(1) for _ in found]
+            return [np.zeros(1) for _ in at_u]
         moved, column = self._moved(i, u), []
-        for values, each in zip(found, self.predictions, strict=True):
-            if parameter.curve not in {"", each.curve.name}:
+        for values, prediction in zip(at_u, self.predictions, strict=True):
+            if parameter.curve not in {"", prediction.curve.name}:
                 column.append(np.zeros(values.size))
-            elif (exact := _added(parameter.key, each)) is not None:
+            elif (exact := _added(parameter.key, prediction)) is not None:
                 column.append(exact)
             else:
-                column.append((self._measured(moved, each, rough=True) - values) / (moved[i] - u[i]))
+                column.append((self._measured(moved, prediction, rough=True) - values) / (moved[i] - u[i]))
         return column
 
     def _moved(self, i: int, u: FloatArray) -> FloatArray:
@@ -787,9 +539,9 @@ class LeastSquares:
         """Whether the body does not relax."""
         return self.predictions[0].is_elastic(self.config(self.start))
 
-    def _measured(self, u: FloatArray, each: Prediction, rough: bool = False) -> FloatArray:
+    def _measured(self, u: FloatArray, prediction: Prediction, rough: bool = False) -> FloatArray:
         self.solutions += 1
-        return each.measured(*self.at(u, each), rough)
+        return prediction.measured(*self.at(u, prediction), rough)
 
     @cached_property
     def _euler(self) -> list[int] | None:
@@ -797,16 +549,16 @@ class LeastSquares:
         if any(each.kinds != {DEPTH} for each in self.predictions):
             return None
         free = {each.key: i for i, each in enumerate(self.parameters)}
-        found = []
+        moduli = []
         for key, value in self.model.keys.items():
             last = key.rpartition(".")[2]
             if last in MODULI and np.isfinite(value) and value != 0:
                 if key not in free:
                     return None
-                found.append(free[key])
+                moduli.append(free[key])
             elif last not in MODULI | NO_MODULI and not key.startswith("punch."):
                 return None
-        return found or None
+        return moduli or None
 
 
 class _Root:
@@ -841,7 +593,7 @@ WIDEST = 100.0  # contact radius over thickness; beyond it the lengths have diff
 STRAIN = 0.3  # depth over thickness, or over the radius of a sphere; beyond it linear theory is doubtful
 
 
-def depths(curves: Sequence[ForceCurve], parameters: Sequence[Parameter]) -> dict[str, float]:
+def depths(curves: Sequence[ForceCurve], parameters: Sequence[FreeParameter]) -> dict[str, float]:
     """Return the largest depth of each curve below the contact point from which its fit starts."""
     points = {each.curve: each.start for each in parameters if each.key == "contact_point"}
     return {
@@ -850,7 +602,7 @@ def depths(curves: Sequence[ForceCurve], parameters: Sequence[Parameter]) -> dic
     }
 
 
-def refuse_impossible(reached: Mapping[str, float], model: Model) -> None:
+def refuse_impossible(reached: Mapping[str, float], model: IndentationModel) -> None:
     """Reject depths beyond a layer on a stiffer base, and contacts far wider than the layer is thick."""
     reasons = []
     thickness, stiff_base = _thickness(model)
@@ -894,7 +646,7 @@ def refuse_adhesion(problem: LeastSquares) -> None:
 
 
 def warnings_before(
-    curves: Sequence[ForceCurve], reached: Mapping[str, float], model: Model, factor: float
+    curves: Sequence[ForceCurve], reached: Mapping[str, float], model: IndentationModel, factor: float
 ) -> Iterator[str]:
     """Yield warnings about curves under a model; its moduli times `factor` fit the force."""
     thickness, _ = _thickness(model)
@@ -917,13 +669,13 @@ def warnings_before(
         yield _other_modulus(model, factor)
 
 
-def refuse_mixed_units(model: Model, factor: float) -> None:
+def refuse_mixed_units(model: IndentationModel, factor: float) -> None:
     """Reject forces that need moduli of another order than the model has: the units differ."""
     if not 1 / MIXED < factor < MIXED:
         raise FitError(_other_modulus(model, factor))
 
 
-def _other_modulus(model: Model, factor: float) -> str:
+def _other_modulus(model: IndentationModel, factor: float) -> str:
     key, modulus = next((k, v) for k, v in model.keys.items() if k.rpartition(".")[2] in MODULI)
     return (
         f"the forces need moduli {factor:.2g} times larger than in the model ({key} = {modulus * factor:.3g} "
@@ -932,7 +684,7 @@ def _other_modulus(model: Model, factor: float) -> str:
     )
 
 
-def _thickness(model: Model) -> tuple[float, bool]:
+def _thickness(model: IndentationModel) -> tuple[float, bool]:
     """Return the thickness above the halfspace, and whether the halfspace is stiffer than the layer."""
     keys = [key for key in model.keys if key.endswith(".thickness")]
     thickness = sum(model.keys[key] for key in keys)
