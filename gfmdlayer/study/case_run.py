@@ -275,7 +275,7 @@ def run_case(
                 # Plans of a grid that no case had before the run are kept with the results: so all processes
                 # agree, also where a sweep is too long for a look at all of its grids.
                 plans = _planned(points, user_cache(), threads, folder.wisdom)
-            note = _Run(case, folder, plans, threads, ranks).simulate(checkpoint_every)
+            note = CaseRun(case, folder, plans, threads, ranks).simulate(checkpoint_every)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Taken:
@@ -308,7 +308,7 @@ def _record(path: Path, values: Mapping[str, object], reason: str, **more: str) 
 
 
 @dataclass(frozen=True)
-class _Run:
+class CaseRun:
     """The run of a case on this process, alone or as one of its ranks."""
 
     case: SweepCase

@@ -85,9 +85,10 @@ class Cases:
         place = range(len(self))[place]
         if (case := self._kept.get(place)) is None:
             values = self.values(place)
-            config = self.config.with_values(values) if self.config.sweep else self.config
+            config = self.config.with_values(values)
             if values and config.time.step == "adaptive" and config.output.times is None:
-                config = config.with_values({"output.times": config.time.end / _ROWS})
+                output = config.output.model_copy(update={"times": config.time.end / _ROWS})
+                config = config.model_copy(update={"output": output})
             case = SweepCase(place, config, values)
         return case
 

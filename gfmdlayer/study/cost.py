@@ -42,9 +42,11 @@ def _pair_seconds(shape: tuple[int, ...]) -> float:
     return pair_seconds(shape, user_cache())
 
 
-def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float] = _pair_seconds) -> float:
+def expected_seconds(
+    config: Config, pair: Callable[[tuple[int, ...]], float] = _pair_seconds, cost: Footprint | None = None
+) -> float:
     """Estimate the seconds of a case on one core from those of an FFT pair, by default on this machine."""
-    cost = estimate(config)
+    cost = cost or estimate(config)
     transforms = AROUND * cost.pairs * pair(config.grid.points) if cost.pairs else 0.0
     return CASE_SECONDS + cost.seconds + transforms
 
@@ -83,7 +85,11 @@ class CostModel:
 
     def seconds(self, config: Config) -> float:
         """Return the expected seconds of a case."""
-        return self._expected(config) * self._rates.get(kind(config), self._typical)
+        return self._expected(config) * self.factor(config)
+
+    def factor(self, config: Config) -> float:
+        """Return the seconds of finished cases of the same kind over those that were expected."""
+        return self._rates.get(kind(config), self._typical)
 
 
 def kind(config: Config) -> Hashable:

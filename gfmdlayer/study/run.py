@@ -33,7 +33,7 @@ from gfmdlayer.study import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.study.case_run import Wisdom, record_failure, run_case, warm_up
 from gfmdlayer.study.cases import WHOLE, Cases, Shard, SweepCase
 from gfmdlayer.study.claims import running
-from gfmdlayer.study.cost import CostModel
+from gfmdlayer.study.cost import CostModel, expected_seconds
 from gfmdlayer.study.folder import WAYS_OUT, Folder, FolderError, name_of_run
 from gfmdlayer.study.groups import refuse_other_ranks, run_case_together
 from gfmdlayer.study.progress import Display, Reporter
@@ -130,7 +130,7 @@ class Study:
         self._counts["waiting"] = len(self._numbers) - complete - missing
 
         self._model = CostModel.of_files({folder.case(case.index): case.config for case in done})
-        self._expected = {case.index: self._model.seconds(case.config) for case in some}
+        self._expected.update((case.index, self._seconds(case)) for case in some)
         whole = fmean(self._expected.values()) * missing if some else 0.0
         own = self._numbers if isinstance(self._numbers, range) else frozenset(self._numbers)
         aside = folder.set_damaged_aside(sorted(self._damaged))
@@ -210,8 +210,12 @@ class Study:
         case = self._changed(self._cases[place])
         if self._cases.are_many and (refused := self._too_large([case])):
             raise ConfigError(refused)
-        self._expected[case.index] = self._model.seconds(case.config)
+        if case.index not in self._expected:
+            self._expected[case.index] = self._seconds(case)
         return case
+
+    def _seconds(self, case: SweepCase) -> float:
+        return expected_seconds(case.config, cost=case.cost) * self._model.factor(case.config)
 
     def _ordered(self, todo: list[SweepCase]) -> Sequence[SweepCase]:
         """Put the longest cases first; a single process keeps their order."""

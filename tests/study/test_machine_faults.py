@@ -73,7 +73,7 @@ def test_what_the_machine_lacks_is_said_in_a_line(error, message, monkeypatch, c
     def fail(*_):
         raise error
 
-    monkeypatch.setattr("gfmdlayer.cli.run.read_config", fail)
+    monkeypatch.setattr("gfmdlayer.cli.run.read_cases", fail)
     assert main(["check", "tiny.yaml"]) == 1
     assert one_line(capsys.readouterr().err).startswith(f"gfmdlayer: {message}")
 
@@ -150,7 +150,7 @@ def test_an_error_of_the_program_keeps_its_traceback(monkeypatch):
     def fail(*_):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("gfmdlayer.cli.run.read_config", fail)
+    monkeypatch.setattr("gfmdlayer.cli.run.read_cases", fail)
     with pytest.raises(ZeroDivisionError):
         main(["check", "tiny.yaml"])
 

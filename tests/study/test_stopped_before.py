@@ -128,7 +128,7 @@ def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(verb, monkeypatc
         raise KeyboardInterrupt
 
     monkeypatch.setattr("gfmdlayer.study.interrupts.listen", interrupted)
-    monkeypatch.setattr("gfmdlayer.cli.run.read_config", interrupted)
+    monkeypatch.setattr("gfmdlayer.cli.run.read_cases", interrupted)
     assert main([verb, "a.yaml"]) == 75
     assert capsys.readouterr().err == "gfmdlayer: stopped\n"
 
@@ -167,7 +167,7 @@ def test_a_signal_while_the_configuration_is_read_ends_the_command(monkeypatch, 
         wait()
         raise AssertionError("not reached")
 
-    monkeypatch.setattr("gfmdlayer.cli.run.read_config", read)
+    monkeypatch.setattr("gfmdlayer.cli.run.read_cases", read)
     assert main(["run", "a.yaml"]) == 75
     assert capsys.readouterr().out == "stopped before the first case\n"
     assert not Path("results").exists()
