@@ -21,7 +21,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points
 from gfmdlayer.step import Instant
-from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, Trajectory
+from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, TimeFunction
 
 if TYPE_CHECKING:
     from gfmdlayer.history.reduced_time import ReducedTime
@@ -51,13 +51,13 @@ class Programme:
     TableError at the first use of a quantity whose file cannot be used.
     """
 
-    def __init__(self, config: Config, drive: Trajectory | None = None, **given: object) -> None:
+    def __init__(self, config: Config, drive: TimeFunction | None = None, **given: object) -> None:
         self.config = config
         own = {} if drive is None else {"drive": drive}
         vars(self).update({**given, **own})  # where the cached properties look first
 
     @cached_property
-    def drive(self) -> Trajectory:
+    def drive(self) -> TimeFunction:
         """Depth or mean pressure over time, as `trajectory.control` says.
 
         A force is divided by the area of the cell, by the length of a line's cell, or by 1 where the contact
@@ -91,7 +91,7 @@ class Programme:
         return None if given.velocity is None else Constant(given.velocity)
 
     @cached_property
-    def tangential(self) -> Trajectory | None:
+    def tangential(self) -> TimeFunction | None:
         """Displacement of the punch along the surface, or mean shear traction, over time; None without one.
 
         A force is divided by the area of the cell, or by the length of a line's cell.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from gfmdlayer.files.tables import RowError
 
 
-class Trajectory(Protocol):
+class TimeFunction(Protocol):
     """A piecewise smooth function of time, t >= 0."""
 
     @property

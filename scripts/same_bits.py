@@ -36,7 +36,8 @@ def main() -> int:
         command = [sys.executable, "-m", "gfmdlayer", "run", str(config), "--jobs", "1", "--out", str(folder)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
-            print(f"{config.stem}: exit status {done.returncode}\n{done.stderr}")
+            *_, last = ["", *done.stderr.strip().splitlines()]
+            print(f"{config.stem}: exit status {done.returncode}: {last}")
             differ += 1
         elif given.against is not None:
             lines = list(differences(given.against / config.stem, folder))

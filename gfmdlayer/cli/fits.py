@@ -97,7 +97,7 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
       then in SI
     --contact {given,detect} = given  detect: also fit the contact point and the offset of the force
       (default: given)
-    --prescribed {depth,force,base}  what the instrument prescribes, for curves whose files do not name it
+    --prescribed {depth,force,base}  quantity that the instrument prescribes, if the files do not name it
       (default: guessed)
     --stiffness K[:ERROR]  stiffness of the cantilever, in the model's units, and its relative error, as in
       0.05:0.1; with an error it is fitted too

@@ -53,7 +53,7 @@ def _problems_in_a_cell(config: Any) -> Iterator[Mistake]:
         message = "only for geometry: axisymmetric; remove it or change the geometry"
         yield Mistake(("grid", "extent"), message, _GEOMETRY)
     fit = config.punch.misfits(config.grid.cell)
-    yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+    yield from (mistake.within(("punch",), "grid.points", "grid.period", "punch.shape") for mistake in fit)
     if config.grid.isolated:
         yield from _problems_without_images(config)
     elif config.grid.datum is not None:
@@ -65,7 +65,7 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
     if config.trajectory.control == "load":
         yield Mistake(("trajectory", "control"), _LOAD, _BOUNDARY)
-    track = "not available with grid.boundary: isolated, a track is longer than the reach; remove it"
+    track = "not available with grid.boundary: isolated, because the punch leaves the cell; remove it"
     cell = "describes a cell, which an isolated contact does not have; remove it"
     unused: Sequence[tuple[Any, Location, Sequence[str], str]] = (
         (config.trajectory, ("trajectory",), ("velocity", "velocity_file"), track),
@@ -76,11 +76,11 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
         for key in keys:
             if getattr(section, key) is not None:
                 yield Mistake((*at, key), message, _BOUNDARY)
-    found = {at: shift for at, shift in shifts(config).items() if shift is not None}
-    for at, shift in found.items():
-        if shift != next(iter(found.values())):
+    shifted = {at: shift for at, shift in shifts(config).items() if shift is not None}
+    for at, shift in shifted.items():
+        if shift != next(iter(shifted.values())):
             message = "differs from that of other materials; must be the same with grid.boundary: isolated"
-            yield Mistake((*at, "shift"), message, (*map(dotted, found), *_BOUNDARY))
+            yield Mistake((*at, "shift"), message, (*map(dotted, shifted), *_BOUNDARY))
             break
     if config.solid.isolated:  # other bodies are asked for their stiffness before the run
         yield from (problem.within((), *_BOUNDARY) for problem in config.solid.problems_isolated())
@@ -88,8 +88,8 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     period = config.grid.period
     if (face := config.punch.face(period)) > WIDEST:
         least = max(period) * face / WIDEST
-        message = f"the face is {face:.3g} periods wide, and a contact without images at most {WIDEST:g}"
-        yield Mistake(("punch", "width"), f"{message}; a period of {least:.3g} would do", _BOUNDARY)
+        message = f"the face is {face:.3g} periods wide, and without periodic images at most {WIDEST:g} fit"
+        yield Mistake(("punch", "width"), f"{message}; set a period of at least {least:.3g}", _BOUNDARY)
 
 
 def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:
@@ -98,12 +98,12 @@ def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:
     others = (*_BOUNDARY, "grid.points", "halfspace", "layers", "layer")
     if len(config.grid.points) == 2 or math.isfinite(config.solid.rigid_below):
         if datum is not None:
-            message = "only for a line on a halfspace, whose depth has no other origin; remove it"
+            message = "only for a line on a halfspace; here the depth has an origin already; remove it"
             yield Mistake(("grid", "datum"), message, others)
     elif datum is None:
         message = (
-            "missing; a line on a halfspace has no depth of its own: must be the distance at which the "
-            f"surface counts as at rest, at least the period, {period!r}"
+            "missing; the depth of a line on a halfspace has no natural origin: give the distance at which "
+            f"the surface counts as at rest, at least the period, {period!r}"
         )
         yield Mistake(("grid", "datum"), message, others)
     elif datum < period:
@@ -120,10 +120,11 @@ def _plainly_possible_in_a_cell(config: Any) -> bool:
         return False
     if config.hardness is not None and config.interfaces:
         return False
-    given, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
+    trajectory, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
     if files_named(config) or mean_height is None:
         return False
-    return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+    depth = trajectory.depth
+    return trajectory.control != "depth" or (depth is not None and depth < mean_height / 2)
 
 
 def _problems_of_revolution(config: Any) -> Iterator[Mistake]:

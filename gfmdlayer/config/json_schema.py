@@ -138,8 +138,8 @@ def _sweep(schema: Mapping[str, Any]) -> None:
         for key, kind in kinds.items()
         if _takes_numbers(kind, "number", "integer")
     }
-    for each in (lists, different):
-        each |= {key: {"anyOf": [each[key], formula]} for key, formula in formulas.items()}
+    for swept in (lists, different):
+        swept |= {key: {"anyOf": [swept[key], formula]} for key, formula in formulas.items()}
     sweep, samples, zipped = (schema["$defs"][name] for name in ("Sweep", "Samples", "Zip"))
     for section, values in ((zipped, lists), (samples, ranges), (sweep, different)):
         required = len(section.get("required", ()))
@@ -163,16 +163,16 @@ def _sweep(schema: Mapping[str, Any]) -> None:
 def _takes_numbers(node: Mapping[str, Any], *types: str) -> bool:
     """Whether a schema accepts numbers, by default those with a fraction."""
     members = [*node.get("anyOf", ()), *node.get("oneOf", ())]
-    return node.get("type") in (types or ("number",)) or any(_takes_numbers(each, *types) for each in members)
+    return node.get("type") in (types or ("number",)) or any(_takes_numbers(kind, *types) for kind in members)
 
 
 def _swept(schema: Mapping[str, Any]) -> dict[str, list[Any]]:
     """Return the dotted keys that may be swept, each with the schemas of its values."""
-    found: dict[str, list[Any]] = {}
+    swept: dict[str, list[Any]] = {}
     for head, section in schema["properties"].items():
         if head not in sweeps.UNSWEPT:
             itself = [(head, section)] if "oneOf" in section else []
             for key, values in [*itself, *_keys(schema, section, head)]:
-                if values not in found.setdefault(key, []):
-                    found[key].append(values)
-    return found
+                if values not in swept.setdefault(key, []):
+                    swept[key].append(values)
+    return swept

@@ -48,6 +48,7 @@ from gfmdlayer.validation.problems import (
     Mistake,
     dotted,
     set_aside,
+    without_last_places,
 )
 from gfmdlayer.validation.sections import (
     OneOf,
@@ -92,9 +93,9 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
         message = f"got {method}, which {reason} for a hardness; must be {' or '.join(able)}"
         yield Mistake(("solver", "method"), message, (dotted((*at, "hardness")),))
     control = config.trajectory.control
-    given, area = getattr(config.trajectory, control), math.prod(config.grid.period)
+    prescribed, area = getattr(config.trajectory, control), math.prod(config.grid.period)
     most = config.hardness * (area if control == "force" else 1.0)
-    if control != "depth" and given is not None and given >= most:
+    if control != "depth" and prescribed is not None and prescribed >= most:
         key = dotted((*at, "hardness"))
         limit = f"{most:.6g}, the {key} over the whole cell: more has no equilibrium"
         message = f"got {given!r}; must be below {limit}"
@@ -174,11 +175,11 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
-        found = contradictions(self)
+        mistakes = contradictions(self)
         if self.sweep:
             keys = sweeps.sweepable(self)
-            found = sweeps.conflicts(self.sweep, keys, list(found), self._problems_with)
-        if listed := list(found):
+            mistakes = sweeps.conflicts(self.sweep, keys, list(mistakes), self._problems_with)
+        if listed := list(mistakes):
             raise InconsistentError(listed)
         return self
 
@@ -191,8 +192,8 @@ class Config(Section):
         second = None if self.counterbody is None else self.counterbody.body
         for at, body in ((("body",), self.body), (("counterbody", "body"), second)):
             if isinstance(body, Solid) and self.geometry.on_grid:
-                found = body.problems_on_grid(self.grid.points, self.grid.period)
-                yield from (problem.within(at, "grid.points", "grid.period") for problem in found)
+                mistakes = body.problems_on_grid(self.grid.points, self.grid.period)
+                yield from (problem.within(at, "grid.points", "grid.period") for problem in mistakes)
         yield from problems_of_the_counterbody(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_friction(self)
@@ -201,7 +202,7 @@ class Config(Section):
 
     def _problems_of_the_output(self) -> Iterator[Mistake]:
         time, output = self.time, self.output
-        yield from (each.within(("output",), "time.end") for each in output.problems_until(time.end))
+        yield from (mistake.within(("output",), "time.end") for mistake in output.problems_until(time.end))
         if output.times is not None and time.step != "adaptive":
             message = "fixed steps write every row; remove it or set time.step: adaptive"
             yield Mistake(("output", "times"), message, ("time.step",))
@@ -284,8 +285,8 @@ class Config(Section):
     @property
     def hardness(self) -> float | None:
         """The pressure at which the surfaces yield, the least one given; None where they do not."""
-        given = (getattr(law, "hardness", None) for law in self.interface_laws.values())
-        return min((each for each in given if each is not None), default=None)
+        hardnesses = (getattr(law, "hardness", None) for law in self.interface_laws.values())
+        return min((value for value in hardnesses if value is not None), default=None)
 
     @property
     def contact_solver(self) -> Choice:
@@ -308,8 +309,8 @@ class Config(Section):
     @property
     def finer_tolerance(self) -> float:
         """Residual that the solver aims at: a finer one than the given where adaptive steps need it."""
-        given, attracts = self.solver.tolerance, bool(self.interfaces)
-        return finer(given, self.time.tolerance, self.contrast, attracts=attracts)
+        tolerance, attracts = self.solver.tolerance, bool(self.interfaces)
+        return finer(tolerance, self.time.tolerance, self.contrast, attracts=attracts)
 
     def unit(self, words: str) -> str:
         """Return the label of a unit from its dimension in words; the force on a line is per length.
@@ -334,10 +335,10 @@ class Config(Section):
 
     def _case_data(self, values: Mapping[str, object]) -> dict[str, Any]:
         """Return the given keys of a case; sections without a changed key are not validated again."""
-        given = {key: getattr(self, key) for key in self.model_fields_set - {"sweep"}}
-        for head in {key.partition(".")[0] for key in values} & given.keys():
-            given[head] = plain(given[head])
-        return sweeps.assigned(given, values)
+        data = {key: getattr(self, key) for key in self.model_fields_set - {"sweep"}}
+        for head in {key.partition(".")[0] for key in values} & data.keys():
+            data[head] = plain(data[head])
+        return sweeps.assigned(data, values)
 
     def _problems_with(self, values: Mapping[str, object]) -> list[Mistake]:
         return problems(self._case_data(values))
@@ -349,11 +350,11 @@ class Config(Section):
         Contradictions between sections are looked for only where all values are allowed: without the refused
         values the data are validated once more.
         """
-        found = explain(error)
+        refused = explain(error)
         rest = copy.deepcopy(data)
-        aside = [set_aside(rest, p.location[:-1] if p.chooses else p.location) for p in found]
+        aside = [set_aside(rest, _without_meaning(p)) for p in refused]
         hidden = (p for p in problems({"name": "unnamed"} | rest) if not sweeps.rests_on(p, aside))
-        return [_as_written(data, problem) for problem in (*found, *hidden)]
+        return [_as_written(data, problem) for problem in (*refused, *hidden)]
 
     def dump(self) -> str:
         """Return the configuration as YAML with every default written out, which `load` reads back.
@@ -430,6 +431,12 @@ def explain(error: ValidationError) -> list[Mistake]:
 @cache
 def _known_keys() -> list[str]:
     return ["name", *sweeps.leaves(Config(name="defaults"))]
+
+
+def _without_meaning(problem: Mistake) -> Location:
+    """Return the location of what has no meaning without a refused value; a sweep keeps its other keys."""
+    above = without_last_places(problem.location)[:-1]
+    return above if problem.chooses and above and above[0] != "sweep" else problem.location
 
 
 def _as_written(data: Any, problem: Mistake) -> Mistake:

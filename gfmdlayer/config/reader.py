@@ -116,8 +116,9 @@ def _validated(document: Document, overrides: Iterable[str] | Mapping[str, objec
     except ValidationError as error:
         # A value that could not be read is reported already; do not report it as missing too.
         unreadable = {place for place, _ in document.problems if place.line}
-        found = [(_place(document, p), str(p)) for p in Config.all_problems(document.data, error)]
-        raise _error(document.problems + [each for each in found if each[0] not in unreadable]) from None
+        mistakes = ((_place(document, p), str(p)) for p in Config.all_problems(document.data, error))
+        further = [(place, message) for place, message in mistakes if place not in unreadable]
+        raise _error(document.problems + further) from None
     if document.problems:
         raise _error(document.problems)
     return config
@@ -126,9 +127,9 @@ def _validated(document: Document, overrides: Iterable[str] | Mapping[str, objec
 def _inspected(config: Config, document: Document, inspect: Inspection | None) -> Config:
     """Return a configuration whose numbers and files are checked, or raise all problems at their places."""
     keys = () if inspect is None else inspect(config)
-    found = [Mistake(location_of(config.sweep, key), message) for key, message in keys]
-    if found:
-        raise _error((_place(document, mistake), str(mistake)) for mistake in found)
+    mistakes = [Mistake(location_of(config.sweep, key), message) for key, message in keys]
+    if mistakes:
+        raise _error((_place(document, mistake), str(mistake)) for mistake in mistakes)
     return config
 
 

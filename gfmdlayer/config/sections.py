@@ -330,8 +330,8 @@ class Inside(Section):
     def problems(self) -> Iterator[Mistake]:
         """Require one of depths and points, and numbers that increase."""
         if (self.depths is None) == (self.points is None):
-            given = self.depths is not None
-            wrong = "given beside points; remove one" if given else "missing; give depths or points"
+            has_depths = self.depths is not None
+            wrong = "given beside points; remove one" if has_depths else "missing; give depths or points"
             yield Mistake(("depths",), wrong, ("points",))
         for key, values in (("depths", self.depths), ("times", self.times)):
             yield from not_increasing((key,), values or (), key, key)
@@ -347,7 +347,7 @@ class Inside(Section):
 
     def wants(self, time: float) -> bool:
         """Whether the snapshot at a time has fields below the surface."""
-        return self.times is None or any(math.isclose(time, each, rel_tol=1e-9) for each in self.times)
+        return self.times is None or any(math.isclose(time, own, rel_tol=1e-9) for own in self.times)
 
 
 class Output(Section):
@@ -407,8 +407,8 @@ class Output(Section):
 
 def problems_of_the_inside(config: Any) -> Iterator[Mistake]:
     """Refuse fields below the surface where they are not known, depths below the body, and other times."""
-    given: Inside | None = config.output.inside
-    if given is None:
+    inside: Inside | None = config.output.inside
+    if inside is None:
         return
     at = ("output", "inside")
     if not isinstance(config.solid, Layers):
@@ -423,16 +423,16 @@ def problems_of_the_inside(config: Any) -> Iterator[Mistake]:
         message = "not available with friction, whose shear traction acts on the surface; remove it"
         yield Mistake(at, message, ("interface",))
     layers = thicknesses(config.solid)
-    if given.depths is not None and (found := beyond(layers, given.depths)) is not None:
-        i, whole = found
-        message = f"got {given.depths[i]!r}; must be at most {whole:g}, the thickness of the body"
+    if inside.depths is not None and (below := beyond(layers, inside.depths)) is not None:
+        i, whole = below
+        message = f"got {inside.depths[i]!r}; must be at most {whole:g}, the thickness of the body"
         yield Mistake((*at, "depths", i), message, ("layer.thickness", "layers", "halfspace"))
     snapshots = config.output.snapshots
-    if not snapshots and given.every is None:
+    if not snapshots and inside.every is None:
         message = "there is no snapshot with fields; set output.snapshots, or every for columns"
         yield Mistake(at, message, ("output.snapshots",))
-    for i, time in enumerate(given.times or ()):
+    for i, time in enumerate(inside.times or ()):
         known = config.output.snapshot_times
-        if not any(math.isclose(time, each, rel_tol=1e-9) for each in known):
+        if not any(math.isclose(time, own, rel_tol=1e-9) for own in known):
             message = f"got {time!r}; must be one of output.snapshots"
             yield Mistake((*at, "times", i), message, ("output.snapshots",))

@@ -120,8 +120,8 @@ class Spaced(Ends):
 
     def values(self) -> list[float]:
         """Return the values; numbers of points have to be whole ones."""
-        found = (self.between(i / (self.points - 1), self.spacing) for i in range(self.points))
-        return [int(value) if value.is_integer() and abs(value) < MANY else value for value in found]
+        spaced = (self.between(i / (self.points - 1), self.spacing) for i in range(self.points))
+        return [int(value) if value.is_integer() and abs(value) < MANY else value for value in spaced]
 
 
 def _form(values: object) -> str:
@@ -206,16 +206,16 @@ class Axis:
 
 def axes(sweep: Mapping[str, Any]) -> list[Axis]:
     """Return the factors of a sweep, the list of combinations first."""
-    found: list[Axis] = []
+    factors: list[Axis] = []
     for name, entry in sweep.items():
         if name == "zip":
             rows = [dict(zip(entry, values, strict=True)) for values in zip(*entry.values(), strict=True)]
-            found.insert(0, Axis(rows, ("sweep", name)))
+            factors.insert(0, Axis(rows, ("sweep", name)))
         elif name in SAMPLED:
-            found.insert(0, Axis(_samples(name, entry), ("sweep", name), sampled=True))
+            factors.insert(0, Axis(_samples(name, entry), ("sweep", name), sampled=True))
         else:
-            found.append(Axis([{name: value} for value in entry], ("sweep",)))
-    return found
+            factors.append(Axis([{name: value} for value in entry], ("sweep",)))
+    return factors
 
 
 def combinations(sweep: Mapping[str, Any]) -> list[Row]:
@@ -284,7 +284,7 @@ def _samples(method: str, design: Mapping[str, Any]) -> list[Row]:
     ranges = {key: Range.model_validate(design[key]) for key in keys_of(design)}
     points = _points(method, len(ranges), design["samples"], design["seed"])
     every = (zip(ranges.items(), point, strict=True) for point in points)
-    return [{key: one.at(part) for (key, one), part in each} for each in every]
+    return [{key: one.at(part) for (key, one), part in pairs} for pairs in every]
 
 
 @lru_cache(maxsize=4)
@@ -356,10 +356,14 @@ def conflicts(
         yield from wrong
         left = _without(left, wrong)
     factors = axes(left)
-    found = {problem.location: problem for axis in factors for problem in _values(axis)}
-    yield from found.values()
+    refused_values = {problem.location: problem for axis in factors for problem in _values(axis)}
+    yield from refused_values.values()
     places = {
-        axis: [i for i, row in enumerate(axis.rows) if not any(axis.place(key, i) in found for key in row)]
+        axis: [
+            i
+            for i, row in enumerate(axis.rows)
+            if not any(axis.place(key, i) in refused_values for key in row)
+        ]
         for axis in factors
     }
     usable = {axis: indices for axis, indices in places.items() if indices}
@@ -535,16 +539,16 @@ def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Mi
 
     first = tuple(indices[0] for indices in places)
     known = problems_of(first)
-    found = [_at_value(problem, factors, first, 0) for problem in known]
+    mistakes = [_at_value(problem, factors, first, 0) for problem in known]
     for n, indices in enumerate(places):
         for i in indices[1 :: -(-len(indices) // MAX_CHECKED_VALUES)]:
             at = (*first[:n], i, *first[n + 1 :])
-            found += [_at_value(p, factors, at, n) for p in problems_of(at) if p not in known]
-    if not found and math.prod(map(len, places)) <= MAX_CHECKED_PRODUCT:
+            mistakes += [_at_value(p, factors, at, n) for p in problems_of(at) if p not in known]
+    if not mistakes and math.prod(map(len, places)) <= MAX_CHECKED_PRODUCT:
         every = itertools.product(*places)
-        found = [_at_value(problem, factors, at, 0) for at in every for problem in problems_of(at)]
+        mistakes = [_at_value(problem, factors, at, 0) for at in every for problem in problems_of(at)]
     drawn = {axis.location for axis in factors if axis.sampled}
-    once = {p.location if p.location[:-1] in drawn else p: p for p in reversed(found)}
+    once = {p.location if p.location[:-1] in drawn else p: p for p in reversed(mistakes)}
     return list(reversed(once.values()))
 
 

@@ -171,14 +171,14 @@ class Trajectory(Section):
             return ((0.0, 0.0), (self.ramp_time, peak))
         assert self.start is not None and self.final is not None  # noqa: PT018
         assert self.approach_speed is not None and self.retract_speed is not None  # noqa: PT018
-        found = [(0.0, self.start)]
+        corners = [(0.0, self.start)]
         for _ in range(self.cycles or 1):
-            time, value = found[-1]
-            found.append((time + (peak - value) / self.approach_speed, peak))
+            time, value = corners[-1]
+            corners.append((time + (peak - value) / self.approach_speed, peak))
             if self.dwell:
-                found.append((found[-1][0] + self.dwell, peak))
-            found.append((found[-1][0] + (peak - self.final) / self.retract_speed, self.final))
-        return tuple(found)
+                corners.append((corners[-1][0] + self.dwell, peak))
+            corners.append((corners[-1][0] + (peak - self.final) / self.retract_speed, self.final))
+        return tuple(corners)
 
     @property
     def duration(self) -> float | None:
@@ -298,13 +298,13 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
     motion, drive = config.trajectory, config.trajectory.tangential
     velocity = ("trajectory.velocity", "trajectory.velocity_file")
     if motion.creepage is not None and not motion.moves:
-        message = "needs a punch that rolls; set trajectory.velocity, or remove it"
+        message = "only for a punch that moves; remove it or set trajectory.velocity"
         yield Mistake(("trajectory", "creepage"), message, velocity)
     yield from _problems_of_the_steps(config)
     if drive is None:
         return
     if motion.creepage is not None and drive.control == "force":
-        message = "given beside a tangential force, of which it follows; remove one of the two"
+        message = "given beside a tangential force, which determines it; remove one of the two"
         yield Mistake(("trajectory", "creepage"), message, ("trajectory.tangential",))
     if motion.moves and drive.control == "displacement":
         message = "got displacement with a velocity; must be force, or give trajectory.creepage in its place"
@@ -326,8 +326,9 @@ def _problems_of_the_steps(config: Any) -> Iterator[Mistake]:
         spacing = min(L / n for L, n in zip(config.grid.period, config.grid.points, strict=True))
         if (steps := time.end * abs(motion.velocity) / spacing) > MOST_ROWS:
             message = (
-                f"got adaptive: with friction material moves by a grid point a step at most, {steps:.3g} "
-                f"steps; must be at most {MOST_ROWS}, by an earlier time.end or fewer grid.points"
+                "got adaptive; with friction a step moves the punch by one grid point at most, which takes "
+                f"{steps:.3g} steps, and the limit is {MOST_ROWS}; set an earlier time.end or fewer "
+                "grid.points"
             )
             yield Mistake(("time", "step"), message, ("trajectory.velocity", "time.end", "grid.points"))
 

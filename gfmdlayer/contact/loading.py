@@ -49,7 +49,7 @@ from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.resumable import Saving
 from gfmdlayer.step import Ended
-from gfmdlayer.time_functions import Trajectory
+from gfmdlayer.time_functions import TimeFunction
 
 Values = TypeVar("Values", FloatArray, ComplexArray)
 
@@ -89,7 +89,7 @@ class Loading(Saving):
     KEPT = ("detached.begin", "detached.end")
 
     punch: FloatArray  # height above its lowest point, one value a point
-    trajectory: Trajectory
+    trajectory: TimeFunction
     interface: Interaction = HARD_WALL
     ranks: Ranks = ALONE
 

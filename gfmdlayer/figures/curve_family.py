@@ -1,9 +1,9 @@
 """How the curves of a sweep differ: by colour, by line style, by a legend or a colour bar.
 
-The first swept key differs in colour, the second in line style; where the second has more values than there
-are line styles and the first has not, they change places. Further keys are held at their middle values. The
-cases of a list differ in both at once. More than LEGEND_MOST values of a numeric key have a colour bar in
-place of a legend: logarithmic, linear, or evenly in the order of the values, as `Scale` finds them spread.
+The first swept key sets the colour, the second the line style; if the second has more values than there are
+line styles and the first has not, they change places. Further keys have their middle values. The cases of a
+list differ in both. More than LEGEND_MOST values of a numeric key have a colour bar in place of a legend:
+logarithmic, linear, or even in the order of the values, by their spread (`Scale`).
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class Family(NamedTuple):
 
     @property
     def written(self) -> list[str]:
-        """What is written beside the curves, with the symbols of swept keys."""
+        """The texts beside the curves, with the symbols of swept keys."""
         bar = [self.bar.scale.quantity.symbol] if self.bar else []
         return [*(title for title, *_ in self.legend), *bar, *self.notes]
 

@@ -363,7 +363,7 @@ def _part_ticks(axis: XAxis) -> None:
 
 
 def explained(case: Dataset, names: Sequence[str], written: Iterable[str] = ()) -> list[str]:
-    """Return notes on symbols: of variables, swept keys in what is written, scales that divide them.
+    """Return notes on symbols: of variables, of swept keys in the texts, of scales that divide them.
 
     The coordinates x and snapshot of a variable have scales too.
     """

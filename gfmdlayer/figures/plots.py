@@ -70,7 +70,7 @@ def plot_results(
     select : mapping
         Swept key -> value of the cases, of which the nearest is taken, or a range.
     case : int, optional
-        Whose snapshots are drawn; by default those of all of a few, some, or the first.
+        The case whose snapshots are drawn; by default all of a few cases, some of many, or the first.
     x : str
         Of curves: time, a column, or a swept key; of a map: a swept key.
     y, z : sequence of str

@@ -27,7 +27,7 @@ MOST_NAMED = 3  # failed cases
 
 
 def swept(dataset: Dataset) -> list[DataArray]:
-    """Return the coordinates of the swept keys, in the order swept; those held have no dimension."""
+    """Return the coordinates of the swept keys, in the order swept; fixed ones have no dimension."""
     order = str(dataset.attrs.get("swept", "")).split()
     found = [coordinate for coordinate in dataset.coords.values() if "key" in coordinate.attrs]
     return sorted(found, key=lambda coordinate: order.index(coordinate.attrs["key"]))

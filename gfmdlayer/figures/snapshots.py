@@ -120,7 +120,7 @@ def snapshot_titles(case: Dataset) -> list[str]:
 
 
 def touching(case: Dataset) -> DataArray:
-    """Return where there is contact: where the gap is zero, as result files have it."""
+    """Return where there is contact: in result files the gap is zero there."""
     return case["gap"] <= 0
 
 
@@ -415,7 +415,7 @@ def draw_map(
 
 
 def map_values(case: Dataset, field: DataArray) -> FloatArray:
-    """Return the values of a map, with rows along y, thinned to what a picture can show.
+    """Return the values of a map, with rows along y, thinned to the dots of a picture.
 
     A closed gap is NaN, which has the colour of the contact.
     """

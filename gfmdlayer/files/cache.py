@@ -1,4 +1,4 @@
-"""The folder of files made once on a machine: FFTW's wisdom, seconds of FFT pairs, compiled kernels."""
+"""The folder of files made once on a machine: seconds of FFT pairs, compiled kernels."""
 
 from __future__ import annotations
 

@@ -1,21 +1,21 @@
 """Curves on an elastic body: responses without steps in time, and adhesion with its jumps.
 
-An elastic body has no history but one: whether the indenter touches. Without adhesion the response at a row
+The only history of an elastic body is whether the indenter touches. Without adhesion the response at a row
 follows from the prescribed value there (`gfmdlayer.indentation.equilibrium`). With adhesion contact begins at
-the first touch and ends below a least value of what is prescribed; at both the force jumps. The sum of
-squares would jump with it whenever a jump passes a row. So a fit takes the rows in contact from the
-measurement: in each approach and each retraction, the rows whose residuals are smaller in contact. In these
-rows the response is that of contact, beyond the end of the stable contacts that of the last one; the residual
+the first touch and ends below a least prescribed value; at both the force jumps. The sum of squares would
+jump with it whenever a jump passes a row. So a fit takes the rows in contact from the measurement: in each
+approach and each retraction, the rows whose residuals are smaller in contact. The response at these rows is
+computed in contact; beyond the end of the stable contacts it is the response of the last one. So the residual
 is continuous in the parameters. Rows next to the end of contact, where its place is uncertain and the force
 may fall vertically, do not count. The places of the jumps are data of their own: the prescribed value half
 way between the rows on both sides, with the error
 
     spread^2 = spacing^2 (1/12 + 26 (noise/jump)^4)
 
-The first term is the uniform distribution between two rows, the second that of a change point in noise (Yao,
-Ann. Stat. 15 (1987) 1321). Far from it, each row on the wrong side adds (jump/noise)^2: from the distance
-(jump/noise)^2 spread^2/(2 spacing) on, the square of the residual grows linearly. The error of the prescribed
-value is common to jumps and rows; the covariance of all residuals has it.
+The first term is the uniform distribution between two rows, the second the variance of a change point in
+noise (Yao, Ann. Stat. 15 (1987) 1321). Far from it, each row on the wrong side adds (jump/noise)^2: from the
+distance (jump/noise)^2 spread^2/(2 spacing) on, the square of the residual grows linearly. The error of the
+prescribed value is common to jumps and rows, and enters the covariance of all residuals.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def jumps_between(
 ) -> list[Jump]:
     """Return the jumps between rows of a prescribed position.
 
-    `sizes` are those of the jumps where contact begins and ends, over the noise of the force.
+    `sizes`: the jumps where contact begins and where it ends, over the noise of the force.
     """
     jumps = []
     for row in np.flatnonzero(touching[1:] != touching[:-1]) + 1:
@@ -225,9 +225,9 @@ class Touch:
     """The rows of a curve in contact, and the places of its jumps, as measured where there is adhesion."""
 
     def __init__(self, rows: int) -> None:
-        self.touching: BoolArray | None = None  # by the model as long as it is None
+        self.touching: BoolArray | None = None  # None: by the model
         self.jumps: list[Jump] = []
-        self.uncertain = np.zeros(rows, dtype=bool)  # rows in contact next to the end of it
+        self.uncertain = np.zeros(rows, dtype=bool)  # rows in contact next to its end
 
     def find(
         self, curve: ForceCurve, used: BoolArray, contacts: Jumping, pieces: Pieces, own: float,

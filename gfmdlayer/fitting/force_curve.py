@@ -231,7 +231,7 @@ class ForceCurve:
 
     @property
     def guessed(self) -> str:
-        """The sentence that says which segments and prescribed quantities are guessed, or nothing."""
+        """A sentence on the segments and prescribed quantities that are guessed, or nothing."""
         missing = [
             words
             for words, value in (("segments", self.segment), ("prescribed quantities", self.prescribed))
@@ -280,7 +280,7 @@ def _rows(wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> str:
     return f"row{'s' * (rows.size > 1)} {shown}{more}"
 
 
-# The guess of segments and of what is prescribed.
+# The guess of segments and prescribed quantities.
 #
 # An instrument prescribes straight pieces in time; the other quantity bends. A hold lies where one of the two
 # stays at its largest value. In each segment the quantity that is straighter, by `CLEARLY`, is prescribed;
@@ -494,7 +494,7 @@ def _least_squares(time: FloatArray, depth: FloatArray, corners: FloatArray) -> 
     return values, float(np.sum((depth - np.interp(time, corners, values)) ** 2))
 
 
-# What a prediction of a curve depends on: body and indenter, corrections of its columns, straight pieces.
+# Inputs of a prediction of a curve: body and indenter, corrections of its columns, straight pieces.
 
 
 class Correction(NamedTuple):

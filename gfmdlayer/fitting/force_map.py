@@ -38,7 +38,7 @@ from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import parameter
 from gfmdlayer.study.case_run import record_failure
-from gfmdlayer.study.claims import Claim, Taken, in_use, locked
+from gfmdlayer.study.claims import PATIENCE, Claim, Taken, in_use, locked
 from gfmdlayer.study.folder import (
     FOREIGN,
     MARK,
@@ -364,7 +364,7 @@ class ForceMap:
                 if known and not restart:
                     self._refuse_other()
                 folder.cases.mkdir(exist_ok=True)
-                if not claim.enter_context(locked(folder)).alone:
+                if not claim.enter_context(locked(folder)).is_alone(PATIENCE):
                     raise in_use(folder, "another run is writing here")
                 if known:
                     for path in {*folder.leftovers(), *folder.unfinished()}:

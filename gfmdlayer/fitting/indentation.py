@@ -161,7 +161,7 @@ def fit_curves(
     advise: bool = True,
     begin: Mapping[str, float] | None = None,
 ) -> IndentationFit:
-    """Fit a checked model to curves, see `fit_indentation`; `advise` which second curve would tell more.
+    """Fit a checked model to curves, see `fit_indentation`; `advise` adds a proposal for a second curve.
 
     The search starts at the parameters `begin` by name, or at the first guess.
     """

@@ -45,7 +45,7 @@ def fit_material(
     `out` is the YAML file or its folder (default: NAME.yaml in the working folder); the figure NAME.png lies
     beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of G0;
     `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`. The
-    relaxation times are those at a `temperature` by a `shift` whose reference is that of the data.
+    relaxation times are shifted to a `temperature` by a `shift` with the reference of the data.
     """
     is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
     material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"

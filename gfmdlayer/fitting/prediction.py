@@ -43,7 +43,7 @@ SHIFT = 1e-3  # of the range: smallest step of a difference to a corner
 CLOSE = 0.2  # of the shortest piece: largest step of a difference to the time of a corner
 LEAST_FORCE = 0.01  # of the largest: rows of a prescribed force below it do not count
 RETRACTED = 0.05  # of the range: a motion back by more is a retraction
-NOISY = 0.1  # noise of the prescribed quantity, over that of the measured one, that counts; both over ranges
+NOISY = 0.1  # least noise of the prescribed over noise of the measured quantity that counts; both over ranges
 
 
 class Prediction:
@@ -166,7 +166,7 @@ class Prediction:
         return retracts
 
     def forget(self) -> None:
-        """Let the model have its own contact."""
+        """Take rows in contact and jumps from the model."""
         self.touch, self._labels = Touch(self.used.size), self._labels + 1
 
     def label(self, config: Config, at: Correction) -> None:
@@ -201,7 +201,7 @@ class Prediction:
     def in_columns(
         self, config: Config, at: Correction, rough: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Return force and depth as the columns of the curve would have them, at the rows."""
+        """Return force and depth in the columns of the curve, with its corrections, at the rows."""
         force, depth = self.response(config, at, rough)
         curve, since = self.curve, self.curve.time - self.curve.time[0]
         ratio = 1.0 if curve.stiffness is None else curve.stiffness / at.stiffness

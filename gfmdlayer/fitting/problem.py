@@ -424,12 +424,12 @@ class LeastSquares:
 
     @property
     def is_homogeneous(self) -> bool:
-        """Whether all residuals are those of rows, whose common noise is estimated at last."""
+        """Whether all residuals belong to rows, whose common noise is estimated at last."""
         return not self._further
 
     @property
     def _further(self) -> int:
-        """Number of residuals beside those of rows."""
+        """Number of residuals that belong to no row."""
         return len(self._known_before) + sum(len(prediction.touch.jumps) for prediction in self.predictions)
 
     def _uncorrelated(self, i: int, rows: FloatArray, jumps: FloatArray) -> list[FloatArray]:

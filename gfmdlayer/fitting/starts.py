@@ -70,7 +70,7 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
 
 
 def _place(document: text.Document, problem: str) -> text.Place:
-    """Return the place in the file of the key that begins a message, such as layers[0].thickness."""
+    """Return the place in the file of the key at the beginning of a message."""
     key = re.sub(r"\[(\d+)\]", r".\1", problem.partition(":")[0])
     return document.place(location_of_key(key))
 
@@ -315,7 +315,7 @@ def with_adhesion(
 
 
 def keys_with_adhesion(model: IndentationModel, free: Free, kind: str) -> dict[str, Sequence[float] | None]:
-    """Return the free parameters with adhesion of a kind, in place of those of the model's."""
+    """Return the free parameters with one kind of adhesion in place of the model's."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     own = "" if kind == NO_ADHESION else f"{STICKING}{KINDS[kind]}"
     others = {

@@ -108,7 +108,7 @@ class SteppedContact:
             inside = (rows >= first) & (rows <= last)
             nodes = (times >= first) & (times <= last)
             nodes[0] &= not _snaps(at, pieces)
-            # What is prescribed needs no interpolation.
+            # The prescribed quantity needs no interpolation.
             if (free := inside & ~by_force).any():
                 if sticks:
                     within = lost[(lost[:, 0] > first) & (lost[:, 0] <= last)]

@@ -107,9 +107,8 @@ class Spent:
 class SharedTransforms:
     """Transforms of a grid and of windows in it, with their fields, which all operators on it share."""
 
-    def __init__(self, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False) -> None:
-        # The plan of the grid in single precision is `measured` where another solver has it too.
-        self.shape, self._measured = transforms.shape, measured
+    def __init__(self, transforms: Transforms, spent: Spent, share: float) -> None:
+        self.shape = transforms.shape
         self._transforms, self.spent, self._share = transforms, spent, share
         self._parts = parts(self.shape)
         self._made: dict[tuple[int, bool], CountedFields] = {}
@@ -119,8 +118,7 @@ class SharedTransforms:
         if (part, single) not in self._made:
             plan, shape = self._transforms, tuple(n // part for n in self.shape)
             if single or part > 1:
-                measured = self._measured and single and part == 1
-                plan = plan.of_shape(shape, single=single, measured=measured)
+                plan = plan.of_shape(shape, single=single)
             share = self._share / part ** len(shape)
             self._made[part, single] = CountedFields(plan, self.spent, share * (0.5 if single else 1.0))
         return self._made[part, single]

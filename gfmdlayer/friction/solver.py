@@ -57,7 +57,7 @@ class FrictionSolver:
         self._spent, self._transforms = Spent(), transforms
         self._choice = choose(AUTO, axes=len(grid.points), rough=rough, attracts=attracts)
         self._mark = ""  # digest of the last response before the run was resumed
-        self._levels = [FrictionLevel(grid, transforms, self._spent, 1.0, measured=attracts)]
+        self._levels = [FrictionLevel(grid, transforms, self._spent, 1.0)]
         while (coarser := self._levels[-1].coarser()) is not None:
             self._levels.append(coarser)
 
@@ -336,12 +336,10 @@ class FrictionSolver:
 class FrictionLevel:
     """One of the nested grids; keeps the operators of the last response."""
 
-    def __init__(
-        self, grid: Grid, transforms: Transforms, spent: Spent, share: float, *, measured: bool = False
-    ) -> None:
+    def __init__(self, grid: Grid, transforms: Transforms, spent: Spent, share: float) -> None:
         self.grid, self.transforms = grid, transforms
         self._spent, self._share = spent, share
-        self._work = SharedTransforms(transforms, spent, share, measured=measured)
+        self._work = SharedTransforms(transforms, spent, share)
         self._finer: Response | None = None
         self.response: Response | None = None
         self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
@@ -380,7 +378,7 @@ class FrictionLevel:
             return None
         grid = replace(self.grid, points=points)
         share = self._share * grid.size / self.grid.size
-        return FrictionLevel(grid, self.transforms.of_shape(points, measured=False), self._spent, share)
+        return FrictionLevel(grid, self.transforms.of_shape(points), self._spent, share)
 
 
 def _of_the_wall(stress: FloatArray, attraction: FloatArray, gap: FloatArray) -> FloatArray:

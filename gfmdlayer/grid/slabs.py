@@ -32,11 +32,11 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.grid.fftw import DOUBLE, SINGLE, SlabPlans, address, plan_pair
+from gfmdlayer.grid.fftw import DOUBLE, FUNCTION, SINGLE, address, call, row_plans
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import MpiRanks, wait
 from gfmdlayer.grid.sums import Completion
-from gfmdlayer.grid.transforms import Plans, Transforms
+from gfmdlayer.grid.transforms import Columns, Plans, Transforms, by_blocks
 
 _SHARED = Path("/dev/shm")  # the memory that processes share, on Linux
 _ALIGNED = 64  # bytes
@@ -345,13 +345,10 @@ def refused(points: tuple[int, ...], ranks: int) -> str:
     return f"{points[0]} x {points[1]} points; {allowed}" if ranks > most else ""
 
 
-_FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
-
-
 def callable_by_address(ranks: MpiRanks, function: Callable[[int, int, int], None]) -> Any:
     """Return a function of a number and two addresses for `transforms.execute`, which cannot raise."""
 
-    def call(number: int | None, source: int, target: int) -> None:
+    def called(number: int | None, source: int, target: int) -> None:
         try:
             function(number or 0, source, target)
         except BaseException:  # the other ranks would wait for ever
@@ -359,7 +356,7 @@ def callable_by_address(ranks: MpiRanks, function: Callable[[int, int, int], Non
             sys.stderr.flush()
             ranks.communicator.Abort(1)
 
-    return _FUNCTION(call)
+    return FUNCTION(called)
 
 
 def array_at(place: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
@@ -375,11 +372,9 @@ class SlabTransforms(Transforms):
     def __init__(
         self,
         grid: SlabGrid,
-        wisdom: str | None = None,
-        time_limit: float = 10.0,
+        *,
         threads: int = 1,
         single: bool = False,
-        *,
         shared: bool = True,
     ) -> None:
         # All ranks call them together; each gives and gets its parts. Compiled kernels call them like those
@@ -396,20 +391,15 @@ class SlabTransforms(Transforms):
             for each in (self._forward, self._backward)
         ]
         self.shape, self.spectral_shape = grid.shape, grid.spectral_shape
-        self.threads, self.single, self._wisdom, self._time_limit = threads, single, wisdom, time_limit
-        self._plan()
-
-    def _plan(self) -> None:
-        shape = *self.shape, *self.spectral_shape
-        made = self._wisdom, self._time_limit, self.threads, self.single
-        self._pair = self._slab = plan_pair(SlabPlans, shape, *made)
+        self.threads, self.single = threads, single
+        self._rows = row_plans(self.shape, threads, single)
+        self._columns = Columns(self.spectral_shape, threads, single)
         self.plans = Plans(0, 0, *map(address, self._functions))
 
-    def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
+    def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
         """Transforms of another grid over the same ranks, or in another precision."""
         grid = replace(self._grid, points=shape)
-        made = self._wisdom, self._time_limit if measured else 0.0, self.threads, single
-        return SlabTransforms(grid, *made, shared=self._shared)
+        return SlabTransforms(grid, threads=self.threads, single=single, shared=self._shared)
 
     def transform(self, field: Any, spectrum: Any) -> None:
         """Write the transform of a field; both flat, from `empty_field` and `empty_spectrum`."""
@@ -447,23 +437,23 @@ class SlabTransforms(Transforms):
     def _forward(self, source: int, target: int) -> None:
         """Transform the rows at an address into columns at another."""
         rows = self._exchange.rows
-        self._fftw.execute_dft_r2c(self._slab.forward, source, rows.ctypes.data)
-        self._exchange.to_columns(self._columns(target))
-        self._fftw.execute_dft(self._slab.columns_forward, target, target)
+        self._fftw.execute_dft_r2c(self._rows[0], source, rows.ctypes.data)
+        self._exchange.to_columns(self._columns_at(target))
+        call(by_blocks()[0], self._columns.forward, 0, target)
 
     def _backward(self, source: int, target: int) -> None:
         """Transform the columns at an address, which are destroyed, into rows at another."""
         rows = self._exchange.rows
-        self._fftw.execute_dft(self._slab.columns_backward, source, source)
-        self._exchange.to_rows(self._columns(source))
-        self._fftw.execute_dft_c2r(self._slab.backward, rows.ctypes.data, target)
+        call(by_blocks()[1], self._columns.backward, source, 0)
+        self._exchange.to_rows(self._columns_at(source))
+        self._fftw.execute_dft_c2r(self._rows[1], rows.ctypes.data, target)
 
-    def _columns(self, place: int) -> NDArray[Any]:
+    def _columns_at(self, place: int) -> NDArray[Any]:
         return array_at(place, self.spectral_shape, self._kind)
 
 
-def transforms_of(grid: Grid, wisdom: str | None = None, threads: int = 1) -> Transforms:
+def transforms_of(grid: Grid, threads: int = 1) -> Transforms:
     """Return the transforms of a grid, of one process or over ranks; see `Transforms`."""
     if isinstance(grid, SlabGrid):
-        return SlabTransforms(grid, wisdom, threads=threads)
-    return Transforms(grid.shape, wisdom, threads=threads)
+        return SlabTransforms(grid, threads=threads)
+    return Transforms(grid.shape, threads=threads)

@@ -10,6 +10,7 @@ Plans and functions reach compiled kernels as addresses, plain integers, which a
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any, NamedTuple
 
 import numba as nb
@@ -20,9 +21,8 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.fftw import DOUBLE, SINGLE, PlanPair, address, aligned, export_wisdom, plan_pair
+from gfmdlayer.grid.fftw import DOUBLE, SINGLE, address, aligned, call, column_plans, row_plans, whole_plans
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.resumable import State
 
 
 class Plans(NamedTuple):
@@ -38,20 +38,19 @@ class Plans(NamedTuple):
 def execute(
     _context: Any, _function: Any, _plan: Any, source: Any, target: Any
 ) -> tuple[Any, Any]:  # numba's own types, which carry no annotations
-    """Call ``void function(plan, source, target)`` by address."""
+    """Call ``void function(plan, source, target)`` by address; source and target are arrays or addresses."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         pointer = cgutils.voidptr_t
         function_type = ir.FunctionType(ir.VoidType(), [pointer, pointer, pointer])
         callee = builder.inttoptr(arguments[0], function_type.as_pointer())
-        data = [
-            context.make_array(kind)(context, builder, value).data
+        places = [
+            builder.inttoptr(value, pointer)
+            if isinstance(kind, types.Integer)
+            else builder.bitcast(context.make_array(kind)(context, builder, value).data, pointer)
             for kind, value in zip(signature.args[2:], arguments[2:], strict=True)
         ]
-        builder.call(
-            callee,
-            [builder.inttoptr(arguments[1], pointer), *(builder.bitcast(each, pointer) for each in data)],
-        )
+        builder.call(callee, [builder.inttoptr(arguments[1], pointer), *places])
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, source, target), codegen
@@ -69,68 +68,104 @@ def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
     execute(plans.execute_backward, plans.backward_plan, spectrum, field)  # type: ignore[call-arg]
 
 
+# Of more points than this, surfaces are transformed along the rows and then along blocks of columns. FFTW's
+# estimate would transform column by column in place, which costs twice its best way at 1024 x 1024.
+BY_BLOCKS = 1 << 18
+_COLUMNS = 16  # of a block, for a thread
+
+
+class Columns:
+    """Transforms of the columns of a spectrum in place, a block of them into a buffer and back.
+
+    Rows may be given, with their plans: then they are transformed before, or after on the way back. `forward`
+    and `backward` are addresses of work for the functions of `by_blocks`.
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...], threads: int, single: bool, rows: tuple[int, int] = (0, 0)
+    ) -> None:
+        count, width = shape
+        fftw, block = SINGLE if single else DOUBLE, min(_COLUMNS * threads, width)
+        whole, rest = (
+            column_plans((count, width), number, threads, single) if number else (0, 0, 0)
+            for number in (block, width % block)
+        )
+        self._buffer = aligned(2 * count * block, single)
+        of_blocks = self._buffer.ctypes.data, width // block, block * (8 if single else 16)
+        self._work = [
+            np.array([function, plan, address(fftw.execute_dft), *of_blocks, *plans], dtype=np.int64)
+            for function, plan, plans in (
+                (address(fftw.execute_dft_r2c), rows[0], (whole[0], whole[2], rest[0], rest[2])),
+                (address(fftw.execute_dft_c2r), rows[1], (whole[1], whole[2], rest[1], rest[2])),
+            )
+        ]
+        self.forward, self.backward = (work.ctypes.data for work in self._work)
+
+
+@nb.njit(inline="always")
+def _transform_columns(work: Any, spectrum: int) -> None:
+    _, _, function, buffer, blocks, size, there, back, rest_there, rest_back = work
+    for _ in range(blocks):
+        execute(function, there, spectrum, buffer)  # type: ignore[call-arg]
+        execute(function, back, buffer, spectrum)
+        spectrum += size
+    if rest_there:
+        execute(function, rest_there, spectrum, buffer)  # type: ignore[call-arg]
+        execute(function, rest_back, buffer, spectrum)
+
+
+def _forward_by_blocks(place: Any, field: int, spectrum: int) -> None:
+    work = place[0]
+    if work[1]:
+        execute(work[0], work[1], field, spectrum)  # type: ignore[call-arg]
+    _transform_columns(work, spectrum)
+
+
+def _backward_by_blocks(place: Any, spectrum: int, field: int) -> None:
+    work = place[0]
+    _transform_columns(work, spectrum)
+    if work[1]:
+        execute(work[0], work[1], spectrum, field)  # type: ignore[call-arg]
+
+
+@cache
+def _compiled() -> tuple[Any, Any]:
+    integers = types.UniTuple(types.int64, 10)  # type: ignore[no-untyped-call]
+    kind = types.void(types.CPointer(integers), types.int64, types.int64)  # type: ignore[no-untyped-call]
+    return nb.cfunc(kind)(_forward_by_blocks), nb.cfunc(kind)(_backward_by_blocks)
+
+
+def by_blocks() -> tuple[int, int]:
+    """Addresses of the functions of a forward and a backward transform for the work of `Columns`."""
+    forward, backward = _compiled()
+    return forward.address, backward.address
+
+
 class Transforms:
     """Forward and backward plans for one shape, and the aligned arrays that they accept."""
 
     ranks: Ranks = ALONE
 
-    def __init__(
-        self,
-        shape: tuple[int, ...],
-        wisdom: str | None = None,
-        time_limit: float = 10.0,
-        threads: int = 1,
-        single: bool = False,
-    ) -> None:
-        # Planning measures (FFTW_MEASURE), which at 2^14 points runs 1.6 times faster than the estimate, for
-        # at most `time_limit` seconds. Two measured plans may round differently; plans made from the same
-        # wisdom do not. A run that has to reproduce the bits of another one takes its `wisdom`; wisdom that
-        # does not fit this FFTW is ignored. Transforms of `fftw.WORTH_THREADS` points or more use the
-        # threads, of which OpenMP starts no more than OMP_NUM_THREADS allowed when the process began.
+    def __init__(self, shape: tuple[int, ...], *, threads: int = 1, single: bool = False) -> None:
+        # Transforms of `fftw.WORTH_THREADS` points or more use the threads, of which OpenMP starts no more
+        # than OMP_NUM_THREADS allowed when the process began.
         self.shape, self.threads, self.single = shape, threads, single
         self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)
-        self._wisdom, self._time_limit = wisdom, time_limit
-        self._fftw = SINGLE if single else DOUBLE
-        self._plan()
-
-    def _plan(self) -> None:
-        self._pair = plan_pair(
-            PlanPair, self.shape, self._wisdom, self._time_limit, self.threads, self.single
-        )
-        functions = address(self._fftw.execute_dft_r2c), address(self._fftw.execute_dft_c2r)
-        self.plans = Plans(self._pair.forward, self._pair.backward, *functions)
+        if len(shape) == 2 and self.size > BY_BLOCKS:
+            self._columns = Columns(self.spectral_shape, threads, single, row_plans(shape, threads, single))
+            self.plans = Plans(self._columns.forward, self._columns.backward, *by_blocks())
+        else:
+            fftw = SINGLE if single else DOUBLE
+            functions = address(fftw.execute_dft_r2c), address(fftw.execute_dft_c2r)
+            self.plans = Plans(*whole_plans(shape, threads, single), *functions)
 
     def for_window(self, divisor: int) -> Transforms:
-        """Transforms of a window with 1/divisor of the points of each axis, from the same wisdom."""
+        """Transforms of a window with 1/divisor of the points of each axis."""
         return self.of_shape(tuple(points // divisor for points in self.shape))
 
-    def of_shape(self, shape: tuple[int, ...], *, single: bool = False, measured: bool = True) -> Transforms:
-        """Transforms of another shape or precision, from the same wisdom; the rest is measured or not."""
-        # A run repeats its bits only if its wisdom has all plans that are measured (`wisdom.planned`).
-        return Transforms(shape, self._wisdom, self._time_limit if measured else 0.0, self.threads, single)
-
-    @property
-    def wisdom(self) -> str:
-        """FFTW's accumulated wisdom; equal wisdom gives equal plans and equal bits."""
-        return export_wisdom()
-
-    @property
-    def description(self) -> str:
-        """Both plans as FFTW prints them."""
-        return self._pair.description
-
-    def state(self) -> State:
-        """Return the plans' description and the wisdom that they were made from."""
-        return {"plans": self.description, "wisdom": self.wisdom}
-
-    def restore(self, state: State) -> None:
-        """Use the same plans; ValueError if this FFTW, on this processor, does not make them."""
-        self._wisdom = str(state["wisdom"])  # of the windows too
-        if self.description == str(state["plans"]):
-            return
-        self._plan()
-        if self.description != str(state["plans"]):
-            raise ValueError("FFTW plans the transforms in another way here")
+    def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
+        """Transforms of another shape or precision, with as many threads."""
+        return Transforms(shape, threads=self.threads, single=single)
 
     def empty_field(self) -> Any:
         """Uninitialised flat field, aligned as the plans need it."""
@@ -157,11 +192,11 @@ class Transforms:
 
     def transform(self, field: Any, spectrum: Any) -> None:
         """Write the transform of a field; both flat, from `empty_field` and `empty_spectrum`."""
-        self._fftw.execute_dft_r2c(self._pair.forward, field.ctypes.data, spectrum.ctypes.data)
+        call(self.plans.execute_forward, self.plans.forward_plan, field.ctypes.data, spectrum.ctypes.data)
 
     def transform_back(self, spectrum: Any, field: Any) -> None:
         """Write the inverse transform of a spectrum, which is destroyed; both flat."""
-        self._fftw.execute_dft_c2r(self._pair.backward, spectrum.ctypes.data, field.ctypes.data)
+        call(self.plans.execute_backward, self.plans.backward_plan, spectrum.ctypes.data, field.ctypes.data)
 
     def truncated(self, spectrum: npt.NDArray[Any], coarser: Transforms) -> npt.NDArray[Any]:
         """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""

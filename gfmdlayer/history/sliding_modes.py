@@ -42,7 +42,7 @@ from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import Modes, exponential, shortest_time
 from gfmdlayer.kernels import kernel
-from gfmdlayer.time_functions import Trajectory
+from gfmdlayer.time_functions import TimeFunction
 
 # phi_5 by its series where |z| < 1: the first term left out is below rounding.
 _SERIES = [(-1) ** k / math.factorial(k + 5) for k in range(18)]
@@ -68,7 +68,7 @@ class SlidingModes(Modes):
     slope: ComplexArray  # (nq,), i q, with the mean q of the two waves of a mode
 
     def __init__(
-        self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, velocity: Trajectory
+        self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, velocity: TimeFunction
     ) -> None:
         # `wavenumbers_x`, shape (2, *q.shape): wavenumbers along x of the two waves whose mean is the mode;
         # mostly they are the same. `velocity`: v at a time, linear in time over each step.

@@ -4,12 +4,12 @@ An elastic body has no history: at a contact radius a, with a work of adhesion w
 
     depth(a) = depth_0 - s,   force(a) = force_0 - k s,   s = (4 pi a w/k')^(1/2) = (pi a w/D)^(1/2)/e
 
-depth_0 and force_0 are those without adhesion, k is the stiffness of a bonded flat punch of radius a, and e
-is chi(a) under it at unit depth (chi and D of `march`). With DMT's constant attraction A,
+depth_0 and force_0 belong to the contact without adhesion, k is the stiffness of a bonded flat punch of
+radius a, and e is chi(a) under it at unit depth (chi and D of `march`). With DMT's constant attraction A,
 depth(a) = depth_0 and force(a) = force_0 - A. Beyond the rim of an indenter the depth grows at a constant a.
 
 One integral equation with two right-hand sides gives all four functions. Chebyshev polynomials of a
-interpolate their ratios to those of a halfspace, which is exact.
+interpolate their ratios to the functions of a halfspace, which are exact.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class EdgeAdhesion(NamedTuple):
 
 
 class Control(NamedTuple):
-    """What is prescribed: depth_share depth + compliance force."""
+    """The prescribed quantity: depth_share depth + compliance force."""
 
     depth_share: float
     compliance: float
@@ -77,7 +77,7 @@ class _Values(NamedTuple):
     lift_slope: FloatArray
 
     def under(self, control: Control, adhesion: EdgeAdhesion) -> tuple[FloatArray, FloatArray]:
-        """Return what is prescribed, and its derivative to the radius."""
+        """Return the prescribed quantity, and its derivative to the radius."""
         root = math.sqrt(adhesion.work)
         share = control.depth_share + control.compliance * self.stiffness
         value = control.depth_share * self.depth + control.compliance * (self.force - adhesion.force)
@@ -178,7 +178,7 @@ class StableContacts:
     _stable: FloatArray
 
     def __call__(self, prescribed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return depth, force and contact radius at prescribed values; below the end, those of the end."""
+        """Return depth, force and contact radius at prescribed values, at least at the end."""
         contacts, level = self.of, np.maximum(prescribed, self.end)
         # In the root of the value above its end the radius is smooth: the value is stationary there.
         root = np.sqrt(level - self.end)
@@ -227,7 +227,7 @@ class WaveNodes(NamedTuple):
     def compliance(self, body: Body) -> tuple[float, FloatArray]:
         """Return D of an elastic body, and C/D at the nodes.
 
-        Raises ArithmeticError if the nodes are those of much larger or smaller lengths.
+        Raises ArithmeticError if the nodes belong to bodies of much larger or smaller lengths.
         """
         every = np.append(self.q, self.surface)
         q_K = every / body.stiffness(every, 0.0)
@@ -284,7 +284,7 @@ def halfspace(local: float, profile: Revolution, reach: float) -> Equilibria:
 def _solved(
     q: FloatArray, C: FloatArray, profile: Revolution, a: float, x: FloatArray, w: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Return depth, force/4, ln k and ln e at a radius, for D = 1, less those of the halfspace.
+    """Return depth, force/4, ln k and ln e at a radius, for D = 1, less the values of the halfspace.
 
     Of chi = depth - H + rest the rest is smooth, also where the profile is not.
     """

@@ -315,13 +315,13 @@ def indent(
     time : array_like, shape (nt,)
         Ascending times. The body is at rest before the first one.
     depth, force : array_like, shape (nt,)
-        What is prescribed, either; linear between the times. The depth counts from the first touch of the
-        undeformed surface and may be negative.
+        The prescribed quantity, one of the two; linear between the times. The depth counts from the first
+        touch of the undeformed surface and may be negative.
     tolerance : float
         Estimated error of force, depth and contact radius, relative to the largest of each. A radius below a
         tenth of the largest counts by its square: it falls like a root of time where contact is lost. With
-        adhesion contact jumps: then an error does not count that a shift in time mends, by up to `tolerance`
-        times the duration. Not below 1e-9.
+        adhesion contact jumps: errors that a shift in time by up to `tolerance` times the duration removes
+        do not count then. Not below 1e-9.
     work_of_adhesion : float
         Energy per area that a slowly receding edge of the contact takes (JKR), with the relaxed modulus.
     edge_speed, edge_exponent : float
@@ -332,7 +332,7 @@ def indent(
         work_of_adhesion (relaxed/glassy modulus of the surface)^2. With the default, an edge exchanges the
         same energy with the glassy body next to it on both ways.
     snapshots : sequence of float
-        Times at which the radial profiles of pressure, displacement and gap are wanted.
+        Times of the radial profiles of pressure, displacement and gap.
 
     Returns
     -------
@@ -347,7 +347,7 @@ def indent(
     Raises
     ------
     TypeError
-        If the body lacks what an indentation needs, or a number is none.
+        If the body has no `stiffness` or `spectrum`, or an argument is not a number.
     ValueError
         If the input is impossible; the message has the reason and the allowed values.
     ArithmeticError

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gfmdlayer.case.footprint import HEADER, REAL, ROWS, count_steps
@@ -113,12 +112,11 @@ class IsolatedContact(Model):
             message = f"{trajectory.file}: holds a depth of {most:.6g}, beyond the rigid base"
             yield key, f"{message}; must be below the thickness above it, {thickness!r}"
 
-    def warm_up(self, _folder: Path | None = None, _results: Path | None = None, *, plan: bool = True) -> str:  # noqa: ARG002
-        """Compile the kernels by a small contact; there is nothing to plan."""
+    def warm_up(self) -> None:
+        """Compile the kernels by a small contact."""
         from gfmdlayer.results.journal import Recording
 
         compile_by(lambda: type(self)(smallest_equivalent_case(self.config)).run(Recording()))
-        return ""
 
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Compute all rows and profiles; `progress` is called before the first row only."""

@@ -3,7 +3,7 @@
 `follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts. A `Space` depends
 only on lengths: it serves all bodies that differ in their moduli. `on_steps` follows a history on given
 times in some 30 us a step. `on_halved_steps` follows it also on half steps, which removes the error of
-second order in the step, and `on_quartered_steps` also on quarters, which estimates what is left. With
+second order in the step, and `on_quartered_steps` also on quarters, which estimates the remaining error. With
 space and times fixed the results are smooth functions of the moduli, the relaxation times and the history.
 """
 
@@ -429,7 +429,7 @@ def on_halved_steps(
 ) -> Indentation:
     """Follow a history on given times and their middles, without the error of second order in the step.
 
-    The arguments are those of `on_steps`. The result has 2 nt - 1 times, and no estimate of its error.
+    For the arguments see `on_steps`. The result has 2 nt - 1 times, and no estimate of its error.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
     coarse = on_steps(made, space, profile, history, time, adhesion, None, located)
@@ -455,8 +455,8 @@ def on_quartered_steps(
     """Follow a history on the quarters of given steps, like `on_halved_steps`, with an estimate of its error.
 
     The result has 4 nt - 3 times. The estimates of force, depth and radius, relative to the largest of each,
-    have the shape (3, 2 nt - 1): they are for the times of half steps, and do not count what a shift in time
-    mends, since a contact with adhesion jumps.
+    have the shape (3, 2 nt - 1): they belong to the times of half steps. Errors that a shift in time removes
+    do not count, since a contact with adhesion jumps.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
     whole, half = (on_steps(made, space, profile, history, each, adhesion) for each in (time, halved(time)))
@@ -516,8 +516,8 @@ def _extrapolated(coarse: Indentation, fine: Indentation, history: History, adhe
     """Return a run on halved steps without its error of second order, by the run on the steps.
 
     The gain is known where both runs touch, or both do not; between these times it is a parabola, beside much
-    shorter steps a line, and beyond them constant. For the runs lose contact at other times. The gain of the
-    radius is that of its square: where contact is lost the radius falls like a root of time.
+    shorter steps a line, and beyond them constant. For the runs lose contact at other times. The square of
+    the radius is extrapolated: where contact is lost the radius falls like a root of time.
     """
     t, steps, breaks = coarse.time, np.diff(coarse.time), np.isin(coarse.time, breakpoints_of(history))
     even = np.maximum(steps[1:], steps[:-1]) <= _UNEVEN * np.minimum(steps[1:], steps[:-1])

@@ -36,12 +36,12 @@ def inside(
     ----------
     data : xarray.Dataset
         Displacement and pressure of the surface, along x or x and y, on a periodic grid: one case with
-        snapshots, as `gfmdlayer.run` and `open_case` return it, or what `gfmdlayer.solve` returns.
+        snapshots, as `gfmdlayer.run` and `open_case` return it, or a result of `gfmdlayer.solve`.
     depths : sequence of float, shape (n,)
         Depths z >= 0 below the surface of the undeformed body [length], increasing.
     body : Body, optional
-        A `LayerStack`, or a body of `halfspace` or `bonded_layer`; default: that of the configuration of the
-        case.
+        A `LayerStack`, or a body of `halfspace` or `bonded_layer`; default: the body of the case's
+        configuration.
 
     Returns
     -------
@@ -62,10 +62,9 @@ def inside(
 
     Notes
     -----
-    The fields (docs/theory/inside.md) are exact for the sampled displacement and pressure. The mean
-    strain along the surface is zero.
-    The mean of displacement_z is that of the surface at all depths, but on a rigid base, where the layers are
-    compressed one after the other. At depths below one grid spacing the fields ring.
+    The fields (docs/theory/inside.md) are exact for the sampled displacement and pressure. The mean strain
+    along the surface is zero. The mean of displacement_z is the same at all depths, except on a rigid base,
+    where the layers are compressed one after the other. At depths below one grid spacing the fields ring.
 
     Examples
     --------

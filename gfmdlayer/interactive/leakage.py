@@ -61,8 +61,8 @@ def leakage(
     along : {"x", "y"}
         Direction of the drop. Along y, on a line, the fluid flows along the ridges.
     length, width : float, optional
-        Of the seal, along the flow and across it; by default those of the cell, and 1 along the ridges of a
-        line.
+        Of the seal, along the flow and across it; default: length and width of the cell, and 1 along the
+        ridges of a line.
     body : Body, optional
         For the lift of the surface; default: the body of the case's configuration.
     fields : bool
@@ -216,7 +216,7 @@ def _lift(
     body: Body | None,
     drop: float,
 ) -> tuple[float, list[str]]:
-    """Return the rise of the surface at the throat over the critical gap, and what it casts doubt on."""
+    """Return the rise of the surface at the throat over the critical gap, and doubts about the leak."""
     if throat.gap <= 0:
         return 0.0, []
     said, lift = [], math.nan

@@ -31,10 +31,9 @@ from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.reader import Inspection, from_python, gives
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.config.trajectory import Trajectory
-from gfmdlayer.files.cache import MemoryFile, user_cache
+from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
 from gfmdlayer.results.gathering import CaseRecord, Swept, labelled
@@ -142,7 +141,7 @@ def on_disk(config: Config, folder: Path) -> Config:
 
 DELAY = 1.0  # seconds of a run that pass in silence
 
-_PREPARING = "compiling kernels, planning transforms, once per machine (about 20 s)"
+_PREPARING = "compiling kernels, once per machine (about 20 s)"
 
 
 class NotebookBar(Display):
@@ -226,7 +225,7 @@ def _compute(case: SweepCase, folder: Folder, threads: int) -> Outcome:
     """Run a case in memory, with its claim in a folder."""
     begun, config = time.monotonic(), case.config
     try:
-        model = model_of(config, planned(config.grid.points, user_cache(), threads), threads)
+        model = model_of(config, threads)
         described = case_run.attributes(model) | {"digest": digest(config)}
         coordinates, recording = model.coordinates, Recording()
 
@@ -263,8 +262,7 @@ def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int)
         _silence(folder, reporter),
     ):
         if not pool.alone:  # before several processes do
-            _, said = case_run.warm_up(every, threads)
-            _warn(said, 4)
+            _warn(case_run.warm_up(every), 4)
         task = partial(_compute, folder=folder, threads=threads)
         schedule = Schedule(pool, task, folder, reporter.ended)
         reporter.at_work = schedule.at_work

@@ -86,7 +86,7 @@ def solve(
     Parameters
     ----------
     body : Body
-        Such as `halfspace`, or a `bonded_layer`; a viscoelastic one is relaxed. One of your own needs
+        A `halfspace`, a `bonded_layer`, or another; a viscoelastic body is relaxed. A body of your own needs
         `mean_stiffness` and `spectrum`.
     punch : array_like, callable, Shape or mapping
         Heights outward from the punch, as an array of the grid's shape or a function of x, or of x and y: the
@@ -97,10 +97,10 @@ def solve(
     period : float, or pair of float
         Length of the cell, along each axis.
     points : int, or pair of int, optional
-        Points of the grid, for a line or a surface; by default those of the array, or 1024 on a line.
+        Points of the grid, for a line or a surface; default: the shape of the array, or 1024 on a line.
     interface : Interface, mapping or sequence
-        Law of the interaction across the gap, such as `Exponential`, or its keys; those of a sequence add. By
-        default only a hard wall.
+        Law of the interaction across the gap, such as `Exponential`, or its keys; the laws of a sequence
+        add. Default: a hard wall.
     **options
         instantaneous : whether a viscoelastic body is glassy instead of relaxed. isolated : whether the
         contact has no periodic images; it must be narrower than some 0.4 periods. datum : of an isolated
@@ -135,16 +135,15 @@ def solve(
     ConfigError
         If an argument cannot be used.
     TypeError
-        If the body lacks what a contact needs.
+        If the body has no `mean_stiffness` or `spectrum`.
     ConvergenceError
         If the solver does not reach its tolerance, or an isolated contact is too wide for the cell, with its
         last state.
 
     Notes
     -----
-    An incompressible body, or one on a halfspace, keeps its mean height: depths are counted from there, and
-    are by 1/period corrections smaller than those of an isolated punch: `isolated=True` has no such
-    corrections.
+    An incompressible body, or one on a halfspace, keeps its mean height. Depths count from there, and are
+    smaller than under an isolated punch, by corrections in 1/period. `isolated=True` removes them.
 
     Examples
     --------
@@ -358,7 +357,7 @@ def _dataset(
     reach: Reach | None,
     parts: Mapping[str, FloatArray],
 ) -> xarray.Dataset:
-    """Return fields and scalars of a solution; `reach` is that of an isolated contact."""
+    """Return fields and scalars of a solution; an isolated contact has a `reach`."""
     touching = in_contact(problem, solution)
     imprint = {} if solution.flow is None else {"imprint": solution.flow}
     wall = problem.wall_pressure(solution.pressure, solution.gap).reshape(grid.shape)

@@ -4,7 +4,7 @@ A law is a record `Terms` of arrays with one value a term; a kernel takes it as 
 
     energy, traction, curvature = interact(gap, terms)
 
-at a point. What is not used of the three costs nothing, and the hard wall has no terms. With the stress s and
+at a point. Unused ones of the three cost nothing, and the hard wall has no terms. With the stress s and
 the length l of a term, and the gap g,
 
     exponential      w = -s l exp(-g/l)                      tau = s exp(-g/l)

@@ -25,7 +25,7 @@ from gfmdlayer.time_functions import Table
 class Interaction:
     """An interface law, which does not depend on time; in `Driven` and `Total` it may.
 
-    Where it does, all but `at` and `breakpoints` are those of its largest strength.
+    A law that depends on time has these values at its largest strength, except `at` and `breakpoints`.
     """
 
     terms: Terms  # as compiled code takes them, see `forms.interact`
@@ -134,7 +134,7 @@ class Total(Interaction):
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
-        """Those of all parts."""
+        """Breakpoints of all parts."""
         return tuple(sorted({time for part in self.parts for time in part.breakpoints}))
 
     def at(self, time: float) -> Interaction:

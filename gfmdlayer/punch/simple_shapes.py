@@ -345,8 +345,8 @@ class BluntedCone(Analytic):
         return of_pieces([0.0, self.slope * R], [0.0, self.slope], [1 / R, 0.0])
 
 
-class _Isolated(Shape):
-    """An indenter that ends at a rim, beyond which it has no height."""
+class _Rimmed(Shape):
+    """An indenter that ends at a rim; it has no height beyond."""
 
     def heights(self, grid: Grid) -> FloatArray:
         """Heights on a periodic grid: refused by `misfits`, and here."""
@@ -358,7 +358,7 @@ class _Isolated(Shape):
         yield Mistake(("shape",), message, ("grid.geometry",), chooses=True)
 
 
-class FlatPunch(_Isolated):
+class FlatPunch(_Rimmed):
     """The flat end of a cylinder; for grid.geometry: axisymmetric.
 
     Examples
@@ -381,7 +381,7 @@ class FlatPunch(_Isolated):
         return flat(self.radius)
 
 
-class RadialProfile(_Isolated):
+class RadialProfile(_Rimmed):
     """A convex profile of revolution from a table; for grid.geometry: axisymmetric.
 
     Examples

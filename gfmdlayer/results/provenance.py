@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 UNKNOWN = "unknown"
-CHECKPOINT_FORMAT = "5"  # of checkpoint and journal
+CHECKPOINT_FORMAT = "6"  # of checkpoint and journal
 LIBRARIES = ("numpy", "scipy", "numba", "pyfftw", "h5py", "mpi4py")
 _DECISIVE = ("gfmdlayer", "numpy", "numba", "pyfftw")  # for the bits of results
 
@@ -69,7 +69,7 @@ def git_commit(checkout: Path) -> str:
 
 
 def made_by(digest: str) -> dict[str, str]:
-    """Return the input, versions and processor that fix the bits of a case, as the plans in its state do."""
+    """Return the input, versions and processor that fix the bits of a case."""
     from llvmlite.binding import get_host_cpu_name
 
     known = provenance()

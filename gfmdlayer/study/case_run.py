@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +18,8 @@ from gfmdlayer.case.model import ConvergenceError, Model, model_of
 from gfmdlayer.case.notes import notes
 from gfmdlayer.config import digest
 from gfmdlayer.config.model import stem
-from gfmdlayer.files.cache import user_cache
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.grid.wisdom import RankWisdom, planned
 from gfmdlayer.results import checkpoint, provenance
 from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
 from gfmdlayer.results.journal import Journal, Position
@@ -254,13 +252,9 @@ class Checkpoints:
             self.log(line)
 
 
-Wisdom = dict[tuple[int, ...], str]
-
-
 def run_case(
     case: SweepCase,
     folder: Folder,
-    wisdom: Wisdom | None = None,
     threads: int = 1,
     checkpoint_every: float = CHECKPOINT_EVERY,
     ranks: Ranks = ALONE,
@@ -269,13 +263,7 @@ def run_case(
     begun = time.monotonic()
     try:
         with ending_together(ranks):
-            points = case.config.grid.points
-            plans = (wisdom or {}).get(points)
-            if plans is None and ranks.count == 1 and case.config.geometry.on_grid:
-                # Plans of a grid that no case had before the run are kept with the results: so all processes
-                # agree, also where a sweep is too long for a look at all of its grids.
-                plans = _planned(points, user_cache(), threads, folder.wisdom)
-            note = CaseRun(case, folder, plans, threads, ranks).simulate(checkpoint_every)
+            note = CaseRun(case, folder, threads, ranks).simulate(checkpoint_every)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Taken:
@@ -286,9 +274,6 @@ def run_case(
             record_failure(folder, case.index, case.values, reason, traceback.format_exc())
         return Outcome(case.index, "failed", reason, time.monotonic() - begun)
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
-
-
-_planned = lru_cache(maxsize=64)(planned)
 
 
 def record_failure(
@@ -313,7 +298,6 @@ class CaseRun:
 
     case: SweepCase
     folder: Folder
-    wisdom: str | None
     threads: int
     ranks: Ranks
 
@@ -355,8 +339,7 @@ class CaseRun:
 
     def _compute(self, checkpoints: Checkpoints, claim: Claim | Listener) -> str:
         config, ranks = self.case.config, self.ranks
-        plans = RankWisdom(ranks, config.grid.points, self.folder.wisdom, self.threads)
-        model = model_of(config, plans.read() or self.wisdom, self.threads, ranks)
+        model = model_of(config, self.threads, ranks)
         journal = checkpoints.journal((column.name for column in model.columns), model.grid)
         warnings = model.run(journal, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):
@@ -364,7 +347,6 @@ class CaseRun:
         with ranks.agreeing(ResultsError):
             if ranks.first:
                 self._write(model, journal, checkpoints)
-        plans.keep(model.wisdom)
         return "; ".join(warnings)
 
     def _write(self, model: Model, journal: Journal, checkpoints: Checkpoints) -> None:
@@ -402,19 +384,15 @@ def attributes(model: Model, given: Config | None = None, *, surfaces: bool = Tr
     return found
 
 
-def warm_up(
-    todo: Sequence[SweepCase], threads: int = 1, results: Path | None = None, *, plan: bool = True
-) -> tuple[Wisdom, list[str]]:
-    """Compile kernels and plan transforms for each kind of case; return wisdom by grid, and warnings."""
-    wisdom: Wisdom = {}
+def warm_up(todo: Sequence[SweepCase]) -> list[str]:
+    """Compile the kernels of each kind of case; return warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         for config in {kind(case.config): case.config for case in todo}.values():
             with suppress(Exception):  # the case will meet it again, and be recorded as failed
-                model = model_of(config, threads=threads)
-                wisdom[config.grid.points] = model.warm_up(results=results, plan=plan)
+                model_of(config).warm_up()
     said = [str(each.message) for each in caught if each.category is UserWarning]
-    return wisdom, list(dict.fromkeys(said))
+    return list(dict.fromkeys(said))
 
 
 # Ranks of a case fail together: an error of one of them ends the case on all.

@@ -247,21 +247,30 @@ def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]
 
 
 class Lock:
-    """The lock of a folder; `alone`: no other run uses the folder, and none begins before `share`."""
+    """The lock of a folder, shared with other runs from `share` on."""
 
     def __init__(self, folder: Folder, file: IO[str]) -> None:
         self._folder, self._file = folder, file
-        granted = try_lock(file)
-        if granted is False:
+        self._granted = try_lock(file)  # None on a file system without locks
+        if self._granted is False:
             self.share()
-        # Claims tell of others where there are no locks, and of processes that just outlive a killed run.
-        self.alone = granted is not False and not running(folder)
+
+    def is_alone(self, patience: float = 0.0) -> bool:
+        """Whether no other run uses the folder; processes of a killed one may end within `patience`."""
+        if self._granted is False:
+            return False
+        end = time.monotonic() + patience
+        while running(self._folder):
+            if time.monotonic() >= end or stop_requested():
+                return False
+            time.sleep(_POLL)
+        return True
 
     def share(self) -> None:
         """Let other runs in; FolderError where another command keeps all others out."""
         end = time.monotonic() + PATIENCE
         while try_lock(self._file, shared=True) is False:
-            if time.monotonic() > end or stop_requested():
+            if time.monotonic() >= end or stop_requested():
                 raise in_use(self._folder, "another run is writing here")
             time.sleep(_POLL)
 
@@ -280,7 +289,7 @@ def leftovers(folder: Folder) -> Iterator[list[Path]]:
     if at_work := running(folder):  # also where a file system has no locks
         raise in_use(folder, f"another run is writing here, on {at_work[0].host}")
     with locked(folder) if folder.cases.is_dir() else nullcontext() as lock:
-        if lock is not None and not lock.alone:
+        if lock is not None and not lock.is_alone():
             raise in_use(folder, "another run is writing here")
         yield sorted({*folder.leftovers(), *folder.unfinished()})
 

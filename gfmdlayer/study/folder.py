@@ -9,7 +9,6 @@
     DIR/cases/NNNN.checkpoint, .journal  an unfinished case: its state, its rows and snapshots
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
-    DIR/wisdom/            FFTW's plans, with which later cases agree in every bit
     DIR/inputs/            the files that the configuration names, as the cases read them
     DIR/cases/stop-RUN     asks every process of a run to stop, on whatever host
     DIR/cases/.lock        locked while runs share the folder, or one changes it (`gfmdlayer.study.claims`)
@@ -81,11 +80,6 @@ class Folder:
         return self.path / "sweep.h5"
 
     @property
-    def wisdom(self) -> Path:
-        """The folder of FFTW's wisdom."""
-        return self.path / "wisdom"
-
-    @property
     def stop(self) -> Path:
         """A file that asks every process of the run to stop, whatever host it is on."""
         return self.cases / f"stop-{self.run}"
@@ -132,7 +126,7 @@ class Folder:
         """Remove the results in a locked folder, known by their exact names, and nothing else."""
         results = _files(self.cases, lambda name: _matched(_RESULT, name))
         inputs = _files(self.path / "inputs", _INPUT.fullmatch)
-        for path in (self.sweep, *results, *inputs, *_files(self.wisdom, _WISDOM.fullmatch), self.config):
+        for path in (self.sweep, *results, *inputs, self.config):
             path.unlink(missing_ok=True)
 
     def set_damaged_aside(self, numbers: Iterable[int]) -> list[str]:
@@ -233,7 +227,6 @@ class Folder:
 
 _RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint|journal|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
-_WISDOM = re.compile(r"fftw-.+-and-parts\.wisdom")
 _OWN = r"\..+-\d+-[0-9a-f]{8}"  # of a process; see `unfinished_path`
 _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_OWN}\.part")
 _OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint|state){_OWN}\.part)")
@@ -242,7 +235,7 @@ _STATE = re.compile(r"(\d{4,})\.(checkpoint|journal)")
 _OF_A_RUN = re.compile(
     rf"stop-.+-\d+-[0-9a-f]{{8}}|probe{_OWN}\.part|stop(-\d+-of-\d+)?|\.lock-\d+-of-\d+|\.turn"
 )
-_FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # left by a run that was killed in its first instant
+_FOLDERS = ("cases", "arrays", "inputs")  # left by a run that was killed in its first instant
 
 
 def _matched(pattern: re.Pattern[str], name: str) -> re.Match[str] | None:

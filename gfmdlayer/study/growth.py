@@ -32,7 +32,7 @@ from gfmdlayer.files.whole import cannot_be_written, is_intact, unfinished_path
 from gfmdlayer.results.schema import ResultsError, numbered
 from gfmdlayer.results.stored import must_agree
 from gfmdlayer.study.cases import Cases, Earlier, SweepCase, with_files
-from gfmdlayer.study.claims import in_use, locked
+from gfmdlayer.study.claims import PATIENCE, Lock, in_use, locked
 from gfmdlayer.study.folder import WAYS_OUT, Folder, FolderError, Numbers
 from gfmdlayer.validation.sections import files_named
 
@@ -76,7 +76,7 @@ def opened(folder: Folder, cases: Cases, restart: bool = False) -> Iterator[Grow
                     os.fsync(file.fileno())
             finally:
                 probe.unlink(missing_ok=True)
-            growth = _prepare(folder, cases, restart, lock.alone)
+            growth = _prepare(folder, cases, restart, lock)
             before = folder.config.stat()
             lock.share()
             if not os.path.samestat(before, folder.config.stat()):
@@ -91,21 +91,23 @@ def opened(folder: Folder, cases: Cases, restart: bool = False) -> Iterator[Grow
                 folder.stop.unlink(missing_ok=True)
 
 
-def _prepare(folder: Folder, cases: Cases, restart: bool, alone: bool) -> Growth:
+def _prepare(folder: Folder, cases: Cases, restart: bool, lock: Lock) -> Growth:
     """Find the cases; if no other run is at work, remove files of dead ones and store the configuration."""
-    if restart and not alone:
-        raise in_use(folder, "another run is writing here")
     if restart:
+        if not lock.is_alone(PATIENCE):
+            raise in_use(folder, "another run is writing here")
         folder.remove_results()
     is_new = not folder.is_results()
     found = Growth(range(len(cases))) if is_new else compare(folder, cases)
-    if (is_new or found.changed) and not alone:
+    changes = is_new or found.changed
+    alone = lock.is_alone(PATIENCE if changes else 0.0)
+    if changes and not alone:
         raise in_use(folder, "another run is writing here, of another configuration")
     if alone:
         for path in folder.leftovers():
             path.unlink(missing_ok=True)
-        if is_new or found.changed:
-            folder.store(cases.config, found.numbers)
+    if changes:
+        folder.store(cases.config, found.numbers)
     return found
 
 

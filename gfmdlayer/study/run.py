@@ -30,7 +30,7 @@ from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import attributes, is_complete
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.study import CHECKPOINT_EVERY, growth, interrupts, preflight
-from gfmdlayer.study.case_run import Wisdom, record_failure, run_case, warm_up
+from gfmdlayer.study.case_run import record_failure, run_case, warm_up
 from gfmdlayer.study.cases import WHOLE, Cases, Shard, SweepCase
 from gfmdlayer.study.claims import running
 from gfmdlayer.study.cost import CostModel, expected_seconds
@@ -137,10 +137,10 @@ class Study:
         with Reporter(folder, own, complete, display, self._expected, self._pool.size, whole) as reporter:
             for line in (*self._opening(complete, missing), *self._warnings(some, missing), *aside):
                 reporter.note(line)
+            self._prepare(some, reporter)
             task = partial(
                 run_case if options.ranks_per_case == 1 else run_case_together,
                 folder=folder,
-                wisdom=self._prepare(some, reporter),
                 threads=options.threads,
                 checkpoint_every=options.checkpoint_every,
             )
@@ -161,6 +161,9 @@ class Study:
         for change in self._changes:
             case = change(case)
         return case
+
+    def _place(self, number: int) -> int:
+        return number if isinstance(self._numbers, range) else self._numbers.index(number)
 
     def _of_no_use(self) -> Collection[int]:
         """Return the numbers of the sweep, if none of its cases can go on from the state of another."""
@@ -199,9 +202,7 @@ class Study:
                 try:
                     case = self._made(place)
                 except Exception as error:
-                    reason = f"{type(error).__name__}: {error}"
-                    record_failure(self._folder, number, self._cases.values(place), reason)
-                    yield Outcome(number, "failed", reason)
+                    yield Outcome(number, "failed", f"{type(error).__name__}: {error}")
                 else:
                     todo.append(case)
             yield from self._ordered(todo)
@@ -255,13 +256,12 @@ class Study:
         if not taken or interrupts.stop_requested():
             return []
         busy = {claim.index for claim in running(self._folder, taken)}
-        places = {number: place for place, number in enumerate(self._numbers) if number in self._ended}
         found: list[SweepCase | Outcome] = []
         for number in taken:
             known = self._elsewhere(number)
             if known is not None or number not in busy:
                 del self._ended[number]
-                found.append(known or self._changed(self._cases[places[number]]))
+                found.append(known or self._changed(self._cases[self._place(number)]))
         return found
 
     # The work, and words on it.
@@ -273,6 +273,9 @@ class Study:
                 self._counts["complete"] += 1
             elif outcome.state != "stopped":
                 self._ended[outcome.index] = outcome
+                if outcome.state == "failed":  # also where its process could not record it
+                    values = self._cases.values(self._place(outcome.index))
+                    record_failure(self._folder, outcome.index, values, outcome.reason)
 
     def _too_large(self, cases: Iterable[SweepCase]) -> list[str]:
         """Return why cases cannot have the memory that they need beside each other."""
@@ -280,20 +283,17 @@ class Study:
         number = min(self._pool.size, len(self._numbers)) if self._pool.kind == "processes" else 1
         return preflight.memory_refusal(each, number)
 
-    def _prepare(self, todo: Sequence[SweepCase], reporter: Reporter) -> Wisdom:
-        """Compile and plan; a request to stop ends it at once, and then the cases before their first step."""
+    def _prepare(self, todo: Sequence[SweepCase], reporter: Reporter) -> None:
+        """Compile; a request to stop ends it at once, and then the cases before their first step."""
         configs = (case.config for case in todo)
         chosen = dict.fromkeys(each.contact_solver.method for each in configs if each.geometry.on_grid)
         solvers = f": contact solver {', '.join(chosen)}" if chosen else ""
-        work = f"compiling kernels, planning transforms, once per machine (about 20 s){solvers}"
-        wisdom: Wisdom = {}
+        work = f"compiling kernels, once per machine (about 20 s){solvers}"
         said: list[str] = []
-        threads, plan = self._options.threads, self._options.ranks_per_case == 1
         with suppress(KeyboardInterrupt), reporter.preparing(work), interrupts.at_once():
-            wisdom, said = warm_up(todo, threads, self._folder.wisdom, plan=plan)
+            said = warm_up(todo)
         for line in said if not interrupts.stop_requested() else ():
             reporter.note(f"warning: {line}")
-        return wisdom
 
     def _opening(self, complete: int, missing: int) -> Iterator[str]:
         number, threads = len(self._numbers), self._options.threads

@@ -155,19 +155,19 @@ _DIMENSION = re.compile(
 
 def dimension(words: str) -> tuple[str, str]:
     """Split the words of a key into its meaning and its dimension, which is empty where it has none."""
-    found = _DIMENSION.search(words)
-    return (words[: found.start()], found[1]) if found else (words, "")
+    match = _DIMENSION.search(words)
+    return (words[: match.start()], match[1]) if match else (words, "")
 
 
 @cache
 def meanings(section: type[BaseModel]) -> dict[str, str]:
     """Return the meanings of the fields of a section, by the names that users write."""
-    found: dict[str, str] = {}
+    written: dict[str, str] = {}
     for base in reversed(section.__mro__):
         own = set(vars(base).get("__annotations__", ())) & set(section.model_fields)
-        found = {name: words for name, words in found.items() if name not in own}
-        found |= {name: words for name, words in (_written(base) if own else {}).items() if name in own}
-    return {section.model_fields[name].alias or name: words for name, words in found.items()}
+        written = {name: words for name, words in written.items() if name not in own}
+        written |= {name: words for name, words in (_written(base) if own else {}).items() if name in own}
+    return {section.model_fields[name].alias or name: words for name, words in written.items()}
 
 
 def _written(section: type) -> dict[str, str]:

@@ -55,7 +55,7 @@ class Mistake:
     message: str  # value found and values allowed
     others: tuple[str, ...] = ()  # further dotted keys on whose values the message depends
     at_key: bool = False  # whether the key is wrong instead of its value
-    chooses: bool = False  # whether the key chooses its section, so that the other keys there have no meaning
+    chooses: bool = False  # whether its section has no meaning without the key: it chooses it, or is required
 
     @property
     def key(self) -> str:
@@ -171,14 +171,14 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
     """Return "; did you mean ...?" for the nearest of the allowed words, or nothing."""
     # Regardless of letter case: ginf is a misspelt Ginf.
     spelt = {candidate.lower(): candidate for candidate in allowed}
-    found = difflib.get_close_matches(word.lower(), spelt, n=1)
-    return f"; did you mean '{spelt[found[0]]}'?" if found else ""
+    near = difflib.get_close_matches(word.lower(), spelt, n=1)
+    return f"; did you mean '{spelt[near[0]]}'?" if near else ""
 
 
 def colon_without_space(text: str) -> str:
     """Return "; did you mean ...?" for a key and its value that YAML reads as one word, or nothing."""
-    found = re.match(r"\s*(?:- )?([A-Za-z_][\w.]*):(?![\s/\\:])(.+)", text)
-    return f"; did you mean '{found[1]}: {found[2].strip()}', with a space after the colon?" if found else ""
+    slip = re.match(r"\s*(?:- )?([A-Za-z_][\w.]*):(?![\s/\\:])(.+)", text)
+    return f"; did you mean '{slip[1]}: {slip[2].strip()}', with a space after the colon?" if slip else ""
 
 
 def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) -> str:
@@ -193,8 +193,8 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
         hint = f"; {A_NUMBER}"
     elif not hint:
         same_ending = {name.rpartition(".")[2]: name for name in everywhere}
-        found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1, cutoff=_ALIKE)
-        hint = f"; did you mean '{same_ending[found[0]]}'?" if found else ""
+        near = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1, cutoff=_ALIKE)
+        hint = f"; did you mean '{same_ending[near[0]]}'?" if near else ""
     allowed = ", ".join(siblings)
     if len(siblings) > _MOST_LISTED:
         near = difflib.get_close_matches(key, siblings, n=3, cutoff=0.0)

@@ -114,12 +114,12 @@ Part = TypeVar("Part", bound=Section)
 
 def load_table(*places: str) -> dict[str, Any]:
     """Import the sections of a table, each "package.module:Class", by the default of their first field."""
-    found = {}
+    members = {}
     for place in places:
         module, _, name = place.partition(":")
         section = getattr(import_module(module), name)
-        found[next(iter(section.model_fields.values())).default] = section
-    return found
+        members[next(iter(section.model_fields.values())).default] = section
+    return members
 
 
 class OneOf(Generic[Member]):
@@ -166,8 +166,8 @@ def described(section: type[Section], key: str) -> tuple[str, str]:
             if part == (field.alias or name)
         ]
         words = meanings(fields[0][0]).get(part, "") if fields else ""
-        found = [held_by(field) for _, field in fields]
-        below = [list(each.members.values()) if isinstance(each, OneOf) else [each] for each in found if each]
+        choices = [held_by(field) for _, field in fields]
+        below = [list(one.members.values()) if isinstance(one, OneOf) else [one] for one in choices if one]
         kinds = [kind for several in below for kind in several]
     return dimension(words)
 
@@ -193,14 +193,14 @@ def replaced(section: Part, change: Callable[[Any], Any]) -> Part:
     """Return a section in which `change` replaces values at any depth; it returns all others themselves."""
 
     def new(value: Any) -> Any:
-        if (found := change(value)) is not value:
-            return found
+        if (changed := change(value)) is not value:
+            return changed
         if isinstance(value, tuple):
-            each = tuple(map(new, value))
-            return value if all(map(is_, each, value)) else each
+            parts = tuple(map(new, value))
+            return value if all(map(is_, parts, value)) else parts
         return replaced(value, change) if isinstance(value, Section) else value
 
-    update = {key: found for key, value in vars(section).items() if (found := new(value)) is not value}
+    update = {key: changed for key, value in vars(section).items() if (changed := new(value)) is not value}
     return section.model_copy(update=update) if update else section
 
 
@@ -225,36 +225,38 @@ def types_in(annotation: Any) -> Iterator[type]:
 
 def explained(error: ValidationError, root: type[Section], everywhere: Iterable[str]) -> list[Mistake]:
     """Return the errors that pydantic found in a `root`, as problems; suggest keys from `everywhere`."""
-    found: list[Mistake] = []
+    mistakes: list[Mistake] = []
     for entry in error.errors(include_url=False):
         location, section, chosen_by = _resolved(entry["loc"], root, entry["type"] == "extra_forbidden")
         match entry["type"]:
             case "default_factory_not_called":
                 pass  # the value behind this default is reported itself
             case "value_error" if hasattr(entry["ctx"]["error"], "problems"):
-                found += [problem.within(location) for problem in entry["ctx"]["error"].problems]
+                mistakes += [problem.within(location) for problem in entry["ctx"]["error"].problems]
             case "extra_forbidden":
                 message = unknown_key(str(location[-1]), section.fields(), everywhere)
-                found.append(Mistake(location, message, at_key=True))
+                mistakes.append(Mistake(location, message, at_key=True))
             case "missing":
                 key = str(location[-1])
                 notes = (note.allowed for note in section.fields()[key].metadata if isinstance(note, MustBe))
                 allowed = next(notes, None) or meanings(section).get(key, "given")
-                found.append(Mistake(location, f"missing; must be {allowed}"))
+                mistakes.append(Mistake(location, f"missing; must be {allowed}"))
             case "union_tag_invalid":
                 words = Word(*entry["ctx"]["expected_tags"].replace("'", "").split(", "))
                 word = entry["ctx"]["tag"]
                 message = f"got {shown(word)}; must be {words.allowed}{nearest(word, words.words)}"
-                found.append(Mistake((*location, chosen_by), message, chooses=True))
+                mistakes.append(Mistake((*location, chosen_by), message, chooses=True))
             case "must_be" | "value_error":
-                found.append(Mistake(location, entry["msg"].removeprefix("Value error, ")))
+                message = entry["msg"].removeprefix("Value error, ")
+                mistakes.append(Mistake(location, message, chooses=_requires(section, location)))
             case kind:
                 allowed, value = _SHAPES.get(kind, entry["msg"]), entry["input"]
                 hint = colon_without_space(value) if isinstance(value, str) else ""
                 if kind == "model_type":
                     allowed += _form(section, location, value)
-                found.append(Mistake(location, f"got {shown(value)}; must be {allowed}{hint}"))
-    return list(dict.fromkeys(found))
+                message = f"got {shown(value)}; must be {allowed}{hint}"
+                mistakes.append(Mistake(location, message, chooses=_requires(section, location)))
+    return list(dict.fromkeys(mistakes))
 
 
 def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Location, type[Section], str]:
@@ -279,16 +281,22 @@ def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Locati
     return tuple(location), holder, held.key if isinstance(held, OneOf) else ""
 
 
-def _form(section: type[Section], location: Location, value: object) -> str:
-    """Return ", such as {...}" with the required keys of the section nearest to a value."""
+def _requires(section: type[Section], location: Location) -> bool:
     field = section.fields().get(dotted_key(without_last_places(location)[-1:]))
-    held = field and held_by(field)
-    if not isinstance(held, OneOf):
-        return ""
-    word = next(iter(get_close_matches(str(value), held.members, n=1)), next(iter(held.members)))
-    fields = held.members[word].fields().items()
-    keys = [f"{key}: ..." for key, field in fields if key != held.key and field.is_required()]
-    return f", such as {{{', '.join([f'{held.key}: {word}', *keys])}}}"
+    return field is not None and field.is_required()
+
+
+def _form(section: type[Section], location: Location, value: object) -> str:
+    """Return ", such as {...}" with the required keys of the section that a key holds, or of the nearest."""
+    field = section.fields().get(dotted_key(without_last_places(location)[-1:]))
+    held = section.entries if field is None else held_by(field)
+    keys = {}
+    if isinstance(held, OneOf):
+        word = next(iter(get_close_matches(str(value), held.members, n=1)), next(iter(held.members)))
+        keys, held = {held.key: word}, held.members[word]
+    if held is not None:
+        keys |= {key: "..." for key, field in held.fields().items() if field.is_required()}
+    return f", such as {{{', '.join(f'{key}: {word}' for key, word in keys.items())}}}" if keys else ""
 
 
 class OneOrMore(OneOf[Member]):
@@ -318,11 +326,11 @@ def files_named(section: Section) -> dict[str, Path]:
 @cache  # found once for each section: laws and bodies stand in many places
 def keys_of_files(section: type[Section]) -> tuple[str, ...]:
     """Return the dotted keys below a section that may name a file."""
-    found: list[str] = []
+    keys: list[str] = []
     for key, field in section.fields().items():
         held = held_by(field)
         for member in held.members.values() if isinstance(held, OneOf) else filter(None, [held]):
-            found += (f"{key}.{below}" for below in keys_of_files(member))  # type: ignore[arg-type]
+            keys += (f"{key}.{below}" for below in keys_of_files(member))  # type: ignore[arg-type]
         if Path in types_in(field.annotation):
-            found.append(key)
-    return tuple(found)
+            keys.append(key)
+    return tuple(keys)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case.case import Case
-from gfmdlayer.case.model import simulate, warm_up
+from gfmdlayer.case.model import simulate
 from gfmdlayer.case.parts import Given
 from gfmdlayer.config import Config
 from gfmdlayer.results import journal
@@ -54,7 +54,7 @@ def run(*values: Mapping[str, object], **parts: Unpack[Given]) -> Recording:
     """
     config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
     found = Recording()
-    simulate(Case(config, warm_up(config), **parts), found)
+    simulate(Case(config, **parts), found)
     return found
 
 

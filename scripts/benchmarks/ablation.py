@@ -107,15 +107,15 @@ def _compare(
     found: dict[tuple[str, str], _Outcome | None] = {}
     exact: dict[str, _Outcome | None] = {}
     for workload, configs in workloads.items():
-        wisdom = warm_up(configs[0])
+        warm_up(configs[0])
         for _ in range(repetitions):
             for ablation in rows:
                 with _patched(patches[ablation.name]):
-                    outcome = _run(configs, wisdom, ablation.parts)
+                    outcome = _run(configs, ablation.parts)
                 found[ablation.name, workload] = _faster(outcome, found.get((ablation.name, workload)))
         if reference:
             fine = {"time.tolerance": 0.01 * _TOLERANCE, "solver.tolerance": 1e-8}
-            exact[workload] = _run([config.with_values(fine) for config in configs], wisdom)
+            exact[workload] = _run([config.with_values(fine) for config in configs])
     full = {workload: found["full method", workload] for workload in workloads}
 
     def cells(value: Callable[[_Outcome, str], Cell]) -> list[dict[str, Cell]]:
@@ -150,15 +150,15 @@ def _compare(
 
 
 def _run(
-    configs: Sequence[Config], wisdom: str, parts: Callable[[Case], dict[str, Any]] = lambda _: {}
+    configs: Sequence[Config], parts: Callable[[Case], dict[str, Any]] = lambda _: {}
 ) -> _Outcome | None:
     """Run the cases one after the other; None where one does not converge."""
     pairs, pressures, begun = 0, [], time.process_time()
     for config in configs:
-        case = Case(config, wisdom)
+        case = Case(config)
         recording = Recording()
         try:
-            simulate(Case(config, wisdom, transforms=case.transforms, **parts(case)), recording)
+            simulate(Case(config, transforms=case.transforms, **parts(case)), recording)
         except ConvergenceError:
             return None
         pairs += int(recording["transforms"].sum())

@@ -84,9 +84,10 @@ def default_case(**values: object) -> Config:
 
 
 def run(config: Config) -> Recording:
-    """Simulate a case in memory, after compilation and planning."""
+    """Simulate a case in memory, after compilation."""
     recording = Recording()
-    simulate(config, recording, wisdom=warm_up(config))
+    warm_up(config)
+    simulate(config, recording)
     return recording
 
 

@@ -71,10 +71,10 @@ class Clock(event.Listener):
 
 
 def compiled(config: Config) -> tuple[float, dict[str, float]]:
-    """Return the processor time of a case's warm-up without plans, and that of each function."""
+    """Return the processor time of a case's warm-up, and that of each function."""
     clock, begun = Clock(), time.process_time()
     with event.install_listener("numba:compile", clock):
-        model_of(config).warm_up(plan=False)
+        model_of(config).warm_up()
     return time.process_time() - begun, clock.seconds
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from benchmarks.common import STEP, Effort, Table, bare_pairs, default_case, ratio
 
 from gfmdlayer.case.case import Case
-from gfmdlayer.case.model import warm_up
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
 
@@ -35,7 +34,7 @@ def measure(effort: Effort) -> list[Table]:
 
 def _overhead(points: int, mass_weighted: bool, repetitions: int) -> float:
     config = default_case(grid__points=points)
-    case = Case(config, warm_up(config))
+    case = Case(config)
     problem = Problem(*case.contact.history.terms(STEP), case.punch - 0.01)
     iterations = max(1, _POINTS_MOVED // points)
     solver = Fire(case.transforms, mass_weighted=mass_weighted)

@@ -12,7 +12,7 @@ from benchmarks.common import METHODS, STEP, Cell, Effort, Table, default_case, 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import halfspace
 from gfmdlayer.case.case import Case
-from gfmdlayer.case.model import simulate, warm_up
+from gfmdlayer.case.model import simulate
 from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.friction.problem import FrictionProblem
 from gfmdlayer.friction.response import Response
@@ -163,5 +163,5 @@ def _fire(points: int, steps: int, inertia: str, past: int) -> Recording:
         grid__points=points, time__end=steps * STEP, solver={"method": "fire", "inertia": inertia}
     )
     recording = Recording()
-    simulate(Case(config, warm_up(config), guess=_Extrapolation(points, past)), recording)
+    simulate(Case(config, guess=_Extrapolation(points, past)), recording)
     return recording

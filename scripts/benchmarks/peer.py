@@ -46,8 +46,8 @@ def measure(effort: Effort) -> Iterator[Table]:
 
 def _compare(points: int, effort: Effort) -> Table:
     config = _halfspace(points, effort.steps)
-    wisdom = warm_up(config)
-    pairs = bare_pairs(Transforms(config.grid.points, wisdom), _BARE)
+    warm_up(config)
+    pairs = bare_pairs(Transforms(config.grid.points), _BARE)
     tolerance = _equal_tolerance(points)
     peer, peer_residual = TamaasHalfspace(Case(config).punch, STEP, tolerance), _Residual(config)
     own_times, peer_times, bare_times, residuals, depth = [], [], [], [], 0.0
@@ -58,7 +58,7 @@ def _compare(points: int, effort: Effort) -> Table:
             depth = peer.press(load)
             peer_times.append(time.perf_counter() - begun)
             residuals.append(peer_residual(peer.displacement, load, depth))
-        own_times.append(seconds(lambda: simulate(config, Recording(), wisdom=wisdom)) / effort.steps)
+        own_times.append(seconds(lambda: simulate(config, Recording())) / effort.steps)
         bare_times.append(seconds(pairs) / _BARE)
     own, theirs, bare = float(np.median(own_times)), float(np.mean(peer_times)), float(np.median(bare_times))
     found = run(config)

@@ -64,7 +64,8 @@ def _run(pool: WorkerPool, every: list[SweepCase]) -> dict[str, object]:
     with TemporaryDirectory() as name:
         folder = Folder(Path(name))
         folder.cases.mkdir()
-        task = partial(run_case, folder=folder, wisdom=warm_up(every)[0])
+        warm_up(every)
+        task = partial(run_case, folder=folder)
         begun = time.perf_counter()
         schedule = Schedule(pool, task, folder, lambda _: None)
         outcomes = list(schedule.run(sorted(every, key=lambda case: -case.cost.work)))

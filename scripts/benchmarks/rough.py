@@ -142,15 +142,15 @@ def _layer(effort: Effort) -> Table:
     for points in effort.points:
         config = rough(points)
         config = config.with_values({"time.end": effort.steps * float(config.time.step)})
-        wisdom = warm_up(config)
-        transforms = Transforms(config.grid.points, wisdom)
+        warm_up(config)
+        transforms = Transforms(config.grid.points)
         single = transforms.of_shape(config.grid.points, single=True)
         taken = of_double = of_single = math.inf
         for _ in range(effort.repetitions):
             of_double = min(of_double, cpu_of_a_pair(transforms, _MEASURE))
             of_single = min(of_single, cpu_of_a_pair(single, _MEASURE))
             begun = time.process_time()
-            pairs, iterations = effort_of_run(config, wisdom)
+            pairs, iterations = effort_of_run(config)
             taken = min(taken, time.process_time() - begun)
         true = (pairs - iterations / 2) * of_double + iterations * of_single
         rows.append(
@@ -177,7 +177,7 @@ def _layer(effort: Effort) -> Table:
 def compare(points: int, repetitions: int) -> list[Table]:
     """Solve with other codes, at decreasing tolerances down to a residual, and with our solvers."""
     config = rough(points, halfspace=True)
-    case, mean_pressure = Case(config, warm_up(config)), PART * E_STAR * SLOPE
+    case, mean_pressure = Case(config), PART * E_STAR * SLOPE
     zero = np.zeros(math.prod(case.grid.spectral_shape), dtype=np.complex128)
     problem = Problem(E_STAR / 2 * np.ravel(case.grid.wavenumbers), zero, case.punch, mean_pressure)
     exact = NestedGradient(case.transforms, case.grid).solve(problem, np.zeros_like(case.punch), _EXACT)

@@ -24,7 +24,7 @@ def measure(effort: Effort) -> list[Table]:
     rows = [_row(method, points, effort) for method in METHODS for points in effort.points]
     title = f"Whole run / its bare FFT pairs, {effort.steps} steps of {STEP} tau"
     note = (
-        "The time contains history, observables and HDF5 output, after compilation and planning. Transforms "
+        "The time contains history, observables and HDF5 output, after compilation. Transforms "
         "of a window count by their points, so the other work has a larger share. The time of a step is in "
         "bare pairs; its target is 1.6 times 8 pairs in the ramp and 5 in the hold."
     )
@@ -35,11 +35,11 @@ def _row(method: str, points: int, effort: Effort) -> dict[str, Cell]:
     config = default_case(
         grid__points=points, time__end=effort.steps * STEP, solver={"method": method, "tolerance": 1e-6}
     )
-    wisdom = warm_up(config)
-    pairs = run_to_file(config, wisdom)
+    warm_up(config)
+    pairs = run_to_file(config)
     of_bare = ratio(
-        lambda: run_to_file(config, wisdom),
-        bare_pairs(Transforms(config.grid.points, wisdom), pairs),
+        lambda: run_to_file(config),
+        bare_pairs(Transforms(config.grid.points), pairs),
         effort.repetitions,
     )
     published = points == 1 << 14
@@ -54,17 +54,17 @@ def _row(method: str, points: int, effort: Effort) -> dict[str, Cell]:
     }
 
 
-def run_to_file(config: Config, wisdom: str) -> int:
+def run_to_file(config: Config) -> int:
     """Run a case into a temporary folder and return its FFT pairs."""
-    return effort_of_run(config, wisdom)[0]
+    return effort_of_run(config)[0]
 
 
-def effort_of_run(config: Config, wisdom: str) -> tuple[int, int]:
+def effort_of_run(config: Config) -> tuple[int, int]:
     """Run a case into a temporary folder and return its FFT pairs and iterations."""
     with TemporaryDirectory() as name:
         folder = Folder(Path(name))
         folder.cases.mkdir()
-        outcome = run_case(SweepCase(0, config, {}), folder, {config.grid.points: wisdom})
+        outcome = run_case(SweepCase(0, config, {}), folder)
         if outcome.state != "complete":
             raise RuntimeError(f"the run with {config.solver.method} failed: {outcome.reason}")
         with h5py.File(folder.case(0)) as file:

@@ -102,8 +102,6 @@ FAULTS = (
 def _damaged(trial: Trial, damage: Callable[[Path], None], status: int) -> None:
     """Damage a file; the next run repairs it, or refuses the folder and names the file. Then restore it."""
     files = sorted(path for path in trial.out.rglob("*") if path.is_file() and path.stat().st_size)
-    if "grids" in trial.ways:  # whose plans are kept nowhere else
-        files = [path for path in files if path.parent.name != "wisdom"]
     if not files:
         return
     path = choose(trial.rng, *files)

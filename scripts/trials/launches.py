@@ -113,9 +113,7 @@ def _be(
         sys.stdout, sys.stderr = (open(n, "w", encoding="utf-8", closefd=False) for n in (1, 2))  # noqa: SIM115
         limits.apply()
         from gfmdlayer import cli
-        from gfmdlayer.grid.fftw import forget_wisdom
 
-        forget_wisdom()
         try:
             status = cli.main(arguments)
         except SystemExit as error:

@@ -52,9 +52,6 @@ class Trial:
     def launch(self, way: str, out: str = "out", limits: Limits | None = None) -> Launch:
         """Start a run."""
         limits = limits or Limits()
-        plans = self.folder / "whole/wisdom"  # that alone give the same bits; none where every case fails
-        if way == "grids" and out == "out" and not self.out.exists() and plans.exists():
-            shutil.copytree(plans, self.out / "wisdom")
         limits.environment |= self.environment
         return Launch(way, (*self._arguments, out), self.folder, limits)
 

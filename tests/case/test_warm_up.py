@@ -60,7 +60,7 @@ CASES = [
 for values in CASES:
     config = Config(name="warm").with_values(values)
     assert values is not SHORT or not windows.solve.overloads
-    warm_up(config, Path(sys.argv[1]))
+    warm_up(config)
     assert windows.solve.overloads  # a warm-up at a given depth comes to a window
     before = compiled()
     simulate(config, Nothing())

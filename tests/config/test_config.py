@@ -144,6 +144,12 @@ sweep: {halfspace.poisson: [0.9, 0.5, x], layer.ticknes: [1]}
     ]
 
 
+def test_a_refused_value_of_a_required_key_hides_no_error_elsewhere(tmp_path):
+    content = "name: x\npunch: {shape: wedge, slope: steep}\noutput: {snapshots: [9]}"
+    found = problems(tmp_path, content)
+    assert [problem.split(" ")[1] for problem in found] == ["punch.slope:", "output.snapshots[0]:"]
+
+
 def test_a_rejected_value_causes_no_further_errors(tmp_path):
     content = "name: x\ntime: {end: ten}\noutput: {snapshots: [9]}"
     (problem,) = problems(tmp_path, content)

@@ -41,7 +41,7 @@ def test_the_first_file_stays_where_none_is_to_be_replaced(tmp_path, monkeypatch
 
     if not links:
         monkeypatch.setattr(os, "link", link)
-    path = tmp_path / "fftw.wisdom"
+    path = tmp_path / "some.file"
     write_text(path, "first", replace=False)
     with pytest.raises(FileExistsError):
         write_text(path, "second", replace=False)

@@ -10,10 +10,8 @@ from gfmdlayer import Case, Config, Dugdale, Electrostatic, Exponential, Lennard
 from gfmdlayer.friction.problem import FrictionProblem, norms
 from gfmdlayer.friction.response import Operator, Response, SharedTransforms, Spent
 from gfmdlayer.friction.solver import FrictionSolver
-from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL
 from tests.friction.cases import halfspace, random_problem, rough
@@ -93,22 +91,6 @@ def test_a_window_responds_as_the_whole_surface(points):
     np.testing.assert_allclose(among(x[:, near]), whole, rtol=0, atol=2e-6 * np.abs(whole).max())
     part = 8 if len(points) == 1 else 2
     assert spent.pairs - before == pytest.approx(0.5 * (1 + len(points)) / part ** len(points))
-
-
-def test_plans_beside_those_that_are_kept_are_always_the_same(tmp_path):
-    """So the bits of a run repeat: a plan that is measured in the run may round differently each time."""
-    points, found = (48, 48), set()
-    wisdom, grid = planned(points, tmp_path), Grid(points, (1.0, 1.0))
-    response = halfspace(grid, 1.0, 0.3)
-    problem = FrictionProblem(
-        response, parabola(grid, 0.25), ShearBound(0.4), load=0.01, force=np.array([1e-3, 0.0])
-    )
-    for _ in range(3):
-        forget_wisdom()
-        transforms = Transforms(points, wisdom)
-        assert FrictionSolver(grid, transforms).solve(problem).converged
-        found.add(transforms.wisdom)
-    assert len(found) == 1
 
 
 @pytest.mark.parametrize("n", [512, 4096])

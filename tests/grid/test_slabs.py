@@ -15,7 +15,7 @@ from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.adaptive_steps import ErrorControl
+from gfmdlayer.history.errors import ErrorControl
 from gfmdlayer.history.modes import Modes, exponential
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.time_functions import Constant
@@ -68,8 +68,7 @@ for points in ((20, 30), (17, 25), (13, 32)):
         these = transforms.truncated(waves.ravel(), transforms.of_shape(coarse.points))
         width = coarse.points[1] // 2 + 1
         assert (these == those.reshape(-1, width)[:, coarse.columns].ravel()).all()
-        again = SlabTransforms(grid, transforms.wisdom, shared=shared)
-        again.restore(transforms.state())
+        again = SlabTransforms(grid, shared=shared)
         assert (again.forward(own) == found).all()
     assert abs(grid.from_waves(waves.copy()) - own).max() < 1e-14
 

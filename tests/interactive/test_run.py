@@ -343,7 +343,7 @@ def interrupting(self, step):
 
 Effort.measure = interrupting
 for module in (gfmdlayer.study.run, gfmdlayer.study.case_run):
-    module.warm_up = lambda *_, **__: ({}, [])  # it takes steps, too
+    module.warm_up = lambda *_, **__: []  # it takes steps, too
 for options in ({}, {"out": "out"}):
     rows = 0
     try:

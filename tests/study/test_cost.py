@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.case.footprint import pair_seconds
-from gfmdlayer.case.model import simulate, warm_up
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.results.writer import CaseWriter
@@ -158,17 +158,12 @@ def test_kinks_of_a_table_are_counted(kind, step, recorder, tmp_path):
 
 
 def test_seconds_are_known_before_anything_has_run(tmp_path):
-    """A hasty pair is measured once; that of a run is kept beside its plans, and counts from then on."""
-    shape = (256,)
-    hasty = pair_seconds(shape, tmp_path)
-    assert 0 < hasty < 1
-    assert pair_seconds(shape, tmp_path) == hasty
-    warm_up(case_with({"grid.points": 256}), tmp_path)
-    (kept,) = tmp_path.glob("*.seconds")
-    assert pair_seconds(shape, tmp_path) == float(kept.read_text())
+    """A pair is measured once and kept."""
+    assert 0 < pair_seconds((256,), tmp_path) < 1
+    (kept,) = tmp_path.iterdir()
+    assert pair_seconds((256,), tmp_path) == float(kept.read_text())
     kept.write_text("0.125")
-    warm_up(case_with({"grid.points": 256}), tmp_path)
-    assert pair_seconds(shape, tmp_path) == 0.125
+    assert pair_seconds((256,), tmp_path) == 0.125
 
 
 def test_expected_seconds_grow_with_those_of_a_pair():
@@ -192,16 +187,13 @@ PEAK = """
 import json, re, sys
 from pathlib import Path
 from gfmdlayer.config import Config
-from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.case.model import simulate
-from gfmdlayer.case.case import Case
 class Nothing:
     def row(self, **_): ...
     def snapshot(self, *_): ...
     def note(self, **_): ...
 config = Config(name="x").with_values(json.loads(sys.argv[1]))
-hasty = Transforms(config.grid.points, time_limit=0.0)  # the best plans take seconds, and no more memory
-simulate(Case(config, transforms=hasty), Nothing())
+simulate(config, Nothing())
 print(1024 * int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]))
 """
 

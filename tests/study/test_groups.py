@@ -82,11 +82,6 @@ def kill(victim, end, advance=Checkpoints.advance):
         if MPI.COMM_WORLD.Get_rank() == victim and time > end:
             os.kill(os.getpid(), signal.SIGKILL)
     Checkpoints.advance = killed
-
-def plans():
-    if MPI.COMM_WORLD.Get_rank() == 0:
-        for name in "adhesive", "sliding":  # of the killed run, which its results keep
-            shutil.copytree(f"{name}-killed/wisdom", f"{name}/wisdom")
 """
 
 
@@ -114,7 +109,7 @@ def of_two_ranks(tmp_path_factory):
         for name in ("begun", "sliding-killed"):
             left = {path.name for path in Path(f"{name}/cases").iterdir()}
             assert left >= {"0000.checkpoint", "0000.journal"}
-        process = over_ranks(2, f"several('sliding-killed'); plans(); sys.exit(several(*{[*CASES]}))")
+        process = over_ranks(2, f"several('sliding-killed'); sys.exit(several(*{[*CASES]}))")
     assert process.returncode == 0, process.stderr
     assert process.stderr.count("goes on from time") == 1, process.stderr
     assert process.stderr.count("1 case; 1 group of 2 MPI ranks") == len(CASES) + 1

@@ -111,7 +111,7 @@ def test_a_run_of_very_many_begins_after_a_look_at_some_and_takes_little_memory(
         return Outcome(case.index, "complete")
 
     monkeypatch.setattr(running, "run_case", compute)
-    monkeypatch.setattr(running, "warm_up", lambda *_, **__: ({}, []))
+    monkeypatch.setattr(running, "warm_up", lambda *_, **__: [])
     monkeypatch.setattr(interrupts._Flag, "raised", False)
     config = product(500, 400)
     made.clear()

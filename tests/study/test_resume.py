@@ -1,7 +1,6 @@
 """A run that is stopped and resumed gives the bits of one that never was."""
 
 import io
-from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -11,8 +10,6 @@ import pytest
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.grid.fftw import forget_wisdom
-from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.results.journal import Recording
 
 SMALL = {"grid.points": 64, "time.end": 1.6, "trajectory.ramp_time": 0.8, "output.snapshots": [0.4, 0.8, 1.6]}
@@ -190,51 +187,6 @@ def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps, method
     simulate(config, whole)
     assert any(row["rejected"] for row in whole.rows) == (steps == "adaptive")
     assert bits(InParts(config, iter(lambda: 1, None)).recording) == bits(whole)
-
-
-def test_a_resumed_run_uses_the_plans_that_it_began_with():
-    shape = (15015,)
-    hasty = Transforms(shape, time_limit=0.0)  # which settles for the first plan, and not the best
-    state = through_a_file({name: np.asarray(value) for name, value in hasty.state().items()})
-    forget_wisdom()
-    careful = Transforms(shape)
-    assert careful.description != hasty.description
-    again = Transforms(shape, careful.wisdom, time_limit=0.0)
-    assert again.description == careful.description
-    again.restore(state)
-    assert again.description == hasty.description
-    with pytest.raises(ValueError, match="FFTW plans the transforms in another way"):
-        again.restore(state | {"plans": np.asarray("(none such)")})
-
-
-@pytest.mark.parametrize("body", ["depth", "load"])
-def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(body):
-    """The kernel of a window among it, when the machine has other plans by now."""
-    settings = SMALL | STEPS["exponential"] | BODIES[body]
-    config = Config(name="parts").with_values(
-        settings | {"grid.points": 15015, "solver.method": "active_set"}
-    )
-    forget_wisdom()
-    careful = Transforms((15015,)).wisdom
-    hasty = partial(Transforms, (15015,), time_limit=0.0)
-    forget_wisdom()
-    whole, parts = Recording(), Recording()
-    memory = []
-    kept = []
-    simulate(Case(config, transforms=hasty()), whole)
-
-    def stop(time):
-        if time > 1.0:
-            kept.append(through_a_file(memory[0].state()))
-            raise Stop
-
-    forget_wisdom()
-    with pytest.raises(Stop):
-        simulate(Case(config, transforms=hasty()), parts, stop, resume=memory.append)
-    assert bool(kept[0]["solver.kernel"])
-    case = Case(config, transforms=hasty(careful))
-    simulate(case, parts, resume=lambda everything: everything.restore(kept[0]))
-    assert bits(parts) == bits(whole)
 
 
 def test_a_state_of_another_body_or_grid_is_refused_in_words():

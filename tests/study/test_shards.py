@@ -158,7 +158,7 @@ def test_the_case_of_a_killed_process_is_taken_over_and_goes_on_from_its_checkpo
     with at_work(0, "--checkpoint-every", "0") as process:
         until(Path("out/cases/0000.checkpoint").exists, process)
         with locked(Folder(Path("out"))) as lock:  # another run is there
-            assert not lock.alone
+            assert not lock.is_alone()
             process.kill()
             process.wait()
             assert run().count("complete") == 3
@@ -299,6 +299,6 @@ def test_a_file_system_without_locks_keeps_runs_apart_by_their_claims(tmp_path, 
     folder = Folder(tmp_path)
     folder.cases.mkdir()
     with locked(folder) as first:
-        assert first.alone
+        assert first.is_alone()
         with Claim(folder, 0, 1.0), locked(folder) as second:
-            assert not second.alone
+            assert not second.is_alone()

@@ -77,7 +77,7 @@ def test_a_run_that_is_stopped_while_compiling_begins_no_case(swallowed, monkeyp
         except KeyboardInterrupt:
             if not swallowed:  # as a compiler may
                 raise
-        return {}, ["the cases compile their kernels themselves"]
+        return ["the cases compile their kernels themselves"]
 
     monkeypatch.setattr(running, "warm_up", compile_long)
     config = Config(name="early", sweep={"layer.thickness": [0.1, 0.2]})

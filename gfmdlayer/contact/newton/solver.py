@@ -528,7 +528,7 @@ class Newton:
 
     @cached_property
     def _single(self) -> Transforms:
-        """Transforms in single precision; from the wisdom of a run that is restored before its first step."""
+        """Transforms in single precision."""
         return self._transforms.of_shape(self._grid.points, single=True)
 
     @cached_property

@@ -254,7 +254,7 @@ def packed(values: ArrayLike) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return an attribute as JSON has it: a number, or text; None for NaN."""
+    """Return an attribute for JSON: a number, or text; None for NaN."""
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, np.ndarray):
@@ -343,7 +343,7 @@ class Drawn(NamedTuple):
 
 
 class PageKeys(NamedTuple):
-    """The swept keys as the page has them, their coordinates, and for each case the places of its values."""
+    """The swept keys of the page, their coordinates, and for each case the places of its values."""
 
     keys: list[dict[str, Any]]
     coordinates: dict[str, xarray.DataArray]
