@@ -78,7 +78,7 @@ class Schedule:
         self._returned: SimpleQueue[Numbered] = SimpleQueue()
         self._filling = RLock()  # other threads ask for cases too
         self._alone = pool.starts_late
-        self._error: Exception | None = None  # of the items
+        self._error: Exception | None = None  # of the items, or of the start of workers
 
     def run(self, items: Iterable[Numbered]) -> Iterator[Outcome]:
         """Run cases, each asked for in its turn; yields their outcomes in the order in which they end.
@@ -100,6 +100,7 @@ class Schedule:
                         yield self._taken(self._outcomes.get())
                 else:
                     yield self._taken(self._next())
+                self._pool.check()
                 self._fill()
             if self._error is not None:
                 raise self._error
@@ -148,8 +149,11 @@ class Schedule:
     def _submit(self, item: Numbered) -> None:
         future: Future[Outcome] = Future()  # until this process takes it
         if not self._alone:
-            with suppress(BrokenExecutor), self._pool.starting():  # no workers are left
-                future = self._pool.executor.submit(self._task, item)
+            try:
+                with suppress(BrokenExecutor), self._pool.starting():  # no workers are left
+                    future = self._pool.executor.submit(self._task, item)
+            except Exception as error:  # of the machine
+                self._error = error
         self._pending[item.index] = item, future
         future.add_done_callback(partial(self._when_done, item))
 

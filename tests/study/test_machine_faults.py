@@ -18,6 +18,7 @@ from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
 from gfmdlayer.fitting.curve_files import entries
 from gfmdlayer.punch.topography import read_heights
+from gfmdlayer.study import schedule
 from gfmdlayer.study.preflight import machine_problem
 
 TINY = """\
@@ -104,9 +105,7 @@ def test_results_that_this_user_may_not_read_are_neither_foreign_nor_damaged(nam
         return really(path, *arguments, **named)
 
     monkeypatch.setattr("builtins.open", opened)
-    monkeypatch.setattr(
-        "gfmdlayer.study.run._is_done", lambda case, folder: folder.case(case.index) != hidden
-    )
+    monkeypatch.setattr("gfmdlayer.study.run.is_complete", lambda path: path != hidden)
     monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != hidden and access(path, mode))
     assert main(["run", "tiny.yaml"]) == 2
     assert f"{hidden}: cannot be read; this user must be allowed to" in capsys.readouterr().err
@@ -127,7 +126,9 @@ def test_processes_that_cannot_be_started_end_a_run_in_a_line(at, monkeypatch, c
         "/dev/shm": (multiprocessing.synchronize.SemLock, "__init__"),
     }[at]
     monkeypatch.setattr(owner, method, fail)
-    assert main(["run", "tiny.yaml", "--jobs", "2"]) == (2 if at == "/dev/shm" else 1)
+    monkeypatch.setattr(schedule, "HEAD_START", 0.0)
+    some = "sweep={punch.radius: [0.2, 0.3, 0.4, 0.5, 0.6, 0.7]}"
+    assert main(["run", "tiny.yaml", "--jobs", "2", "--set", some]) == (2 if at == "/dev/shm" else 1)
     err = capfd.readouterr().err
     assert "Traceback" not in err
     assert ("--jobs 2: cannot be prepared" if at == "/dev/shm" else "`ulimit -u` must allow more") in err
