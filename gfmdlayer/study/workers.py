@@ -15,7 +15,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, MutableMapping
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, InvalidStateError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
@@ -107,7 +107,7 @@ class _Processes(Executor):
 
     def __init__(self, number: int) -> None:
         self._number, self._renewals, self._begun = number, RENEWALS, False
-        self._others = frozenset(active_children())
+        self._others, self._held = frozenset(active_children()), set[Future[Any]]()
         self._pool = self._new_pool()
         self._failure: BaseException | None = None
 
@@ -120,10 +120,12 @@ class _Processes(Executor):
             self._renewals -= 1
             self._pool = self._new_pool()
             future = self._pool.submit(fn, *args, **kwargs)
+        self._held.add(future)
         future.add_done_callback(self._note)
         return future
 
     def _note(self, future: Future[Any]) -> None:
+        self._held.discard(future)
         self._begun = self._begun or not (future.cancelled() or future.exception())
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -134,6 +136,13 @@ class _Processes(Executor):
 
     def fail(self, error: BaseException | None) -> None:
         """End the workers; those of a pool that lacks its threads would wait for ever."""
+        if isinstance(error, InvalidStateError):
+            # A worker died while a cancelled future was held, with which Python before 3.12.1 cannot deal.
+            self._kill()
+            for future in list(self._held):
+                with suppress(InvalidStateError):
+                    future.set_exception(BrokenProcessPool("a worker died"))
+            return
         self._failure = self._failure or error
         self._kill()
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.config import Config
+from gfmdlayer.files.locks import read_json
 from gfmdlayer.study.folder import MARK
 from gfmdlayer.study.preflight import launched_size
 from gfmdlayer.study.workers import threads_each
@@ -121,6 +122,10 @@ TAKING_LONG = TINY + "sweep: {time.end: [2, 2.1, 0.03]}\n"
 SLOWLY_OVER_RANKS = [str(MPIRUN), "-n", "2", sys.executable, SLOWLY, "run", "tiny.yaml", "--out", "out"]
 
 
+def steps(index):
+    return (read_json(Path(f"out/cases/000{index}.running")) or {}).get("steps", 0)
+
+
 def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(run_here):
     """One that mpirun hands on to its ranks, and one by which it ends."""
     Path("tiny.yaml").write_text(TAKING_LONG)
@@ -128,7 +133,7 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(run_here):
         for checkpoint in Path("out/cases").glob("*.checkpoint"):  # of the first: the second makes its own
             checkpoint.unlink()
         with subprocess.Popen(SLOWLY_OVER_RANKS, stderr=subprocess.PIPE, text=True) as process:
-            until(lambda: all(Path(f"out/cases/000{index}.running").exists() for index in (0, 1)), process)
+            until(lambda: all(steps(index) > 0 for index in (0, 1)), process)
             process.send_signal(signum)
             _, errors = process.communicate(timeout=300)
         assert process.returncode == 75, errors
