@@ -9,16 +9,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
+    from gfmdlayer.body.anisotropic import Anisotropic
+    from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
-    from gfmdlayer.body.crystals import Anisotropic, Lattice, Tabulated
-    from gfmdlayer.body.layer import LayeredHalfspace
+    from gfmdlayer.body.lattice import Lattice
+    from gfmdlayer.body.layer import Layer
+    from gfmdlayer.body.layers import LayerStack, ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.materials import Elastic, Prony, Zener
     from gfmdlayer.body.pair import Pair
-    from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+    from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.solid import Solid
-    from gfmdlayer.body.stack import Layer, LayerStack
+    from gfmdlayer.body.tabulated import Tabulated
     from gfmdlayer.body.wavevectors import Wavevectors
     from gfmdlayer.case.case import Case
     from gfmdlayer.case.model import ConvergenceError, simulate
@@ -79,16 +81,18 @@ _MODULES = {
         "Sinusoid", "Sphere", "Wedge",
     ),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
-    "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
-    "gfmdlayer.body.crystals": ("Anisotropic", "Lattice", "Tabulated"),
-    "gfmdlayer.body.layer": ("LayeredHalfspace",),
+    "gfmdlayer.body.anisotropic": ("Anisotropic",),
+    "gfmdlayer.body.lattice": ("Lattice",),
+    "gfmdlayer.body.tabulated": ("Tabulated",),
+    "gfmdlayer.body.closed_form": ("LayeredHalfspace", "relaxation_spectrum"),
+    "gfmdlayer.body.layer": ("Layer",),
+    "gfmdlayer.body.layers": ("LayerStack", "ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.materials": ("Elastic", "Prony", "Zener"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
-    "gfmdlayer.body.relaxation": ("Spectrum", "relaxation_spectrum"),
+    "gfmdlayer.body.relaxation": ("Spectrum",),
     "gfmdlayer.body.pair": ("Pair",),
     "gfmdlayer.body.solid": ("Solid",),
-    "gfmdlayer.body.stack": ("Layer", "LayerStack"),
     "gfmdlayer.body.wavevectors": ("Wavevectors",),
 }  # fmt: skip
 _HOME = {name: module for module, names in _MODULES.items() for name in names}

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.body import bonded_layer
+from gfmdlayer.body.layers import bonded_layer
 from gfmdlayer.indentation.solve import History, find_space, on_steps
 from gfmdlayer.punch.revolution import Revolution, cone, paraboloid, sphere
 

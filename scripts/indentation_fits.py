@@ -25,8 +25,8 @@ from scipy.optimize import brentq, least_squares
 
 import gfmdlayer
 from gfmdlayer import ForceCurve, design_indentation, fit_indentation
-from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace
+from gfmdlayer.body.layers import ViscoelasticLayer
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.figures.plot_style import save
 from gfmdlayer.fitting import stepped

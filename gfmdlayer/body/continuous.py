@@ -167,8 +167,8 @@ class Kohlrausch(_RelaxingLaw):
         x = np.arange(-40.0, 5.0 / self.exponent + 4.0, _SPACING)
         t = scale * np.exp(x - 0.5j * np.angle(z))
         relaxing = (z * t * np.exp(-z * t - t**self.exponent)).sum(axis=-1) * _SPACING
-        found = self.G0 + (self.Ginf - self.G0) * np.where(s == 0, 0.0, relaxing)
-        return np.asarray(found if np.iscomplexobj(s) else found.real)
+        G = self.G0 + (self.Ginf - self.G0) * np.where(s == 0, 0.0, relaxing)
+        return np.asarray(G if np.iscomplexobj(s) else G.real)
 
 
 class PowerLaw(ContinuousLaw):
@@ -255,5 +255,5 @@ def _inverse_laplace(law: ContinuousLaw, t: ArrayLike) -> FloatArray:
     s = 4.49207528 * (_POINTS / 2) * (1 + np.sin(1j * theta - angle))
     slope = 4.49207528 * (_POINTS / 2) * np.cos(1j * theta - angle)
     terms = np.exp(s) * slope / s * law.laplace(s / elapsed)
-    found = terms.real.sum(axis=-1) * (1.08179214 / (_POINTS / 2)) / math.pi
-    return np.asarray(np.where(t == 0, law.glassy, np.where(np.isinf(t), law.relaxed, found)))
+    G = terms.real.sum(axis=-1) * (1.08179214 / (_POINTS / 2)) / math.pi
+    return np.asarray(np.where(t == 0, law.glassy, np.where(np.isinf(t), law.relaxed, G)))

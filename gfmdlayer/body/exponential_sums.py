@@ -55,7 +55,7 @@ def prony_series(law: Law, shortest: float, longest: float, tolerance: float) ->
     if not 0 < shortest <= longest < math.inf:
         raise ValueError(f"times from {shortest!r} to {longest!r}: must be positive and increase")
     longest = max(longest, NARROWEST * shortest)
-    fit = _Fit(law, shortest, longest, tolerance)
+    fit = _ExponentialSum(law, shortest, longest, tolerance)
     count = fit.expected
     while True:
         found, error = fit.of(min(count, MOST_BRANCHES))
@@ -77,7 +77,7 @@ def prony_series(law: Law, shortest: float, longest: float, tolerance: float) ->
     return found
 
 
-class _Fit:
+class _ExponentialSum:
     """Sums of exponentials with a small largest error at samples of a range of times."""
 
     def __init__(self, law: Law, shortest: float, longest: float, tolerance: float) -> None:

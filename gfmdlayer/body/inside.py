@@ -33,17 +33,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.network import Network, mode_vectors
-from gfmdlayer.body.stack import LayerStack
+from gfmdlayer.body.stack import members_of, stiffness
 
 # x = q d from which the free surface layer is a halfspace: the difference is below x exp(-2 x).
 _DEEP = 40.0
@@ -62,19 +61,13 @@ class Readout(NamedTuple):
     forces: FloatArray  # (n, springs, modes)
 
 
-def stack_of(body: object) -> LayerStack | None:
-    """Return a layered body as a stack; None for another body."""
-    stack = body.stack if isinstance(body, ViscoelasticLayer) else body
-    return stack if isinstance(stack, LayerStack) else None
-
-
 def alike(laws: Sequence[Law]) -> bool:
     """Whether layers of these laws relax alike: by one law, or not at all."""
     same = all(law == laws[0] for law in laws)
     return same or all(isinstance(law, Material) and law.elastic for law in laws)
 
 
-class Inside:
+class StackFields:
     """The fields of a stack at wavenumbers q >= 0, of the strains and forces of its springs.
 
     The springs stand in the order of the layers: that of the free uppermost layer, then those between the
@@ -83,10 +76,10 @@ class Inside:
     layers are compressible and on a rigid base.
     """
 
-    def __init__(self, stack: LayerStack, q: FloatArray) -> None:
-        self.stack, self.q, self._positive = stack, q, np.where(q > 0, q, 1.0)
-        self.tops = np.concatenate(([0.0], np.cumsum([layer.thickness for layer in stack.present])))
-        members, free = stack.members(self._positive)
+    def __init__(self, body: Layers, q: FloatArray) -> None:
+        self.body, self.q, self._positive = body, q, np.where(q > 0, q, 1.0)
+        self.tops = np.concatenate(([0.0], np.cumsum([layer.thickness for layer in body.present])))
+        members, free = members_of(body, self._positive)
         counts = [of.springs.stiffness.shape[1] for of in members]
         self.layer: IntArray = np.repeat(np.arange(len(counts) + 1), [1, *counts]) - 1
         self.layer[0] = 0
@@ -97,41 +90,41 @@ class Inside:
     @cached_property
     def relaxed(self) -> tuple[FloatArray, FloatArray]:
         """Strains and forces of all springs, (springs, nq), for a relaxed surface that moves by one."""
-        relaxed = (replace(each, material=Elastic(each.material.relaxed)) for each in self.stack.layers)
-        network = replace(self.stack, layers=tuple(relaxed)).network(self.q)
+        relaxed = self.body.with_series([Elastic(law.relaxed) for law in self.body.laws], 0.0)
+        network = relaxed.network(self.q)
         forces = np.einsum("qrs,qr->qs", network.projection, network.force)
-        free = network.free * self.stack.present[0].material.relaxed
+        free = network.free * self.body.present[0].material.relaxed
         strains = np.vstack((np.ones(self.q.size), (forces / network.stiffness).T))
         return strains, np.vstack((free, (forces * network.stiffness).T))
 
     def alike(self) -> tuple[FloatArray, FloatArray]:
         """Strains of all springs for a displacement, and forces for a pressure of one of the surface."""
         strains, forces = self.relaxed
-        K = self.stack.stiffness(self.q, 0.0)
+        K = stiffness(self.body, self.q, 0.0)
         return strains, forces / np.where(K > 0, K, 1.0)
 
     @cached_property
     def _network(self) -> Network:
-        return self.stack.network(self.q)
+        return self.body.network(self.q)
 
     @cached_property
     def memory(self) -> Readout:
         """The memory of all springs but the first, at the q where it counts."""
-        of, K = self._network, self.stack.stiffness(self.q, 0.0)
+        of, K = self._network, stiffness(self.body, self.q, 0.0)
         size, springs = of.times.size, of.stiffness.shape[1]
         felt = (of.force**2).sum(axis=1) > _UNFELT * K
         waves = np.flatnonzero(felt) if size else np.empty(0, dtype=np.intp)
         shapes = (size,), (springs, size), (springs, size)
-        found = Readout(waves, *(np.zeros((waves.size, *shape)) for shape in shapes))
+        readout = Readout(waves, *(np.zeros((waves.size, *shape)) for shape in shapes))
         for k, i in enumerate(waves):
             coupling, w = of.projection[i][:, of.spring] * of.roots, of.stiffness[i][:, np.newaxis]
-            vectors, found.times[k] = mode_vectors(coupling, of.times)
+            vectors, readout.times[k] = mode_vectors(coupling, of.times)
             X = vectors[:size] * (of.force[i] @ vectors[size:])
             forces = of.projection[i].T @ (coupling @ X)
             stretched = np.zeros((springs, size))
             np.add.at(stretched, of.spring, of.roots[:, np.newaxis] * X)
-            found.strains[k], found.forces[k] = (forces - stretched) / w, forces * w
-        return found
+            readout.strains[k], readout.forces[k] = (forces - stretched) / w, forces * w
+        return readout
 
     def of_internal(
         self, waves: IntArray, u: ComplexArray, xi: ComplexArray
@@ -149,18 +142,18 @@ class Inside:
     def transfer(self, depth: FloatArray, number: int) -> FloatArray:
         """Return the fields at a depth, in the layer of this number, for each of its springs."""
         # W and U for a strain of one, s_zz, S, s_nn and s_tt for a force of one: (6, springs, nq).
-        layer, own = self.stack.present[number], np.flatnonzero(self.layer == number)
+        layer, own = self.body.present[number], np.flatnonzero(self.layer == number)
         z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
         form = _uppermost if not number else _below if math.isinf(layer.thickness) else _between
-        found = []
+        of_springs = []
         for i in range(own.size):
             a = np.zeros((own.size, self.q.size))
             a[i] = 1.0
             stiffness = self.stiffness[own]
             fields = form(layer.poisson, z, x, a, stiffness * a)
             fields[2:] /= stiffness[i]
-            found.append(fields)
-        return np.stack(found, axis=1)
+            of_springs.append(fields)
+        return np.stack(of_springs, axis=1)
 
 
 def _waves(

@@ -37,11 +37,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
-from gfmdlayer.body.body import Body, ViscoelasticLayer
+from gfmdlayer.body.body import Body
+from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.network import relaxation
 from gfmdlayer.body.relaxation import SAME_BRANCH, Spectrum, retardation
 from gfmdlayer.body.solid import WIDEST
-from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.body.wavevectors import Wavevectors
 
 # Largest error of G within reach, relative to the largest value of its smooth part.
@@ -80,7 +80,7 @@ _DIRECTIONAL = 1e-6  # relative difference of K along two directions
 
 
 @dataclass(frozen=True, eq=False)
-class Isolated:
+class IsolatedBody:
     """A body in a periodic cell, whose response within reach has no periodic images; `isolated` makes one."""
 
     body: Body  # its stiffness depends only on the magnitude of the wavevector
@@ -123,17 +123,17 @@ class Isolated:
         return np.where(low, self.number[nx, ny], -1)
 
 
-def isolated(body: Body, period: tuple[float, ...], datum: float | None = None) -> Isolated:
+def isolated(body: Body, period: tuple[float, ...], datum: float | None = None) -> IsolatedBody:
     """Return a body for a periodic cell, whose response within reach has no periodic images."""
     # `datum`, of a line: distance from a load at which the surface counts as at rest, at least the period.
     # ValueError if the body has no isolated state, or no reach has an error within `TOLERANCE`.
     lengths = tuple(map(float, period))
-    if isinstance(body, ViscoelasticLayer | LayerStack):  # which never change
+    if isinstance(body, Layers):  # which never change
         return _kept(body, lengths, datum)
     return _isolated(body, lengths, datum)
 
 
-def _isolated(body: Body, period: tuple[float, ...], datum: float | None) -> Isolated:
+def _isolated(body: Body, period: tuple[float, ...], datum: float | None) -> IsolatedBody:
     _refuse(body, period, datum)
     fits = []
     for reach in REACHES:
@@ -149,7 +149,7 @@ def _isolated(body: Body, period: tuple[float, ...], datum: float | None) -> Iso
 _kept = lru_cache(maxsize=8)(_isolated)
 
 
-def period_for(body: Isolated, width: float) -> str:
+def period_for(body: IsolatedBody, width: float) -> str:
     """Return words on the period for a contact of a width, in periods of the cell; empty if none is found."""
     return _instead(body.body, body.period, body.datum, width)
 
@@ -188,7 +188,7 @@ def _refuse(body: Body, period: tuple[float, ...], datum: float | None) -> None:
             )
 
 
-class _Nodes(NamedTuple):
+class _CellNodes(NamedTuple):
     """Of the response: points within reach, and its transforms there."""
 
     q: FloatArray  # (nq,), of the integral over all waves
@@ -200,7 +200,7 @@ class _Nodes(NamedTuple):
     number: IntArray  # place of a lowest wave by (|nx|, |ny|); -1 where there is none
 
 
-def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _Nodes:
+def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _CellNodes:
     from scipy.special import erfc, j0
 
     axes, shortest = len(period), min(period)
@@ -246,10 +246,10 @@ def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _Nod
     number[nx[low], ny[low]] = of.ravel()
     felt = (waves > 0) & ((waves <= last) | low)
     passed = cosines * (low_pass(waves) - low)
-    return _Nodes(q, integral, waves[felt], passed[:, felt], waves[low][first], lowest.T, number)
+    return _CellNodes(q, integral, waves[felt], passed[:, felt], waves[low][first], lowest.T, number)
 
 
-def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: float) -> Isolated:
+def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: float) -> IsolatedBody:
     """Return the body of the least error within reach."""
     from scipy.optimize import nnls
 
@@ -266,8 +266,8 @@ def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: floa
     of_s, of_times = _compressed(course.T)
     system = np.kron(of_waves, of_times)
     length = np.linalg.norm(system, axis=0)
-    found, _ = nnls(system / length, (of_points.T @ target @ of_s).ravel(), maxiter=20 * length.size)
-    creep = (found / length).reshape(least.size, -1)
+    product, _ = nnls(system / length, (of_points.T @ target @ of_s).ravel(), maxiter=20 * length.size)
+    creep = (product / length).reshape(least.size, -1)
     error = float(np.abs(nodes.lowest @ creep @ course - target).max())
     creep[:, 0] += least
     modes = [relaxation(c[0], c[1:][c[1:] > 0], times[c[1:] > 0]) for c in creep]
@@ -276,7 +276,7 @@ def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: floa
     for i, (own, tau) in enumerate(modes):
         weights[: own.size, i], taus[: own.size, i] = own, tau
     low = Spectrum(1 / creep.sum(axis=1), weights, taus)
-    return Isolated(body, period, datum, reach, error, low, nodes.number)
+    return IsolatedBody(body, period, datum, reach, error, low, nodes.number)
 
 
 def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
@@ -287,14 +287,14 @@ def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, Floa
     T = np.sort(T[J * modes.relaxed > _LEAST])
     if not T.size:
         return np.zeros(1), np.zeros(0)
-    ratio, found = math.exp(_DISTINCT), []
+    ratio, distinct = math.exp(_DISTINCT), []
     rest = T
     while rest.size:
         near, rest = rest[rest <= rest[0] * ratio], rest[rest > rest[0] * ratio]
         alike = near[-1] <= near[0] * math.sqrt(ratio)
-        found += [math.sqrt(near[0] * near[-1])] if alike else [near[0], near[-1]]
+        distinct += [math.sqrt(near[0] * near[-1])] if alike else [near[0], near[-1]]
     between = min(_BETWEEN, math.ceil(math.log(_LATER * T[-1] / T[0]) / _DISTINCT))
-    times = np.unique([*found, *np.geomspace(T[0], _LATER * T[-1], between)])
+    times = np.unique([*distinct, *np.geomspace(T[0], _LATER * T[-1], between)])
     shortest = modes.times[modes.weights > _LEAST * modes.glassy].min()
     number = math.ceil(_DECADE * math.log10(1e3 * T[-1] / shortest))
     s = np.geomspace(0.03 / T[-1], 30 / shortest, number)

@@ -1,174 +1,175 @@
-"""Surface response of an elastic layer bonded to an elastic halfspace: S(q) and K(q, G).
+"""A layer, and the halfspace below: keys of the configuration, of which `layers` makes a body.
 
-A normal traction sigma(q), positive where it compresses, on a layer of shear modulus G, Poisson's ratio nu
-and thickness d over a halfspace G_bulk, nu_bulk moves the surface by u(q) = M(q) sigma(q), upward positive:
-
-    M(q) = -(1 - nu) S(q)/(G q)                           Eqs. (8) to (12)
-
-of Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68. Here it is the stiffness
-K(q) = -1/M(q) >= 0, sigma = -K u, for a real or complex modulus G, as G(omega) of a viscoelastic layer is.
-q is the magnitude of the wavevector, in one dimension or two.
-
-Without its inner fractions, Eq. (11) is a quotient of quadratics in the moduli, with coefficients that depend
-only on x = q d and the Poisson ratios. With r = exp(-2x), rho = 1 - r, e = 3 - 4 nu, c = 3 - 4 nu_bulk:
-
-    1/S = N/D,    N = N2 G^2 + N1 G G_bulk + N0 G_bulk^2,    D = D2 G^2 + D1 G G_bulk + D0 G_bulk^2
-
-    N2 = c (rho^2 - 4 x^2 r)                              D2 = c (1 - r^2 + 4 x r)
-    N1 = rho (1 + e c + r (c + e)) + 4 x^2 r (c - 1)      D1 = 1 + e c - 4 x r (c - 1) + r^2 (c + e)
-    N0 = r (1 + e)^2 + e rho^2 + 4 x^2 r                  D0 = (e - 1)(1 - r^2) + (1 - r^2 - 4 x r)
-
-Eq. (13) is D0/N0 (rigid base) and Eq. (14) is D2/N2 (free layer). No coefficient is negative; the two
-that are differences of nearly equal numbers for a thin layer are found from sinh y - y:
-rho^2 - 4 x^2 r = 4 r (sinh x - x)(sinh x + x) and 1 - r^2 - 4 x r = 2 r (sinh 2x - 2x).
+A material may stand in a file of its own, as fit-material and fit-indentation write it. The configuration
+takes the material itself, so that results, digests and the stored configuration depend on the contents of
+the file and not on its name.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, NoReturn, cast
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, core_schema
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.validation.problems import ConfigError
-
-# exp(-2x) is zero in double precision from x = 373 on: a layer as thick as this, or thicker, is a halfspace.
-HALFSPACE_DEPTH = 400.0
-
-# 2 (sinh y - y)/y^3 = sum_k 2 y^2k/(2k + 3)!, whose first term left out is 2e-18 of the sum at y = 2.
-_SINH_TAIL = [2 / math.factorial(2 * k + 3) for k in range(11)]
+from gfmdlayer.body.laws import LAWS
+from gfmdlayer.body.materials import Law, Material, Zener
+from gfmdlayer.validation import text
+from gfmdlayer.validation.fields import Extended, File, MustBe, given, strict
+from gfmdlayer.validation.problems import InconsistentError, Problem
+from gfmdlayer.validation.sections import OneOf, Section, alone, contradictions, explained, plain
 
 
-class Quadratics(NamedTuple):
-    """Coefficients of N and D, lowest power of G first: shapes (3, ...)."""
+class MaterialFile(Section):
+    """A material in a file of its own."""
 
-    N: FloatArray
-    D: FloatArray
+    file: File
+    """YAML file with the material, as fit-material and fit-indentation write it"""
 
 
-@dataclass(frozen=True)
-class LayeredHalfspace:
-    """A layer bonded to a halfspace: everything about the body but the modulus of the layer.
+class _LawOrFile(OneOf[Any]):
+    """Annotation of a field with a law, or with a file that contains one."""
+
+    def word(self, value: object) -> str:
+        """Return the word of the law; {file: ...} needs none."""
+        if isinstance(value, MaterialFile) or (isinstance(value, Mapping) and {*value} == {"file"}):
+            return "file"
+        return super().word(value)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Take a law, of any class, as it is; replace a file by the law in it."""
+        schema = super().__get_pydantic_core_schema__(source, handler)
+        return core_schema.no_info_wrap_validator_function(_law, schema)
+
+
+def _law(value: Any, validated: Any) -> Law:
+    """Return a law, or the law in a file."""
+    law = value if isinstance(value, Law) else validated(value)
+    return read_material(law.file) if isinstance(law, MaterialFile) else law
+
+
+MATERIALS = _LawOrFile({**LAWS, "file": MaterialFile})
+
+
+class _MaterialHolder(Section):
+    material: Annotated[Law, OneOf(LAWS)]
+
+
+def read_material(path: Path) -> Law:
+    """Read the material in a YAML file: its only section `layer.material`, or `material`."""
+    document = text.read(path.read_bytes(), str(path))
+    if document.problems:
+        _refuse(f"{place}: {message}" for place, message in document.problems)
+    at: tuple[str, ...] = ("material",)
+    held = document.data if isinstance(document.data, dict) else {}
+    if isinstance(held.get("layer"), dict):
+        held, at = held["layer"], ("layer", "material")
+    if not isinstance(held.get("material"), dict):
+        _refuse([f"{path}:1:1: has no material; must be YAML with a section layer: {{material: ...}}"])
+    try:
+        law = _MaterialHolder.model_validate({"material": held["material"]}).material
+        problems = [problem.within(("material",)) for problem in contradictions(law)]
+    except ValidationError as error:
+        problems = explained(error, _MaterialHolder, ())
+    if problems:
+        located = [Problem((*at, *problem.location[1:]), problem.message) for problem in problems]
+        _refuse(f"{document.place(problem.location)}: {problem}" for problem in located)
+    return law
+
+
+def _refuse(messages: Iterable[str]) -> NoReturn:
+    raise InconsistentError([Problem(("file",), message) for message in messages])
+
+
+Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
+
+
+class Layer(Section):
+    """The viscoelastic layer; thickness 0 leaves only the halfspace, .inf only the layer.
 
     Parameters
     ----------
     thickness : float
-        d of the layer, from 0 (the bare halfspace) to inf (the layer's material alone).
+        d >= 0: a length, or inf for a halfspace, which only the lowest may be.
     poisson : float
-        nu of the layer, in (-1, 0.5].
-    bulk_modulus : float
-        Shear modulus G_bulk of the halfspace, from 0 (a free layer) to inf (a rigid base).
-    bulk_poisson : float
-        nu_bulk of the halfspace, in (-1, 0.5]; without effect where G_bulk is 0 or inf.
+        nu, in (-1, 0.5].
+    material : Law
+        Shear response.
 
     Raises
     ------
     ConfigError
-        If a parameter is outside of these bounds, or a bare halfspace is rigid or has no stiffness.
+        If a parameter is outside of its bounds.
 
     Examples
     --------
-    >>> layer = gfmdlayer.LayeredHalfspace(thickness=0.1, poisson=0.5, bulk_modulus=np.inf)
-    >>> layer.stiffness(np.array([1.0, 100.0]), G=1.0).round(1)
-    array([3054.,  200.])
+    >>> gfmdlayer.Layer(thickness=0.1, poisson=0.4, material=gfmdlayer.Zener()).thickness
+    0.1
     """
 
-    thickness: float
-    poisson: float
-    bulk_modulus: float
-    bulk_poisson: float = 0.5
+    thickness: Extended = 0.05
+    """thickness d; 0: only the halfspace, .inf: only the layer: length"""
+    poisson: Poisson = 0.5
+    """Poisson's ratio of the layer; 0.5 is incompressible"""
+    material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
+    """viscoelastic law: its model, or {file: ...} of fit-material"""
 
-    def __post_init__(self) -> None:
-        if not self.thickness >= 0:
-            raise ConfigError([f"thickness: got {self.thickness!r}; must be 0, positive or inf"])
-        if not self.bulk_modulus >= 0:
-            raise ConfigError([f"bulk_modulus: got {self.bulk_modulus!r}; must be 0, positive or inf"])
-        for name, ratio in (("poisson", self.poisson), ("bulk_poisson", self.bulk_poisson)):
-            if not -1 < ratio <= 0.5:
-                raise ConfigError([f"{name}: got {ratio!r}; must be above -1 and at most 0.5"])
-        if self.thickness == 0 and self.bulk_modulus in (0, math.inf):
-            raise ConfigError(
-                [f"thickness: got 0 with bulk_modulus {self.bulk_modulus!r}; needs a halfspace that deforms"]
-            )
+    @alone
+    def __init__(self, *values: Any, **keys: Any) -> None:
+        """Make a layer from thickness, poisson and material, in this order or by name."""
+        parameters = dict(zip(Layer.model_fields, values, strict=False)) | keys
+        if len(parameters) < len(values) + len(keys):
+            raise TypeError(f"{type(self).__name__} takes each of {', '.join(Layer.model_fields)} once")
+        self._take(
+            {key: value if isinstance(value, Law) else plain(value) for key, value in parameters.items()}
+        )
 
-    def stiffness(self, q: ArrayLike, G: ArrayLike) -> NDArray[Any]:
-        """Surface stiffness K(q) = -1/M(q), Eqs. (9) to (12).
-
-        Parameters
-        ----------
-        q : array_like
-            Wavenumbers, not negative.
-        G : array_like
-            Modulus of the layer, real and positive, or complex with Re G >= 0 and not 0; broadcast against q.
-
-        Returns
-        -------
-        ndarray
-            Stress per displacement, in the broadcast shape, real or complex as G is. At q = 0 it is
-            `mean_stiffness` times G: zero, except in a compressible layer on a rigid base.
-        """
-        q, G = np.asarray(q, dtype=float), np.asarray(G)
-        N, D = self._numerator_and_denominator(np.where(q > 0, q, 1.0), G)
-        return np.where(q > 0, q * (G / (1 - self.poisson)) * (N / D), self.mean_stiffness * G)
-
-    def layer_factor(self, q: ArrayLike, G: ArrayLike) -> NDArray[Any]:
-        """S(q) of Eq. (11), q > 0: compliance relative to a halfspace of the layer's material."""
-        N, D = self._numerator_and_denominator(np.asarray(q, dtype=float), np.asarray(G))
-        return np.asarray(D / N)
+    def with_law(self, law: Law) -> Layer:
+        """Return the layer of another law."""
+        return self if law is self.material else self.model_copy(update={"material": law})
 
     @property
-    def mean_stiffness(self) -> float:
-        """K(q = 0)/G: 2 (1 - nu)/((1 - 2 nu) d) for a compressible layer on a rigid base, else 0.
-
-        A layer that cannot widen has the P-wave modulus 2 G (1 - nu)/(1 - 2 nu) against a uniform pressure. A
-        halfspace has no stiffness against it, and an incompressible layer keeps its mean height: in both
-        cases the mean displacement is prescribed, not computed.
-        """
-        if self.bulk_modulus < math.inf or self.poisson == 0.5:
-            return 0.0
-        return 2 * (1 - self.poisson) / ((1 - 2 * self.poisson) * self.thickness)
-
-    def quadratics(self, q: ArrayLike) -> Quadratics:
-        """Coefficients of the quadratics N and D for wavenumbers q > 0, each of shape ``(3, *q.shape)``."""
-        x = self.depths(q)
-        # e - 1 and c - 1 are formed first: near nu = 1/2 they are exact, and e and c have lost their digits.
-        e_1, c_1 = 2 * (1 - 2 * self.poisson), 2 * (1 - 2 * self.bulk_poisson)
-        e, c = 1 + e_1, 1 + c_1
-        r, rho, r4 = np.exp(-2 * x), -np.expm1(-2 * x), -np.expm1(-4 * x)
-        N2 = c * sinh_minus(x) * (rho + 2 * x * np.exp(-x))
-        N1 = rho * (1 + e * c + r * (c + e)) + 4 * x * x * r * c_1
-        N0 = r * (1 + e) ** 2 + e * rho**2 + 4 * x * x * r
-        D2 = c * (r4 + 4 * x * r)
-        D1 = 1 + e * c - 4 * x * r * c_1 + r * r * (c + e)
-        D0 = e_1 * r4 + sinh_minus(2 * x)
-        return Quadratics(np.stack((N0, N1, N2)), np.stack((D0, D1, D2)))
-
-    def depths(self, q: ArrayLike) -> FloatArray:
-        """Thickness x = q d in units of 1/q, limited where thicker layers are equal in double precision."""
-        q = np.asarray(q, dtype=float)
-        if math.isinf(self.thickness):
-            return np.full(q.shape, HALFSPACE_DEPTH)
-        return np.minimum(q * self.thickness, HALFSPACE_DEPTH)
-
-    def _numerator_and_denominator(self, q: FloatArray, G: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """N and D at the modulus G, up to a common factor."""
-        if math.isinf(self.thickness):  # a halfspace of the layer's material
-            one = np.ones(np.broadcast_shapes(q.shape, G.shape))
-            return one, one
-        N, D = self.quadratics(q)
-        if self.bulk_modulus == 0:
-            return N[2], D[2]
-        if math.isinf(self.bulk_modulus):
-            return N[0], D[0]
-        g = G / self.bulk_modulus
-        return N[0] + g * (N[1] + g * N[2]), D[0] + g * (D[1] + g * D[2])
+    def series(self) -> Material:
+        """The material as a spring beside Maxwell branches; TypeError for a continuous spectrum."""
+        if not isinstance(self.material, Material):
+            name = type(self.material).__name__
+            raise TypeError(
+                f"material: got {name}, a law with a continuous spectrum; must be a Prony series, such as "
+                "material.prony(shortest, longest).material"
+            )
+        return cast("Material", self.material)
 
 
-def sinh_minus(y: FloatArray) -> FloatArray:
-    """2 exp(-y) (sinh y - y) without cancellation or overflow."""
-    thin = np.minimum(y, 2.0)
-    series = np.exp(-thin) * thin**3 * np.polynomial.polynomial.polyval(thin * thin, _SINH_TAIL)
-    return np.where(y < 2, series, -np.expm1(-2 * y) - 2 * y * np.exp(-y))
+class StackedLayer(Layer):
+    """One of several layers; thickness 0 leaves it out, and .inf makes the last one the halfspace."""
+
+    thickness: Extended
+    """thickness d; .inf: the halfspace, for the last one: length"""
+
+
+StackedLayers = Annotated[tuple[StackedLayer, ...], Field(json_schema_extra={"minItems": 1})]
+
+
+class Halfspace(Section):
+    """The halfspace below: elastic, rigid (shear modulus .inf), absent (0), or of a material."""
+
+    material: Annotated[Annotated[Law, MATERIALS] | None, given] = None
+    """viscoelastic law of the base, in place of shear_modulus"""
+    shear_modulus: Annotated[Extended | None, given] = Field(
+        default_factory=lambda data: 1.0 if data.get("material") is None else None
+    )
+    """shear modulus of the base; 0: a free layer, .inf: rigid: pressure"""
+    poisson: Poisson = 0.5
+    """Poisson's ratio of the base"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse a modulus beside a material."""
+        if self.material is not None and self.shear_modulus is not None:
+            message = "given beside material; remove one of the two"
+            yield Problem(("shear_modulus",), message, ("material",))
+
+    def with_law(self, law: Law) -> Halfspace:
+        """Return the halfspace of another law."""
+        return self if law is self.material else self.model_copy(update={"material": law})

@@ -301,8 +301,8 @@ class Prony(Material):
     @alone
     def __init__(self, G0: float = 1.0, branches: Iterable[Any] = (), **keys: Any) -> None:
         made = [
-            each if isinstance(each, Mapping) else dict(zip(("G", "tau"), each, strict=True))
-            for each in branches
+            branch if isinstance(branch, Mapping) else dict(zip(("G", "tau"), branch, strict=True))
+            for branch in branches
         ]
         super().__init__(G0, tuple(made), **keys)
 
@@ -356,22 +356,22 @@ def temperature_problems(
                 message = "only with a temperature; remove it or set temperature"
                 yield Problem((*at, "shift"), message, ("temperature",))
         return
-    found = shifts(config)
-    others = tuple(dotted(at) for at in found)
-    if not any(found.values()):
+    by_place = shifts(config)
+    others = tuple(dotted(at) for at in by_place)
+    if not any(by_place.values()):
         message = "no material that relaxes has a shift; remove it or give a shift"
         yield Problem(("temperature",), message, others)
-    elif not all(found.values()):
-        at = next(at for at, shift in found.items() if shift is None)
+    elif not all(by_place.values()):
+        at = next(at for at, shift in by_place.items() if shift is None)
         message = "missing; all materials that relax must have a shift, or none"
         yield Problem((*at, "shift"), message, others)
-    elif (moves or not layered) and len(set(found.values())) > 1:
-        at = next(at for at, shift in found.items() if shift != next(iter(found.values())))
+    elif (moves or not layered) and len(set(by_place.values())) > 1:
+        at = next(at for at, shift in by_place.items() if shift != next(iter(by_place.values())))
         where = "where the punch moves" if layered else "in a body that is not made of layers"
         message = f"differs from the shifts of other materials; must be the same {where}"
         yield Problem((*at, "shift"), message, (*others, *(_MOTION if layered else ("body",))))
     if temperature.value is not None:
-        for at, shift in found.items():
+        for at, shift in by_place.items():
             if shift is not None and (refused := shift.refused(temperature.value)):
                 yield Problem(("temperature", "value"), refused, (f"{dotted(at)}.shift",))
     if temperature.file is not None and moves:

@@ -88,11 +88,11 @@ def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray
     # (internal,).
     softened = np.eye(force.shape[1]) + coupling @ np.swapaxes(coupling, 1, 2)
     relaxed = np.swapaxes(force, 1, 2).conj() @ np.linalg.solve(softened, force)
-    found = [_levers(*each, times) for each in zip(force, coupling, strict=True)]
+    modes = [_levers(*network, times) for network in zip(force, coupling, strict=True)]
     return VectorSpectrum(
         relaxed,
-        np.stack([levers.T for levers, _ in found], axis=1),
-        np.stack([times_of_modes for _, times_of_modes in found], axis=1),
+        np.stack([levers.T for levers, _ in modes], axis=1),
+        np.stack([times_of_modes for _, times_of_modes in modes], axis=1),
     )
 
 
@@ -205,20 +205,20 @@ def redundants(
     """Return g and L^-1 (-M, 1) for strains over (surface, interfaces) and roots of the stiffnesses."""
     # `from_below` are the displacements to be eliminated, in this order; those of the surface come first.
     table, (count, springs, columns) = strains.copy(), strains.shape
-    each = np.arange(count)
+    every = np.arange(count)
     free = np.ones((count, springs), dtype=bool)
     surface = columns - len(from_below)
     basis = np.empty((count, columns - surface), dtype=np.intp)
     for j in from_below:
         pivot = np.argmax(np.where(free, np.abs(table[:, :, j]) * weights, -1.0), axis=1)
-        row = table[each, pivot] / table[each, pivot, j, np.newaxis]
-        row[:, j] = -1 / table[each, pivot, j]
+        row = table[every, pivot] / table[every, pivot, j, np.newaxis]
+        row[:, j] = -1 / table[every, pivot, j]
         factor = table[:, :, j].copy()
         table[:, :, j] = 0.0
         table -= factor[:, :, np.newaxis] * row[:, np.newaxis]
-        free[each, pivot], basis[:, j - surface] = False, pivot
+        free[every, pivot], basis[:, j - surface] = False, pivot
     rest = np.argsort(~free, axis=1, kind="stable")[:, : springs - columns + surface]
-    at = each[:, np.newaxis]
+    at = every[:, np.newaxis]
     combined = table[at, rest] * weights[at, rest][:, :, np.newaxis]
     ratios = combined[:, :, surface:] / weights[at, basis][:, np.newaxis]
     identity = np.broadcast_to(np.eye(rest.shape[1]), (count, rest.shape[1], rest.shape[1]))

@@ -1,42 +1,27 @@
-"""Two deformable bodies in contact without friction: their compliances add, 1/K = 1/K_1 + 1/K_2.
-
-Both surfaces feel the same pressure, and u = u_1 + u_2 for displacements out of each body, so that two bodies
-of shapes h_1 and h_2 touch like one body of the stiffness K under a rigid punch of shape h_1 + h_2. With
-
-    K_i(s) = K0_i + sum_j w_ij s t_j/(1 + s t_j),       g_j = (w_1j + w_2j) t_j,       A = K0_1 + K0_2
-
-the poles of K = K_1 K_2/(K_1 + K_2) are those of 1/(K_1 + K_2), at the retardation times of the two bodies in
-parallel, sum_j g_j/(theta_k - t_j) = A. With 1/J_k = theta_k sum_j g_j/(theta_k - t_j)^2 and
-
-    kappa_k = K_2(-1/theta_k) = -K_1(-1/theta_k),       K_i(-1/theta) = K0_i - sum_j w_ij t_j/(theta - t_j)
-
-the modes of the pair are (J_k kappa_k^2, theta_k), and for each time t_j of both bodies one more, two springs
-in series, (g_1j g_2j/(t_j (g_1j + g_2j)), t_j). All weights are positive by construction.
-
-The compliances add at one s: both materials move alike relative to the contact, or one does not relax.
-"""
+"""A body and its counterbody in contact without friction, as one body under a rigid punch (`in_series`)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Literal, cast
 
-import numpy as np
+from pydantic import PrivateAttr
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.body import Body
-from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, retardation
-from gfmdlayer.body.wavevectors import Wavevectors
+from gfmdlayer.body.materials import Law, Material
+from gfmdlayer.body.solid import Relaxation, Solid
+from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.sections import alone
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-# Relative: stiffnesses that differ by less between waves, but for one factor, are the same modes.
-_ALIKE = 1e-13
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.body.body import Body
+    from gfmdlayer.body.relaxation import Spectrum
+    from gfmdlayer.body.wavevectors import Wavevectors
 
 
-@dataclass(frozen=True)
-class Pair:
+class Pair(Solid):
     """Two deformable bodies in contact without friction, as one body under a rigid punch.
 
     Parameters
@@ -58,111 +43,122 @@ class Pair:
     (array([[9.]]), array([[2.]]))
     """
 
-    first: Body
-    second: Body
+    kind: Literal["pair"] = "pair"
+    """a body and a counterbody"""
+
+    _bodies: tuple[Body, Body] = PrivateAttr()
+
+    @alone
+    def __init__(self, first: Body, second: Body) -> None:
+        self._take({})
+        self._bodies = first, second
+
+    def __repr_args__(self) -> Iterator[tuple[str, object]]:
+        """Show the bodies."""
+        yield from (("first", self.first), ("second", self.second))
+
+    @property
+    def first(self) -> Body:
+        """The body."""
+        return self._bodies[0]
+
+    @property
+    def second(self) -> Body:
+        """The counterbody."""
+        return self._bodies[1]
 
     @property
     def mean_stiffness(self) -> float:
         """K(q = 0, s = 0), in series where both bodies have one."""
-        return float(_in_series(self.first.mean_stiffness, self.second.mean_stiffness))
+        from gfmdlayer.body.in_series import stiffness_in_series
+
+        return float(stiffness_in_series(self.first.mean_stiffness, self.second.mean_stiffness))
 
     def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
         """Return K(q, s) of the pair, see `Body`."""
-        return _in_series(self.first.stiffness(waves, s), self.second.stiffness(waves, s))
+        from gfmdlayer.body.in_series import stiffness_in_series
+
+        return stiffness_in_series(self.first.stiffness(waves, s), self.second.stiffness(waves, s))
 
     def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
         """Return the relaxing modes of the pair."""
+        from gfmdlayer.body.in_series import in_series
+
         return in_series(self.first.spectrum(waves), self.second.spectrum(waves))
 
     def part_of_second(self, waves: Wavevectors | ArrayLike, *, glassy: bool = False) -> FloatArray:
         """Return the part of the second body in the displacement of an elastic contact, relaxed or glassy."""
-        each = (body.spectrum(waves) for body in (self.first, self.second))
-        one, two = (own.glassy if glassy else own.relaxed for own in each)
+        import numpy as np
+
+        spectra = (body.spectrum(waves) for body in self._bodies)
+        one, two = (own.glassy if glassy else own.relaxed for own in spectra)
         both = (one > 0) & (two > 0)  # a body with K = 0 holds its displacement
         return np.where(both, one / np.where(both, one + two, 1.0), (one == 0) & (two > 0))
 
+    # Properties for configurations, see `Solid`: there both bodies are solids.
 
-def _in_series(one: ArrayLike, two: ArrayLike) -> NDArray[Any]:
-    """Return K_1 K_2/(K_1 + K_2); a body with K = 0 holds its displacement."""
-    a, b = np.broadcast_arrays(np.asarray(one), np.asarray(two))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        both = np.where(np.abs(a) < np.abs(b), a * (b / (a + b)), b * (a / (a + b)))
-    return np.where(a == 0, b, np.where(b == 0, a, both))
+    @property
+    def _solids(self) -> tuple[Solid, Solid]:
+        return cast("tuple[Solid, Solid]", self._bodies)
 
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The laws of the body, and of the counterbody."""
+        return tuple(law for body in self._solids for law in body.laws)
 
-def in_series(one: Spectrum, two: Spectrum) -> Spectrum:
-    """Return the modes of two bodies in series, given at the same waves."""
-    shape = one.relaxed.shape
-    relaxed = np.stack((one.relaxed.ravel(), two.relaxed.ravel()))
-    times, strengths = _poles(one, two, relaxed[0].size)
-    size, whole = len(times), relaxed.sum(axis=0)
-    weights, thetas = np.zeros((4 * size, whole.size)), np.ones((4 * size, whole.size))
-    alone = (relaxed == 0).any(axis=0)
-    deep = int(np.argmax(np.where(alone, 0.0, whole)))
-    alike = _alike(times, strengths, relaxed, deep) & ~alone
-    # Rows of their own for the waves that share times: all of a pair of halfspaces, most of a thick layer.
-    for rows, columns in ((slice(0, 2 * size), alike), (slice(2 * size, None), ~alike & ~alone)):
-        chosen = np.flatnonzero(columns)
-        if not chosen.size:
-            continue
-        solved = np.array([deep]) if columns is alike else chosen
-        w, t = _modes(times[:, solved], strengths[:, :, solved], relaxed[:, solved])
-        weights[rows, chosen], thetas[rows, chosen] = w * (whole[chosen] / whole[solved]), t
-    held = np.flatnonzero(alone)  # the modes of the body that has a stiffness
-    finite, own = np.isfinite(times[:, held]), slice(2 * size, 3 * size)
-    weights[own, held] = np.where(finite, strengths[:, :, held].sum(axis=0) / times[:, held], 0.0)
-    thetas[own, held] = np.where(finite, times[:, held], 1.0)
-    found = _in_series(relaxed[0], relaxed[1])
-    weights[weights * size <= NEGLIGIBLE * found] = 0.0
-    kept = weights.any(axis=1)
-    weights, thetas = (each[kept].reshape(-1, *shape) for each in (weights, thetas))
-    return Spectrum(found.reshape(shape), weights, thetas, max(one.error, two.error))
+    def with_series(self, materials: Sequence[Material], accuracy: float) -> Pair:
+        """Return the pair with a series for each law; each body merges its own modes."""
+        first, second = self._solids
+        own = len(first.laws)
+        above = second.with_series(materials[own:], accuracy)
+        return Pair(first.with_series(materials[:own], accuracy), above)
 
+    @property
+    def unit(self) -> float:
+        """Modulus by which dimensionless pressures are divided, of the body."""
+        return self._solids[0].unit
 
-def _poles(one: Spectrum, two: Spectrum, waves: int) -> tuple[FloatArray, FloatArray]:
-    """Return the distinct times of both bodies, ascending, (n, nq), and w_ij t_ij at them, (2, n, nq)."""
-    # Modes without weight have the time inf, and strength 0.
-    every = [(each.weights.reshape(-1, waves), each.times.reshape(-1, waves)) for each in (one, two)]
-    count = len(every[0][0])
-    weights, times = (np.concatenate(each) for each in zip(*every, strict=True))
-    times = np.where(weights > 0, times, np.inf)
-    strengths = np.zeros((2, *times.shape))
-    finite = np.where(weights > 0, times, 0.0) * weights
-    strengths[0, :count], strengths[1, count:] = finite[:count], finite[count:]
-    for _ in range(2):  # sorted, merged, and sorted again
-        order = np.argsort(times, axis=0, kind="stable")
-        times = np.take_along_axis(times, order, axis=0)
-        strengths = np.take_along_axis(strengths, order[np.newaxis], axis=1)
-        for k in range(len(times) - 1, 0, -1):
-            same = (times[k] == times[k - 1]) & np.isfinite(times[k])
-            strengths[:, k - 1] += np.where(same, strengths[:, k], 0.0)
-            strengths[:, k], times[k] = np.where(same, 0.0, strengths[:, k]), np.where(same, np.inf, times[k])
-    used = np.isfinite(times).any(axis=1)
-    return times[used], strengths[:, used]
+    @property
+    def characteristic_time(self) -> float | None:
+        """The relaxation time of the body's first law, else of the counterbody's."""
+        times = (body.characteristic_time for body in self._solids)
+        return next((time for time in times if time is not None), None)
 
+    def roughly(self, longest: float) -> tuple[Relaxation, ...]:
+        """Return the relaxation of the materials of both bodies; first, for the cost, both together."""
+        every = tuple(material for body in self._solids for material in body.roughly(longest))
+        together = sum(relaxed for relaxed, _ in every), tuple(one for _, all_ in every for one in all_)
+        return (together, *every)
 
-def _alike(times: FloatArray, strengths: FloatArray, relaxed: FloatArray, deep: int) -> NDArray[np.bool_]:
-    """Return which waves have the modes of the wave `deep` but for a factor: those that feel no base."""
-    whole = relaxed.sum(axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        parts = np.concatenate((relaxed, strengths.reshape(-1, whole.size))) / whole
-    own = parts[:, deep, np.newaxis]
-    near = (np.abs(parts - own) <= _ALIKE * own).all(axis=0)
-    return np.asarray(near & (times == times[:, deep, np.newaxis]).all(axis=0))
+    @property
+    def moduli(self) -> tuple[float, ...]:
+        """Finite moduli in both bodies."""
+        return tuple(modulus for body in self._solids for modulus in body.moduli)
 
+    @property
+    def thicknesses(self) -> tuple[float, ...]:
+        """Thicknesses of the layers of the body, from the surface down."""
+        return self._solids[0].thicknesses
 
-def _modes(times: FloatArray, strengths: FloatArray, relaxed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return weights and times of the modes of the pair: roots, then shared times, (2 n, nq)."""
-    size, waves = times.shape
-    weights, thetas = np.zeros((2 * size, waves)), np.ones((2 * size, waves))
-    shared = np.nonzero((strengths > 0).all(axis=0))
-    one, two, of_both = strengths[0][shared], strengths[1][shared], times[shared]
-    weights[size:][shared], thetas[size:][shared] = one * (two / (one + two)) / of_both, of_both
-    found = retardation(strengths.sum(axis=0) / times, times, relaxed.sum(axis=0), 0.0)
-    for k, (J, theta, origin, distance) in enumerate(zip(*found, strict=True)):
-        at = J > 0
-        terms = strengths[:, :, at] / ((origin - times)[:, at] + distance[at])  # (2, times, waves)
-        stiffness, size_of = relaxed[:, at] - terms.sum(axis=1), relaxed[:, at] + np.abs(terms).sum(axis=1)
-        kappa = np.where(size_of[0] < size_of[1], -stiffness[0], stiffness[1])
-        weights[k, at], thetas[k, at] = J[at] * kappa**2, theta[at]
-    return weights, thetas
+    @property
+    def rigid_below(self) -> float:
+        """Thickness between two rigid bases; inf where one of the bodies has none."""
+        return sum(body.rigid_below for body in self._solids)
+
+    @property
+    def contact_modulus(self) -> float | None:
+        """E* of the pair, 1/E* = 1/E*_1 + 1/E*_2; None where a body has none."""
+        moduli = [body.contact_modulus for body in self._solids]
+        if None in moduli:
+            return None
+        return 1 / sum(1 / modulus for modulus in moduli if modulus)
+
+    @property
+    def merges(self) -> bool:
+        """Whether a body merges its relaxing modes."""
+        return any(body.merges for body in self._solids)
+
+    def problems_isolated(self) -> Iterator[Problem]:
+        """Refuse an isolated, axisymmetric indenter."""
+        message = "not available with grid.geometry: axisymmetric; remove it or change the geometry"
+        yield Problem(("counterbody",), message)

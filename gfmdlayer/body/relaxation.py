@@ -1,21 +1,10 @@
-"""The layered body's surface stiffness as a sum of relaxing modes.
-
-If the layer's material is a Prony series, the stiffness K(q, G(s)) of `layer` is exactly
+"""A stiffness as a sum of relaxing modes.
 
     K(q, s) = K_inf(q) - sum_j w_j(q)/(1 + s theta_j(q)),    w_j >= 0,  theta_j > 0
 
-with three modes for each Maxwell branch: springs w_j in series with dashpots w_j theta_j, all parallel to a
-spring K_0 = K_inf - sum_j w_j. For an incompressible body with a Zener layer this is Eq. (23) of Petrenko et
-al., Materials Physics and Mechanics 52 (2024) 60-68, in partial fractions. It is derived in two steps.
+Springs w_j in series with dashpots w_j theta_j, all parallel to a spring K_0 = K_inf - sum_j w_j.
 
-As a function of the layer's modulus, K is a quotient of a cubic and a quadratic whose roots are real and
-interlace, so it is a linear function minus two simple fractions:
-
-    K(q, G) = a G + b - R_1/(P_1 + G) - R_2/(P_2 + G),       R_i >= 0,  P_i > 0
-
-a is the stiffness of the layer alone at unit modulus; on a rigid base, or without one, K = a G. And
-1/(P_i + G(s)) is the compliance of the layer's material parallel to a spring P_i. A Prony solid of relaxed
-modulus A has the compliance
+A Prony solid of relaxed modulus A has the compliance
 
     1/G(s) = 1/Ginf + sum_k J_k/(1 + s theta_k),             sum_k G_k tau_k/(theta_k - tau_k) = A
 
@@ -26,25 +15,18 @@ longest. The same holds for the modes of a stiffness, with w_k in place of G_k a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
-from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Material
 from gfmdlayer.kernels import kernel
 
 # Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
 NEGLIGIBLE = 1e-15
-
-# Beyond this x = q d the surface does not feel the base: R_i and b are some x^2 exp(-2x) = 1e-40 of the rest.
-_DEEP = 50.0
-
-# Where exp(-2x) < 1/4, N(-P) at the two poles, which vanishes with exp(-2x), is computed from N - D.
-_THIN = math.log(2.0)
 
 # Times that rounding may have made different are one where they differ by no more than this part.
 SAME_BRANCH = 1e-13
@@ -94,8 +76,8 @@ class Spectrum:
         """
         unit = np.asarray(stiffness, dtype=float)
         moduli, times = distinct_branches(material)
-        each = np.repeat(times[:, np.newaxis], unit.size, axis=1).reshape(-1, *unit.shape)
-        return cls(unit * material.relaxed, np.multiply.outer(moduli, unit), each)
+        rows = np.repeat(times[:, np.newaxis], unit.size, axis=1).reshape(-1, *unit.shape)
+        return cls(unit * material.relaxed, np.multiply.outer(moduli, unit), rows)
 
     @property
     def glassy(self) -> FloatArray:
@@ -161,88 +143,6 @@ class TractionSpectrum:
 
     in_plane: VectorSpectrum  # K over (W, U), real
     across: Spectrum  # K_t over V
-
-
-def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLike) -> Spectrum:
-    """Relaxing modes of a viscoelastic layer on an elastic halfspace.
-
-    Parameters
-    ----------
-    layer : LayeredHalfspace
-        Thickness, Poisson's ratios and halfspace; Poisson's ratios do not relax.
-    material : Material
-        Shear response of the layer.
-    q : array_like
-        Wavenumbers, not negative, of any shape.
-
-    Returns
-    -------
-    Spectrum
-        At most three modes for each branch of the material, none for an elastic body. Modes whose weights at
-        a wavenumber sum to no more than `NEGLIGIBLE` of the relaxed stiffness have weight zero there, and
-        those without weight anywhere are left out.
-
-    Examples
-    --------
-    >>> layer = gfmdlayer.LayeredHalfspace(thickness=0.1, poisson=0.5, bulk_modulus=np.inf)
-    >>> gfmdlayer.relaxation_spectrum(layer, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0), 1.0).times
-    array([2.])
-    """
-    q = np.asarray(q, dtype=float)
-    relaxed = layer.stiffness(q, material.relaxed)
-    moduli, times = distinct_branches(material)
-    if layer.thickness == 0 or moduli.size == 0:
-        return Spectrum(relaxed, np.empty((0, *q.shape)), np.empty((0, *q.shape)))
-
-    proportional, poles, strengths = _partial_fractions(layer, q.ravel())
-    negligible = NEGLIGIBLE / (3 * moduli.size) * relaxed.ravel()
-    weights = np.zeros((3, moduli.size, q.size))
-    thetas = np.broadcast_to(times[:, np.newaxis], weights.shape).copy()
-    weights[0] = moduli[:, np.newaxis] * proportional
-    for i in range(2):
-        A, Ainf = poles[i] + material.relaxed, poles[i] + material.glassy
-        heavy = strengths[i] * (material.glassy - material.relaxed) > negligible * A * Ainf
-        compliances, thetas[1 + i][:, heavy] = retardation_spectrum(moduli, times, A[heavy])
-        weights[1 + i][:, heavy] = strengths[i][heavy] * compliances
-    weights[weights <= negligible] = 0.0
-    kept = weights.any(axis=-1)
-    return Spectrum(relaxed, weights[kept].reshape(-1, *q.shape), thetas[kept].reshape(-1, *q.shape))
-
-
-def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K(q, G) = proportional G + const - sum_i strengths_i/(poles_i + G): shapes (nq,), (2, nq), (2, nq)."""
-    # Returns factor, poles and strengths, for q of shape (nq,) and a thickness above zero. With g = G/G_bulk
-    # and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant of D is a sum of
-    # squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with
-    #
-    #     A = (g - 1)(1 + c g),    B = (c g - e)(g + e),    C = (g - 1)(c g - e).
-    #
-    # So the roots of D, their distance and N at the roots are found without cancellation.
-    poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
-    if layer.bulk_modulus in (0, math.inf):
-        return layer.stiffness(q, 1.0), poles, strengths
-
-    near = np.flatnonzero((q > 0) & (layer.depths(q) < _DEEP))
-    x = layer.depths(q[near])
-    r = np.exp(-2 * x)
-    e_1, c_1 = 2 * (1 - 2 * layer.poisson), 2 * (1 - 2 * layer.bulk_poisson)
-    e, c, ec_1 = 1 + e_1, 1 + c_1, e_1 + c_1 + e_1 * c_1
-    (N0, N1, N2), (D0, D1, D2) = layer.quadratics(q[near])
-
-    gap = np.hypot(4 * x * r * (1 + c) + r * r * (e_1 - c_1) - ec_1, 2 * math.sqrt(c) * (1 + e) * r)
-    p = np.stack((2 * D0 / (D1 + gap), (D1 + gap) / (2 * D2)))
-    # 1 + c g at the two roots g = -p, themselves the roots of a quadratic with a negative product.
-    middle = ec_1 - 4 * x * r * (1 + c) + r * r * (2 + c + e)
-    far = (np.abs(middle) + gap) / (2 * D2 / c)
-    close = r * r * (1 + c) * (1 + e) / (D2 / c) / far
-    delta = np.where(middle > 0, (close, -far), (far, -close))
-    A, B, C = -(p + 1) * delta, (delta - 1 - e) * (delta + ec_1) / c, -(p + 1) * (delta - 1 - e)
-    N = np.where(x < _THIN, N0 - p * (N1 - p * N2), -r * ((1 + 2 * x) ** 2 * A + B - 2 * r * C))
-
-    poles[:, near] = p * layer.bulk_modulus
-    scale = q[near] * layer.bulk_modulus**2 / (1 - layer.poisson)
-    strengths[:, near] = scale * p * N / (gap * np.array([[1.0], [-1.0]]))
-    return replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths
 
 
 def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:

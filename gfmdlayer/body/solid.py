@@ -9,15 +9,19 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, cast
 
-from gfmdlayer.body.materials import Law, Material
+from pydantic import Field
+
+from gfmdlayer.body.laws import LAWS
+from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.validation.problems import Problem
-from gfmdlayer.validation.sections import Kind, replaced, sections_in
+from gfmdlayer.validation.sections import Kind, OneOf, replaced, sections_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
     from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.body.wavevectors import Wavevectors
@@ -108,8 +112,8 @@ class Solid(Kind):
         """
         if self.laws:
             return tuple(law.roughly(longest) for law in self.laws)
-        found = self.spectrum([1.0])
-        return ((float(found.relaxed[0]), tuple(zip(*found.modes_at(0), strict=True))),)
+        spectrum = self.spectrum([1.0])
+        return ((float(spectrum.relaxed[0]), tuple(zip(*spectrum.modes_at(0), strict=True))),)
 
     @property
     def moduli(self) -> tuple[float, ...]:
@@ -147,36 +151,65 @@ class Solid(Kind):
             yield Problem(("body",), message)
 
 
+class OneModulus(Solid):
+    """A body whose moduli all relax alike, K(q, s) = K(q) G(s)/G(0); only the form of the law counts."""
+
+    material: Annotated[Law, OneOf(LAWS)] = Field(default_factory=lambda: Elastic(1.0))
+    """law by which all moduli relax alike, relative to its G0; default: elastic"""
+
+    @abstractmethod
+    def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
+        """Return K(q, 0), positive but at q = 0."""
+
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
+        """Return K(q, s)."""
+        import numpy as np
+
+        from gfmdlayer.body.wavevectors import Wavevectors
+
+        relaxed = self.relaxed_stiffness(Wavevectors.of(waves))
+        return np.asarray(relaxed * (self.material.laplace(s) / self.material.unit))
+
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return a mode for each branch of the law."""
+        from gfmdlayer.body.relaxation import Spectrum
+        from gfmdlayer.body.wavevectors import Wavevectors
+
+        assert isinstance(self.material, Material)  # as in every run
+        relaxed = self.relaxed_stiffness(Wavevectors.of(waves))
+        return Spectrum.of_material(relaxed / self.material.unit, self.material)
+
+
 def fault(body: Body, waves: Wavevectors) -> str:
     """Return why a body does not keep the promises of `Body` at waves of shape (nq,), q = 0 first, if so."""
     import numpy as np
 
     from gfmdlayer.body.wavevectors import Wavevectors
 
-    found, mean = body.spectrum(waves), body.mean_stiffness
-    parts = {"relaxed": found.relaxed, "weights": found.weights, "times": found.times}
+    spectrum, mean = body.spectrum(waves), body.mean_stiffness
+    parts = {"relaxed": spectrum.relaxed, "weights": spectrum.weights, "times": spectrum.times}
     for name, values in parts.items():
-        shape = waves.shape if name == "relaxed" else (len(found.weights), *waves.shape)
+        shape = waves.shape if name == "relaxed" else (len(spectrum.weights), *waves.shape)
         if np.shape(values) != shape:
             return f"spectrum(waves).{name} has the shape {np.shape(values)}; must be {shape}"
         if not np.isfinite(values).all():
             return f"spectrum(waves).{name} is not finite at all wavevectors; must be"
     if not 0 <= mean < np.inf:
         return f"mean_stiffness is {mean!r}; must be >= 0 and finite"
-    if (found.weights < 0).any() or (found.times <= 0).any():
+    if (spectrum.weights < 0).any() or (spectrum.times <= 0).any():
         return "spectrum(waves) has a weight < 0 or a time <= 0; must be weights >= 0 and times > 0"
-    if (found.relaxed[1:] <= 0).any():
-        q = waves.magnitude[1:][found.relaxed[1:] <= 0][0]
+    if (spectrum.relaxed[1:] <= 0).any():
+        q = waves.magnitude[1:][spectrum.relaxed[1:] <= 0][0]
         return f"spectrum(waves).relaxed is not positive at |q| = {q:.6g}; must be"
-    if not _close(found.relaxed[:1], mean):
-        still = f"{found.relaxed[0]:.6g} at q = 0"
+    if not _close(spectrum.relaxed[:1], mean):
+        still = f"{spectrum.relaxed[0]:.6g} at q = 0"
         return f"spectrum(waves).relaxed is {still}; must be mean_stiffness, {mean:.6g}"
     back = Wavevectors.of_components(-waves.qx, -waves.qy)
-    for s in (0.0, *(1 / np.unique(found.times)[:: max(1, found.times.size // 8)])):
+    for s in (0.0, *(1 / np.unique(spectrum.times)[:: max(1, spectrum.times.size // 8)])):
         K = body.stiffness(waves, s)
         if np.shape(K) != waves.shape:
             return f"stiffness(waves, s) has the shape {np.shape(K)}; must be {waves.shape}"
-        if not _close(K, found.stiffness(s)):
+        if not _close(K, spectrum.stiffness(s)):
             wrong = "is not the sum of the modes of spectrum(waves)"
             return f"stiffness(waves, s) {wrong} at s = {s:.6g}; must be"
         if not _close(K, body.stiffness(back, s)):
@@ -198,24 +231,24 @@ DEPTH_PAIRS = 7.0  # work of the fields at a depth, in FFT pairs; measured at 51
 _SAME = 1e-12  # relative: a depth this close to an interface is on it
 
 
-class Place(NamedTuple):
+class LayerDepth(NamedTuple):
     """A depth, and the number of its layer from the surface; a depth at an interface has two places."""
 
     depth: float
     layer: int
 
 
-def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[Place]:
+def places(thicknesses: Sequence[float], depths: Sequence[float]) -> list[LayerDepth]:
     """Return the places at increasing depths in layers of these thicknesses, at most their sum."""
     faces, last = list(accumulate(thicknesses)), len(thicknesses) - 1
-    found = []
+    at_depths = []
     for depth in depths:
         at = next((i for i, face in enumerate(faces) if abs(face - depth) <= _SAME * depth), None)
         if at is None:
-            found.append(Place(depth, next(i for i, face in enumerate(faces) if depth < face)))
+            at_depths.append(LayerDepth(depth, next(i for i, face in enumerate(faces) if depth < face)))
         else:
-            found += [Place(faces[at], number) for number in (at, at + 1) if number <= last]
-    return found
+            at_depths += [LayerDepth(faces[at], number) for number in (at, at + 1) if number <= last]
+    return at_depths
 
 
 def beyond(thicknesses: Sequence[float], depths: Sequence[float]) -> tuple[int, float] | None:
@@ -227,9 +260,9 @@ def beyond(thicknesses: Sequence[float], depths: Sequence[float]) -> tuple[int, 
 def between_faces(thicknesses: Sequence[float], number: int, reach: float) -> list[float]:
     """Return so many depths in each layer, from face to face; in a halfspace down to its top plus `reach`."""
     # The reach counts only without layers above the halfspace; else it is their thickness.
-    found, top = [0.0], 0.0
+    depths, top = [0.0], 0.0
     for thickness in thicknesses:
         size = thickness if math.isfinite(thickness) else top or reach
-        found += [top + size * i / (number - 1) for i in range(1, number)]
+        depths += [top + size * i / (number - 1) for i in range(1, number)]
         top += size
-    return found
+    return depths

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.layer import HALFSPACE_DEPTH, sinh_minus
+from gfmdlayer.body.closed_form import HALFSPACE_DEPTH, sinh_minus
 
 
 class Springs(NamedTuple):

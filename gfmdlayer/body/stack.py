@@ -9,15 +9,15 @@ moduli. Its relaxing modes belong to a network of springs and dashpots (`network
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Any
+from collections.abc import Hashable
+from functools import lru_cache
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
-from gfmdlayer.body.materials import Material
+from gfmdlayer.body.layer import Layer
 from gfmdlayer.body.network import (
     InternalVariables,
     Member,
@@ -85,229 +85,175 @@ _RIGID, _FREE = np.array([0.0, 0.0, 0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0, 0.
 _CHUNK = 512
 
 
-@dataclass(frozen=True)
-class Layer:
-    """One layer of a stack.
-
-    Parameters
-    ----------
-    thickness : float
-        d >= 0: a length, or inf for a halfspace, which only the lowest may be.
-    poisson : float
-        nu, in (-1, 0.5].
-    material : Material
-        Shear response.
-
-    Examples
-    --------
-    >>> gfmdlayer.Layer(thickness=0.1, poisson=0.4, material=gfmdlayer.Zener()).thickness
-    0.1
-    """
-
-    thickness: float
-    poisson: float
-    material: Material
-
-    def __post_init__(self) -> None:
-        if not self.thickness >= 0:
-            raise ValueError(f"thickness = {self.thickness!r}: must be 0, positive or inf")
-        if not -1 < self.poisson <= 0.5:
-            raise ValueError(f"poisson = {self.poisson!r}: must be above -1 and at most 0.5")
-
-
-@dataclass(frozen=True)
-class LayerStack:
-    """A stack of viscoelastic layers bonded to one another.
-
-    Parameters
-    ----------
-    layers : tuple of Layer
-        From the surface down; the last is infinitely thick where the stack lies on a halfspace.
-    rigid : bool
-        Whether the last layer of finite thickness is bonded to a rigid base; else its lower face is free.
-    accuracy : float
-        Relative error of K(q, s) up to which modes of the spectrum are merged; 0 keeps all.
-
-    Raises
-    ------
-    ValueError
-        If there is no layer of a thickness, or an infinite one above another.
-
-    Examples
-    --------
-    >>> film = gfmdlayer.Layer(0.01, 0.4, gfmdlayer.Prony(5.0))
-    >>> base = gfmdlayer.Layer(np.inf, 0.5, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=1.0))
-    >>> body = gfmdlayer.LayerStack((film, base))
-    >>> found = gfmdlayer.solve(body, gfmdlayer.Parabola(radius=0.25), depth=0.005, points=256)
-    >>> bool(found.force > gfmdlayer.solve(gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=0.25),
-    ...                                    depth=0.005, points=256).force)
-    True
-    """
-
-    layers: tuple[Layer, ...]
-    rigid: bool = False
-    accuracy: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not any(layer.thickness for layer in self.layers):
-            raise ValueError("layers: must hold at least one with a thickness > 0")
-        for i, layer in enumerate(self.layers[:-1]):
-            if math.isinf(layer.thickness):
-                raise ValueError(f"layers[{i}].thickness = inf: only the last layer can be a halfspace")
-        if self.rigid and math.isinf(self.layers[-1].thickness):
-            raise ValueError("rigid: the last layer is a halfspace, which has no base")
+class Bonded(Hashable, Protocol):
+    """Layers bonded to one another, as `Layers` are."""
 
     @property
-    def mean_stiffness(self) -> float:
-        """K(q = 0, s = 0): not 0 for layers on a rigid base of which one is compressible."""
-        return float(self._confined(np.array(0.0)))
+    def layers(self) -> tuple[Layer, ...]:
+        """The layers from the surface down; the last is infinitely thick where they lie on a halfspace."""
+        ...
 
     @property
-    def rigid_below(self) -> float:
-        """Depth of a rigid base; inf where there is none."""
-        return sum(layer.thickness for layer in self.layers) if self.rigid else math.inf
-
-    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
-        """Return K(q, s), stress per displacement, see `Body`."""
-        q, s = np.broadcast_arrays(np.asarray(waves, dtype=float), np.asarray(s))
-        positive = np.where(q > 0, q, 1.0)
-        vector = np.broadcast_to(_RIGID if self.rigid else _FREE, (*q.shape, 5))
-        for layer in reversed(self.present):
-            modulus = layer.material.laplace(s)[..., np.newaxis] ** _DEGREES
-            if math.isinf(layer.thickness):
-                vector = modulus * halfspace_minors(layer.poisson)
-            else:
-                matrix = minors(positive * layer.thickness, layer.poisson)
-                vector = modulus * (matrix @ (vector / modulus)[..., np.newaxis])[..., 0]
-            vector = vector / np.abs(vector[..., 3:4])
-        return np.where(q > 0, positive * (vector[..., 4] / vector[..., 3]), self._confined(s))
-
-    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
-        """Return the relaxing modes at the wavevectors, of any shape.
-
-        They are found once for each magnitude. Modes of the other layers than the uppermost have weight zero
-        where their weights sum to no more than `NEGLIGIBLE` of the relaxed stiffness, and are merged to the
-        `accuracy` of the stack.
-        """
-        q = np.asarray(waves, dtype=float)
-        different, where = np.unique(q, return_inverse=True)
-        found = _spectrum(self, different.tobytes())
-        each = (found.relaxed, found.weights, found.times)
-        relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in each)
-        return Spectrum(relaxed, weights, times, found.error)
-
-    def network(self, q: ArrayLike) -> Network:
-        """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
-        q = np.asarray(q, dtype=float)
-        members, free = self.members(np.where(q > 0, q, 1.0))
-        finite = sum(math.isfinite(layer.thickness) for layer in self.present)
-        return assemble(members, free * q, q, 2 * (finite + (not self.rigid)) - 1)
-
-    def traction_spectrum(self, waves: Wavevectors | ArrayLike) -> TractionSpectrum:
-        """Return the relaxing modes under tractions in all directions, at wavevectors of any shape.
-
-        The modes are those of the network of `spectrum` in which the surface keeps both of its displacements.
-        Where the uppermost layer is deep, they are the branches of its material on a halfspace. The mean of
-        a tangential displacement is fixed but on a rigid base, where the layers are sheared in series.
-        """
-        q = np.asarray(waves, dtype=float)
-        different, where = np.unique(q, return_inverse=True)
-        plane, across = _traction_spectrum(self, different.tobytes())
-        at = where.reshape(q.shape)
-        return TractionSpectrum(
-            VectorSpectrum(plane.relaxed[at], plane.vectors[:, at], plane.times[:, at]),
-            Spectrum(across.relaxed[at, 0, 0], across.vectors[:, at, 0] ** 2, across.times[:, at]),
-        )
-
-    def internal_variables(self, waves: Wavevectors | ArrayLike) -> InternalVariables:
-        """Return the internal variables of all layers at the wavevectors, of any shape."""
-        q = np.ravel(np.asarray(waves, dtype=float))
-        moduli, times = distinct_branches(self.present[0].material)
-        _, free = self.members(np.where(q > 0, q, 1.0))
-        each = np.repeat(times[:, np.newaxis], q.size, axis=1)
-        different, where = np.unique(q, return_inverse=True)
-        network, number = self._coupled(different)
-        own = self.present[0].material.relaxed * free * q
-        relaxed = np.where(number[where] >= 0, own, self.stiffness(q, 0.0))
-        uppermost = Spectrum(relaxed, np.multiply.outer(moduli, free * q), each)
-        laws = tuple(i for i, layer in enumerate(self.layers) if layer.thickness)
-        return InternalVariables(uppermost, network, number[where], laws)
-
-    def _coupled(self, q: FloatArray) -> tuple[Network, IntArray]:
-        """Return the network where it is not negligible, and for each of the q its number there, or -1."""
-        parts, numbers, count = [], np.full(q.size, -1, dtype=np.intp), 0
-        for start in range(0, q.size, _CHUNK):
-            some = q[start : start + _CHUNK]
-            network = self.network(some)
-            felt = (network.force**2).sum(axis=1) > NEGLIGIBLE * self.stiffness(some, 0.0)
-            more = int(np.count_nonzero(felt))
-            numbers[start : start + _CHUNK][felt] = count + np.arange(more)
-            count += more
-            rows = network.free, network.force, network.projection, network.stiffness
-            parts.append([each[felt] for each in rows])
-        free, force, projection, stiffness = (np.concatenate(each) for each in zip(*parts, strict=True))
-        of_elements = network.spring, network.roots, network.times, network.layer
-        return Network(free, force, projection, stiffness, *of_elements), numbers
-
-    def _traction_network(self, q: FloatArray, *, in_plane: bool) -> Network:
-        """Return the network in which the surface moves by (W, U), or across the wave by V."""
-        members, ways = [], 2 if in_plane else 1
-        positive = np.where(q > 0, q, 1.0)
-        for i, layer in enumerate(self.present):
-            if math.isinf(layer.thickness):
-                springs = _deep_springs(layer, q.size, in_plane=in_plane)
-            else:
-                x = positive * layer.thickness
-                springs = layer_springs(x, layer.poisson) if in_plane else shear_springs(x)
-            sheared = layer.thickness if self.rigid else 0.0
-            uniform = (self._confined_compliance(layer), sheared) if in_plane else (sheared,)
-            members.append(Member(springs, layer.material, ways * i, uniform))
-        moving = sum(math.isfinite(layer.thickness) for layer in self.present) + (not self.rigid)
-        return assemble(members, np.zeros(q.size), q, ways * moving, surface=ways, interface=ways)
-
-    def members(self, q: FloatArray) -> tuple[list[Member], FloatArray]:
-        """Springs of each layer, and the stiffness in units of q of the uppermost layer alone."""
-        top, *others = self.present
-        if math.isinf(top.thickness):
-            return [], np.full(q.shape, 1 / (1 - top.poisson))
-        springs, free = surface_springs(q * top.thickness, top.poisson)
-        members = [Member(springs, top.material, 0, (self._confined_compliance(top),))]
-        for i, layer in enumerate(others, 1):
-            if math.isinf(layer.thickness):
-                springs = halfspace_springs(q.size, layer.poisson)
-            else:
-                springs = layer_springs(q * layer.thickness, layer.poisson)
-            uniform = (self._confined_compliance(layer),)
-            members.append(Member(springs, layer.material, 2 * i - 1, uniform))
-        return members, free
-
-    @cached_property
     def present(self) -> tuple[Layer, ...]:
-        """Layers of a thickness."""
-        return tuple(layer for layer in self.layers if layer.thickness)
+        """Those that have a thickness."""
+        ...
 
-    def _confined(self, s: NDArray[Any]) -> NDArray[Any]:
-        """K(q = 0, s): of layers that are compressed one after the other and cannot widen."""
-        each = [self._confined_compliance(layer) / layer.material.laplace(s) for layer in self.present]
-        total = np.asarray(sum(each))
-        return np.asarray(1 / total) if total.all() else np.zeros(np.shape(s))
+    @property
+    def rigid(self) -> bool:
+        """Whether the last layer is bonded to a rigid base; else a finite one is free below."""
+        ...
 
-    def _confined_compliance(self, layer: Layer) -> float:
-        """Compression of a layer by a uniform pressure, for a unit modulus; 0 where it moves as a whole."""
-        if not self.rigid or layer.poisson == 0.5:
-            return 0.0
-        return layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson))
+    @property
+    def accuracy(self) -> float:
+        """Relative error of K(q, s) up to which modes are merged."""
+        ...
+
+
+def stiffness(body: Bonded, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
+    """Return K(q, s), stress per displacement, see `Body`."""
+    q, s = np.broadcast_arrays(np.asarray(waves, dtype=float), np.asarray(s))
+    positive = np.where(q > 0, q, 1.0)
+    vector = np.broadcast_to(_RIGID if body.rigid else _FREE, (*q.shape, 5))
+    for layer in reversed(body.present):
+        modulus = layer.material.laplace(s)[..., np.newaxis] ** _DEGREES
+        if math.isinf(layer.thickness):
+            vector = modulus * halfspace_minors(layer.poisson)
+        else:
+            matrix = minors(positive * layer.thickness, layer.poisson)
+            vector = modulus * (matrix @ (vector / modulus)[..., np.newaxis])[..., 0]
+        vector = vector / np.abs(vector[..., 3:4])
+    return np.where(q > 0, positive * (vector[..., 4] / vector[..., 3]), _confined(body, s))
+
+
+def spectrum(body: Bonded, waves: Wavevectors | ArrayLike) -> Spectrum:
+    """Return the relaxing modes at the wavevectors, of any shape.
+
+    They are found once for each magnitude. Modes of the other layers than the uppermost have weight zero
+    where their weights sum to no more than `NEGLIGIBLE` of the relaxed stiffness, and are merged to the
+    `accuracy` of the stack.
+    """
+    q = np.asarray(waves, dtype=float)
+    different, where = np.unique(q, return_inverse=True)
+    modes = _spectrum(body, different.tobytes())
+    parts = (modes.relaxed, modes.weights, modes.times)
+    relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in parts)
+    return Spectrum(relaxed, weights, times, modes.error)
+
+
+def network_of(body: Bonded, q: ArrayLike) -> Network:
+    """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
+    q = np.asarray(q, dtype=float)
+    members, free = members_of(body, np.where(q > 0, q, 1.0))
+    finite = sum(math.isfinite(layer.thickness) for layer in body.present)
+    return assemble(members, free * q, q, 2 * (finite + (not body.rigid)) - 1)
+
+
+def traction_spectrum(body: Bonded, waves: Wavevectors | ArrayLike) -> TractionSpectrum:
+    """Return the relaxing modes under tractions in all directions, at wavevectors of any shape.
+
+    The modes are those of the network of `spectrum` in which the surface keeps both of its displacements.
+    Where the uppermost layer is deep, they are the branches of its material on a halfspace. The mean of
+    a tangential displacement is fixed but on a rigid base, where the layers are sheared in series.
+    """
+    q = np.asarray(waves, dtype=float)
+    different, where = np.unique(q, return_inverse=True)
+    plane, across = _traction_spectrum(body, different.tobytes())
+    at = where.reshape(q.shape)
+    return TractionSpectrum(
+        VectorSpectrum(plane.relaxed[at], plane.vectors[:, at], plane.times[:, at]),
+        Spectrum(across.relaxed[at, 0, 0], across.vectors[:, at, 0] ** 2, across.times[:, at]),
+    )
+
+
+def internal_variables(body: Bonded, waves: Wavevectors | ArrayLike) -> InternalVariables:
+    """Return the internal variables of all layers at the wavevectors, of any shape."""
+    q = np.ravel(np.asarray(waves, dtype=float))
+    moduli, times = distinct_branches(body.present[0].series)
+    _, free = members_of(body, np.where(q > 0, q, 1.0))
+    rows = np.repeat(times[:, np.newaxis], q.size, axis=1)
+    different, where = np.unique(q, return_inverse=True)
+    network, number = _coupled(body, different)
+    own = body.present[0].series.relaxed * free * q
+    relaxed = np.where(number[where] >= 0, own, stiffness(body, q, 0.0))
+    uppermost = Spectrum(relaxed, np.multiply.outer(moduli, free * q), rows)
+    laws = tuple(i for i, layer in enumerate(body.layers) if layer.thickness)
+    return InternalVariables(uppermost, network, number[where], laws)
+
+
+def _coupled(body: Bonded, q: FloatArray) -> tuple[Network, IntArray]:
+    """Return the network where it is not negligible, and for each of the q its number there, or -1."""
+    parts, numbers, count = [], np.full(q.size, -1, dtype=np.intp), 0
+    for start in range(0, q.size, _CHUNK):
+        some = q[start : start + _CHUNK]
+        network = network_of(body, some)
+        felt = (network.force**2).sum(axis=1) > NEGLIGIBLE * stiffness(body, some, 0.0)
+        more = int(np.count_nonzero(felt))
+        numbers[start : start + _CHUNK][felt] = count + np.arange(more)
+        count += more
+        rows = network.free, network.force, network.projection, network.stiffness
+        parts.append([values[felt] for values in rows])
+    free, force, projection, springs = (np.concatenate(values) for values in zip(*parts, strict=True))
+    of_elements = network.spring, network.roots, network.times, network.layer
+    return Network(free, force, projection, springs, *of_elements), numbers
+
+
+def _traction_network(body: Bonded, q: FloatArray, *, in_plane: bool) -> Network:
+    """Return the network in which the surface moves by (W, U), or across the wave by V."""
+    members, ways = [], 2 if in_plane else 1
+    positive = np.where(q > 0, q, 1.0)
+    for i, layer in enumerate(body.present):
+        if math.isinf(layer.thickness):
+            springs = _deep_springs(layer, q.size, in_plane=in_plane)
+        else:
+            x = positive * layer.thickness
+            springs = layer_springs(x, layer.poisson) if in_plane else shear_springs(x)
+        sheared = layer.thickness if body.rigid else 0.0
+        uniform = (confined_compliance(body, layer), sheared) if in_plane else (sheared,)
+        members.append(Member(springs, layer.series, ways * i, uniform))
+    moving = sum(math.isfinite(layer.thickness) for layer in body.present) + (not body.rigid)
+    return assemble(members, np.zeros(q.size), q, ways * moving, surface=ways, interface=ways)
+
+
+def members_of(body: Bonded, q: FloatArray) -> tuple[list[Member], FloatArray]:
+    """Springs of each layer, and the stiffness in units of q of the uppermost layer alone."""
+    top, *others = body.present
+    if math.isinf(top.thickness):
+        return [], np.full(q.shape, 1 / (1 - top.poisson))
+    springs, free = surface_springs(q * top.thickness, top.poisson)
+    members = [Member(springs, top.series, 0, (confined_compliance(body, top),))]
+    for i, layer in enumerate(others, 1):
+        if math.isinf(layer.thickness):
+            springs = halfspace_springs(q.size, layer.poisson)
+        else:
+            springs = layer_springs(q * layer.thickness, layer.poisson)
+        uniform = (confined_compliance(body, layer),)
+        members.append(Member(springs, layer.series, 2 * i - 1, uniform))
+    return members, free
+
+
+def _confined(body: Bonded, s: NDArray[Any]) -> NDArray[Any]:
+    """K(q = 0, s): of layers that are compressed one after the other and cannot widen."""
+    compliances = [confined_compliance(body, layer) / layer.material.laplace(s) for layer in body.present]
+    total = np.asarray(sum(compliances))
+    return np.asarray(1 / total) if total.all() else np.zeros(np.shape(s))
+
+
+def confined_compliance(body: Bonded, layer: Layer) -> float:
+    """Compression of a layer by a uniform pressure, for a unit modulus; 0 where it moves as a whole."""
+    if not body.rigid or layer.poisson == 0.5:
+        return 0.0
+    return layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson))
 
 
 @lru_cache(maxsize=4)
-def _spectrum(body: LayerStack, wavenumbers: bytes) -> Spectrum:
+def _spectrum(body: Bonded, wavenumbers: bytes) -> Spectrum:
     """Return the spectrum at different wavenumbers; the cases of a sweep mostly share it."""
     q = np.frombuffer(wavenumbers)
-    relaxed = body.stiffness(q, 0.0)
-    moduli, own_times = distinct_branches(body.present[0].material)
+    relaxed = stiffness(body, q, 0.0)
+    moduli, own_times = distinct_branches(body.present[0].series)
     own, local, error = [], [], 0.0
     for start in range(0, q.size, _CHUNK):
-        network = body.network(q[start : start + _CHUNK])
+        network = network_of(body, q[start : start + _CHUNK])
         own.append(np.multiply.outer(moduli, network.free))
         for i, K in enumerate(relaxed[start : start + _CHUNK]):
             if network.force[i] @ network.force[i] > NEGLIGIBLE * K:
@@ -331,35 +277,35 @@ _DEEP = 24.0
 
 
 @lru_cache(maxsize=4)
-def _traction_spectrum(body: LayerStack, wavenumbers: bytes) -> tuple[VectorSpectrum, VectorSpectrum]:
+def _traction_spectrum(body: Bonded, wavenumbers: bytes) -> tuple[VectorSpectrum, VectorSpectrum]:
     """Return the modes over (W, U) and over V at different wavenumbers."""
     q = np.frombuffer(wavenumbers)
     return _traction_modes(body, q, in_plane=True), _traction_modes(body, q, in_plane=False)
 
 
-def _traction_modes(body: LayerStack, q: FloatArray, *, in_plane: bool) -> VectorSpectrum:
+def _traction_modes(body: Bonded, q: FloatArray, *, in_plane: bool) -> VectorSpectrum:
     """Join the modes of the network with those of waves that only the uppermost layer feels."""
     top, ways = body.present[0], 2 if in_plane else 1
     deep = np.ones(q.size, dtype=bool) if math.isinf(top.thickness) else q * top.thickness > _DEEP
     springs = _deep_springs(top, 1, in_plane=in_plane)
     rows = np.sqrt(springs.stiffness[0])[:, np.newaxis] * springs.strains[0]
-    moduli, times = distinct_branches(top.material)
-    relaxed = np.multiply.outer(q * top.material.relaxed, rows.T @ rows)
+    moduli, times = distinct_branches(top.series)
+    relaxed = np.multiply.outer(q * top.series.relaxed, rows.T @ rows)
     own = np.sqrt(np.multiply.outer(moduli, q[deep]))[:, np.newaxis, :, np.newaxis] * rows[:, np.newaxis]
     own_times = np.repeat(times, ways)[:, np.newaxis]
     parts = [(np.flatnonzero(deep), own.reshape(own_times.size, np.count_nonzero(deep), ways), own_times)]
     shallow = np.flatnonzero(~deep)
     for start in range(0, shallow.size, _CHUNK):
         some = shallow[start : start + _CHUNK]
-        network = body._traction_network(q[some], in_plane=in_plane)
+        network = _traction_network(body, q[some], in_plane=in_plane)
         force = network.force if in_plane else network.force[..., np.newaxis]
-        found = vector_spectrum(force, network.coupling, network.times)
-        relaxed[some] = found.relaxed
-        parts.append((some, found.vectors, found.times))
-    count = max(len(each) for _, each, _ in parts)
+        modes = vector_spectrum(force, network.coupling, network.times)
+        relaxed[some] = modes.relaxed
+        parts.append((some, modes.vectors, modes.times))
+    count = max(len(of_waves) for _, of_waves, _ in parts)
     vectors, all_times = np.zeros((count, q.size, ways)), np.ones((count, q.size))
-    for at, each, of_modes in parts:
-        vectors[: len(each), at], all_times[: len(each), at] = each, of_modes
+    for at, of_waves, of_modes in parts:
+        vectors[: len(of_waves), at], all_times[: len(of_waves), at] = of_waves, of_modes
     limit = NEGLIGIBLE * np.trace(relaxed, axis1=1, axis2=2)
     felt = ((vectors**2).sum(axis=2) > limit).any(axis=1)
     return VectorSpectrum(relaxed, vectors[felt], all_times[felt])

@@ -18,13 +18,16 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from gfmdlayer.body.bodies import BODY
 from gfmdlayer.body.continuous import ContinuousLaw
+from gfmdlayer.body.layer import Halfspace, Layer, StackedLayers
+from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Law, Temperature, temperature_problems
+from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.config import sections, sweeps
-from gfmdlayer.config.bodies import BODY, Counterbody, TwoBodies, problems_of_the_counterbody
+from gfmdlayer.config.bodies import Counterbody, layered, problems_of_the_body, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
-from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayers, layered, problems_of_the_body
 from gfmdlayer.config.sections import Output, problems_of_the_inside
 from gfmdlayer.config.trajectory import (
     Trajectory,
@@ -252,13 +255,13 @@ class Config(Section):
             assert self.halfspace is not None
             own = Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
         second = None if self.counterbody is None else self.counterbody.solid
-        return own if second is None else TwoBodies.of(own, second)
+        return own if second is None else Pair(own, second)
 
     @property
     def two_bodies(self) -> bool:
         """Whether a case on a periodic grid follows a body and a counterbody, each with its history."""
         of_one = self.counterbody is None or self.grid.isolated or not self.geometry.on_grid
-        return not of_one and isinstance(self.solid, TwoBodies)
+        return not of_one and isinstance(self.solid, Pair)
 
     @property
     def laws(self) -> tuple[Law, ...]:

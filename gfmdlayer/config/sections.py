@@ -22,9 +22,9 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.body.solid import Place, between_faces, beyond, places
+from gfmdlayer.body.layers import Layers, thicknesses
+from gfmdlayer.body.solid import LayerDepth, between_faces, beyond, places
 from gfmdlayer.config.geometries import GEOMETRIES
-from gfmdlayer.config.layers import Layers, thicknesses
 from gfmdlayer.contact.solvers import AUTO, SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -336,7 +336,7 @@ class Inside(Section):
         for key, values in (("depths", self.depths), ("times", self.times)):
             yield from not_increasing((key,), values or (), key, key)
 
-    def places(self, solid: Solid, period: Sequence[float]) -> list[Place]:
+    def places(self, solid: Solid, period: Sequence[float]) -> list[LayerDepth]:
         """Return the places in a body of layers; a depth at an interface has two."""
         layers = thicknesses(solid)
         depths = self.depths

@@ -20,8 +20,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import shifts
-from gfmdlayer.config.layers import Layers
 from gfmdlayer.config.sections import MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.interface import FrictionLaw

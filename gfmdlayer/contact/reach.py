@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.body.isolated import Isolated, period_for
+from gfmdlayer.body.isolated import IsolatedBody, period_for
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.resumable import Saving
 
@@ -28,7 +28,7 @@ class Reach(Saving):
 
     KEPT = ("origin", "support")
 
-    def __init__(self, grid: Grid, body: Isolated) -> None:
+    def __init__(self, grid: Grid, body: IsolatedBody) -> None:
         self._grid, self._body = grid, body
         angles = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
         surface = len(grid.period) == 2

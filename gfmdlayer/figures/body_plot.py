@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config, load
-from gfmdlayer.config.layers import Layers
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
 from gfmdlayer.programme import Programme
@@ -116,10 +116,10 @@ def _response_figure(config: Config, style: Style, title: str) -> Figure:
 
 
 def _blocks(body: Layers) -> list[Block]:
-    several, base = len(body.layers) > 1, body.base
+    several, base = len(body.above) > 1, body.base
     blocks = [
         Block(f"layer {i}" if several else "layer", layer.thickness, layer.material, layer.material.unit)
-        for i, layer in enumerate(body.layers, 1)
+        for i, layer in enumerate(body.above, 1)
         if layer.thickness
     ]
     if blocks and math.isinf(blocks[-1].thickness):
@@ -138,7 +138,7 @@ def _draw_section(axes: Axes, config: Config, body: Layers, blocks: list[Block],
         max(block.thickness / total, LEAST_HEIGHT) if math.isfinite(block.thickness) else BASE_HEIGHT
         for block in blocks
     ]
-    poissons = [layer.poisson for layer in body.layers if layer.thickness] + [body.base.poisson]
+    poissons = [layer.poisson for layer in body.present]
     logarithms = np.log([block.modulus for block in blocks])
     span = float(np.ptp(logarithms)) or 1.0
     top = 0.0

@@ -56,7 +56,7 @@ _ALIGNED = 64  # bytes
 _INT, _POINTER = ctypes.c_int, ctypes.c_void_p
 
 
-class _Axis(ctypes.Structure):
+class _FftwAxis(ctypes.Structure):
     """fftw_iodim: points and both strides of an axis."""
 
     _fields_ = (("n", _INT), ("input", _INT), ("output", _INT))
@@ -65,7 +65,7 @@ class _Axis(ctypes.Structure):
 _PLANNER = (_POINTER, [_INT, ctypes.POINTER(_INT), _POINTER, _POINTER, ctypes.c_uint])
 _LAYOUT = [_POINTER, ctypes.POINTER(_INT), _INT, _INT]  # array, embedding, stride and distance
 _MANY = [_INT, ctypes.POINTER(_INT), _INT, *_LAYOUT, *_LAYOUT]
-_AXES = [_INT, ctypes.POINTER(_Axis)]
+_AXES = [_INT, ctypes.POINTER(_FftwAxis)]
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "plan_dft_r2c": _PLANNER,
     "plan_dft_c2r": _PLANNER,
@@ -134,8 +134,8 @@ def column_plans(shape: tuple[int, int], block: int, threads: int, single: bool)
     count, width = shape
     spectrum, columns = aligned(2 * count * width, single), aligned(2 * count * block, single)
     there = spectrum.ctypes.data, columns.ctypes.data
-    along, across = (_Axis * 1)(_Axis(count, width, 1)), (_Axis * 1)(_Axis(block, 1, count))
-    back = (_Axis * 2)(_Axis(count, 1, width), _Axis(block, count, 1))
+    along, across = (_FftwAxis * 1)(_FftwAxis(count, width, 1)), (_FftwAxis * 1)(_FftwAxis(block, 1, count))
+    back = (_FftwAxis * 2)(_FftwAxis(count, 1, width), _FftwAxis(block, count, 1))
     with _planning(single, threads if count * width >= WORTH_THREADS else 1) as fftw:
         forward, backward = (
             _made(fftw.plan_guru_dft(1, along, 1, across, *there, sign, _ESTIMATE)) for sign in (-1, 1)

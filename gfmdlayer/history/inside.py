@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.body.inside import Inside, alike
+from gfmdlayer.body.inside import StackFields, alike
+from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.relaxation import Spectrum, distinct_branches
-from gfmdlayer.body.solid import Place
-from gfmdlayer.body.stack import LayerStack
+from gfmdlayer.body.solid import LayerDepth
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.errors import Integrator
 from gfmdlayer.history.modes import Modes
@@ -41,7 +41,7 @@ SURFACE = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 STRESSES = frozenset(name for name in SURFACE if len(name) == 2)
 
 
-class Springs(NamedTuple):
+class SpringFields(NamedTuple):
     """Transforms of the strains and the forces of all springs, downward, (springs, nq)."""
 
     strains: ComplexArray
@@ -49,23 +49,23 @@ class Springs(NamedTuple):
 
 
 class Interior:
-    """The fields below the surface of a stack; `modes` is the `spectrum` of the integrator's body."""
+    """The fields below the surface of layers; `modes` is the `spectrum` of the integrator's body."""
 
     def __init__(
         self,
-        stack: LayerStack,
+        body: Layers,
         grid: Grid,
-        places: Sequence[Place],
+        places: Sequence[LayerDepth],
         modes: Callable[[FloatArray], Spectrum] | None = None,
     ) -> None:
         self.grid, self.places, self._modes = grid, places, modes
-        self.relaxes_alike = alike([layer.material for layer in stack.present])
+        self.relaxes_alike = alike([layer.material for layer in body.present])
         waves = grid.waves
         size = np.ravel(waves.magnitude)
         self._at_mean = np.flatnonzero(size == 0)
         different, where = np.unique(size, return_inverse=True)
         self._where: IntArray = where.ravel()
-        self.inside = Inside(stack, different)
+        self.inside = StackFields(body, different)
         axes = len(grid.points)
         q = np.stack([np.ravel(waves.qx), np.ravel(waves.qy)])[:axes]
         largest = np.pi * np.divide(grid.points, grid.period)[:, np.newaxis]
@@ -77,25 +77,25 @@ class Interior:
         """Names of the fields: one letter for a displacement, two for a stress."""
         return LINE if len(self.grid.points) == 1 else SURFACE
 
-    def springs(self, integrator: Integrator, p: ComplexArray) -> Springs:
+    def springs(self, integrator: Integrator, p: ComplexArray) -> SpringFields:
         """Return the springs after the last step of an integrator, and for this pressure."""
         if self.relaxes_alike:
             return self.of_surface(integrator.u, p)
         assert isinstance(integrator, Modes)
         return self.of_history(integrator, p)
 
-    def of_surface(self, u: ComplexArray, p: ComplexArray) -> Springs:
+    def of_surface(self, u: ComplexArray, p: ComplexArray) -> SpringFields:
         """Return the springs of layers that relax alike, for displacement (upward) and pressure."""
         strains, forces = (each[:, self._where] for each in self.inside.alike())
-        return self._with_mean(Springs(strains * -u, forces * p), p)
+        return self._with_mean(SpringFields(strains * -u, forces * p), p)
 
-    def of_history(self, integrator: Modes, p: ComplexArray) -> Springs:
+    def of_history(self, integrator: Modes, p: ComplexArray) -> SpringFields:
         """Return the springs of layers that relax by different laws."""
         inside, u, y = self.inside, integrator.u, integrator.stretches
-        found = Springs(*(each[:, self._where] * -u for each in inside.relaxed))
+        found = SpringFields(*(each[:, self._where] * -u for each in inside.relaxed))
         scale, every = (inside.q * inside.stiffness[0])[self._where], np.arange(u.size)
         network = isinstance(integrator, StackModes)
-        moduli, taus = distinct_branches(inside.stack.present[0].material)
+        moduli, taus = distinct_branches(inside.body.present[0].series)
         for k, (G, tau) in enumerate(zip(moduli, taus, strict=True)):
             each = np.full((inside.q.size, 1), tau)
             rows = np.full(each.shape, k) if network else self._nearest.rows(np.arange(len(each)), each)
@@ -118,12 +118,12 @@ class Interior:
         """Numbers of the modes of the memory."""
         return self._nearest.rows(self.inside.memory.waves, self.inside.memory.times)
 
-    def _with_mean(self, springs: Springs, p: ComplexArray) -> Springs:
+    def _with_mean(self, springs: SpringFields, p: ComplexArray) -> SpringFields:
         """Keep the mean pressure as the force of the first spring, which has none of its own."""
         springs.forces[0, self._at_mean] = p[self._at_mean]
         return springs
 
-    def _add_memory(self, springs: Springs, y: ComplexArray) -> None:
+    def _add_memory(self, springs: SpringFields, y: ComplexArray) -> None:
         """Add the parts of the stretches y, (modes, nq), where they count."""
         memory, rows = self.inside.memory, self._rows
         number = np.full(self.inside.q.size, -1)
@@ -138,7 +138,7 @@ class Interior:
             springs.forces[1:, at] -= np.einsum("nsm,nm->sn", memory.forces[of], stretch)
 
     def at(
-        self, springs: Springs, place: Place, names: Collection[str] | None = None
+        self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
     ) -> dict[str, FloatArray]:
         """Return the fields at a place by name, each of the grid's shape; default: all fields."""
         depth, number = place
@@ -147,7 +147,7 @@ class Interior:
         spectra = np.empty((len(self.names), self._where.size), dtype=np.complex128)
         superpose(T, self._where, springs.strains[own], springs.forces[own], self._n, self._odd, spectra)
         if (at := self._at_mean).size:
-            p, nu = springs.forces[0, at], self.inside.stack.present[number].poisson
+            p, nu = springs.forces[0, at], self.inside.body.present[number].poisson
             lateral = -nu / (1 - nu) * p
             means = {"z": self._sunk(springs, depth), "zz": -p, "xx": lateral, "yy": lateral}
             for name, spectrum in zip(self.names, spectra, strict=True):
@@ -159,7 +159,7 @@ class Interior:
             if names is None or name in names
         }
 
-    def recorded(self, springs: Springs) -> dict[str, NDArray[Any]]:
+    def recorded(self, springs: SpringFields) -> dict[str, NDArray[Any]]:
         """Return the fields of a snapshot, (places, *grid), and where they are needed the springs."""
         shape = len(self.places), *self.grid.shape
         found: dict[str, NDArray[Any]] = {
@@ -177,11 +177,11 @@ class Interior:
                 found[f"spring_{each}"] = np.array(fields_of)
         return found
 
-    def _sunk(self, springs: Springs, depth: float) -> ComplexArray:
+    def _sunk(self, springs: SpringFields, depth: float) -> ComplexArray:
         """Return the mean displacement at a depth, downward."""
         at, inside = self._at_mean, self.inside
         down = springs.strains[0, at]
-        for i, top, layer in zip(inside.firsts, inside.tops, inside.stack.present, strict=False):
+        for i, top, layer in zip(inside.firsts, inside.tops, inside.body.present, strict=False):
             if depth > top:
                 down = down - min((depth - top) / layer.thickness, 1.0) * springs.strains[i, at]
         return np.asarray(down)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.inside import alike, stack_of
-from gfmdlayer.body.materials import Elastic, Law
-from gfmdlayer.body.solid import Place, beyond, places
-from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.inside import alike
+from gfmdlayer.body.layers import Layers
+from gfmdlayer.body.materials import Elastic
+from gfmdlayer.body.solid import LayerDepth, beyond, places
 from gfmdlayer.config import ConfigError
-from gfmdlayer.config.layers import Layers
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history.inside import INVARIANTS, Interior, Springs, invariants, named
+from gfmdlayer.history.inside import INVARIANTS, Interior, SpringFields, invariants, named
 from gfmdlayer.interactive.one_contact import config_of, derived, numbers_in
 from gfmdlayer.results.schema import VARIABLES
 from gfmdlayer.validation.problems import shown
@@ -78,13 +76,13 @@ def inside(
     """
     axes = _checked(data)
     has_springs = "spring_force" in data and body is None
-    stack = _stack(body, data, known=has_springs)
-    rows = _places(stack, depths)
+    layers = _layers(body, data, known=has_springs)
+    rows = _places(layers, depths)
     leads = [str(name) for name in data["pressure"].dims if name not in axes]
     steps = [float(data[name][1] - data[name][0]) for name in axes]
     sizes = tuple(data.sizes[name] for name in axes)
     grid = Grid(sizes, tuple(n * h for n, h in zip(sizes, steps, strict=True)))
-    interior = Interior(stack, grid, rows)
+    interior = Interior(layers, grid, rows)
 
     def waves(name: str, *among: str) -> ComplexArray:
         """Return the transforms of a field, (*leads, [springs,] nq)."""
@@ -100,7 +98,7 @@ def inside(
     else:
         u, p = waves("displacement"), waves("pressure")
     for at in np.ndindex(shape):
-        springs = Springs(strains[at], forces[at]) if has_springs else interior.of_surface(u[at], p[at])
+        springs = SpringFields(strains[at], forces[at]) if has_springs else interior.of_surface(u[at], p[at])
         for row, place in enumerate(rows):
             fields = interior.at(springs, place)
             for name, field in (fields | invariants(fields)).items():
@@ -136,7 +134,7 @@ def _checked(data: xarray.Dataset) -> list[str]:
     return [name for name in ("x", "y") if name in data["pressure"].dims]
 
 
-def _stack(body: object, data: xarray.Dataset, *, known: bool) -> LayerStack:
+def _layers(body: object, data: xarray.Dataset, *, known: bool) -> Layers:
     """Return layers whose moduli count only relative to each other; ConfigError where none determine it.
 
     `known`: the data have the springs of the layers, which determine the stresses whatever the laws.
@@ -144,51 +142,32 @@ def _stack(body: object, data: xarray.Dataset, *, known: bool) -> LayerStack:
     if body is None:
         if (config := config_of(data)) is None:
             raise ConfigError(["body: missing; data has no configuration that names it; give body"])
-        if not isinstance(config.solid, Layers):
-            raise ConfigError(
-                [f"body: got {type(config.solid).__name__}; inside needs layers without a counterbody"]
-            )
-        base = config.solid.base
-        parts: list[tuple[float, float, Law]] = [
-            (layer.thickness, layer.poisson, layer.material) for layer in config.solid.layers
-        ]
-        rigid, below = base.shear_modulus == math.inf, base.material
-        if below is None and base.shear_modulus and not rigid:
-            below = Elastic(base.shear_modulus)
-        if below is not None:
-            parts.append((math.inf, base.poisson, below))
-    elif (stack := stack_of(body)) is not None:
-        rigid, parts = (
-            stack.rigid,
-            [(layer.thickness, layer.poisson, layer.material) for layer in stack.layers],
-        )
+        body, needs = config.solid, "layers without a counterbody"
     else:
-        raise ConfigError([f"body: got {type(body).__name__}; inside needs a LayerStack or one layer"])
-    parts = [part for part in parts if part[0] > 0]
-    deep = [i for i, part in enumerate(parts) if math.isinf(part[0])]
-    parts = parts[: deep[0] + 1] if deep else parts
-    laws = [law for *_, law in parts]
+        needs = "a LayerStack or one layer"
+    if not isinstance(body, Layers):
+        raise ConfigError([f"body: got {type(body).__name__}; inside needs {needs}"])
+    laws = [layer.material for layer in body.present]
     if known or all(law == laws[0] for law in laws):
-        laws = [Elastic(1.0)] * len(laws)
-    elif not alike(laws):
+        return Layers([layer.with_law(Elastic(1.0)) for layer in body.present], body.rigid)
+    if not alike(laws):
         raise ConfigError(
             [
                 "body: its layers relax by different laws, and displacement and pressure of the surface do "
                 "not determine the stresses below; set output.inside in the configuration and run it again"
             ]
         )
-    layers = tuple(Layer(d, nu, law) for (d, nu, _), law in zip(parts, laws, strict=True))  # type: ignore[arg-type]
-    return LayerStack(layers, rigid=rigid and not deep)
+    return body
 
 
-def _places(stack: LayerStack, depths: Sequence[float] | FloatArray) -> list[Place]:
+def _places(body: Layers, depths: Sequence[float] | FloatArray) -> list[LayerDepth]:
     """Return depth and number of the layer of each row; a depth at an interface has two."""
     z = numbers_in(depths)
     if z.ndim != 1 or not z.size or not np.isfinite(z).all() or (z < 0).any():
         raise ConfigError([f"depths: got {shown(depths)}; must be numbers >= 0, finite"])
     if (np.diff(z) <= 0).any():
         raise ConfigError([f"depths: got {shown(depths)}; must increase"])
-    thicknesses = [layer.thickness for layer in stack.present]
+    thicknesses = [layer.thickness for layer in body.present]
     if (row_and_thickness := beyond(thicknesses, z.tolist())) is not None:
         i, whole = row_and_thickness
         raise ConfigError([f"depths: got {z[i]:g}; must be at most {whole:g}, the body's thickness"])

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.solid import DEPTH_PAIRS, Place
-from gfmdlayer.config.layers import interfaces
+from gfmdlayer.body.layers import interfaces
+from gfmdlayer.body.solid import DEPTH_PAIRS, LayerDepth
 from gfmdlayer.observables.observable import Column, Observed, Places, Value, declared
 from gfmdlayer.observables.transport import Every
 
@@ -67,7 +67,7 @@ class InsideColumns(Every):
         assert asked.every is not None
         super().__init__(case, asked.every)
         self._interior = case.interior
-        self._interfaces = [Place(depth, i) for i, depth in enumerate(interfaces(config.solid))]
+        self._interfaces = [LayerDepth(depth, i) for i, depth in enumerate(interfaces(config.solid))]
 
     def measure(self, step: Step) -> Mapping[str, Value]:
         """Return the largest stresses."""

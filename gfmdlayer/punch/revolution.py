@@ -48,7 +48,7 @@ class OfRevolution(Protocol):
 
 def of_pieces(knots: ArrayLike, constant: ArrayLike, linear: ArrayLike, rim: float = math.inf) -> Revolution:
     """Return the profile of slope h'(r) = constant + linear r in pieces from each knot on, up to the rim."""
-    arrays = (np.array(each, dtype=float) for each in (knots, constant, linear))
+    arrays = (np.array(values, dtype=float) for values in (knots, constant, linear))
     return Revolution(float(rim), 0.0, *arrays)
 
 

@@ -127,10 +127,10 @@ def _phases(grid: Grid, seed: int) -> ComplexArray:
         return np.asarray(np.exp(2j * np.pi * np.random.default_rng(seed).random(grid.spectral_shape[-1])))
     waves = np.rint(np.fft.fftfreq(grid.points[0], 1 / grid.points[0])).astype(int)
     order = 2 * np.abs(waves) - (waves > 0)
-    found = np.empty(grid.spectral_shape, dtype=np.complex128)
+    phases = np.empty(grid.spectral_shape, dtype=np.complex128)
     for k, j in enumerate(grid.waves_y):
         turns = np.random.default_rng((seed, j)).random(grid.points[0] + 1)[order]
-        found[:, k] = np.exp(2j * np.pi * turns)
+        phases[:, k] = np.exp(2j * np.pi * turns)
     if grid.ranks.first:
-        found[waves < 0, 0] = found[-waves[waves < 0], 0].conj()
-    return found
+        phases[waves < 0, 0] = phases[-waves[waves < 0], 0].conj()
+    return phases

@@ -100,13 +100,13 @@ class Analytic(Shape):
 
     def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Mistake]:
         """Yield the first reason for which the punch does not fit, as one of `counts` along each axis."""
-        found = self._misplaced(len(cell.points))
+        misfit = self._misplaced(len(cell.points))
         for axis, (length, count) in enumerate(zip(cell.period, counts, strict=False)):
             part = "the period" if count == 1 else f"the period over {count}"
             words = f"{part} in {'xy'[axis]}, {length / count!r}"
-            found = found or self.misfit(Extent(axis, length / count, words))
-        if found:
-            yield found
+            misfit = misfit or self.misfit(Extent(axis, length / count, words))
+        if misfit:
+            yield misfit
 
     def _misplaced(self, axes: int) -> Mistake | None:
         """Refuse values for two directions on a line, and a shape that is flat in both directions."""
@@ -117,7 +117,7 @@ class Analytic(Shape):
             if isinstance(value, tuple) and axes == 1:
                 message = f"got {shown(value)}; must be one number, or grid.points two numbers"
                 return Mistake((key,), message)
-            if isinstance(value, tuple) and all(each in {0, math.inf} for each in value):
+            if isinstance(value, tuple) and all(part in {0, math.inf} for part in value):
                 message = f"got {shown(value)}, which makes the punch flat; one must be > 0 and finite"
                 return Mistake((key,), message)
         return None

@@ -48,7 +48,7 @@ class Array(Shape):
         axes = len(cell.points)
         if len(self.counts) in {1, axes}:
             counts = self.counts * (axes // len(self.counts))
-            yield from (each.within(("element",)) for each in self.element.misfits(cell, counts))
+            yield from (mistake.within(("element",)) for mistake in self.element.misfits(cell, counts))
         else:
             wanted = f"one number, or one for each of the {axes} directions" if axes > 1 else "one number"
             yield Mistake(("counts",), f"got {len(self.counts)} numbers; must be {wanted}")

@@ -346,7 +346,7 @@ class BluntedCone(Analytic):
 
 
 class _Rimmed(Shape):
-    """An indenter that ends at a rim; it has no height beyond."""
+    """An indenter that ends at a rim, beyond which it has no height."""
 
     def heights(self, grid: Grid) -> FloatArray:
         """Heights on a periodic grid: refused by `misfits`, and here."""

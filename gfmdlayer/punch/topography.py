@@ -52,8 +52,8 @@ def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid |
     reader = _READERS.get(file.suffix.lower(), _by_surface_topography)
     if dataset is not None and reader is not _labelled:
         raise TableError(f"{file}: is no HDF5 or netCDF file; dataset must be left out")
-    found = reader(file, axes, dataset, rows)
-    shape = found.shape or found.values.shape
+    heights = reader(file, axes, dataset, rows)
+    shape = heights.shape or heights.values.shape
     if grid is not None and not grid.is_whole and shape != grid.points:
         raise TableError(f"{file}: holds {times(shape)} heights; must be {times(grid.points)}, as the grid")
     if len(shape) != axes:
@@ -62,8 +62,8 @@ def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid |
     if min(shape) < 2:
         row = "a single height" if max(shape) < 2 else f"a single row of {max(shape)} heights"
         raise TableError(f"{file}: holds {row}; must be at least two along each axis")
-    _refuse(file, found.values, np.abs(found.values) > LARGEST)
-    return found
+    _refuse(file, heights.values, np.abs(heights.values) > LARGEST)
+    return heights
 
 
 def read_profile(file: Path, grid: Grid, *, outward: bool = False) -> FloatArray:
@@ -72,11 +72,11 @@ def read_profile(file: Path, grid: Grid, *, outward: bool = False) -> FloatArray
     # by L/n. The lowest height touches first, or the highest where heights are counted outward.
     if grid.is_whole:
         npy = file.suffix == ".npy"
-        found = _array(file, 0, None, slice(None)).values if npy else _read_line(file, grid)
+        heights = _array(file, 0, None, slice(None)).values if npy else _read_line(file, grid)
     else:
-        found = read_heights(file, len(grid.points), None, grid).values
-    found = fitting(file, found, grid.shape) * (-1.0 if outward else 1.0)
-    return np.asarray(found - grid.ranks.minimum(float(found.min())))
+        heights = read_heights(file, len(grid.points), None, grid).values
+    heights = fitting(file, heights, grid.shape) * (-1.0 if outward else 1.0)
+    return np.asarray(heights - grid.ranks.minimum(float(heights.min())))
 
 
 def fitting(source: Path | str, heights: FloatArray, shape: tuple[int, ...]) -> FloatArray:
@@ -108,26 +108,26 @@ def _array(file: Path, _axes: int, _dataset: str | None, rows: slice) -> Heights
     try:
         if mapped is None:
             with file.open("rb") as stream:
-                found = np.load(stream, allow_pickle=False)
+                array = np.load(stream, allow_pickle=False)
         else:
-            found = np.load(file, mapped, allow_pickle=False)
+            array = np.load(file, mapped, allow_pickle=False)
     except (ValueError, OSError, EOFError, OverflowError) as error:
         raise TableError(f"{file}: is not a NumPy array file ({error})") from error
     except MemoryError as error:
         raise TableError(f"{file}: its header names more numbers than memory holds ({error})") from error
-    if not (isinstance(found, np.ndarray) and found.dtype.kind in "fiu"):
+    if not (isinstance(array, np.ndarray) and array.dtype.kind in "fiu"):
         raise TableError(f"{file}: must hold one array of real numbers")
-    values = found[rows] if found.ndim else found
-    return Heights(values.astype(np.float64), None, found.shape)
+    values = array[rows] if array.ndim else array
+    return Heights(values.astype(np.float64), None, array.shape)
 
 
 def _text(file: Path, axes: int, _dataset: str | None, _rows: slice) -> Heights:
-    found = read_matrix(file)
+    matrix = read_matrix(file)
     if axes == 2:
-        return Heights(found)
-    if found.shape[1] != 2:
-        raise TableError(f"{file}: holds {found.shape[1]} columns; must be two, x and height, on a line")
-    x, heights = found.T
+        return Heights(matrix)
+    if matrix.shape[1] != 2:
+        raise TableError(f"{file}: holds {matrix.shape[1]} columns; must be two, x and height, on a line")
+    x, heights = matrix.T
     return Heights(np.ascontiguousarray(heights), (_length(file, "x", x),))
 
 
@@ -158,12 +158,12 @@ def _labelled(file: Path, axes: int, dataset: str | None, rows: slice) -> Height
             with h5py.File(file, locking=False) as h5:
                 open_group(file, h5, group)
             options["driver_kwds"] = {"locking": False}
-        with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as found:
-            chosen = _chosen(file, found, axes, name)
+        with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as opened:
+            chosen = _chosen(file, opened, axes, name)
             if set(chosen.dims) == {"x", "y"}:
                 chosen = chosen.transpose("x", "y")
             values = chosen[rows].to_numpy().astype(np.float64)
-            coordinates = {str(dim): found[dim].to_numpy() for dim in chosen.dims if dim in found.coords}
+            coordinates = {str(dim): opened[dim].to_numpy() for dim in chosen.dims if dim in opened.coords}
     except TableError:
         raise
     except Exception as error:  # a damaged file can fail anywhere in its libraries, with any exception
@@ -174,20 +174,24 @@ def _labelled(file: Path, axes: int, dataset: str | None, rows: slice) -> Height
     return Heights(values, lengths, chosen.shape)
 
 
-def _chosen(file: Path, found: Any, axes: int, name: str) -> Any:
+def _chosen(file: Path, data: Any, axes: int, name: str) -> Any:
     """Return the variable of an xarray.Dataset by name, or the only one of numbers on these axes."""
     if name:
-        if name not in found:
-            known = ", ".join(map(str, found.data_vars)) or "none"
+        if name not in data:
+            known = ", ".join(map(str, data.data_vars)) or "none"
             raise TableError(f"{file}: has no dataset {name!r} there; known: {known}")
-        return found[name]
-    fit = [key for key, each in found.data_vars.items() if each.ndim == axes and each.dtype.kind in "fiu"]
+        return data[name]
+    fit = [
+        key
+        for key, variable in data.data_vars.items()
+        if variable.ndim == axes and variable.dtype.kind in "fiu"
+    ]
     if len(fit) != 1:
         listed = f": {', '.join(map(str, fit))}" if fit else ""
         raise TableError(
             f"{file}: holds {len(fit)} datasets of numbers on {axes} axes{listed}; dataset must name one"
         )
-    return found[fit[0]]
+    return data[fit[0]]
 
 
 def _by_surface_topography(file: Path, _axes: int, _dataset: str | None, _rows: slice) -> Heights:
@@ -200,9 +204,9 @@ def _by_surface_topography(file: Path, _axes: int, _dataset: str | None, _rows: 
         ) from None
     try:
         with open_topography(str(file)) as reader:
-            found = reader.topography()
-            values = np.ma.filled(np.ma.asarray(found.heights(), dtype=np.float64), np.nan)
-            return Heights(values, tuple(map(float, found.physical_sizes)))
+            topography = reader.topography()
+            values = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
+            return Heights(values, tuple(map(float, topography.physical_sizes)))
     except Exception as error:  # its readers raise exceptions of any kind
         raise TableError(f"{file}: SurfaceTopography cannot read it ({error})") from error
 
@@ -233,10 +237,10 @@ def check_lengths(
     file: Path, lengths: tuple[float, ...] | None, unit: float, period: tuple[float, ...]
 ) -> None:
     """Raise a TableError if the measured cell and the period differ by more than a thousandth."""
-    found = tuple(unit * length for length in lengths or ())
-    if found and not np.allclose(found, period, rtol=1e-3, atol=0):
+    own = tuple(unit * length for length in lengths or ())
+    if own and not np.allclose(own, period, rtol=1e-3, atol=0):
         raise TableError(
-            f"{file}: is {_lengths(found)} long (with unit = {unit:g}), but grid.period is "
+            f"{file}: is {_lengths(own)} long (with unit = {unit:g}), but grid.period is "
             f"{_lengths(period)}; must agree within a thousandth"
         )
 
@@ -269,8 +273,8 @@ def tapered(heights: FloatArray, part: float, grid: Grid) -> tuple[FloatArray, s
         return heights, ""
     from scipy.signal.windows import tukey
 
-    each = grid.own_rows([tukey(n, part, sym=False) for n in grid.points])
-    windows = np.meshgrid(*each, indexing="ij", sparse=True)
+    by_axis = grid.own_rows([tukey(n, part, sym=False) for n in grid.points])
+    windows = np.meshgrid(*by_axis, indexing="ij", sparse=True)
     faded = heights - grid.ranks.mean(heights)
     for window in windows:
         faded = faded * window
@@ -300,19 +304,19 @@ def resampled(file: Path, heights: FloatArray, shape: tuple[int, ...], method: s
         )
     from scipy.signal import resample
 
-    found = heights
+    fine = heights
     for axis, n in enumerate(shape):
-        found = resample(found, n, axis=axis)
+        fine = resample(fine, n, axis=axis)
     done = f"resampled from {times(heights.shape)} to {times(shape)} points by the Fourier series"
-    return found, f"{done}; {_change(heights, found)}"
+    return fine, f"{done}; {_change(heights, fine)}"
 
 
 def without_trend(heights: FloatArray, grid: Grid, *, curved: bool) -> FloatArray:
     """Subtract the mean and the plane, or the paraboloid, of least squares."""
     # On a whole grid the mean, the slopes, the squares without their means and the product of centred
     # coordinates are orthogonal, so each is taken off by itself.
-    each = grid.own_rows([np.arange(n, dtype=np.float64) - (n - 1) / 2 for n in grid.points])
-    axes = np.meshgrid(*each, indexing="ij", sparse=True)
+    by_axis = grid.own_rows([np.arange(n, dtype=np.float64) - (n - 1) / 2 for n in grid.points])
+    axes = np.meshgrid(*by_axis, indexing="ij", sparse=True)
     shapes = list(axes)
 
     def average(values: FloatArray) -> float:
@@ -388,9 +392,9 @@ def outward_heights(punch: ArrayLike | Callable[..., ArrayLike], grid: Grid) -> 
 def numbers(heights: ArrayLike) -> FloatArray:
     """Return heights as an array of numbers; ConfigError if they are not real numbers."""
     try:
-        found = np.asarray(heights)
+        values = np.asarray(heights)
     except ValueError as error:  # rows of different lengths
         raise ConfigError([f"punch: {error}; must be an array of real numbers"]) from None
-    if found.dtype.kind not in "fiu":
-        raise ConfigError([f"punch: got an array of type {found.dtype}; must be real numbers"])
-    return found.astype(np.float64)
+    if values.dtype.kind not in "fiu":
+        raise ConfigError([f"punch: got an array of type {values.dtype}; must be real numbers"])
+    return values.astype(np.float64)

@@ -34,7 +34,7 @@ from gfmdlayer.results.schema import BELOW, FIELDS, VARIABLES, ResultsError
 if TYPE_CHECKING:
     import xarray
 
-    from gfmdlayer.body.solid import Place
+    from gfmdlayer.body.solid import LayerDepth
     from gfmdlayer.grid.grid import Grid
 
 HELD = 1 << 24  # bytes in memory at most, before they are written
@@ -287,7 +287,7 @@ class Recording:
         columns: Sequence[Column],
         attributes: Mapping[str, str | float],
         unit: Callable[[str], str] = str,
-        places: Sequence[Place] = (),
+        places: Sequence[LayerDepth] = (),
     ) -> xarray.Dataset:
         """Return the results as `open_case` gives them; `places` are those below the surface."""
         import xarray
@@ -333,7 +333,7 @@ class Recording:
         return found
 
     def _below(
-        self, lengths: Mapping[str, int], known: Mapping[str, Column], places: Sequence[Place]
+        self, lengths: Mapping[str, int], known: Mapping[str, Column], places: Sequence[LayerDepth]
     ) -> dict[str, Any]:
         """Return the fields below the surface, NaN in the snapshots that have none."""
         found: dict[str, Any] = {}

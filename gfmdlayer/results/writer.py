@@ -47,7 +47,7 @@ from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import BELOW, FIELDS, SNAPSHOT_FIELDS, VARIABLES, described_key
 
 if TYPE_CHECKING:
-    from gfmdlayer.body.solid import Place
+    from gfmdlayer.body.solid import LayerDepth
 
 # The template of a case file: all variables without their values.
 #
@@ -139,7 +139,7 @@ class CaseWriter:
         elapsed: float = 0.0,
         unit: Callable[[str], str] = str,
         swept: Mapping[str, object] = MappingProxyType({}),
-        places: Sequence[Place] = (),
+        places: Sequence[LayerDepth] = (),
     ) -> None:
         self.path, self._places = Path(path), places
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import (
     ALONE,

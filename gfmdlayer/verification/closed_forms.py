@@ -9,9 +9,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
 from gfmdlayer.body.materials import Zener
-from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, difference, run
 from gfmdlayer.verification.theory import (

@@ -13,10 +13,9 @@ import numpy as np
 from scipy.special import erfcx
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
 from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
-from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
-from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.body.shifts import WLF
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.modes import SCHEMES, Modes

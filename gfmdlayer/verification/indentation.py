@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.closed_form import LayeredHalfspace
 from gfmdlayer.body.isolated import TOLERANCE
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.layers import ViscoelasticLayer
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.indentation.indent import IsolatedIndentation
 from gfmdlayer.indentation.solve import Edge, History, follow, on_steps

@@ -8,9 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.body.layer import Layer
+from gfmdlayer.body.layers import LayerStack
 from gfmdlayer.body.materials import Elastic, Prony
 from gfmdlayer.body.shifts import WLF, Arrhenius
-from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.verification.rows import Convergence, Row

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray
-from gfmdlayer.body.body import bonded_layer, halfspace
+from gfmdlayer.body.layers import bonded_layer, halfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.interactive.solve import solve

@@ -13,8 +13,8 @@ from tempfile import NamedTemporaryFile
 import numpy as np
 from benchmarks.common import Cell, Effort, Table, cpu_seconds
 
-from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace
+from gfmdlayer.body.layers import ViscoelasticLayer
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate, warm_up

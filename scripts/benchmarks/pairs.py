@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.common import METHODS, STEP, Cell, Effort, Table, default_case, run
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.body import halfspace
+from gfmdlayer.body.layers import halfspace
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.contact.prediction import DisplacementPrediction

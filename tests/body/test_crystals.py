@@ -8,7 +8,7 @@ import pytest
 
 import gfmdlayer
 from gfmdlayer import Anisotropic, Elastic, Lattice, Tabulated, Wavevectors, Zener
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace
 from gfmdlayer.body.solid import fault
 
 R = math.sqrt(0.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer import Elastic, Layer, LayerStack, Prony, Zener
-from gfmdlayer.body.inside import Inside
+from gfmdlayer.body.inside import StackFields
 from gfmdlayer.body.relaxation import distinct_branches
 
 A, B = Prony(1.0, [(4.0, 0.1), (5.0, 10.0)]), Zener(0.2, 2.0, 1.0)
@@ -25,7 +25,7 @@ def after(field, time):
     y = np.exp(-time / memory.times)
     strains[1:, memory.waves] += np.einsum("nsm,nm->sn", memory.strains, y)
     forces[1:, memory.waves] += np.einsum("nsm,nm->sn", memory.forces, y)
-    moduli, times = distinct_branches(field.stack.present[0].material)
+    moduli, times = distinct_branches(field.body.present[0].series)
     forces[0] += field.q * field.stiffness[0] * (moduli @ np.exp(-time / times))
     return strains, forces
 
@@ -59,7 +59,7 @@ def at(field, depth, number, strains, forces):
     ],
 )  # fmt: skip
 def test_fields_are_those_of_a_solution_in_40_digits(name, q, time, depth, known):
-    field = Inside(STACKS[name], np.array([float(q)]))
+    field = StackFields(STACKS[name], np.array([float(q)]))
     number = int(np.searchsorted(field.tops[1:], depth))
     found = at(field, np.asarray(depth), number, *after(field, time))
     np.testing.assert_allclose(found[:, 0], known, rtol=0, atol=1e-10)  # the digits given
@@ -86,7 +86,7 @@ def test_equilibrium_kinematics_and_continuity_at_random_stacks_times_and_depths
     q = np.array([0.1, 1.0, 7.0, 40.0])
     for case in range(24):
         body = random_stack(draw, case)
-        field, time = Inside(body, q), float(draw.choice([0.0, 0.3, 5.0, math.inf]))
+        field, time = StackFields(body, q), float(draw.choice([0.0, 0.3, 5.0, math.inf]))
         springs = after(field, time)
         pressure = np.abs(at(field, np.asarray(0.0), 0, *springs)[2])
         for i, layer in enumerate(body.layers):
@@ -125,7 +125,7 @@ def test_the_force_of_each_spring_is_the_memory_of_its_law():
     q = np.array([0.3, 3.0, 20.0])
     for case in range(12):
         body = random_stack(draw, case)
-        field, t = Inside(body, q), 0.8
+        field, t = StackFields(body, q), 0.8
         _, forces = after(field, t)
         memory = field.memory
         for k, i in enumerate(memory.waves):
@@ -148,7 +148,7 @@ def test_the_surface_carries_the_pressure_of_its_displacement_and_no_shear():
     q = np.array([0.2, 2.0, 30.0])
     for case in range(12):
         body = random_stack(draw, case)
-        field, spectrum = Inside(body, q), body.spectrum(q)
+        field, spectrum = StackFields(body, q), body.spectrum(q)
         for t in (0.0, 0.5, math.inf):
             found = at(field, np.asarray(0.0), 0, *after(field, t))
             pressure = spectrum.relaxed + (spectrum.weights * np.exp(-t / spectrum.times)).sum(axis=0)
@@ -161,11 +161,11 @@ def test_the_surface_carries_the_pressure_of_its_displacement_and_no_shear():
 def test_layers_that_relax_alike_need_only_displacement_and_pressure():
     law = Zener(G0=1.0, Ginf=4.0, tau=2.0)
     one = LayerStack((Layer(0.1, 0.4, law), Layer(0.3, 0.5, law)), rigid=True)
-    field = Inside(one, np.array([0.5, 5.0]))
+    field = StackFields(one, np.array([0.5, 5.0]))
     strains, forces = after(field, 1.0)
     K = one.stiffness(field.q, 0.0) * (1 + 3 * math.exp(-0.5))  # pressure at that time: G(t)/G0 times relaxed
     known = field.alike()
     np.testing.assert_allclose(strains, known[0], rtol=0, atol=1e-13)
     np.testing.assert_allclose(forces, known[1] * K, rtol=1e-12, atol=1e-13)
     elastic = LayerStack((Layer(0.1, 0.4, Elastic(2.0)), Layer(0.3, 0.5, Elastic(5.0))))
-    assert not Inside(elastic, field.q).memory.waves.size
+    assert not StackFields(elastic, field.q).memory.waves.size

@@ -8,8 +8,8 @@ from scipy.special import erfc, j0
 
 import gfmdlayer
 from gfmdlayer import Elastic, LayerStack, Prony, Wavevectors, Zener, bonded_layer, halfspace
-from gfmdlayer.body.body import layered_body
 from gfmdlayer.body.isolated import TOLERANCE, isolated
+from gfmdlayer.body.layer import Halfspace
 
 CELL = (1.0, 1.0)
 
@@ -37,7 +37,10 @@ def random_body(rng):
         for _ in range(rng.integers(1, 5))
     ]
     bases = [math.inf, float(10 ** rng.uniform(-1.5, 1.5)), random_material(rng)]
-    return layered_body(layers, bases[rng.integers(3)], float(rng.choice([0.5, 0.3])), accuracy=1e-6)
+    key = ("shear_modulus", "shear_modulus", "material")
+    kind = rng.integers(3)
+    base = Halfspace(**{key[kind]: bases[kind]}, poisson=float(rng.choice([0.5, 0.3])))
+    return LayerStack(layers, accuracy=1e-6, base=base)
 
 
 def error_within_reach(found, rng):

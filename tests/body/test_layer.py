@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace
 from tests.body.printed import relative_error
 
 # About forty operations of half an ulp each, none of which cancels, lose at most 40 * 2^-53 = 4e-15.

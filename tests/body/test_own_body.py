@@ -154,7 +154,7 @@ def test_a_file_and_a_line_in_the_table_make_a_body(here):
         link = package / path.relative_to(ROOT / "gfmdlayer")
         link.parent.mkdir(parents=True, exist_ok=True)
         link.symlink_to(path)
-    table, line = package / "config" / "bodies.py", '    "gfmdlayer.config.layers:Layers",\n'
+    table, line = package / "body" / "bodies.py", '    "gfmdlayer.body.layers:Layers",\n'
     text = table.read_text()
     assert line in text
     table.unlink()

@@ -6,10 +6,11 @@ import pytest
 
 import gfmdlayer
 from gfmdlayer import Config, ConfigError, Prony, Zener
-from gfmdlayer.body.body import layered_body
-from gfmdlayer.body.pair import Pair, in_series
+from gfmdlayer.body.in_series import in_series
+from gfmdlayer.body.layer import Halfspace, Layer
+from gfmdlayer.body.layers import LayerStack
+from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.relaxation import Spectrum
-from gfmdlayer.body.stack import Layer, LayerStack
 
 S = (0, 1e-7j, 1e-3 + 1e-3j, 0.01j, 1j, 1, 1e3j + 1, 1e6j, 1e12)
 
@@ -195,7 +196,8 @@ def test_layers_of_a_stack_and_a_counterbody_merge_their_modes_within_the_bound(
     layers = [Layer(0.1, 0.5, Prony(1.0, [(1.0, tau) for tau in np.geomspace(0.01, 100, 12)]))] * 2
 
     def pair(**keys):
-        two = (layered_body(layers, base, 0.5, **keys) for base in (np.inf, 3.0))
+        bases = (Halfspace(shear_modulus=modulus) for modulus in (np.inf, 3.0))
+        two = (LayerStack(layers, base=base, **keys) for base in bases)
         return Pair(*two).spectrum(np.linspace(1.0, 60.0, 20))
 
     found, whole, s = pair(accuracy=1e-4), pair(), 0.3j

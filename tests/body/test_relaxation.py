@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
 from gfmdlayer.body.materials import Prony, Zener
-from gfmdlayer.body.relaxation import NEGLIGIBLE, relaxation_spectrum, retardation_spectrum
+from gfmdlayer.body.relaxation import NEGLIGIBLE, retardation_spectrum
 from tests.body.printed import relative_error
 
 # K(q, s) is a sum of terms in the right half-plane, each good to some tens of roundings of 2^-53.

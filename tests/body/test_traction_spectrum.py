@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from gfmdlayer.body.body import bonded_layer
+from gfmdlayer.body.layer import Layer
+from gfmdlayer.body.layers import LayerStack, bonded_layer
 from gfmdlayer.body.materials import Prony, Zener
-from gfmdlayer.body.stack import Layer, LayerStack
 from tests.body.printed import layer_matrix, surface_stiffness
 
 # Of K: some tens of roundings in each of the layers, times the condition of the modes, (Ginf/G0)^(1/2).

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer import Exponential
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace
 from gfmdlayer.contact.active_set import solver as active_set
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.bounded import ConjugateGradient

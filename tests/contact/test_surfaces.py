@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
 from gfmdlayer.body.materials import Zener
-from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.self_affine import SelfAffine
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace
 from gfmdlayer.contact.active_set import windows
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.active_set.windows import Windows

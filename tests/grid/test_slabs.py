@@ -9,9 +9,9 @@ from threading import Barrier
 import numpy as np
 import pytest
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
 from gfmdlayer.body.materials import Prony
-from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.sums import Sums

@@ -9,9 +9,8 @@ import math
 import numpy as np
 import pytest
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
 from gfmdlayer.body.materials import Prony, Zener
-from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.errors import ErrorControl, NormalMeans
 from gfmdlayer.history.modes import SCHEMES, Modes

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gfmdlayer
-from gfmdlayer.body.pair import in_series
+from gfmdlayer.body.in_series import in_series
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.sums import Sums

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
 from gfmdlayer.body.materials import Prony
-from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.bounded import ConjugateGradient
 from gfmdlayer.contact.fire import Fire

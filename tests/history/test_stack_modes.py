@@ -8,10 +8,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gfmdlayer import Config
-from gfmdlayer.body.body import halfspace
+from gfmdlayer.body.layer import Layer
+from gfmdlayer.body.layers import LayerStack, halfspace
 from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.shifts import WLF, Arrhenius
-from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.grid.sums import Sums
@@ -246,8 +247,10 @@ def test_adaptive_steps_meet_the_tolerance_in_a_ramp_of_temperature(heated):
 
 def test_a_body_of_one_reduced_time_is_refused_where_shifts_differ(heated):
     config = Config(name="a").with_values(heated | {"time.end": 2.5})
-    with pytest.raises(TypeError, match="a ViscoelasticLayer has one reduced time; must be a body with"):
+    with pytest.raises(TypeError, match="a ViscoelasticLayer of 1 materials; must have the 2 of the"):
         Case(config, body=halfspace(1.0)).contact.history  # noqa: B018
+    with pytest.raises(TypeError, match="a Pair has one reduced time; must be a body with the method"):
+        Case(config, body=Pair(halfspace(1.0), halfspace(2.0))).contact.history  # noqa: B018
 
 
 def test_an_elastic_skin_needs_no_shift(heated):

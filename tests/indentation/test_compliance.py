@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gfmdlayer import LayeredHalfspace, Prony, Zener
-from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layers import ViscoelasticLayer
 from gfmdlayer.body.relaxation import SAME_BRANCH, retardation
 from gfmdlayer.indentation.compliance import Features, find_features
 from gfmdlayer.indentation.solve import make_space

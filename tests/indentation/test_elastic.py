@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer import Elastic, FlatPunch, Layer, LayeredHalfspace, LayerStack, Prony, indent
-from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layers import ViscoelasticLayer
 from gfmdlayer.indentation.solve import Edge, History, follow
 from gfmdlayer.punch import revolution
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer import LayeredHalfspace, Prony
-from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layers import ViscoelasticLayer
 from gfmdlayer.indentation.equilibrium import (
     BY_DEPTH,
     BY_FORCE,

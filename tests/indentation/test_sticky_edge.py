@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import gfmdlayer
 from gfmdlayer import LayeredHalfspace, Prony
-from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layers import ViscoelasticLayer
 from gfmdlayer.indentation.equilibrium import BY_DEPTH, EdgeAdhesion, equilibria, find_nodes
 from gfmdlayer.indentation.solve import Edge, History, find_space, follow, on_steps, work_done
 from gfmdlayer.punch.revolution import abel_transform, cone, paraboloid

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 import gfmdlayer
 from gfmdlayer import LayeredHalfspace, Prony, Zener, bonded_layer
-from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layers import ViscoelasticLayer
 from gfmdlayer.indentation.indent import IsolatedIndentation
 from gfmdlayer.indentation.solve import (
     History,

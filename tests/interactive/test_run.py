@@ -500,7 +500,7 @@ def test_a_file_with_the_heights_of_an_array_is_the_same_punch():
 
 
 def test_a_body_that_is_no_key_is_refused_by_its_type():
-    with pytest.raises(ConfigError, match="body: got ViscoelasticLayer; must be a Solid, or its keys"):
+    with pytest.raises(ConfigError, match="body: got ViscoelasticLayer; must be the keys layer, or layers"):
         gfmdlayer.run(LINE, body=gfmdlayer.halfspace(1.0))
 
 

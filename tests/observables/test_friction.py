@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.config import Config
 from gfmdlayer.observables.numerics import SteadyState

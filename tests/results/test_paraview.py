@@ -5,7 +5,7 @@ from xml.etree import ElementTree as ET
 import h5py
 import numpy as np
 
-from gfmdlayer.body.solid import Place
+from gfmdlayer.body.solid import LayerDepth
 from gfmdlayer.results import writer
 from gfmdlayer.results.reader import is_complete, open_case
 from gfmdlayer.results.schema import in_order
@@ -60,7 +60,7 @@ def test_fields_lie_on_their_points_at_their_times(tmp_path):
 
 
 def test_fields_below_the_surface_lie_on_points_at_their_depths_at_their_times(tmp_path):
-    places = [Place(0.0, 0), Place(0.1, 0), Place(0.1, 1)]
+    places = [LayerDepth(0.0, 0), LayerDepth(0.1, 0), LayerDepth(0.1, 1)]
     below = np.random.default_rng(2).random((len(places), X.size, Y.size)).astype("f4")
     with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": Y}, places=places) as case:
         surface = dict(zip(NAMES, FIELDS[:, 0], strict=True))

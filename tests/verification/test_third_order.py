@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.closed_form import LayeredHalfspace, relaxation_spectrum
 from gfmdlayer.body.materials import Zener
-from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.verification.crosschecks import (
     Coefficients,
