@@ -37,8 +37,8 @@ from gfmdlayer.figures.snapshots import (
     snapshots_figure,
     waterfall_figure,
 )
+from gfmdlayer.results.names import FIELDS, ResultsError
 from gfmdlayer.results.reader import open_results
-from gfmdlayer.results.schema import FIELDS, ResultsError
 from gfmdlayer.validation.units import Units
 
 if TYPE_CHECKING:

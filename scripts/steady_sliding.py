@@ -21,7 +21,8 @@ import argparse
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.verification.runs import Recording, run
+from gfmdlayer.results.recording import Recording
+from gfmdlayer.verification.runs import run
 
 Floats = NDArray[np.float64]
 
@@ -101,7 +102,7 @@ def main() -> None:
     for velocity in (0.001, 0.01, 0.1, 1.0, 10.0):
         answer = direct(given.points, velocity, given.depth)
         found = stepped(given.points, velocity, "depth", given.depth)
-        p, mean = found.snapshots[-1][2], answer["mean"]
+        p, mean = found.fields["pressure"][-1], answer["mean"]
         touching = np.flatnonzero(p > 0)[[0, -1]] / given.points - 0.5
         print(
             f"{velocity:<9g} {answer['force'] / mean:<11.6g} {p.mean() / mean - 1:<14.1e} "

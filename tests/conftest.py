@@ -14,7 +14,8 @@ from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.verification import runs, theory
+from gfmdlayer.verification import theory
+from tests.recordings import Kept
 
 # `pytest tests/test_fuzz_*.py --hypothesis-profile=long` is the long run. Without it a test that has passed
 # draws the same examples again, so that what breaks it is what was changed.
@@ -23,19 +24,10 @@ settings.register_profile("long", max_examples=10_000, print_blob=True, deadline
 settings.load_profile("short")
 
 
-class Recording(runs.Recording):
-    """A recorder that keeps everything; `recording["contact_area"]` is a column of its rows."""
-
-    @property
-    def gaps(self):
-        """The gap of each snapshot."""
-        return [gap for _, _, _, gap, *_ in self.fields]
-
-
 @pytest.fixture(scope="session")
 def recorder():
     """A recorder that keeps everything."""
-    return Recording
+    return Kept
 
 
 @pytest.fixture(scope="session")
@@ -44,7 +36,7 @@ def run():
 
     def run(values):
         coarse = {"grid.points": 2048, "time.integrator": "exponential", "time.step": 0.05}
-        recording = Recording()
+        recording = Kept()
         simulate(Config(name="test").with_values(coarse | values), recording)
         return recording
 

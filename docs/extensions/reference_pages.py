@@ -21,7 +21,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.observables import INDENTATION, OBSERVABLES, TOTALS
 from gfmdlayer.observables.observable import Column
-from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.results.names import VARIABLES
 from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import dimension
 

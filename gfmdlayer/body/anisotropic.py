@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from gfmdlayer.body.solid import OneModulus
 from gfmdlayer.validation.fields import Finite, MustBe, Optional, given
-from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.problems import Mistake, shown
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -104,57 +104,57 @@ class Anisotropic(OneModulus):
             *((0.0,) * (3 + i) + (shear[i],) + (0.0,) * (2 - i) for i in range(3)),
         )
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse missing constants, those of an unstable body, and axes that are not perpendicular."""
         lengths = [math.hypot(*axis) for axis in (self.normal, self.along)]
         if 0 in lengths:
             key = ("normal", "along")[lengths.index(0)]
-            yield Problem((key,), "got the direction 0; must have a length")
+            yield Mistake((key,), "got the direction 0; must have a length")
         elif abs(sum(a * b for a, b in zip(self.normal, self.along, strict=True))) > _SAME * math.prod(
             lengths
         ):
             message = f"got {shown(self.along)}; must be perpendicular to normal, {shown(self.normal)}"
-            yield Problem(("along",), message, ("normal",))
+            yield Mistake(("along",), message, ("normal",))
         names: tuple[str, ...] = ("C11", "C12", "C44", "C13", "C33", "C66")
         constants = {name: getattr(self, name) for name in names}
         if self.C is not None:
             for name in (name for name, value in constants.items() if value is not None):
-                yield Problem(
+                yield Mistake(
                     (name,), "given beside C, which has all constants; remove one of the two", ("C",)
                 )
             size = max(abs(entry) for row in self.C for entry in row)
             if any(abs(self.C[i][j] - self.C[j][i]) > _SAME * size for i in range(6) for j in range(i)):
-                yield Problem(("C",), "is not symmetric; must be, row by row")
+                yield Mistake(("C",), "is not symmetric; must be, row by row")
             elif not _positive(self.C):
                 message = "is the energy of a body that is not stable; must be positive definite"
-                yield Problem(("C",), message)
+                yield Mistake(("C",), message)
             else:
                 yield from self._nearly_unstable("C")
             return
         if None in [*constants.values()][:3]:
             missing = next(name for name in names if constants[name] is None)
-            yield Problem((missing,), "missing; must be a number, or give all constants in C", ("C",))
+            yield Mistake((missing,), "missing; must be a number, or give all constants in C", ("C",))
             return
         (C11, C12, C13), C33 = self.constants[0][:3], self.constants[2][2]
         names = ("C11", "C12", "C13", "C33")
         if abs(C12) >= C11:
             message = f"got {C12!r}; must be between -C11 and C11 = {C11!r}, else the body is not stable"
-            yield Problem(("C12",), message, names)
+            yield Mistake(("C12",), message, names)
         elif 2 * C13**2 >= C33 * (C11 + C12):
             key = "C12" if self.C13 is None else "C13"
             most = math.sqrt(C33 * (C11 + C12) / 2)
             message = f"got {C13!r}; must be between -{most:.6g} and {most:.6g}, else the body is not stable"
-            yield Problem((key,), message, names)
+            yield Mistake((key,), message, names)
         else:
             yield from self._nearly_unstable("C11")
 
-    def _nearly_unstable(self, key: str) -> Iterator[Problem]:
+    def _nearly_unstable(self, key: str) -> Iterator[Mistake]:
         """Refuse a body so near to instability that Barnett and Lothe's integral needs too many points."""
         least = _SOFTEST * max(abs(entry) for row in self.constants for entry in row)
         rows = enumerate(self.constants)
         if not _positive([[entry - least * (i == j) for j, entry in enumerate(row)] for i, row in rows]):
             limit = f"{least:.3g}, {_SOFTEST:g} of the largest constant"
-            yield Problem((key,), f"a strain has a stiffness below {limit}: the body is nearly unstable")
+            yield Mistake((key,), f"a strain has a stiffness below {limit}: the body is nearly unstable")
 
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
         """Return q/[L^-1]_zz."""

@@ -22,7 +22,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.validation.fields import File
-from gfmdlayer.validation.problems import InconsistentError, Problem
+from gfmdlayer.validation.problems import InconsistentError, Mistake
 from gfmdlayer.validation.sections import OneOf, Section, explained, keys_of_files, load_table
 
 # The first is meant where `kind` is left out.
@@ -98,7 +98,7 @@ def _of_file(value: Any) -> Solid:
     try:
         section = body_class(path.read_bytes(), str(path))
     except ValueError as error:
-        raise InconsistentError([Problem(("file",), str(error), chooses=True)]) from None
+        raise InconsistentError([Mistake(("file",), str(error), chooses=True)]) from None
     data = dict(value)
     for key in keys_of_files(section):  # beside the file of the body
         if key != "file" and isinstance(data.get(key), str):

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from gfmdlayer.body.materials import Law, PronySeries, TwoModuli
 from gfmdlayer.validation.fields import MustBe, NotNegative, Positive, strict
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.problems import Mistake
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -91,12 +91,12 @@ class HavriliakNegami(_RelaxingLaw):
 
     __init__ = Law.__init__
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse a modulus that grows with time, and an asymmetry without a positive spectrum."""
         yield from super().problems()
         if self.alpha * self.gamma > 1:
             message = f"got {self.gamma!r} with alpha = {self.alpha!r}; must be at most 1/alpha"
-            yield Problem(("gamma",), message, ("alpha",))
+            yield Mistake(("gamma",), message, ("alpha",))
 
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
         """Modulus G(s)."""

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from gfmdlayer.body.solid import OneModulus
 from gfmdlayer.validation.fields import Count, Positive, Word, given
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.problems import Mistake
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray, FloatArray
@@ -106,16 +106,16 @@ class Lattice(OneModulus):
             return 0.0
         return self.constants[0] / (self.layers * FACES[self.crystal].height * self.spacing)
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse a spring that the crystal does not have, and one that is missing."""
         if self.crystal == "fcc" and self.next_nearest is not None:
             message = "only for crystal: simple_cubic; remove it or set crystal: simple_cubic"
-            yield Problem(("next_nearest",), message, ("crystal",))
+            yield Mistake(("next_nearest",), message, ("crystal",))
         if self.crystal == "simple_cubic" and self.next_nearest is None:
             message = "missing; crystal: simple_cubic needs a number > 0, for its shear stiffness"
-            yield Problem(("next_nearest",), message, ("crystal",))
+            yield Mistake(("next_nearest",), message, ("crystal",))
 
-    def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Problem]:
+    def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Mistake]:
         """Refuse a grid whose points are not the surface atoms."""
         for number, length in zip(points, period, strict=False):
             if abs(length / (number * self.spacing) - 1) > _SAME:
@@ -123,7 +123,7 @@ class Lattice(OneModulus):
                     f"got {self.spacing!r} on a grid of spacing {length / number:.10g}; each point "
                     f"is a surface atom: period {number * self.spacing:.10g} for {number} points"
                 )
-                yield Problem(("spacing",), message)
+                yield Mistake(("spacing",), message)
                 return
 
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:

@@ -18,7 +18,7 @@ from gfmdlayer.body.laws import LAWS
 from gfmdlayer.body.materials import Law, Material, Zener
 from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import Extended, File, MustBe, given, strict
-from gfmdlayer.validation.problems import InconsistentError, Problem
+from gfmdlayer.validation.problems import InconsistentError, Mistake
 from gfmdlayer.validation.sections import OneOf, Section, alone, contradictions, explained, plain
 
 
@@ -74,13 +74,13 @@ def read_material(path: Path) -> Law:
     except ValidationError as error:
         problems = explained(error, _MaterialHolder, ())
     if problems:
-        located = [Problem((*at, *problem.location[1:]), problem.message) for problem in problems]
+        located = [Mistake((*at, *problem.location[1:]), problem.message) for problem in problems]
         _refuse(f"{document.place(problem.location)}: {problem}" for problem in located)
     return law
 
 
 def _refuse(messages: Iterable[str]) -> NoReturn:
-    raise InconsistentError([Problem(("file",), message) for message in messages])
+    raise InconsistentError([Mistake(("file",), message) for message in messages])
 
 
 Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
@@ -164,11 +164,11 @@ class Halfspace(Section):
     poisson: Poisson = 0.5
     """Poisson's ratio of the base"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse a modulus beside a material."""
         if self.material is not None and self.shear_modulus is not None:
             message = "given beside material; remove one of the two"
-            yield Problem(("shear_modulus",), message, ("material",))
+            yield Mistake(("shear_modulus",), message, ("material",))
 
     def with_law(self, law: Law) -> Halfspace:
         """Return the halfspace of another law."""

@@ -18,7 +18,7 @@ from pydantic import PrivateAttr
 from gfmdlayer.body.layer import Halfspace, Layer, StackedLayer
 from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.solid import Solid
-from gfmdlayer.validation.problems import ConfigError, Problem
+from gfmdlayer.validation.problems import ConfigError, Mistake
 from gfmdlayer.validation.sections import alone
 
 if TYPE_CHECKING:
@@ -264,11 +264,11 @@ class Layers(Solid):
         several = len(self._above) > 1 or any(isinstance(layer, StackedLayer) for layer in self._above)
         return several or self._base.material is not None
 
-    def problems_isolated(self) -> Iterator[Problem]:
+    def problems_isolated(self) -> Iterator[Mistake]:
         """Refuse layers without a base."""
         if self._base.shear_modulus == 0 and math.isfinite(sum(self.thicknesses)):
             message = "got 0: a layer without a base does not support an isolated load; must be > 0"
-            yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers"))
+            yield Mistake(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers"))
 
 
 def _check(layers: Sequence[Layer], *, rigid: bool) -> None:

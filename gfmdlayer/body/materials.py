@@ -25,7 +25,7 @@ from pydantic import ConfigDict
 
 from gfmdlayer.body.shifts import SHIFTS, Celsius, Shift
 from gfmdlayer.validation.fields import File, NotNegative, Positive, given
-from gfmdlayer.validation.problems import ConfigError, Location, Problem, dotted
+from gfmdlayer.validation.problems import ConfigError, Location, Mistake, dotted
 from gfmdlayer.validation.sections import Kind, OneOf, Section, alone, plain, sections_in
 
 if TYPE_CHECKING:
@@ -218,11 +218,11 @@ class TwoModuli(Law):
 
     __init__ = Law.__init__
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse a modulus that grows with time."""
         if self.Ginf < self.G0:
             allowed = "must be a number >= G0 (relaxation softens)"
-            yield Problem(("Ginf",), f"got {self.Ginf!r}, below G0 = {self.G0!r}; {allowed}", ("G0",))
+            yield Mistake(("Ginf",), f"got {self.Ginf!r}, below G0 = {self.G0!r}; {allowed}", ("G0",))
 
     @property
     def relaxed(self) -> float:
@@ -332,12 +332,12 @@ class Temperature(Section):
     file: Annotated[File | None, given] = None
     """two columns, time and temperature in degrees Celsius; in place of value"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse both and neither."""
         if self.value is None and self.file is None:
-            yield Problem((), "has neither value nor file; must be {value: ...} or {file: ...}")
+            yield Mistake((), "has neither value nor file; must be {value: ...} or {file: ...}")
         if self.value is not None and self.file is not None:
-            yield Problem(("file",), "given beside value; remove one of the two", ("value",))
+            yield Mistake(("file",), "given beside value; remove one of the two", ("value",))
 
 
 def shifts(config: Section) -> dict[Location, Shift | None]:
@@ -348,32 +348,32 @@ def shifts(config: Section) -> dict[Location, Shift | None]:
 
 def temperature_problems(
     config: Section, temperature: Temperature | None, *, moves: bool, layered: bool
-) -> Iterator[Problem]:
+) -> Iterator[Mistake]:
     """Yield why a temperature and the shifts of materials do not go together."""
     if temperature is None:
         for at, law in sections_in(config):
             if isinstance(law, Law) and law.shift is not None:
                 message = "only with a temperature; remove it or set temperature"
-                yield Problem((*at, "shift"), message, ("temperature",))
+                yield Mistake((*at, "shift"), message, ("temperature",))
         return
     by_place = shifts(config)
     others = tuple(dotted(at) for at in by_place)
     if not any(by_place.values()):
         message = "no material that relaxes has a shift; remove it or give a shift"
-        yield Problem(("temperature",), message, others)
+        yield Mistake(("temperature",), message, others)
     elif not all(by_place.values()):
         at = next(at for at, shift in by_place.items() if shift is None)
         message = "missing; all materials that relax must have a shift, or none"
-        yield Problem((*at, "shift"), message, others)
+        yield Mistake((*at, "shift"), message, others)
     elif (moves or not layered) and len(set(by_place.values())) > 1:
         at = next(at for at, shift in by_place.items() if shift != next(iter(by_place.values())))
         where = "where the punch moves" if layered else "in a body that is not made of layers"
         message = f"differs from the shifts of other materials; must be the same {where}"
-        yield Problem((*at, "shift"), message, (*others, *(_MOTION if layered else ("body",))))
+        yield Mistake((*at, "shift"), message, (*others, *(_MOTION if layered else ("body",))))
     if temperature.value is not None:
         for at, shift in by_place.items():
             if shift is not None and (refused := shift.refused(temperature.value)):
-                yield Problem(("temperature", "value"), refused, (f"{dotted(at)}.shift",))
+                yield Mistake(("temperature", "value"), refused, (f"{dotted(at)}.shift",))
     if temperature.file is not None and moves:
         message = "given with a moving punch; must be a constant temperature.value"
-        yield Problem(("temperature", "file"), message, _MOTION)
+        yield Mistake(("temperature", "file"), message, _MOTION)

@@ -9,7 +9,7 @@ from pydantic import PrivateAttr
 
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.body.solid import Relaxation, Solid
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.problems import Mistake
 from gfmdlayer.validation.sections import alone
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ class Pair(Solid):
         """Whether a body merges its relaxing modes."""
         return any(body.merges for body in self._solids)
 
-    def problems_isolated(self) -> Iterator[Problem]:
+    def problems_isolated(self) -> Iterator[Mistake]:
         """Refuse an isolated, axisymmetric indenter."""
         message = "not available with grid.geometry: axisymmetric; remove it or change the geometry"
-        yield Problem(("counterbody",), message)
+        yield Mistake(("counterbody",), message)

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from gfmdlayer.body.laws import LAWS
 from gfmdlayer.body.materials import Elastic, Law, Material
-from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.problems import Mistake
 from gfmdlayer.validation.sections import Kind, OneOf, replaced, sections_in
 
 if TYPE_CHECKING:
@@ -140,15 +140,15 @@ class Solid(Kind):
         """Whether relaxing modes may be merged: results then have a bound on the error, `spectrum_error`."""
         return True
 
-    def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Problem]:  # noqa: ARG002
+    def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Mistake]:  # noqa: ARG002
         """Yield why a periodic grid does not suit the body, at its own keys."""
         yield from ()
 
-    def problems_isolated(self) -> Iterator[Problem]:
+    def problems_isolated(self) -> Iterator[Mistake]:
         """Yield why the body does not carry an isolated indenter, in keys of the configuration."""
         if not self.isolated:
             message = "given with grid.geometry: axisymmetric, which this body does not allow; must be layers"
-            yield Problem(("body",), message)
+            yield Mistake(("body",), message)
 
 
 class OneModulus(Solid):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from gfmdlayer.body.solid import OneModulus
 from gfmdlayer.validation.fields import File, Lengths, NotNegative, given
-from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.problems import Mistake, shown
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -58,32 +58,32 @@ class Tabulated(OneModulus):
         name = self.table.name
         return ".bin" if ".bin" in self.table.suffixes else name[name.rfind(".") :] * name.endswith(_ARRAYS)
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Refuse a period beside a file that has its own, and an array without one."""
         if self._format == ".npy" and self.period is None:
-            yield Problem(("period",), "missing; a .npy file needs the period of its grid", ("table",))
+            yield Mistake(("period",), "missing; a .npy file needs the period of its grid", ("table",))
         if self._format not in _ARRAYS and self.period is not None:
             message = "only for a .npy or .h5 file; others have their wavenumbers; remove it"
-            yield Problem(("period",), message, ("table",))
+            yield Mistake(("period",), message, ("table",))
 
-    def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Problem]:
+    def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Mistake]:
         """Refuse an array of other waves than those of the grid."""
         if not self._format or (self._format == ".npy" and self.period is None):
             return
         try:
             held, own = self._array
         except ValueError as error:
-            yield Problem(("table",), str(error))
+            yield Mistake(("table",), str(error))
             return
         if held.shape != tuple(points):
             message = f"holds an array of shape {held.shape}; must be that of grid.points, {tuple(points)}"
-            yield Problem(("table",), f"{self.table}: {message}")
+            yield Mistake(("table",), f"{self.table}: {message}")
         elif any(abs(one / other - 1) > _SAME for one, other in zip(own, period, strict=False)):
             message = f"{shown(tuple(period))}, of {' x '.join(map(str, points))} surface atoms"
             if self.period is not None:
-                yield Problem(("period",), f"got {shown(self.period)}; must be grid.period, {message}")
+                yield Mistake(("period",), f"got {shown(self.period)}; must be grid.period, {message}")
             else:
-                yield Problem(("table",), f"{self.table}: has the period {shown(own)}; must be {message}")
+                yield Mistake(("table",), f"{self.table}: has the period {shown(own)}; must be {message}")
 
     @property
     def _array(self) -> tuple[FloatArray, tuple[float, ...]]:

@@ -199,7 +199,7 @@ def _prepare() -> None:
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
     from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.starts import read_model
-    from gfmdlayer.results.schema import ResultsError
+    from gfmdlayer.results.names import ResultsError
     from gfmdlayer.study.progress import make_display
 
     paths = [Path(each) for each in options.data]

@@ -217,8 +217,8 @@ def leak(options: argparse.Namespace) -> int:
     from gfmdlayer.figures.snapshots import cases_with_snapshots
     from gfmdlayer.files.whole import unfinished
     from gfmdlayer.interactive.leakage import leakage
+    from gfmdlayer.results.names import ResultsError
     from gfmdlayer.results.reader import open_case, open_results
-    from gfmdlayer.results.schema import ResultsError
 
     path, style = Path(options.path), STYLES[options.style]
     if options.fields is not None:

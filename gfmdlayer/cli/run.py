@@ -106,7 +106,7 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from dataclasses import fields
 
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.results.schema import ResultsError
+    from gfmdlayer.results.names import ResultsError
     from gfmdlayer.study import interrupts
     from gfmdlayer.study.folder import Folder, FolderError
     from gfmdlayer.study.progress import make_display

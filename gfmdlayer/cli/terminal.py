@@ -126,7 +126,7 @@ def input_problems(error: Exception) -> Sequence[str]:
     """Return the messages of an error in the input or the results; empty for any other error."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.files.tables import TableError
-    from gfmdlayer.results.schema import ResultsError
+    from gfmdlayer.results.names import ResultsError
     from gfmdlayer.study.folder import FolderError
     from gfmdlayer.study.workers import LauncherError
 

@@ -14,7 +14,7 @@ from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Elastic
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.validation.fields import Finite, given
-from gfmdlayer.validation.problems import Location, Problem
+from gfmdlayer.validation.problems import Location, Mistake
 from gfmdlayer.validation.sections import Section
 
 
@@ -28,7 +28,7 @@ def problems_of_the_body(
     layers: tuple[StackedLayer, ...] | None,
     layer: Layer | None,
     halfspace: Halfspace | None,
-) -> Iterator[Problem]:
+) -> Iterator[Mistake]:
     """Yield contradictions between the keys of the body, and between layers and halfspace."""
     if not layered({"body": body}):
         assert body is not None
@@ -36,27 +36,27 @@ def problems_of_the_body(
             if value is not None:
                 other = f"{{kind: {body.kind}}}; remove it or set body: {{kind: layers}}"
                 message = f"not available with body: {other}"
-                yield Problem((key,), message, ("body",), at_key=True)
+                yield Mistake((key,), message, ("body",), at_key=True)
         return
     assert halfspace is not None
     if layers is not None and layer is not None:
-        yield Problem(("layers",), "given beside layer; remove one of the two", ("layer",), at_key=True)
+        yield Mistake(("layers",), "given beside layer; remove one of the two", ("layer",), at_key=True)
         return
     every = layers or (() if layer is None else (layer,))
     if not every:
-        yield Problem(("layers",), "got an empty list; must have at least one {thickness: ...}")
+        yield Mistake(("layers",), "got an empty list; must have at least one {thickness: ...}")
         return
     for i, above in enumerate(every[:-1]):
         if math.isinf(above.thickness):
             message = "got .inf above another layer; must be finite: only the last can be a halfspace"
-            yield Problem(("layers", i, "thickness"), message, ("layers",))
+            yield Mistake(("layers", i, "thickness"), message, ("layers",))
     modulus = halfspace.shear_modulus
     if modulus in {0, math.inf} and not any(each.thickness for each in every):
         nothing = "halfspace without stiffness: the body carries no load"
         base = "rigid halfspace: the body cannot deform" if modulus else nothing
         allowed = "must be > 0, or halfspace.shear_modulus a number > 0 and finite"
         at: Location = ("layer", "thickness") if layers is None else ("layers", 0, "thickness")
-        yield Problem(at, f"got 0 on a {base}; {allowed}", ("halfspace.shear_modulus", "layers"))
+        yield Mistake(at, f"got 0 on a {base}; {allowed}", ("halfspace.shear_modulus", "layers"))
 
 
 class Counterbody(Section):
@@ -75,13 +75,13 @@ class Counterbody(Section):
     velocity_ratio: Annotated[Finite | None, given] = None
     """velocity of the contact along it, over trajectory.velocity; 0: slides (default), 1: rolls"""
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[Mistake]:
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""
         bare = self.layers is None and self.layer is None
         if bare and self.halfspace is not None and layered({"body": self.body}):
             if self.halfspace.shear_modulus == 0:
                 message = "got 0 without a layer: the counterbody carries no load; must be > 0"
-                yield Problem(("halfspace", "shear_modulus"), message, ("layer", "layers"))
+                yield Mistake(("halfspace", "shear_modulus"), message, ("layer", "layers"))
         else:
             yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
 
@@ -100,14 +100,14 @@ class Counterbody(Section):
         return Layers.of((Layer(thickness=math.inf, poisson=base.poisson, material=material),), Halfspace())
 
 
-def problems_of_the_counterbody(config: Any) -> Iterator[Problem]:
+def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
     """Refuse a velocity ratio at rest, and the shape of a counterbody that moves with its material."""
     if config.counterbody is None or not config.counterbody.velocity_ratio:
         return
     at, ratio = ("counterbody", "velocity_ratio"), config.counterbody.velocity_ratio
     if not config.trajectory.moves:
         message = "only for a punch that moves; remove it or set trajectory.velocity"
-        yield Problem(at, message, ("trajectory.velocity", "trajectory.velocity_file"))
+        yield Mistake(at, message, ("trajectory.velocity", "trajectory.velocity_file"))
     if config.punch.rough:
         message = f"got {ratio!r} with a rough punch, whose heights would pass the contact; must be 0"
-        yield Problem(at, message, ("punch.shape",))
+        yield Mistake(at, message, ("punch.shape",))

@@ -101,7 +101,7 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
     if control != "depth" and prescribed is not None and prescribed >= most:
         key = dotted((*at, "hardness"))
         limit = f"{most:.6g}, the {key} over the whole cell: more has no equilibrium"
-        message = f"got {given!r}; must be below {limit}"
+        message = f"got {prescribed!r}; must be below {limit}"
         yield Mistake(("trajectory", control), message, (key, "grid.period"))
 
 

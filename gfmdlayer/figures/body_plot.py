@@ -17,8 +17,8 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
 from gfmdlayer.programme import Programme
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes, case_path
-from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -40,8 +40,8 @@ from gfmdlayer.figures.selection import (
 )
 from gfmdlayer.figures.snapshots import Inset
 from gfmdlayer.observables import SPARSE
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import case_path, is_complete, open_case
-from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -38,7 +38,7 @@ from gfmdlayer.figures.snapshots import (
     touching,
 )
 from gfmdlayer.history.inside import INVARIANTS, invariants
-from gfmdlayer.results.schema import BELOW, ResultsError
+from gfmdlayer.results.names import BELOW, ResultsError
 from gfmdlayer.validation.problems import nearest
 
 if TYPE_CHECKING:

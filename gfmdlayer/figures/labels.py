@@ -23,7 +23,7 @@ from matplotlib.ticker import FixedLocator, Formatter, LogLocator, MaxNLocator, 
 
 from gfmdlayer.observables import INDENTATION, TOTALS, known_columns, known_numbers
 from gfmdlayer.observables.inside import SHEAR, VON_MISES
-from gfmdlayer.results.schema import OVER_TIME, SYMBOLS, VARIABLES
+from gfmdlayer.results.names import OVER_TIME, SYMBOLS, VARIABLES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

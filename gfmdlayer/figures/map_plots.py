@@ -25,7 +25,7 @@ from gfmdlayer.figures.selection import (
     notes,
     swept,
 )
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -34,7 +34,7 @@ from gfmdlayer.figures.snapshots import (
     snapshot_titles,
 )
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

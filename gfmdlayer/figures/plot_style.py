@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -24,8 +24,8 @@ from gfmdlayer.figures.snapshots import (
     snapshots_figure,
     waterfall_figure,
 )
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import open_case, open_results
-from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

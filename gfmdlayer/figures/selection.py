@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from gfmdlayer.figures.labels import Quantity, quantity, symbol, value_labels
-from gfmdlayer.results.schema import OVER_TIME, SAME_TIME, ResultsError
+from gfmdlayer.results.names import OVER_TIME, SAME_TIME, ResultsError
 from gfmdlayer.validation.problems import nearest
 
 if TYPE_CHECKING:

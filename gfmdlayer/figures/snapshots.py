@@ -35,8 +35,8 @@ from gfmdlayer.figures.plot_style import (
     styled,
 )
 from gfmdlayer.figures.selection import case_titles
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import case_path, is_complete, open_case
-from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from gfmdlayer.files.locks import read_small, regular, write_new
+from gfmdlayer.files.locks import regular, write_new
 
 UNFINISHED = ".part"
 
@@ -124,19 +124,6 @@ def is_intact(path: Path, most: float = float("inf")) -> bool | None:
         file.seek(contents)
         found = _SEAL.fullmatch(file.read())
         return None if found is None else int(found[1], 16) == _checksum(file, contents)
-
-
-def write_sealed(path: Path, contents: bytes, replace: bool = True) -> None:
-    """Write a small file whole, with its seal."""
-    with unfinished(path, replace=replace) as part:
-        write_new(part, contents + _FORM % zlib.crc32(contents))
-
-
-def read_sealed(path: Path) -> bytes | None:
-    """Return the contents of a small file without the seal; None if other contents were sealed."""
-    written = read_small(path)
-    contents = written[:-_LENGTH]
-    return contents if written == contents + _FORM % zlib.crc32(contents) else None
 
 
 def _checksum(file: BinaryIO, size: int) -> int:

@@ -34,9 +34,9 @@ from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import Free, IndentationModel
 from gfmdlayer.fitting.starts import keys_with_adhesion
+from gfmdlayer.results.names import parameter
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
-from gfmdlayer.results.schema import parameter
 from gfmdlayer.study.case_run import record_failure
 from gfmdlayer.study.claims import PATIENCE, Claim, Taken, in_use, locked
 from gfmdlayer.study.folder import (

@@ -17,7 +17,7 @@ from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, 
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.laws import FittedLaw, fit, fit_law
 from gfmdlayer.fitting.measurement import FitError, MasterCurve, Reading, read
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,7 +5,7 @@ and does not accumulate in the history, so the next step is the last one times (
 with an error above the tolerance is rejected and repeated with a shorter step.
 
 Steps land on the breakpoints of the programme, on the snapshots and on the output times. The displacement
-before a breakpoint does not predict the displacement after it: there the steps start short, and grow fast.
+before a breakpoint does not predict the displacement after it: there the steps start short.
 
 Under an interface that attracts, the surface may jump into contact or out of it while the punch hardly
 moves. The solver finds the energy of a jump (`Solution.released_energy`). Separation may also be fast without
@@ -46,17 +46,15 @@ Error = Callable[..., tuple[float, float]]
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
 _SAFETY = 0.9  # part of the tolerance that a step aims at
-_GROWTH = 2.0  # largest growth of a step
-_FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # the same for the first steps after the start or a breakpoint
+_GROWTH = 4.0  # largest growth of a step, whose error may vanish by chance; saves no pairs
 _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
 _ROUNDING = 4 * sys.float_info.epsilon  # of a time: steps shorter than this part of it are not divided
 _AFTER_BREAKPOINT = 0.3  # first step after a breakpoint, in steps before it
 _RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
-_FROM_REST = 30.0  # first step without contact, in units of tolerance times the shortest relaxation time
+_FIRST_STEP = 30.0  # in units of tolerance times the shortest relaxation time
 # Separation up to which a step is resolved at a tolerance of 1e-4 (measured: the pull-off of a cylinder, at
 # rates from relaxed to glassy), and the largest at any tolerance.
 _SEPARATION, _WIDEST_SEPARATION = 0.3, 0.5
-_AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shortest relaxation times
 
 
 class Changes(Saving):
@@ -111,7 +109,6 @@ class StepState:
     next_stop: int = 0
     next_step: float = 0.0
     after_breakpoint: bool = False
-    steps_since_breakpoint: int = 0
     largest_response: float = 0.0
     largest_depth: float = 0.0
     depth: float = 0.0
@@ -152,9 +149,8 @@ class AdaptiveSteps:
             fresh = now.after_breakpoint or now.after_jump
             if now.after_breakpoint:
                 now.next_step, now.last_step = _AFTER_BREAKPOINT * now.next_step, 0.0
-                now.steps_since_breakpoint, now.after_breakpoint = 0, False
-            if now.after_jump:
-                now.steps_since_breakpoint, now.after_jump = 0, False
+                now.after_breakpoint = False
+            now.after_jump = False
             if now.jump_by - now.time > self._shortest:
                 now.next_step = min(now.next_step, self._towards_jump())
             stop = self._stops[now.next_stop]
@@ -176,9 +172,7 @@ class AdaptiveSteps:
         depth_scale = max(now.largest_depth, step.depth)
         if self._given.step == 0:
             accepted = True
-            # The depth at rest may differ from zero: it counts from the lowest point of the grid.
-            first = _AFTER_JUMP if depth_scale > 0 and step.deforms else _FROM_REST * self._tolerance
-            now.next_step = self._shortest_time * first
+            now.next_step = _FIRST_STEP * self._tolerance * self._shortest_time
         else:
             found = self._error(step, error, (response_scale, depth_scale))
             if change is not None and (change.jumps or change.separation > self._separation):
@@ -248,8 +242,8 @@ class AdaptiveSteps:
         accepted = error <= self._tolerance or step <= self._shortest
         room = _SAFETY * self._tolerance / max(error, 1e-300)
         if accepted:
-            now.after_jump, now.next_step = True, min(max(room, 1.0), _FIRST_GROWTH) * step
-        elif change.jumps and step <= _FIRST_GROWTH * now.last_step:
+            now.after_jump, now.next_step = True, min(max(room, 1.0), _GROWTH) * step
+        elif change.jumps and step <= _GROWTH * now.last_step:
             now.jump_by, now.over_jump, now.next_step = self._given.time, min(room, 0.5) * step, step
         else:  # a step much longer than the last one may end on a branch that shorter steps do not reach
             now.next_step = min(max(_SAFETY * self._separation / change.separation, _SHRINK[0]), 0.5) * step
@@ -265,10 +259,8 @@ class AdaptiveSteps:
         """Set the next step: `room` is the largest factor on its error, `widest` on its length."""
         factor, step = min(room ** (1 / 3), widest), self._given.step
         if accepted:
-            growth = _FIRST_GROWTH if now.steps_since_breakpoint < _FIRST_STEPS else _GROWTH
             # A step that was cut to land on a stop does not shorten the next ones.
-            now.next_step = max(min(now.next_step, factor * step), min(growth, factor) * step)
-            now.steps_since_breakpoint += 1
+            now.next_step = max(min(now.next_step, factor * step), min(_GROWTH, factor) * step)
         else:
             now.next_step = min(max(factor, _SHRINK[0]), _SHRINK[1]) * step
 

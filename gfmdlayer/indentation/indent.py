@@ -36,7 +36,7 @@ from gfmdlayer.indentation.solve import (
 )
 from gfmdlayer.observables import INDENTATION
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, abel_transform, heights, of_table
-from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.results.names import VARIABLES
 
 if TYPE_CHECKING:
     import xarray

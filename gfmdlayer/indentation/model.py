@@ -11,7 +11,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gfmdlayer.case.footprint import HEADER, REAL, ROWS, count_steps
-from gfmdlayer.case.model import PROGRAM, ConvergenceError, Footprint, Model, compile_by, make_body, series_of
+from gfmdlayer.case.model import (
+    PROGRAM,
+    ConvergenceError,
+    Footprint,
+    Model,
+    NoRecorder,
+    compile_by,
+    make_body,
+    series_of,
+)
 from gfmdlayer.observables.contact import INDENTATION
 from gfmdlayer.observables.observable import Column
 from gfmdlayer.resumable import CompositeState
@@ -20,10 +29,9 @@ from gfmdlayer.validation.sections import files_named
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.body.body import Body
-    from gfmdlayer.case.model import Progress, Resume
+    from gfmdlayer.case.model import Progress, Recorder, Resume
     from gfmdlayer.config import Config
     from gfmdlayer.indentation.indent import IsolatedIndentation
-    from gfmdlayer.results.journal import Recorder
 
 # Steps of an isolated contact at least, their work in points times FFT pairs, and their seconds.
 _FEWEST, _WORK, _SECONDS = 150, 500, 2e-4
@@ -114,9 +122,7 @@ class IsolatedContact(Model):
 
     def warm_up(self) -> None:
         """Compile the kernels by a small contact."""
-        from gfmdlayer.results.journal import Recording
-
-        compile_by(lambda: type(self)(smallest_equivalent_case(self.config)).run(Recording()))
+        compile_by(lambda: type(self)(smallest_equivalent_case(self.config)).run(NoRecorder()))
 
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Compute all rows and profiles; `progress` is called before the first row only."""
@@ -134,8 +140,9 @@ class IsolatedContact(Model):
             recorder.row(**dict(zip(columns, values, strict=True)))
         if contact.snapshots:
             kept = contact.profiles()
-            for snapshot in zip(kept.time.tolist(), kept.displacement, kept.pressure, kept.gap, strict=True):
-                recorder.snapshot(*snapshot)
+            fields = {"displacement": kept.displacement, "pressure": kept.pressure, "gap": kept.gap}
+            for i, time in enumerate(kept.time.tolist()):
+                recorder.snapshot(time, {name: profiles[i] for name, profiles in fields.items()})
         recorder.note(error=solved.error, solutions=solved.solutions)
         return contact.warnings
 

@@ -16,7 +16,7 @@ from gfmdlayer.config import ConfigError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.inside import INVARIANTS, Interior, SpringFields, invariants, named
 from gfmdlayer.interactive.one_contact import config_of, derived, numbers_in
-from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.results.names import VARIABLES
 from gfmdlayer.validation.problems import shown
 
 if TYPE_CHECKING:

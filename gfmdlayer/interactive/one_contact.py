@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.results.names import VARIABLES
 from gfmdlayer.results.provenance import provenance
-from gfmdlayer.results.schema import VARIABLES
 from gfmdlayer.validation.units import Units
 
 if TYPE_CHECKING:

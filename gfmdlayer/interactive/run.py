@@ -36,9 +36,10 @@ from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
+from gfmdlayer.results.case_file import CaseContents, case_contents
 from gfmdlayer.results.gathering import CaseRecord, Swept, labelled
-from gfmdlayer.results.journal import Recording
 from gfmdlayer.results.reader import open_results
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.study import case_run, interrupts, workers
 from gfmdlayer.study.cases import Cases, SweepCase, checked, label
 from gfmdlayer.study.claims import Claim, running
@@ -214,9 +215,9 @@ GUARD = 'a script with jobs must call run under `if __name__ == "__main__":`'
 
 
 class Result(NamedTuple):
-    """Data of a case, or the error that it ended with, and the warnings of its observables."""
+    """Contents of a case, or the error that it ended with, and the warnings of its observables."""
 
-    data: xarray.Dataset | None
+    data: CaseContents | None
     error: Exception | None = None
     said: Sequence[str] = ()
 
@@ -226,19 +227,19 @@ def _compute(case: SweepCase, folder: Folder, threads: int) -> Outcome:
     begun, config = time.monotonic(), case.config
     try:
         model = model_of(config, threads)
-        described = case_run.attributes(model) | {"digest": digest(config)}
-        coordinates, recording = model.coordinates, Recording()
+        recording, described = Recording(), case_run.attributes(model) | {"digest": digest(config)}
 
-        def data() -> xarray.Dataset:
-            return recording.dataset(coordinates, model.columns, described, config.unit, model.places)
+        def contents() -> CaseContents:
+            about = described, model.columns, config.unit, case.values, model.places
+            return case_contents(recording, model.coordinates, *about)
 
         with Claim(folder, case.index, config.time.end, label(case.values)) as claim:
             try:
                 said = model.run(recording, claim.advance)
             except ConvergenceError as error:
-                error.data = data()
+                error.data = contents().dataset()
                 raise
-        result = Result(data(), said=said)
+        result = Result(contents(), said=said)
     except interrupts.Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
@@ -277,7 +278,7 @@ def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int)
             raise result.error
         _warn(result.said, 4)
         assert result.data is not None
-        return result.data
+        return result.data.dataset()
     return _gathered(config, every, results)
 
 

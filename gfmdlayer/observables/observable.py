@@ -64,7 +64,7 @@ class Column:
 
     name: str  # in the files
     long_name: str  # its meaning
-    units: str = "1"  # in words, see `results.schema`; "1" for dimensionless quantities
+    units: str = "1"  # in words, see `results.names`; "1" for dimensionless quantities
     dtype: str = "f8"  # in the files, as numpy names it
     along: Bins | None = None  # bins of a distribution, or `Places`; a number without them
     symbol: str = ""  # in mathtext, of the figures

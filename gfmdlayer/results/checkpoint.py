@@ -1,13 +1,13 @@
 """The checkpoint of an unfinished case: one file, renamed once, when the states of all ranks are in it.
 
-    a line of JSON    what the bits depend on; simulated time; place in the journal; names of the arrays
+    a line of JSON    what the bits depend on; simulated time; columns and fields; names of the arrays
     arrays            of the first rank, then of the next ones, each as in a .npy file
     seal              checksum of the whole file (`files.whole`)
 
 Under its name there is always one whole state: the last one, or the one before. The first rank alone reads
 and writes; the others send it their arrays, one at a time, so that no process needs the memory of two ranks.
-The rows and snapshots so far are in the journal, which only grows: so a checkpoint costs as much after a week
-as after a minute.
+It contains the rows so far, and where the snapshots so far are in their file, which only grows
+(`results.recording`).
 """
 
 from __future__ import annotations

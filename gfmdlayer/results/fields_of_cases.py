@@ -18,7 +18,7 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.results.schema import SAME_TIME, ResultsError
+from gfmdlayer.results.names import SAME_TIME, ResultsError
 
 
 class FieldOfCases(BackendArray):

@@ -29,7 +29,6 @@ is no longer declared, are gathered like any other.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -43,20 +42,24 @@ from h5py import h5a, h5f, h5g
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
-from gfmdlayer.config.sweeps import as_label, is_listed, sampling, swept_keys
+from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
-from gfmdlayer.results.netcdf import PACKED, add_variable, attribute, column, new_file, opened, write_at
-from gfmdlayer.results.schema import (
+from gfmdlayer.results.case_file import CaseContents
+from gfmdlayer.results.names import (
     FIELDS,
     OVER_TIME,
+    ROW,
     SAME_TIME,
     SNAPSHOT_FIELDS,
     SWEEP_FILE,
     VARIABLES,
     described_key,
+    dimension_names,
+    labels,
     numbered,
 )
+from gfmdlayer.results.netcdf import PACKED, add_variable, attribute, column, new_file, opened, write_at
 
 if TYPE_CHECKING:
     import xarray
@@ -64,7 +67,6 @@ if TYPE_CHECKING:
 
 INCOMPLETE = "no complete result file"
 WAITING = "not complete yet"  # in place of the reason of a failure
-ROW = "row"  # the dimension of the rows of cases with times of their own
 OF_ONE_CASE = {
     "config", "digest", "coordinates", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots",
     "complete", *known_numbers(), "instabilities", "instability_time", "instability_depth",
@@ -73,21 +75,18 @@ OF_ONE_CASE = {
 
 _NAMED = 5  # cases in a line of the notes
 
-# These dimensions cannot be selected by keyword: sel(tolerance=1e-6) selects nothing, without an error.
-_ARGUMENTS_OF_SEL = ("indexers", "method", "tolerance", "drop")
-
 
 @dataclass(frozen=True)
 class CaseRecord:
     """One case of a sweep: its file or its data, its values by dotted key, and the reason if it failed."""
 
     index: int
-    source: Path | xarray.Dataset | None
+    source: Path | CaseContents | None
     values: Mapping[str, object]
     failed: str | None = None
 
 
-class Column(NamedTuple):
+class GatheredColumn(NamedTuple):
     """A column of the cases: its attributes and, of a distribution, the ends of its bins."""
 
     described: Mapping[str, str]
@@ -123,85 +122,65 @@ class Swept(NamedTuple):
         return cls(keys, is_listed(sweep), unit, asked, sampling(sweep))
 
 
-class _File:
-    """A case in its file."""
+class _CaseFile:
+    """A case in its file, read as far as it is used."""
 
     def __init__(self, file: h5f.FileID) -> None:
         self._file = file
 
     @property
-    def variables(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables."""
         return tuple(name.decode() for name in h5g.open(self._file, b"/"))
 
     @property
-    def attributes(self) -> list[str]:
+    def noted(self) -> Iterable[str]:
+        """Names of the attributes."""
         return [h5a.open(self._file, index=i).name.decode() for i in range(h5a.get_num_attrs(self._file))]
 
     def attribute(self, name: str) -> object:
+        """Return an attribute, None if there is none of this name."""
         return attribute(self._file, name)
 
     def values(self, name: str) -> FloatArray:
+        """Return the values of a variable."""
         return column(self._file, name)
 
-    def columns(self) -> Iterator[tuple[str, Column]]:
-        h5 = h5py.File(self._file)
-        for name, dataset in h5.items():
-            if not isinstance(dataset, h5py.Dataset) or dataset.maxshape[:1] != (None,):
-                continue
-            if name in {TIME.name, "snapshot", *SNAPSHOT_FIELDS}:
-                continue
-            if dataset.ndim == 1:
-                yield name, Column(_described(dataset))
-            else:
-                bins = dataset.dims[1][0].name.lstrip("/")
-                ends = [end for end in (bins, f"{bins}_end") if end in h5]
-                edges = {end: (_described(h5[end]), h5[end][()]) for end in ends}
-                yield name, Column(_described(dataset), bins, edges)
+    def about(self, name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
+        """Return dimensions and attributes of a variable, none of one without dimensions."""
+        dataset = h5py.File(self._file)[name]
+        if not isinstance(dataset, h5py.Dataset):
+            return (), {}
+        axes = tuple(axis[0].name.lstrip("/") for axis in dataset.dims if len(axis))
+        dimensions = (name,) if dataset.is_scale else axes
+        return dimensions, {
+            key: str(dataset.attrs[key]) for key in ("long_name", "units") if key in dataset.attrs
+        }
 
 
-def _described(dataset: h5py.Dataset) -> dict[str, str]:
-    return {key: str(dataset.attrs[key]) for key in ("long_name", "units") if key in dataset.attrs}
-
-
-class _Memory:
-    """A case in memory, as `Recording.dataset` gives it."""
-
-    def __init__(self, data: xarray.Dataset) -> None:
-        self._data = data
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        return tuple(map(str, self._data.variables))
-
-    @property
-    def attributes(self) -> list[str]:
-        return list(self._data.attrs)
-
-    def attribute(self, name: str) -> object:
-        return self._data.attrs.get(name)
-
-    def values(self, name: str) -> FloatArray:
-        return self._data[name].to_numpy()
-
-    def columns(self) -> Iterator[tuple[str, Column]]:
-        for name, values in self._data.data_vars.items():
-            if values.dims[:1] == ("time",):
-                bins = str(values.dims[1]) if values.ndim > 1 else ""
-                ends = [end for end in (bins, f"{bins}_end") if end in self._data.coords]
-                edges = {end: (self._data[end].attrs, self._data[end].to_numpy()) for end in ends}
-                yield str(name), Column(values.attrs, bins, edges)
-
-
-CaseData: TypeAlias = _File | _Memory  # cases with equal `variables` have columns along equal dimensions
+CaseData: TypeAlias = _CaseFile | CaseContents  # with equal names, variables have equal dimensions
 
 
 @contextmanager
 def _open(record: CaseRecord) -> Iterator[CaseData]:
     if isinstance(record.source, Path):
         with opened(record.source) as file:
-            yield _File(file)
+            yield _CaseFile(file)
     elif record.source is not None:
-        yield _Memory(record.source)
+        yield record.source
+
+
+def _columns(case: CaseData) -> Iterator[tuple[str, GatheredColumn]]:
+    """Yield the columns of a case by name, without its times."""
+    names = set(case.names)
+    for name in case.names:
+        dimensions, described = case.about(name)
+        if dimensions[:1] != (TIME.name,) or name == TIME.name:
+            continue
+        bins = dimensions[1] if len(dimensions) > 1 else ""
+        ends = [end for end in (bins, f"{bins}_end") if end in names]
+        edges = {end: (case.about(end)[1], case.values(end)) for end in ends}
+        yield name, GatheredColumn(described, bins, edges)
 
 
 class _Times:
@@ -246,11 +225,11 @@ class Gathered:
         self.dimensions, self.places = tuple(self._layout.lengths), self._layout.places
         self.shape = tuple(self._layout.lengths.values())
         self.failed = {each.index: each.failed for each in records if each.failed is not None}
-        self._columns: dict[str, Column] = {}
+        self._columns: dict[str, GatheredColumn] = {}
         self._numbers: dict[str, dict[int, float]] = {}
         self._shared: dict[str, Any] = {}
         self._of_first: frozenset[str] | None = None
-        self._layouts: dict[tuple[str, ...], dict[str, Column]] = {}
+        self._layouts: dict[tuple[str, ...], dict[str, GatheredColumn]] = {}
         self._held: dict[int, frozenset[str]] = {}
         self._alike: dict[frozenset[str], frozenset[str]] = {}  # one set for all cases with equal columns
         times = _Times()
@@ -263,7 +242,9 @@ class Gathered:
         self._times: NDArray[Any] = np.arange(times.longest.size) if common is None else common
         # Without a complete case, the columns of the paper.
         self._columns = self._columns or {
-            each.name: Column(each.described) for each in ContactMeans.COLUMNS if each.name != TIME.name
+            each.name: GatheredColumn(each.described)
+            for each in ContactMeans.COLUMNS
+            if each.name != TIME.name
         }
 
     def _add(self, record: CaseRecord, every: _Times) -> bool:
@@ -273,7 +254,7 @@ class Gathered:
                 times = case.values("time")
                 if case.attribute("complete") != 1 or case.attribute("rows") != len(times):
                     return False
-                names = case.attributes if self._of_first is None else self._shared
+                names = case.noted if self._of_first is None else self._shared
                 found: dict[str, Any] = {n: case.attribute(n) for n in names if n not in OF_ONE_CASE}
                 held = self._columns_of(case)
                 own = {name: case.attribute(name) for name in known_numbers()}
@@ -292,9 +273,9 @@ class Gathered:
 
     def _columns_of(self, case: CaseData) -> frozenset[str]:
         """Take note of the columns of a case; return the names of those over the bins of earlier cases."""
-        names = case.variables
+        names = case.names
         if names not in self._layouts:
-            self._layouts[names] = dict(case.columns())
+            self._layouts[names] = dict(_columns(case))
         held = self._layouts[names]
         for name, found in held.items():
             self._columns.setdefault(name, found)
@@ -344,7 +325,9 @@ class Gathered:
     def columns(self) -> dict[str, tuple[tuple[str, ...], Mapping[str, str], tuple[int, ...]]]:
         """Name -> dimensions, attributes and shape of each column, and of time where cases differ in it."""
         found = {}
-        of_cases = {TIME.name: Column(TIME.in_units(self._unit).described)} if self.along == ROW else {}
+        of_cases = (
+            {TIME.name: GatheredColumn(TIME.in_units(self._unit).described)} if self.along == ROW else {}
+        )
         for name, each in (of_cases | self._columns).items():
             dimensions, shape = (*self.dimensions, self.along), (*self.shape, self._times.size)
             if each.bins:
@@ -435,7 +418,7 @@ class Labels(NamedTuple):
     values: NDArray[np.generic]
 
 
-class Layout(NamedTuple):
+class SweepLayout(NamedTuple):
     """Lengths of the dimensions, labels by coordinate, and the place of each case along the dimensions."""
 
     lengths: dict[str, int]
@@ -443,14 +426,7 @@ class Layout(NamedTuple):
     places: list[tuple[int, ...]]
 
 
-def dimension_names(keys: Sequence[str], names: Iterable[str] = ()) -> list[str]:
-    """Name the swept keys by their last parts, or by the whole key where the last part, or a name, is it."""
-    last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, TIME.name, ROW, *VARIABLES, *_ARGUMENTS_OF_SEL, *names])
-    return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
-
-
-def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> Layout:
+def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> SweepLayout:
     """Return the dimensions of a sweep and the places of its cases, from the swept values of each."""
     columns = [labels(key, [each[key] for each in values]) for key in keys]
     named = list(zip(dimension_names(keys), keys, columns, strict=True))
@@ -459,23 +435,14 @@ def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed:
     is_product = len(set(cells)) == len(values) == math.prod(map(len, axes))
     if listed or not is_product:
         along = {name: Labels(key, "case", np.array(column)) for name, key, column in named}
-        return Layout({"case": len(values)}, along, [(i,) for i in range(len(values))])
+        return SweepLayout({"case": len(values)}, along, [(i,) for i in range(len(values))])
     lengths = {name: len(axis) for (name, *_), axis in zip(named, axes, strict=True)}
     along = {
         name: Labels(key, name, np.array(list(axis)))
         for (name, key, _), axis in zip(named, axes, strict=True)
     }
     places = [tuple(axis[label] for axis, label in zip(axes, cell, strict=True)) for cell in cells]
-    return Layout(lengths, along, places)
-
-
-def labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
-    """Return labels of one type for the values of one key: numbers if all are numbers, else text."""
-    if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
-        return [int(str(value)) for value in values]
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
-        return [float(str(value)) for value in values]
-    return [as_label(key, value) for value in values]
+    return SweepLayout(lengths, along, places)
 
 
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
@@ -537,24 +504,26 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
         name: (dims, columns[name], described) for name, (dims, described, _) in sweep.columns.items()
     }
     held |= {name: (dims, values, described) for name, (dims, described, values) in sweep.numbers.items()}
-    cases = [record.source for record in records if isinstance(record.source, xarray.Dataset)]
-    first = cases[0] if cases else xarray.Dataset()
-    if first.sizes.get("snapshot") and _agree(cases, "snapshot", "x", "y"):
-        below = _agree(cases, "z", "layer", "spring")
+    cases = [record.source for record in records if isinstance(record.source, CaseContents)]
+    if cases and cases[0].attributes["snapshots"] and _agree(cases, "snapshot", "x", "y"):
+        first, below = cases[0].variables, _agree(cases, "z", "layer", "spring")
         for name in SNAPSHOT_FIELDS if below else FIELDS:
-            if not all(name in case for case in cases):
+            if not all(name in case.variables for case in cases):
                 continue
             fields = np.full((*sweep.shape, *first[name].shape), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
-                if isinstance(record.source, xarray.Dataset):
-                    fields[place] = record.source[name].to_numpy()
-            held[name] = ((*sweep.dimensions, *first[name].dims), fields, first[name].attrs)
-        axes = ("snapshot", "x", "y", *(("z", "layer", "spring") if below else ()))
-        coords |= {name: first[name].variable for name in axes if name in first.coords}
+                if isinstance(record.source, CaseContents):
+                    fields[place] = record.source.values(name)
+            dimensions, described = cases[0].about(name)
+            held[name] = ((*sweep.dimensions, *dimensions), fields, described)
+        for name in ("snapshot", "x", "y", *(("z", "layer", "spring") if below else ())):
+            if name in first:
+                dimensions, described = cases[0].about(name)
+                coords[name] = (dimensions, first[name].values, described)
     return xarray.Dataset(held, coords, sweep.attributes).set_coords(TIME.name)
 
 
-def _agree(cases: Sequence[xarray.Dataset], *names: str) -> bool:
+def _agree(cases: Sequence[CaseContents], *names: str) -> bool:
     """Whether the cases have the same coordinates of their snapshots."""
-    each = [[case[name].to_numpy().tolist() for name in names if name in case.coords] for case in cases]
+    each = [[case.values(name).tolist() for name in names if name in case.variables] for case in cases]
     return all(one == each[0] for one in each)

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.files.whole import publish, seal, unfinished_path
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 
 PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 

@@ -24,13 +24,13 @@ from gfmdlayer.config.sweeps import combinations
 from gfmdlayer.files.locks import open_for_writing, read_json, regular
 from gfmdlayer.files.whole import is_intact
 from gfmdlayer.results.gathering import WAITING, CaseRecord, Swept, labelled
-from gfmdlayer.results.schema import FIELDS, SNAPSHOT_FIELDS, SWEEP_FILE, ResultsError, in_order
+from gfmdlayer.results.names import FIELDS, SNAPSHOT_FIELDS, SWEEP_FILE, ResultsError
 from gfmdlayer.results.stored import case_numbers, document, must_agree
 
 if TYPE_CHECKING:
     import xarray
 
-    from gfmdlayer.results.journal import Recorder
+    from gfmdlayer.results.recording import Recording
 
 
 _ROWS_READ = 4096  # at a time
@@ -73,21 +73,22 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
         return False
 
 
-def replay(path: Path, until: float, recorder: Recorder) -> None:
-    """Pass the rows, then the snapshots of a complete case up to the time `until` on to a recorder."""
+def replay(path: Path, until: float, recording: Recording) -> None:
+    """Record the rows, then the snapshots of a complete case up to the time `until`."""
     with h5py.File(path, locking=False) as h5:
         columns, fields = _growing(h5)
         rows = int(np.searchsorted(h5["time"][:], until, side="right"))
         for start in range(0, rows, _ROWS_READ):
-            values = [dataset[start : min(start + _ROWS_READ, rows)] for dataset in columns.values()]
-            for row in zip(*values, strict=True):
-                recorder.row(**dict(zip(columns, row, strict=True)))
-        for i, time in enumerate(fields["snapshot"][:].tolist()):
-            if time <= until:
-                given = {name: fields[name][i] for name in SNAPSHOT_FIELDS if name in fields}
-                # NaN in the snapshots without fields below the surface
-                known = {n: each for n, each in given.items() if n in FIELDS or not np.isnan(each.flat[0])}
-                recorder.snapshot(time, *in_order(known))
+            part = slice(start, min(start + _ROWS_READ, rows))
+            recording.extend({name: dataset[part] for name, dataset in columns.items()})
+        times = fields.pop("snapshot")[:].tolist()
+        for i, time in enumerate(each for each in times if each <= until):
+            held = {name: field[i] for name, field in fields.items()}
+            # NaN in the snapshots without fields below the surface
+            known = {
+                name: each for name, each in held.items() if name in FIELDS or not np.isnan(each.flat[0])
+            }
+            recording.snapshot(time, known)
 
 
 def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], dict[str, h5py.Dataset]]:

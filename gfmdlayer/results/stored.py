@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import sweeps
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.validation import text
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"

@@ -21,11 +21,11 @@ from gfmdlayer.config.model import stem
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.results import checkpoint, provenance
+from gfmdlayer.results.case_file import case_contents, write_case
 from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
-from gfmdlayer.results.journal import Journal, Position
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import is_complete, replay
-from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.results.writer import CaseWriter
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.study import CHECKPOINT_EVERY
 from gfmdlayer.study.cases import Earlier, SweepCase, label
 from gfmdlayer.study.claims import Claim, Taken
@@ -65,49 +65,40 @@ class Checkpoints:
         ranks: Ranks = ALONE,
     ) -> None:
         self._folder, self._index, self._ranks = folder, index, ranks
-        self._checkpoint, self._journal_file, self._state = (
-            folder.case(index, kind) for kind in ("checkpoint", "journal", "state")
+        self._checkpoint, self._snapshots, self._state = (
+            folder.case(index, kind) for kind in ("checkpoint", "snapshots", "state")
         )
         self._interval, self._report_time = interval, report_time
         several = {"ranks": str(self._ranks.count)} if self._ranks.count > 1 else {}
         self._made_by = provenance.made_by(digest) | several
         self._stem, self._earlier = stem, earlier
         self._found: Checkpoint | None = None
-        self._journal: Journal | None = None
+        self._recording: Recording | None = None
         self._memory: CompositeState | None = None
         self._warned = ""
-        self._begin()
-
-    def _begin(self) -> None:
-        self._begun = time.monotonic()
-        self.started, self._before = provenance.now(), 0.0  # of the first start; seconds up to the checkpoint
         self._time, self._unsaved = 0.0, False
 
-    @property
-    def elapsed(self) -> float:
-        """Seconds of computation so far, those before the checkpoint included."""
-        return self._before + time.monotonic() - self._begun
-
-    def journal(self, columns: Iterable[str], grid: Grid | None = None) -> Journal:
-        """Return the journal of the case, which holds the rows and snapshots up to its checkpoint."""
+    def recording(self, columns: Iterable[str], grid: Grid | None = None) -> Recording:
+        """Return the recording of the case, which holds the rows and snapshots up to its checkpoint."""
         self._found = self._find()
-        self._journal = journal = Journal(self._journal_file, grid)
+        self._recording = recording = Recording(self._snapshots, grid)
         if self._found is not None:
             about = self._found.about
-            self.started, self._before, self._time = about["started"], about["elapsed"], about["time"]
+            recording.started, recording.spent = about["started"], about["elapsed"]
+            self._time = about["time"]
             with self._ranks.agreeing(CheckpointError):
                 if self._earlier is not None:
-                    self._repeat(self._earlier, journal)
+                    self._repeat(self._earlier, recording)
                 elif self._ranks.first:
-                    position = Position(*about["journal"])
-                    if position.columns and (changed := set(columns) ^ set(position.columns)):
+                    kept = about["recording"]
+                    if kept["widths"] and (changed := set(columns) ^ set(kept["widths"])):
                         names = ", ".join(sorted(changed))
                         raise CheckpointError(f"its rows have other columns, see {names}")
                     try:
-                        journal.go_on(position)
+                        recording.go_on(kept, self._found.state)
                     except ValueError as error:
                         raise CheckpointError(str(error)) from None
-        return journal
+        return recording
 
     def _find(self) -> Checkpoint | None:
         """Read the checkpoint, or else the state that an earlier case kept."""
@@ -120,13 +111,13 @@ class Checkpoints:
             raise CheckpointError("it would not give the same bits")
         return read_checkpoint(self._folder.case(self._earlier.index, "state"), self._earlier.made_by)
 
-    def _repeat(self, earlier: Earlier, journal: Journal) -> None:
+    def _repeat(self, earlier: Earlier, recording: Recording) -> None:
         """Record the rows and snapshots of an earlier case up to its kept state."""
         path = self._folder.case(earlier.index)
         if not is_complete(path, earlier.made_by["digest"]):
             raise CheckpointError(f"{path.name}, which belongs to it, is not complete any more")
         try:
-            replay(path, earlier.time, journal)
+            replay(path, earlier.time, recording)
         except ResultsError:
             raise  # in writing
         except (OSError, KeyError, ValueError) as error:
@@ -177,21 +168,20 @@ class Checkpoints:
         return self._time if self._checkpoint.exists() and not self._unsaved else None
 
     def remove(self) -> None:
-        """Remove checkpoint and journal of a complete case."""
+        """Remove checkpoint and snapshots of a complete case."""
         self.close()
         if self._ranks.first:
             with suppress(OSError):
-                for path in (self._checkpoint, self._journal_file):
+                for path in (self._checkpoint, self._snapshots):
                     path.unlink(missing_ok=True)
 
     def set_aside(self, reason: str) -> None:
-        """Rename a checkpoint that cannot be used, and its journal; they are left to the user."""
+        """Rename a checkpoint that cannot be used, and its snapshots; they are left to the user."""
         self.close()
-        self._begin()
-        self._found = None
+        self._time, self._unsaved, self._found = 0.0, False, None
         if self._earlier is None:
             if self._ranks.first:
-                for path in (self._checkpoint, self._journal_file):
+                for path in (self._checkpoint, self._snapshots):
                     self._folder.set_aside(path)
             self._ranks.all_of(None)  # no rank looks for it before it is gone
             self.log(f"begins anew, its checkpoint is set aside: {reason}")
@@ -200,9 +190,9 @@ class Checkpoints:
             self._earlier = None
 
     def close(self) -> None:
-        """Close the journal."""
-        if self._journal is not None:
-            self._journal.close()
+        """Close the file of the snapshots."""
+        if self._recording is not None:
+            self._recording.close()
 
     def log(self, line: str) -> None:
         """Write a line on the case to standard error, which all processes of a run share."""
@@ -215,26 +205,29 @@ class Checkpoints:
         if (course := self._memory["steps"].course()) is not None:
             about = {"time": course.time, "stem": self._stem, "course": asdict(course)}
             try:
-                self._save(self._state, about)
+                self._save(self._state, about, {})
             except OSError as error:
                 self._warn(f"continues, but its state cannot be kept: {error.strerror or error}")
 
-    def _save(self, path: Path, about: dict[str, Any], ranks: Ranks = ALONE) -> None:
+    def _save(
+        self, path: Path, about: Mapping[str, Any], rows: Mapping[str, Any], ranks: Ranks = ALONE
+    ) -> None:
         assert self._memory is not None
-        known = {"started": self.started, "elapsed": self.elapsed, **about}
-        checkpoint.write_checkpoint(path, self._made_by, known, self._memory.state(), ranks)
+        assert self._recording is not None
+        known = {"started": self._recording.started, "elapsed": self._recording.elapsed, **about}
+        checkpoint.write_checkpoint(path, self._made_by, known, {**self._memory.state(), **rows}, ranks)
 
     def _write(self) -> None:
-        """Write the journal, then the checkpoint that names the place in it."""
-        assert self._journal is not None
+        """Write the snapshots, then the checkpoint that has the rows and knows where the snapshots are."""
+        assert self._recording is not None
         begun, failure = time.monotonic(), ""
         try:
-            position = self._journal.kept()
+            kept, rows = self._recording.kept()
         except OSError as error:
             failure = error.strerror or str(error)
         if not (failure := self._ranks.shared(failure)):
             try:
-                self._save(self._checkpoint, {"time": self._time, "journal": position}, self._ranks)
+                self._save(self._checkpoint, {"time": self._time, "recording": kept}, rows, self._ranks)
             except OSError as error:
                 failure = error.strerror or str(error)
             failure = self._ranks.shared(failure)
@@ -340,32 +333,23 @@ class CaseRun:
     def _compute(self, checkpoints: Checkpoints, claim: Claim | Listener) -> str:
         config, ranks = self.case.config, self.ranks
         model = model_of(config, self.threads, ranks)
-        journal = checkpoints.journal((column.name for column in model.columns), model.grid)
-        warnings = model.run(journal, checkpoints.advance, checkpoints.resume)
+        recording = checkpoints.recording((column.name for column in model.columns), model.grid)
+        warnings = model.run(recording, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):
             claim.confirm()
         with ranks.agreeing(ResultsError):
             if ranks.first:
-                self._write(model, journal, checkpoints)
+                self._write(model, recording)
         return "; ".join(warnings)
 
-    def _write(self, model: Model, journal: Journal, checkpoints: Checkpoints) -> None:
-        """Write the file of the case from its journal."""
+    def _write(self, model: Model, recording: Recording) -> None:
+        """Write the file of the case."""
         case = self.case
-        described = attributes(model, case.given, surfaces=self.ranks.count == 1)
-        with CaseWriter(
-            self.folder.case(case.index),
-            model.coordinates,
-            described | {"digest": self._digest, "started": checkpoints.started},
-            model.columns,
-            elapsed=checkpoints.elapsed,
-            unit=case.config.unit,
-            swept=case.values,
-            places=model.places,
-        ) as writer:
-            journal.replay(writer)
-            if ended := str(journal.noted.get("ended", "")):
-                _record(self.folder.case(case.index, "ended"), case.values, ended)
+        described = attributes(model, case.given, surfaces=self.ranks.count == 1) | {"digest": self._digest}
+        about = described, model.columns, case.config.unit, case.values, model.places
+        write_case(self.folder.case(case.index), case_contents(recording, model.coordinates, *about))
+        if ended := str(recording.noted.get("ended", "")):
+            _record(self.folder.case(case.index, "ended"), case.values, ended)
 
 
 def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:

@@ -70,8 +70,8 @@ class CostModel:
     @classmethod
     def of_files(cls, complete: Mapping[Path, Config]) -> CostModel:
         """Fit to the files of complete cases: all of them, or a random sample of many."""
+        from gfmdlayer.results.names import ResultsError
         from gfmdlayer.results.reader import attributes
-        from gfmdlayer.results.schema import ResultsError
 
         paths = list(complete) if len(complete) <= SAMPLE else random.Random(0).sample([*complete], SAMPLE)
         finished = []

@@ -6,7 +6,7 @@
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.ended   why a complete case ended early (JSON)
     DIR/cases/NNNN.running claim of the process that computes a case, with its progress (JSON)
-    DIR/cases/NNNN.checkpoint, .journal  an unfinished case: its state, its rows and snapshots
+    DIR/cases/NNNN.checkpoint, .snapshots  an unfinished case: its state and its rows; its snapshots
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/inputs/            the files that the configuration names, as the cases read them
@@ -40,7 +40,7 @@ from gfmdlayer.config.reader import Inspection
 from gfmdlayer.files.locks import open_for_writing, regular, write_new
 from gfmdlayer.files.whole import is_intact, is_unfinished, unfinished, write_text
 from gfmdlayer.results import stored
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.study.cases import input_errors
 from gfmdlayer.validation.sections import files_named
 
@@ -85,7 +85,7 @@ class Folder:
         return self.cases / f"stop-{self.run}"
 
     def case(self, index: int, kind: str = "h5") -> Path:
-        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or journal."""
+        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or snapshots."""
         return self.cases / f"{index:04d}.{kind}"
 
     def numbers(self) -> Numbers:
@@ -225,13 +225,14 @@ class Folder:
 # Files of dead runs are removed, and results with --restart; records of failures, files set aside for the
 # user and other programs' files never are.
 
-_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint|journal|state)(\.aside)?")
+# The version before had a journal in place of the snapshots.
+_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint|snapshots|journal|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 _OWN = r"\..+-\d+-[0-9a-f]{8}"  # of a process; see `unfinished_path`
 _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_OWN}\.part")
 _OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint|state){_OWN}\.part)")
-_STATE = re.compile(r"(\d{4,})\.(checkpoint|journal)")
-# The last three of version 0.2, whose shards had locks.
+_STATE = re.compile(r"(\d{4,})\.(checkpoint|snapshots|journal)")
+# The last three of the version before, whose shards had locks.
 _OF_A_RUN = re.compile(
     rf"stop-.+-\d+-[0-9a-f]{{8}}|probe{_OWN}\.part|stop(-\d+-of-\d+)?|\.lock-\d+-of-\d+|\.turn"
 )

@@ -29,7 +29,7 @@ from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.files.locks import no_link
 from gfmdlayer.files.whole import cannot_be_written, is_intact, unfinished_path
-from gfmdlayer.results.schema import ResultsError, numbered
+from gfmdlayer.results.names import ResultsError, numbered
 from gfmdlayer.results.stored import must_agree
 from gfmdlayer.study.cases import Cases, Earlier, SweepCase, with_files
 from gfmdlayer.study.claims import PATIENCE, Lock, in_use, locked

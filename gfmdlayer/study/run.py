@@ -27,8 +27,8 @@ from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes, is_complete
-from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.study import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.study.case_run import record_failure, run_case, warm_up
 from gfmdlayer.study.cases import WHOLE, Cases, Shard, SweepCase

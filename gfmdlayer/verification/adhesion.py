@@ -11,13 +11,13 @@ from scipy.optimize import brentq
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.closed_form import LayeredHalfspace
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import (
     ALONE,
     ELASTIC,
     HALFSPACE,
     RIGID,
-    Recording,
     adaptive,
     exponential,
     run,
@@ -364,8 +364,8 @@ def flat_film(_quick: bool) -> Iterator[Row]:
     theory = 6.2229 / _THICKNESS
     attraction = square / (closest + _INSULATION) ** 3
     yield Row("|w''| where the flat film ends", theory, attraction, 5e-3 * theory, _FILM)
-    before = max(each[0] for each in found.snapshots if each[0] < _first(found, "time"))
-    shape = next(u for time, u, _ in found.snapshots if time == before)
+    before = max(i for i, time in enumerate(found.times) if time < _first(found, "time"))
+    shape = found.fields["displacement"][before]
     wave = int(np.argmax(np.abs(np.fft.rfft(shape))[1:]))
     yield Row("q d of the wave that grows", 2.1196, float(q[wave]) * _THICKNESS, 0.1, _FILM)
 

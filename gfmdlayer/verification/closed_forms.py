@@ -65,7 +65,7 @@ def hertz_line(quick: bool) -> Iterator[Row]:
     source = f"Hertz; {JOHNSON}, ch. 4"
     half_width = found.last("contact_area") / 2
     yield Row(f"half-width a/L, n = {n}", a, half_width, 1 / n + neighbours * a, source)
-    highest = float(found.snapshots[-1][2].max())
+    highest = float(found.fields["pressure"][-1].max())
     yield Row(f"p_max/G, n = {n}", peak, highest, peak * (2 * neighbours + 1 / cells**2), source)
 
 
@@ -93,7 +93,7 @@ def hertz_sphere(quick: bool) -> Iterator[Row]:
     yield Row(f"area of contact, {n} x {n}", area, found.last("contact_area"), area / m, source)
     beyond = depth * a**5
     yield Row(f"depth/L, {n} x {n}", depth, found.last("depth"), depth * 0.06 / m**2 + beyond, source)
-    highest = float(found.snapshots[-1][2].max())
+    highest = float(found.fields["pressure"][-1].max())
     yield Row(f"p_max/G, {n} x {n}", peak, highest, peak * (0.15 / m**2 + a**5), source)
 
 
@@ -152,7 +152,7 @@ def full_contact(_quick: bool) -> Iterator[Row]:
     found = run({"punch": punch, "grid.points": n}, load, steps)
     spectrum = relaxation_spectrum(LayeredHalfspace(0.05, 0.5, 1.0), Zener(1.0, 10.0, 1.0), [2 * np.pi])
     wave = np.cos(2 * np.pi * (np.arange(n) / n - 0.5))
-    for time, _, pressure in found.snapshots:
+    for time, pressure in zip(found.times, found.fields["pressure"], strict=True):
         left = (spectrum.relaxed + (spectrum.weights * np.exp(-time / spectrum.times)).sum(axis=0)).item()
         amplitude = 2 * float(np.mean(pressure * wave))
         yield Row(

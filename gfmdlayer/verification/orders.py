@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.time_functions import Table
 from gfmdlayer.verification.rows import Convergence, Row
-from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, Recording, run
+from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, run
 from gfmdlayer.verification.theory import (
     DEPTH,
     E_STAR,

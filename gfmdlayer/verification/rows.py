@@ -17,8 +17,8 @@ import numpy as np
 
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.provenance import now, provenance
-from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.verification import theory
 
 if TYPE_CHECKING:

@@ -2,49 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Unpack
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.case.parts import Given
 from gfmdlayer.config import Config
-from gfmdlayer.results import journal
+from gfmdlayer.results.recording import Recording
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4
 ALONE: dict[str, object] = {"layer.thickness": float("inf")}
 RIGID: dict[str, object] = {"halfspace.shear_modulus": float("inf")}
 ELASTIC: dict[str, object] = {"layer.material.Ginf": 1.0}
 ONE_STEP: dict[str, object] = {"time.end": 1.0, "time.step": 1.0}
-
-
-class Recording(journal.Recording):
-    """A recorder in memory; `recording["contact_area"]` is a column of its rows."""
-
-    @property
-    def snapshots(self) -> list[tuple[float, FloatArray, FloatArray]]:
-        """Time, displacement and pressure of the snapshots."""
-        return [(time, displacement, pressure) for time, displacement, pressure, *_ in self.fields]
-
-    def __getitem__(self, name: str) -> FloatArray:
-        """Return a column of the rows."""
-        return np.array([row[name] for row in self.rows])
-
-    def last(self, name: str) -> float:
-        """Return the last value of a column."""
-        return float(self.rows[-1][name])
-
-    def at(self, name: str, times: Iterable[float]) -> FloatArray:
-        """Return the values of a column at times that are rows."""
-        rows, known = [], self["time"]
-        for time in times:
-            rows.append(int(np.argmin(np.abs(known - time))))
-            if abs(known[rows[-1]] - time) > 1e-9 * known[-1]:
-                raise ValueError(f"no row at t = {time:g}")
-        return self[name][rows]
 
 
 def run(*values: Mapping[str, object], **parts: Unpack[Given]) -> Recording:

@@ -14,8 +14,9 @@ from gfmdlayer.body.materials import Elastic, Prony
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.verification.rows import Convergence, Row
-from gfmdlayer.verification.runs import Recording, difference, run
+from gfmdlayer.verification.runs import difference, run
 from gfmdlayer.verification.theory import solver_error
 
 _SKIN = Prony(5.0, [(20.0, 0.1), (5.0, 1.0)])

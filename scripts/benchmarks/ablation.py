@@ -38,7 +38,7 @@ from gfmdlayer.history import adaptive_steps, errors
 from gfmdlayer.history.errors import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.kernels import kernel
-from gfmdlayer.verification.runs import Recording
+from gfmdlayer.results.recording import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)
 QUICK = Effort(points=(1 << 10,), steps=20, repetitions=1)
@@ -392,8 +392,8 @@ ADAPTIVE = (
         },
     ),
     _Ablation(
-        "first step from rest: as after a jump",
-        patches=lambda: [(adaptive_steps, "_FROM_REST", adaptive_steps._AFTER_JUMP / _TOLERANCE)],
+        "first step by the tolerance: very short",
+        patches=lambda: [(adaptive_steps, "_FIRST_STEP", 1e-6 / _TOLERANCE)],
     ),
     _Ablation("short step after a breakpoint", patches=lambda: [(adaptive_steps, "_AFTER_BREAKPOINT", 1.0)]),
     _Ablation(
@@ -401,8 +401,5 @@ ADAPTIVE = (
         patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
     _Ablation("part of the unknown curvature: all", patches=lambda: [(errors, "_UNKNOWN_CURVATURE", 1.0)]),
-    _Ablation(
-        "limits of growth",
-        patches=lambda: [(adaptive_steps, name, 1e9) for name in ("_GROWTH", "_FIRST_GROWTH")],
-    ),
+    _Ablation("limit of growth", patches=lambda: [(adaptive_steps, "_GROWTH", 1e9)]),
 )

@@ -19,7 +19,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.config import Config, load
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.verification.runs import Recording
+from gfmdlayer.results.recording import Recording
 
 Cell = float | int | str | None
 

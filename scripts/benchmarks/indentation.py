@@ -21,7 +21,7 @@ from gfmdlayer.case.model import simulate, warm_up
 from gfmdlayer.config import Config
 from gfmdlayer.indentation.solve import History, follow
 from gfmdlayer.punch.revolution import sphere
-from gfmdlayer.verification.runs import Recording
+from gfmdlayer.results.recording import Recording
 
 EFFORT = Effort(points=(128,), steps=50, repetitions=15)
 QUICK = Effort(points=(64,), steps=10, repetitions=5)

@@ -94,14 +94,14 @@ class Clock:
     cases: int = 0
     begun: float = 0.0
 
-    def around_cases(self, enter: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def around_cases(self, write: Callable[..., Any]) -> Callable[..., Any]:
         """Count the cases by their files; solves before the first one only compiled the solver."""
 
-        def counted(writer: Any) -> Any:
+        def counted(*case: Any) -> Any:
             if not self.cases:
                 self.begun, self.solving = time.time(), 0.0
             self.cases += 1
-            return enter(writer)
+            return write(*case)
 
         return counted
 
@@ -128,10 +128,10 @@ def main(config: str, directory: str) -> int:
     """Run the command line on this rank and write its clock."""
     from gfmdlayer.case.case import Case
     from gfmdlayer.cli import main
-    from gfmdlayer.results.writer import CaseWriter
+    from gfmdlayer.study import case_run
 
     clock = Clock()
-    CaseWriter.__enter__ = clock.around_cases(CaseWriter.__enter__)  # type: ignore[method-assign]
+    case_run.write_case = clock.around_cases(case_run.write_case)
     made = cached_property(clock.around_solves(Case.solver.func))
     made.__set_name__(Case, "solver")
     Case.solver = made  # type: ignore[misc]

@@ -21,8 +21,8 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.punch.self_affine import SelfAffine
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.resumable import Stateless
-from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))
 QUICK = Effort(points=(1 << 10, 1 << 12), steps=100)

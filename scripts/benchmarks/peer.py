@@ -22,8 +22,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.verification.crosschecks import TamaasHalfspace
-from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=240, repetitions=5)
 QUICK = Effort(points=(1 << 10,), steps=40, repetitions=3)

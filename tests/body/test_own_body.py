@@ -27,7 +27,7 @@ from gfmdlayer import (
 from gfmdlayer.body.solid import fault
 from gfmdlayer.config import digest
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.results.journal import Recording
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.study.cases import cases, input_errors
 
 ROOT = Path(__file__).parents[2]

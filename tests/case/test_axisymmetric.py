@@ -11,7 +11,7 @@ from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.study.cases import input_errors
 from gfmdlayer.study.cost import estimate
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 AFM = {
     "name": "afm", "grid": {"geometry": "axisymmetric", "points": 64},
@@ -36,7 +36,7 @@ def refusal(config, folder, capsys):
 
 def simulated(config):
     """Run a case in memory."""
-    recording = Recording()
+    recording = Kept()
     gfmdlayer.simulate(config, recording)
     return recording
 

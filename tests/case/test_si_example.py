@@ -10,13 +10,13 @@ from gfmdlayer import indent
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import load
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 CONFIG = Path(__file__).parents[2] / "configs" / "rubber-coating-quick.yaml"
 
 
 def test_force_and_radius_are_those_of_an_isolated_sphere():
-    config, recording = load(CONFIG), Recording()
+    config, recording = load(CONFIG), Kept()
     case = Case(config)
     simulate(case, recording)
     depth, ramp = config.trajectory.depth, config.trajectory.ramp_time

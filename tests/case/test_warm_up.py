@@ -9,8 +9,8 @@ from gfmdlayer.case.case import smallest_equivalent_case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.indentation import model as isolated
-from gfmdlayer.results.journal import Recording
 from gfmdlayer.study.cost import kind
+from tests.recordings import Kept
 
 PROGRAM = """
 import sys
@@ -97,7 +97,7 @@ def test_nothing_is_left_to_compile(tmp_path):
     ids=str,
 )
 def test_few_steps_are_enough_whatever_the_case(values):
-    recording = Recording()
+    recording = Kept()
     simulate(smallest_equivalent_case(Config(name="warm").with_values(values)), recording)
     assert 3 <= len(recording.rows) < 200
 
@@ -133,7 +133,7 @@ def test_kernels_of_an_isolated_contact_are_compiled_by_one_that_is_small_beside
         }
     )
     small = isolated.smallest_equivalent_case(film)
-    recording = Recording()
+    recording = Kept()
     simulate(small, recording)
     widest = max(row["contact_radius"] for row in recording.rows)
     assert 0 < widest < film.solid.thicknesses[0]

@@ -9,7 +9,7 @@ from gfmdlayer.body.materials import Zener
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.sweeps import leaves
-from gfmdlayer.results.schema import parameter
+from gfmdlayer.results.names import parameter
 from gfmdlayer.study.cases import cases
 from tests.config.reading import problems, read
 

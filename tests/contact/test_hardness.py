@@ -18,7 +18,7 @@ from gfmdlayer.contact.residual import residual_scales
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.law import HARD_WALL
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 # A halfspace of E* = 2 G/(1 - nu) = 1, and a rough surface of slope 0.1: elastic pressures reach 0.1 E*.
 HALFSPACE = {"layer": {"thickness": 0.0}, "halfspace": {"shear_modulus": 0.25, "poisson": 0.5}}
@@ -42,7 +42,7 @@ def config(hardness, **sections):
 
 
 def run(given, **parts):
-    recording = Recording()
+    recording = Kept()
     Case(given, **parts).run(recording)
     return recording
 
@@ -171,8 +171,8 @@ def test_the_plastic_work_is_the_hardness_times_the_imprint(step):
     """To rounding, also where adaptive steps are rejected: their flow is not kept."""
     time = {"step": step, "end": 2.0} | ({"tolerance": 1e-3} if step == "adaptive" else {})
     found = run(config(0.05, layer=RUBBER, time=time, output={"snapshots": [1.0, 2.0]}))
-    for at, *_, traction, imprint in found.fields:
-        assert traction is None
+    assert "traction" not in found.fields
+    for at, imprint in zip(found.times, found.fields["imprint"], strict=True):
         assert imprint.min() >= 0
         work = found["plastic_work"][np.searchsorted(found["time"], at - 1e-12)]
         assert work == pytest.approx(0.05 * imprint.mean(), rel=1e-12)
@@ -195,7 +195,7 @@ def test_the_balance_of_energy_holds_over_jumps_of_a_depth():
 def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint():
     """The depth counts from the new punch: it touches where heights and imprint are least together."""
     given = config(0.02, trajectory=CYCLES | {"cycles": 1}, time={"step": 0.25})
-    case, found = Case(given), Recording()
+    case, found = Case(given), Kept()
     case.run(found)
     touch = float((case.punch + case.contact.imprint.depth).min())
     assert touch > 0
@@ -230,10 +230,10 @@ def test_columns_of_a_contact_without_images_are_totals():
     alone = {"points": [32, 32], "period": 1.4, "boundary": "isolated"}
     path = {"control": "force", "force": 0.01}
     given = config(0.08, grid=alone, punch=SPHERE, trajectory=path, output={"snapshots": [1.0]})
-    case, found, cell = Case(given), Recording(), 1.4**2
+    case, found, cell = Case(given), Kept(), 1.4**2
     case.run(found)
     assert found["plastic_work"][-1] == pytest.approx(0.08 * case.contact.imprint.depth.mean() * cell)
-    at_hardness = found.fields[-1][2] == 0.08
+    at_hardness = found.fields["pressure"][-1] == 0.08
     assert found["yielded_area"][-1] == pytest.approx(at_hardness.mean() * cell)
     assert at_hardness.any()
 
@@ -321,11 +321,11 @@ def test_flat_summits_stick_better_and_the_balance_of_energy_closes():
     pulls, residuals = [], []
     for hardness, step in ((None, 0.1), (4.0, 0.1), (4.0, 0.025)):
         wall = {"law": "hard_wall"} if hardness is None else {"law": "hard_wall", "hardness": hardness}
-        case, found = Case(config(None, interface=[law, wall], time={"step": step}, **keys)), Recording()
+        case, found = Case(config(None, interface=[law, wall], time={"step": step}, **keys)), Kept()
         case.run(found)
         pulls.append(-found["mean_stress"].min())
         if hardness is not None:
-            _, _, pressure, _, traction, imprint = found.fields[-1]
+            pressure, traction, imprint = (found.fields[n][-1] for n in ("pressure", "traction", "imprint"))
             assert (pressure + traction).max() == pytest.approx(hardness, rel=1e-12)
             assert imprint.max() > 0
             work = found["plastic_work"][-1]

@@ -6,7 +6,7 @@ import pytest
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.figures.body_plot import body_figure
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 
 LAYERS = [{"thickness": 0.01, "poisson": 0.4, "material": {"G0": 4.0, "Ginf": 20.0}}, {"thickness": 1.0}]
 

@@ -16,8 +16,8 @@ from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.figures.plot_style import CONTACT, styled
 from gfmdlayer.observables import columns
+from gfmdlayer.results.names import OVER_TIME
 from gfmdlayer.results.reader import open_results
-from gfmdlayer.results.schema import OVER_TIME
 
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "contact_sheet.py"))
 # One of a line over a key, one in SI, one of a surface; the others are slow.

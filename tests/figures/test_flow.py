@@ -6,7 +6,7 @@ import pytest
 import gfmdlayer
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.field_plots import flow_figure
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 
 SEAL = {
     "grid": {"points": [32, 32]}, "layer": {"thickness": float("inf")},

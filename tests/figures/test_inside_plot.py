@@ -8,7 +8,7 @@ from gfmdlayer.figures import curves_figure
 from gfmdlayer.figures.field_plots import inside_figure
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.report.page import Listed, payload
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
 
 RUN = {
     "layer": {"thickness": 0.03, "poisson": 0.3}, "halfspace": {"shear_modulus": 0.2, "poisson": 0.4},

@@ -8,8 +8,8 @@ from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plots import plot_results
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import open_case, open_results
-from gfmdlayer.results.schema import ResultsError
 
 KEYS = {
     "name": "pull", "grid": {"points": 128}, "layer": {"thickness": 0},

@@ -19,8 +19,8 @@ from gfmdlayer.figures.plot_style import CONTACT
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.selection import notes, select, swept
 from gfmdlayer.figures.snapshots import snapshots_figure
-from gfmdlayer.results.schema import ResultsError, described_key
-from gfmdlayer.results.writer import CaseWriter
+from gfmdlayer.results.names import ResultsError, described_key
+from tests.recordings import case_file, named
 
 TIMES = np.linspace(0.0, 4.0, 5)
 EIGHT = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0]
@@ -417,9 +417,9 @@ def test_the_times_asked_for_are_all_drawn_and_no_others(tmp_path):
     assert "of 12 snapshots" not in said(every)
     two = snapshots_figure({"one": whole, "two": whole}, every=True)
     assert sum(bool(axes.images) for axes in two.axes) == 2 * 12
-    with CaseWriter(tmp_path / "0000.h5", {"x": whole["x"].to_numpy()}, {"name": "demo"}) as writer:
+    with case_file(tmp_path / "0000.h5", {"x": whole["x"].to_numpy()}, {"name": "demo"}) as writer:
         for time in (1.0, 2.0, 4.0):
-            writer.snapshot(time, *np.zeros((3, 32)))
+            writer.snapshot(time, named(*np.zeros((3, 32))))
     (drawn,) = plot_results(tmp_path / "0000.h5", tmp_path / "a.gif", kind="movie", times=[4.0, 1.0])
     with Image.open(drawn) as film:
         assert film.n_frames == 2

@@ -18,21 +18,21 @@ from gfmdlayer.figures.plot_style import PAPER, SCREEN, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshots import OVERLAP, Inset, snapshots_figure, waterfall_figure
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import case_path, open_case, open_results
-from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.results.writer import CaseWriter
+from tests.recordings import case_file, named
 
 X = np.linspace(-0.5, 0.5, 64, endpoint=False)
 THICKNESSES = [0, 1 / 32, 1 / 16, float("inf")]
 
 
 def write_case(path, *, snapshots=True, about=None):
-    with CaseWriter(path, {"x": X}, {"name": "demo", **({"tau": 2.0} if about is None else about)}) as case:
+    with case_file(path, {"x": X}, {"name": "demo", **({"tau": 2.0} if about is None else about)}) as case:
         for time in (0.0, 1.0, 4.0):
             case.row(time=time, contact_area_interpolated=0.1 * time, mean_pressure=0.2 * time)
             if snapshots and time > 0:
                 pressed = np.maximum(0, 0.01 - X**2)
-                case.snapshot(time, -pressed, time * pressed, np.maximum(0, X**2 - 0.01))
+                case.snapshot(time, named(-pressed, time * pressed, np.maximum(0, X**2 - 0.01)))
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def write_sweep(folder, swept):
 @pytest.mark.parametrize("columns", [1, 2])
 def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path, columns):
     friction = [np.nan, -0.1, 0.3]
-    with CaseWriter(case_path(tmp_path, 0), {"x": X}, {"name": "demo", "tau": 2.0}) as case:
+    with case_file(case_path(tmp_path, 0), {"x": X}, {"name": "demo", "tau": 2.0}) as case:
         for time, each in enumerate(friction):
             case.row(time=float(time), contact_area_interpolated=0.1, mean_pressure=0.2, friction=each)
     with open_case(case_path(tmp_path, 0)) as data:
@@ -165,8 +165,8 @@ def test_snapshots_show_the_contact_zoomed(thicknesses):
 
 def test_snapshots_of_a_surface_are_maps(tmp_path):
     field = np.maximum(0, 0.04 - X[:, None] ** 2 - (X[None, ::2]) ** 2)
-    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[::2]}, {"tau": 1.0}) as case:
-        case.snapshot(1.0, -field, field)
+    with case_file(tmp_path / "0000.h5", {"x": X, "y": X[::2]}, {"tau": 1.0}) as case:
+        case.snapshot(1.0, named(-field, field))
     with open_case(tmp_path / "0000.h5") as data:
         figure = snapshots_figure({"": data})
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("$x$", "$y$")
@@ -314,9 +314,9 @@ def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(t
     y = X[::2]
     pressure = np.maximum(0, 0.04 - X[:, None] ** 2 - (y - 0.25) ** 2)
     gap = np.maximum(0, X[:, None] ** 2 + (y - 0.25) ** 2 - 0.04)
-    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": y}, {"tau": 1.0}) as case:
-        case.snapshot(1.0, -pressure, pressure, gap)
-        case.snapshot(2.0, -2 * pressure, 3 * pressure, gap)
+    with case_file(tmp_path / "0000.h5", {"x": X, "y": y}, {"tau": 1.0}) as case:
+        case.snapshot(1.0, named(-pressure, pressure, gap))
+        case.snapshot(2.0, named(-2 * pressure, 3 * pressure, gap))
     with open_case(tmp_path / "0000.h5") as data:
         figure = snapshots_figure({"": data})
     panels = np.reshape([axes for axes in figure.axes if axes.get_label() != "<colorbar>"], (4, 2))
@@ -354,10 +354,10 @@ def coarse(monkeypatch):
 def test_movie_shows_each_snapshot(tmp_path, monkeypatch, shape):
     fields = np.random.default_rng(1).random((3, 3, *shape))
     axes = {"x": X, "y": X[::2]} if len(shape) == 2 else {"x": X}
-    with CaseWriter(case_path(tmp_path, 0), axes, {"name": "demo", "tau": 2.0}) as case:
+    with case_file(case_path(tmp_path, 0), axes, {"name": "demo", "tau": 2.0}) as case:
         for time, three in enumerate(fields):
             case.row(time=float(time), contact_area_interpolated=0.1, mean_pressure=0.2)
-            case.snapshot(float(time), *three)
+            case.snapshot(float(time), named(*three))
     if len(shape) == 2:
         monkeypatch.setattr("shutil.which", lambda _: None)
         assert plot_results(tmp_path, kind="movie") == [tmp_path / "demo.gif"]  # without ffmpeg
@@ -409,7 +409,7 @@ def test_pictures_of_snapshots_need_snapshots(tmp_path):
 
 def test_the_contact_area_is_drawn_without_steps_unless_the_counted_one_is_asked_for(tmp_path):
     counted, between = [0.0, 0.25, 0.25], [0.0, 0.24, 0.26]
-    with CaseWriter(case_path(tmp_path, 0), {"x": X}, {"name": "demo"}) as case:
+    with case_file(case_path(tmp_path, 0), {"x": X}, {"name": "demo"}) as case:
         for i, (whole, part) in enumerate(zip(counted, between, strict=True)):
             case.row(time=float(i), contact_area=whole, contact_area_interpolated=part, mean_pressure=0.2)
     with open_case(case_path(tmp_path, 0)) as data:

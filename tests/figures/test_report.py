@@ -19,7 +19,7 @@ from gfmdlayer.figures.report.page import Listed, html, kept_rows, write_report
 from gfmdlayer.observables import INDENTATION, Column, known_columns
 from gfmdlayer.observables.contact import TIME
 from gfmdlayer.results.reader import case_path, open_case
-from gfmdlayer.results.writer import CaseWriter
+from tests.recordings import case_file, named
 
 SWEEP = """\
 name: layers
@@ -129,7 +129,7 @@ def test_a_page_is_one_file_that_may_load_nothing(run):
 def test_any_column_attribute_and_list_of_a_case_is_there(tmp_path):
     own = Column("pull", "pull of the surface", "force")
     path = case_path(tmp_path, 5)
-    with CaseWriter(path, {"x": np.arange(4.0)}, {"name": "demo"}, [*known_columns().values(), own]) as case:
+    with case_file(path, {"x": np.arange(4.0)}, {"name": "demo"}, [*known_columns().values(), own]) as case:
         for time in (0.0, 1.0):
             case.row(time=time, contact_area=0.1, pull=-3.0 * time)
         case.note(pull_off_force=2.5, most_contact_points=7, comment="</script><b>")  # which closes no tag
@@ -154,10 +154,10 @@ def test_an_indenter_in_si_units_has_round_units_and_its_own_columns(tmp_path):
         name="demo", grid={"geometry": "axisymmetric"}, units={"length": "m", "stress": "Pa", "time": "s"}
     ).unit
     x = 1e-6 * np.arange(8.0)
-    with CaseWriter(path, {"x": x}, {"name": "demo", "G0": 1e3}, [TIME, *INDENTATION], unit=unit) as case:
+    with case_file(path, {"x": x}, {"name": "demo", "G0": 1e3}, [TIME, *INDENTATION], unit=unit) as case:
         for time in (0.0, 1.0):
             case.row(time=time, force=3e-9 * time, depth=2e-7 * time, contact_radius=1e-6 * time)
-        case.snapshot(1.0, -2e-7 + 1e-8 * x / x[-1], 2e5 * np.exp(-x / x[1]), 0.1 * x)
+        case.snapshot(1.0, named(-2e-7 + 1e-8 * x / x[-1], 2e5 * np.exp(-x / x[1]), 0.1 * x))
     assert main(["report", str(path)]) == 0
     data = data_of(path.with_name("0000-report.html"))
     labels = {each["name"]: each["label"] for each in data["columns"]}
@@ -171,11 +171,11 @@ def test_an_indenter_in_si_units_has_round_units_and_its_own_columns(tmp_path):
 def test_pages_are_thinned_to_what_a_browser_takes_in_and_say_so(tmp_path, monkeypatch):
     x = np.linspace(-0.5, 0.5, 2048, endpoint=False)
     for number in range(6):
-        with CaseWriter(case_path(tmp_path, number), {"x": x}, {"name": "demo", "tau": 1.0}) as case:
+        with case_file(case_path(tmp_path, number), {"x": x}, {"name": "demo", "tau": 1.0}) as case:
             for time in range(1000):
                 case.row(time=float(time), contact_area=0.5, residual=float(time == 500))
             for time in range(8):
-                case.snapshot(float(time), x, x, x)
+                case.snapshot(float(time), named(x, x, x))
     monkeypatch.setattr(page_module, "CURVE_NUMBERS", 4 * 64 * 3)
     monkeypatch.setattr(page_module, "SURFACE_NUMBERS", 3 * 2 * 3 * 256)
     listed = [Listed(i, case_path(tmp_path, i), {"layer.thickness": 1.0 + i}) for i in range(6)]

@@ -17,8 +17,8 @@ from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.laws import ACCURACY, MARGIN, FittedLaw, fit
 from gfmdlayer.fitting.material import fit_figure, fit_material
 from gfmdlayer.fitting.measurement import FitError, MasterCurve, RelaxationCurve, read
-from gfmdlayer.results.journal import Recording
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.names import ResultsError
+from gfmdlayer.results.recording import Recording
 
 KNOWN = Prony(1.0, ((3.0, 1e-3), (2.0, 3e-2), (4.0, 1.0), (1.0, 30.0)))
 RANGE = {MasterCurve: (1e-3, 1e4), RelaxationCurve: (1e-4, 1e3)}
@@ -299,8 +299,8 @@ def test_the_material_written_can_be_loaded_and_run(data):
     np.testing.assert_allclose(material.branch_moduli, KNOWN.branch_moduli, rtol=1e-4)
     recording = Recording()
     simulate(read_back, recording)
-    assert len(recording.rows) == 4
-    assert recording.rows[-1]["mean_pressure"] > 0
+    assert recording.count == 4
+    assert recording.last("mean_pressure") > 0
     notes = [line for line in Path("rubber 1.yaml").read_text().splitlines() if line.startswith("#")]
     assert notes[0] == "# Prony series of 4 branches, fitted to the master curve 'rubber 1.csv' of 40 rows."
     assert "from reference 25 with C1 = 17.44, C2 = 51.6; times multiplied by aT = 0.02879" in notes[2]

@@ -15,7 +15,7 @@ from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.errors import ErrorControl
+from gfmdlayer.history.errors import ErrorControl, NormalMeans
 from gfmdlayer.history.modes import Modes, exponential
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.time_functions import Constant
@@ -158,7 +158,7 @@ def test_modes_on_a_divided_grid_have_the_energy_and_the_error_of_the_whole(velo
         if velocity is not None:
             motion = {"wavenumbers_x": grid.wavenumbers_x[:, waves], "velocity": Constant(velocity)}
             modes = SlidingModes(mine, sums, **motion)
-        control = ErrorControl(modes, sums, 1e-4)
+        control = ErrorControl(modes, NormalMeans(modes, sums))
         found = [modes.shortest_time, *([modes.slowest(1e-3)] if velocity else [])]
         for step, u in zip((0.0, 0.05, 0.1, 0.2), displacements, strict=True):
             control.terms(step)

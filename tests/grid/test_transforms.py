@@ -43,7 +43,7 @@ from gfmdlayer.verification.runs import Recording
 shapes = [(1024,), (15015,), (48, 64), (640, 512)]
 if "measured" in sys.argv:
     import pyfftw
-    for shape in shapes[::-1]:
+    for shape in (48, 64), (1024,):
         for kind in "float64", "float32":
             field = pyfftw.empty_aligned(shape, kind)
             pyfftw.builders.rfftn(field, planner_effort="FFTW_MEASURE")

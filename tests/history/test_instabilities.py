@@ -15,10 +15,10 @@ import gfmdlayer
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.observables.adhesion import Row, work_over_fold
+from gfmdlayer.observables.adhesion import PathPoint, work_over_fold
 from gfmdlayer.study.folder import Folder
 from gfmdlayer.study.status import overview
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 K = 2 * 0.7 / (0.4 * 0.1)
 WORK = RANGE = 5e-3
@@ -32,19 +32,8 @@ CYCLE = {"kind": "approach_retract", "start": -0.05, "depth": 0.005, "approach_s
 ADAPTIVE = {"time.step": "adaptive", "time.tolerance": 1e-4}
 
 
-class Noted(Recording):
-    """Keeps the attributes too."""
-
-    def __init__(self):
-        super().__init__()
-        self.noted = {}
-
-    def note(self, **attributes):
-        self.noted |= attributes
-
-
 def film(*values):
-    config, recording = Config(name="film"), Noted()
+    config, recording = Config(name="film"), Kept()
     for each in (FILM, ADAPTIVE, *values):
         config = config.with_values(each)
     simulate(Case(config, punch=np.zeros(8)), recording)
@@ -122,7 +111,7 @@ def test_work_over_the_end_of_a_branch_is_exact_for_its_leading_terms(*, depth_g
         """With the root of the time to the end at 1: y = 3 + 4 root, m = 5 root, then y = 7; x = -2 t."""
         root = math.sqrt(1 - time) if time < 1 else math.nan
         point = -2 * time, 3 + 4 * root if time < 1 else 7.0
-        return Row(time, *(point if depth_given else point[::-1]), 5 * root)
+        return PathPoint(time, *(point if depth_given else point[::-1]), 5 * root)
 
     begin, end = row(0.7), row(1.2)
     found = work_over_fold(row(0.4), begin, end, depth_given=depth_given)

@@ -16,7 +16,7 @@ from gfmdlayer.case.model import simulate
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.time_functions import Constant, Table
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 ROUNDING = 1e-14
 LAWS = [WLF(C1=17.44, C2=51.6, reference=20.0), Arrhenius(activation_energy=8e4, reference=20.0)]
@@ -89,7 +89,7 @@ SHIFT = {"law": "wlf", "C1": 17.44, "C2": 51.6, "reference": 20.0}
 
 def recorded(**values):
     keys = {key.replace("__", "."): value for key, value in values.items()}
-    recording = Recording()
+    recording = Kept()
     simulate(
         Case(Config(name="a", grid={"points": 128}).with_values({"solver.tolerance": 1e-10} | keys)),
         recording,

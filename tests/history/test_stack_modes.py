@@ -20,7 +20,7 @@ from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.stack_modes import EXPONENTIAL, StackModes
 from gfmdlayer.time_functions import Constant, Table
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 SHIFTS = (
     WLF(C1=17.44, C2=51.6, reference=20.0),
@@ -215,7 +215,7 @@ def heated(tmp_path):
 
 def run(values, time):
     """Run a case with all modes of its stack."""
-    found, config = Recording(), Config(name="a").with_values(values | {"time": {"end": 2.5} | time})
+    found, config = Kept(), Config(name="a").with_values(values | {"time": {"end": 2.5} | time})
     body = Case(config).body
     assert isinstance(body, LayerStack)
     simulate(Case(config, body=LayerStack(body.layers, rigid=body.rigid)), found)

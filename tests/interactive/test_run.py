@@ -21,6 +21,7 @@ X = np.arange(256) / 256 - 0.5
 SHORT = {"time": {"end": 1.0, "step": 0.25}, "output": {"snapshots": [0.5, 1.0]}}
 LINE = SHORT | {"grid": {"points": 256}}
 SURFACE = SHORT | {"grid": {"points": [16, 12]}, "output": {"snapshots": [1.0], "patches": True}}
+ATTRACTION = {"law": "exponential", "work": 1e-3, "range": 0.02}
 OF_A_RUN = ("started", "finished", "wall_seconds")
 
 
@@ -49,8 +50,29 @@ def same(found, wanted):
         LINE | {"output": {"snapshots": [1.0], "histograms": {"pressure": {"max": 2.0, "bins": 7}}}},
         LINE | {"units": {"length": "mm", "stress": "MPa", "time": "s"}},
         LINE | {"time": {"end": 0.5, "step": "adaptive"}, "output": {"times": 0.25}},
+        SURFACE | {"counterbody": {"layer": {"thickness": 0.1}}},
+        SURFACE
+        | {
+            "interface": {"law": "coulomb", "coefficient": 0.3},
+            "trajectory": {"control": "load", "load": 0.02, "velocity": 0.05, "creepage": 0.01},
+        },
+        LINE
+        | {
+            "interface": [{"law": "hard_wall", "hardness": 0.5}, ATTRACTION],
+            "trajectory": {"control": "load", "load": 0.05},
+        },
+        SHORT | {"grid": {"geometry": "axisymmetric"}},
+        SURFACE | {"output": {"snapshots": [0.5, 1.0], "inside": {"depths": [0.0, 0.05], "times": [1.0]}}},
+        LINE
+        | {
+            "layers": [{"thickness": 0.05}, {"thickness": 0.1, "material": {"model": "zener", "tau": 3.0}}],
+            "output": {"snapshots": [0.5, 1.0], "inside": {"depths": [0.02]}},
+        },
     ],
-    ids=["line", "no snapshots", "surface", "histograms", "units", "adaptive"],
+    ids=[
+        *("line", "no snapshots", "surface", "histograms", "units", "adaptive", "two bodies", "friction"),
+        *("attraction and hardness", "axisymmetric", "inside", "inside of a stack"),
+    ],
 )
 def test_a_case_in_memory_is_that_of_its_file(config):
     with gfmdlayer.run(config, out="out") as written:

@@ -12,7 +12,7 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential
-from gfmdlayer.results.journal import Recording
+from tests.recordings import Kept
 
 LAW = Exponential(work=1e-3, range=4e-3).interaction()
 
@@ -33,7 +33,7 @@ def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_ba
 
 
 def run(config, **values):
-    recording = Recording()
+    recording = Kept()
     simulate(config.with_values(values), recording)
     return recording.rows
 

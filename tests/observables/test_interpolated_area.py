@@ -15,8 +15,8 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.observables import contact_statistics
 from gfmdlayer.observables.contact_statistics import T0
-from gfmdlayer.verification.runs import Recording
 from gfmdlayer.verification.theory import E_STAR, RADIUS, parabola_depth, parabola_pressure
+from tests.recordings import Kept
 
 
 def interpolated_area(touching, pressure, gap):
@@ -131,7 +131,7 @@ def test_a_curve_rises_without_stairs_and_agrees_with_a_finer_grid():
     values = {"time": {"end": 3.0, "step": 0.05}, "layer.thickness": 0.1}
     curves = []
     for n in (256, 2048):
-        recording = Recording()
+        recording = Kept()
         config = Config(name="creep").with_values(values | {"grid.points": n})
         simulate(config, recording)
         curves.append(np.asarray(recording["contact_area_interpolated"])[8:])
@@ -143,7 +143,7 @@ def test_a_curve_rises_without_stairs_and_agrees_with_a_finer_grid():
 
 def test_the_depth_gives_the_same_width_while_a_halfspace_relaxes():
     # Contact that does not shrink is as wide as an elastic one at the same depth, whatever the history.
-    recording = Recording()
+    recording = Kept()
     n = 512
     values = {"grid.points": n, "layer.thickness": math.inf, "time": {"end": 3.0, "step": 0.1}}
     simulate(Config(name="halfspace").with_values(values), recording)

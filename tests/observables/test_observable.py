@@ -16,7 +16,7 @@ from gfmdlayer.study.case_run import run_case
 from gfmdlayer.study.cases import SweepCase
 from gfmdlayer.study.cost import estimate
 from gfmdlayer.study.folder import Folder
-from gfmdlayer.verification.runs import Recording
+from tests.recordings import Kept
 
 CONFIG = Config(name="rms").with_values(
     {"grid.points": 32, "time": {"end": 1.5, "step": 0.125}, "output.snapshots": [0.5, 1.0, 1.5]}
@@ -110,7 +110,7 @@ SURFACE = LINE.with_values({"grid": {"points": [16, 8], "period": [2.0, 1.5]}})
 
 
 def rows(config):
-    recording = Recording()
+    recording = Kept()
     simulate(config, recording)
     return {name: np.asarray(recording[name]) for name in ("mean_pressure", "mean_stress", "force", "depth")}
 

@@ -10,8 +10,8 @@ import xarray as xr
 import gfmdlayer
 from gfmdlayer.cli import main
 from gfmdlayer.figures.curve_plots import curves_figure
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import case_path, open_case, open_results
-from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.study.folder import Folder
 
 KEYS = {

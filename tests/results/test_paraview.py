@@ -6,10 +6,9 @@ import h5py
 import numpy as np
 
 from gfmdlayer.body.solid import LayerDepth
-from gfmdlayer.results import writer
+from gfmdlayer.results import case_file as files
 from gfmdlayer.results.reader import is_complete, open_case
-from gfmdlayer.results.schema import in_order
-from gfmdlayer.results.writer import CaseWriter
+from tests.recordings import case_file, named
 
 X, Y = np.arange(12) / 12 - 0.5, 0.5 * (np.arange(10) / 10 - 0.5)
 TIMES = (0.5, 2.0)
@@ -18,9 +17,9 @@ NAMES = ("displacement", "pressure", "gap")
 
 
 def write_case(folder):
-    with CaseWriter(folder / "0000.h5", {"x": X, "y": Y}) as case:
+    with case_file(folder / "0000.h5", {"x": X, "y": Y}) as case:
         for time, *fields in zip(TIMES, *FIELDS, strict=True):
-            case.snapshot(time, *fields)
+            case.snapshot(time, named(*fields))
     return folder / "0000.xdmf"
 
 
@@ -62,10 +61,10 @@ def test_fields_lie_on_their_points_at_their_times(tmp_path):
 def test_fields_below_the_surface_lie_on_points_at_their_depths_at_their_times(tmp_path):
     places = [LayerDepth(0.0, 0), LayerDepth(0.1, 0), LayerDepth(0.1, 1)]
     below = np.random.default_rng(2).random((len(places), X.size, Y.size)).astype("f4")
-    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": Y}, places=places) as case:
+    with case_file(tmp_path / "0000.h5", {"x": X, "y": Y}, places=places) as case:
         surface = dict(zip(NAMES, FIELDS[:, 0], strict=True))
-        case.snapshot(0.5, *in_order(surface))  # without fields below the surface
-        case.snapshot(2.0, *in_order(surface | {"stress_zz": below}))
+        case.snapshot(0.5, surface)  # without fields below the surface
+        case.snapshot(2.0, surface | {"stress_zz": below})
     document = ET.parse(tmp_path / "0000.xdmf")
     (grid,) = document.findall("Domain/Grid[@Name='inside']/Grid")
     assert [float(time.attrib["Value"]) for time in grid.findall("Time")] == [2.0]
@@ -80,13 +79,13 @@ def test_fields_below_the_surface_lie_on_points_at_their_depths_at_their_times(t
 
 def test_points_are_written_in_blocks(tmp_path, monkeypatch):
     whole = values_of_points(write_case(tmp_path))
-    monkeypatch.setattr(writer, "POINTS_WRITTEN", 35)  # 4 rows of 12
+    monkeypatch.setattr(files, "POINTS_WRITTEN", 35)  # 4 rows of 12
     np.testing.assert_array_equal(values_of_points(write_case(tmp_path)), whole)
 
 
 def values_of_points(described):
     with h5py.File(described.with_suffix(".h5")) as h5:
-        return np.asarray(h5[writer.POINTS][()])
+        return np.asarray(h5[files.POINTS][()])
 
 
 def test_described_case_stays_a_complete_case_for_xarray(tmp_path):
@@ -97,8 +96,8 @@ def test_described_case_stays_a_complete_case_for_xarray(tmp_path):
 
 
 def test_lines_and_cases_without_snapshots_are_not_described(tmp_path):
-    with CaseWriter(tmp_path / "0000.h5", {"x": X}) as case:
-        case.snapshot(1.0, X, X, X)
-    with CaseWriter(tmp_path / "0001.h5", {"x": X, "y": Y}):
+    with case_file(tmp_path / "0000.h5", {"x": X}) as case:
+        case.snapshot(1.0, named(X, X, X))
+    with case_file(tmp_path / "0001.h5", {"x": X, "y": Y}):
         pass
     assert list(tmp_path.glob("*.xdmf")) == []

@@ -13,22 +13,25 @@ import xarray as xr
 
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.observables.observable import Bins
-from gfmdlayer.results import writer
-from gfmdlayer.results.gathering import CaseRecord, Swept, collect, dimension_names
+from gfmdlayer.results import case_file as files
+from gfmdlayer.results.case_file import case_contents
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
+from gfmdlayer.results.names import VARIABLES, ResultsError, dimension_names
+from gfmdlayer.results.netcdf import new_file
 from gfmdlayer.results.provenance import git_commit
 from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
-from gfmdlayer.results.schema import VARIABLES, ResultsError
-from gfmdlayer.results.writer import CaseWriter
+from gfmdlayer.results.recording import FEWEST, Recording
+from tests.recordings import case_file, named
 
 X = np.linspace(-0.5, 0.5, 16, endpoint=False)
 TIMES = np.array([0.0, 0.5, 1.0])
 
 
 def write_case(path, times=tuple(TIMES), level=1.0, **about):
-    with CaseWriter(path, {"x": X}, {"name": "demo", "digest": "abc", "tau": 1.0, **about}) as case:
+    with case_file(path, {"x": X}, {"name": "demo", "digest": "abc", "tau": 1.0, **about}) as case:
         for time in times:
             case.row(time=time, contact_area=level * time, mean_pressure=-level * time, transforms=7)
-        case.snapshot(1.0, level * X, X**2)
+        case.snapshot(1.0, named(level * X, X**2))
     return path
 
 
@@ -72,9 +75,9 @@ def test_case_is_read_by_xarray_with_names_coordinates_and_units(tmp_path):
 
 def test_two_dimensional_surface_keeps_its_axes(tmp_path):
     field = np.arange(16.0 * 4).reshape(16, 4)
-    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:4]}) as case:
-        case.snapshot(0.5, field, -field)
-        case.snapshot(1.0, 2 * field, field)
+    with case_file(tmp_path / "0000.h5", {"x": X, "y": X[:4]}) as case:
+        case.snapshot(0.5, named(field, -field))
+        case.snapshot(1.0, named(2 * field, field))
     with open_case(tmp_path / "0000.h5") as data:
         assert data["displacement"].dims == ("snapshot", "x", "y")
         np.testing.assert_array_equal(data["displacement"].sel(snapshot=1.0), 2 * field)
@@ -83,10 +86,10 @@ def test_two_dimensional_surface_keeps_its_axes(tmp_path):
 
 def test_histograms_stand_along_their_bins(tmp_path):
     edges, path = np.array([0.0, 1.0, 2.0, np.inf]), tmp_path / "0000.h5"
-    parts = np.random.default_rng(1).random((2 * writer.ROWS_HELD + 1, 3))
+    parts = np.random.default_rng(1).random((2 * FEWEST + 1, 3))
     bins = Bins("gap_bin", "the gap", "length", tuple(edges))
     columns = [Column("time", "time", "time"), Column("gap_histogram", "part of the surface", along=bins)]
-    with CaseWriter(path, {"x": X}, columns=columns) as case:
+    with case_file(path, {"x": X}, columns=columns) as case:
         for time, part in enumerate(parts):
             case.row(time=float(time), gap_histogram=part)
     with open_case(path) as data:
@@ -100,11 +103,11 @@ def test_histograms_stand_along_their_bins(tmp_path):
 
 
 def test_snapshots_are_compressed_in_blocks(tmp_path, monkeypatch):
-    monkeypatch.setattr(writer, "BLOCK", 24)
-    monkeypatch.setattr(writer, "case_template", writer.case_template.__wrapped__)  # not a cached one
+    monkeypatch.setattr(files, "BLOCK", 24)
+    monkeypatch.setattr(files, "_template", files._template.__wrapped__)  # not a cached one
     field = np.arange(16.0 * 10).reshape(16, 10)
-    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:10]}) as case:
-        case.snapshot(0.5, field, -field, 2 * field)
+    with case_file(tmp_path / "0000.h5", {"x": X, "y": X[:10]}) as case:
+        case.snapshot(0.5, named(field, -field, 2 * field))
     with h5py.File(tmp_path / "0000.h5") as h5:
         assert {(h5[name].chunks, h5[name].compression) for name in ("displacement", "pressure", "gap")} == {
             ((1, 3, 10), "gzip")  # 160 points need 7 blocks, of 16 rows 3 each
@@ -114,14 +117,14 @@ def test_snapshots_are_compressed_in_blocks(tmp_path, monkeypatch):
 
 def test_gap_is_kept_with_every_snapshot_or_with_none(tmp_path):
     for first, then in (((X, X), (X, X, X)), ((X, X, X), (X, X))):
-        with CaseWriter(tmp_path / "0.h5", {"x": X}) as case:
-            case.snapshot(0.0, *first)
+        with case_file(tmp_path / "0.h5", {"x": X}) as case:
+            case.snapshot(0.0, named(*first))
             with pytest.raises(ValueError, match="some snapshots have a gap"):
-                case.snapshot(1.0, *then)
+                case.snapshot(1.0, named(*then))
 
 
 def test_no_rows_and_no_snapshots_still_open(tmp_path):
-    with CaseWriter(tmp_path / "0000.h5", {"x": X}):
+    with case_file(tmp_path / "0000.h5", {"x": X}):
         pass
     assert is_complete(tmp_path / "0000.h5")
     with open_case(tmp_path / "0000.h5") as data:
@@ -129,7 +132,7 @@ def test_no_rows_and_no_snapshots_still_open(tmp_path):
 
 
 def test_rows_beyond_what_is_held_keep_their_order(tmp_path):
-    times = np.arange(2.5 * writer.ROWS_HELD)
+    times = np.arange(2.5 * FEWEST)
     path = write_case(tmp_path / "0000.h5", tuple(times))
     with open_case(path) as data:
         np.testing.assert_array_equal(data["contact_area"], times)
@@ -144,7 +147,7 @@ def test_provenance_is_stored(tmp_path):
 
 def test_long_attributes_are_kept_whole(tmp_path):
     # HDF5 limits an attribute stored in the header to 64 KiB.
-    with CaseWriter(tmp_path / "0000.h5", {"x": X}, {"config": "k: v\n" * 40_000}):
+    with case_file(tmp_path / "0000.h5", {"x": X}, {"config": "k: v\n" * 40_000}):
         pass
     assert attributes(tmp_path / "0000.h5")["config"] == "k: v\n" * 40_000
 
@@ -170,7 +173,7 @@ def test_a_request_to_stop_does_not_make_the_commit_unknown(tmp_path, monkeypatc
 def test_unknown_variable_is_refused(tmp_path):
     with (
         pytest.raises(KeyError, match="no variable 'contact_aera'"),
-        CaseWriter(tmp_path / "0.h5", {"x": X}) as c,
+        case_file(tmp_path / "0.h5", {"x": X}) as c,
     ):
         c.row(time=0.0, contact_aera=0.1)
     assert list(tmp_path.iterdir()) == []
@@ -188,7 +191,7 @@ def test_unknown_variable_is_refused(tmp_path):
 )
 def test_wrong_rows_are_refused(tmp_path, rows, message):
     *before, wrong = rows
-    with CaseWriter(tmp_path / "0.h5", {"x": X}) as case:
+    with case_file(tmp_path / "0.h5", {"x": X}) as case:
         for row in before:
             case.row(**row)
         with pytest.raises(ValueError, match=message):
@@ -198,14 +201,14 @@ def test_wrong_rows_are_refused(tmp_path, rows, message):
 def test_snapshot_of_another_shape_is_refused(tmp_path):
     with (
         pytest.raises(ValueError, match="pressure of shape"),
-        CaseWriter(tmp_path / "0.h5", {"x": X}) as case,
+        case_file(tmp_path / "0.h5", {"x": X}) as case,
     ):
-        case.snapshot(0.0, X, X[:4])
+        case.snapshot(0.0, named(X, X[:4]))
 
 
 def test_exception_leaves_the_earlier_result_and_nothing_else(tmp_path):
     path = write_case(tmp_path / "0000.h5", level=2.0)
-    with pytest.raises(ZeroDivisionError), CaseWriter(path, {"x": X}) as case:
+    with pytest.raises(ZeroDivisionError), case_file(path, {"x": X}) as case:
         case.row(time=1.0 / 0)
     assert list(tmp_path.iterdir()) == [path]
     with open_case(path) as data:
@@ -214,21 +217,28 @@ def test_exception_leaves_the_earlier_result_and_nothing_else(tmp_path):
 
 def test_two_writers_of_one_case_write_to_different_files(tmp_path):
     path = tmp_path / "0000.h5"
-    with CaseWriter(path, {"x": X}) as one, CaseWriter(path, {"x": X}) as other:
-        one.row(time=0.0)
-        other.row(time=0.0)
-    assert is_complete(path)
+    with new_file(path) as one, new_file(path) as other:
+        for each, file in enumerate((one, other)):
+            file.begin().attrs["number"] = each
+        assert len(list(tmp_path.iterdir())) == 2
+    assert attributes(path)["number"] == 0  # the last that was complete
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_killed_process_leaves_nothing_under_the_final_name(tmp_path):
+    class Killed(list):
+        def __iter__(self):
+            os._exit(9)
+
     process = os.fork()
     if process == 0:
         try:
-            with CaseWriter(tmp_path / "0000.h5", {"x": X}) as case:
-                case.row(time=0.0, depth=0.0)
-                case.snapshot(0.0, X, X)
-                os._exit(9)
+            recording = Recording()
+            recording.row(time=0.0, depth=0.0)
+            recording.snapshot(0.0, named(X, X))
+            case = case_contents(recording, {"x": X})
+            last = case.variables["depth"]._replace(parts=Killed())
+            files.write_case(tmp_path / "0000.h5", case._replace(variables={**case.variables, "depth": last}))
         finally:
             os._exit(1)
     assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 9
@@ -243,17 +253,20 @@ def test_full_disk_is_a_clear_error_at_any_byte(tmp_path):
     code = """
 import resource, signal, sys
 import numpy as np
-from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.results.writer import CaseWriter
+from gfmdlayer.results.names import ResultsError
+from gfmdlayer.results.case_file import case_contents, write_case
+from gfmdlayer.results.recording import Recording
+recording = Recording()
+for i in range(1100):
+    recording.row(time=float(i), depth=0.0)
+    if i % 100 == 0:
+        fields = np.random.default_rng(i).random((2, 1024))
+        recording.snapshot(float(i), dict(zip(("displacement", "pressure"), fields)))
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 for limit in range(0, 180_000, 9973):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
     try:
-        with CaseWriter(sys.argv[1], {"x": np.arange(1024.0)}) as case:
-            for i in range(1100):
-                case.row(time=float(i), depth=0.0)
-                if i % 100 == 0:
-                    case.snapshot(float(i), *np.random.default_rng(i).random((2, 1024)))
+        write_case(sys.argv[1], case_contents(recording, {"x": np.arange(1024.0)}))
     except ResultsError as error:
         print(error)
 """
@@ -368,13 +381,13 @@ def test_snapshots_on_different_grids_are_not_put_together(tmp_path):
         assert not {"displacement", "pressure"} & set(data.data_vars)
     records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
     collect(tmp_path, records, Swept(["a.b"]))
-    with CaseWriter(records[1].source, {"x": X[:8]}) as other:
-        other.snapshot(1.0, X[:8], X[:8])
+    with case_file(records[1].source, {"x": X[:8]}) as other:
+        other.snapshot(1.0, named(X[:8], X[:8]))
     with open_results(tmp_path) as data, pytest.raises(ResultsError, match=r"0001\.h5: displacement of"):
         data["displacement"].load()
-    with CaseWriter(records[1].source, {"x": X}) as other:
+    with case_file(records[1].source, {"x": X}) as other:
         for time in open_case(records[0].source)["snapshot"].values:
-            other.snapshot(time + 1e-3, X, X)
+            other.snapshot(time + 1e-3, named(X, X))
     with (
         open_results(tmp_path) as data,
         pytest.raises(ResultsError, match="at other times than in the first"),
@@ -386,7 +399,7 @@ def test_cases_that_ended_in_a_steady_state_keep_their_last_row(tmp_path):
     records, ends = [], (3, 2, 4)
     for index, end in enumerate(ends):
         path = case_path(tmp_path, index)
-        with CaseWriter(path, {"x": X}) as case:
+        with case_file(path, {"x": X}) as case:
             for time in range(end + 1):
                 area, friction = 0.1 * time, 0.01 * (index + 1) * time
                 case.row(

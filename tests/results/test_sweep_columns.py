@@ -7,7 +7,7 @@ from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import provenance
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path, open_results
-from gfmdlayer.results.writer import CaseWriter, case_template
+from tests.recordings import case_file
 
 TIMES = (0.0, 1.0, 3.0)
 PLAIN = (Column("time", "time", "time"), Column("depth", "indentation depth", "length"))
@@ -20,7 +20,7 @@ def gap_histogram(*edges):
 def write(folder, index, *further):
     """Write a case whose columns are its number plus one times the time."""
     path = case_path(folder, index)
-    with CaseWriter(path, {"x": np.arange(8.0)}, {"name": "demo"}, (*PLAIN, *further)) as case:
+    with case_file(path, {"x": np.arange(8.0)}, {"name": "demo"}, (*PLAIN, *further)) as case:
         for time in TIMES:
             level = (index + 1) * time
             rows = {each.name: np.full(each.size, level) if each.along else level for each in further}
@@ -54,7 +54,6 @@ def test_a_column_that_some_cases_lack_is_nan_there_and_said(tmp_path, monkeypat
     records += [write(tmp_path, 1, gap_histogram(0.0, 2.0, np.inf), Column("work", "work"))]
     monkeypatch.setattr(provenance, "git_commit", lambda _: "an earlier one")
     provenance._software.cache_clear()
-    monkeypatch.setattr("gfmdlayer.results.writer.case_template", _fresh_template)
     records += [write(tmp_path, index) for index in range(2, 9)]
     provenance._software.cache_clear()
     collect(tmp_path, records, Swept(["trajectory.depth"]))
@@ -68,7 +67,3 @@ def test_a_column_that_some_cases_lack_is_nan_there_and_said(tmp_path, monkeypat
     assert of_histogram == f"gap_histogram: {first}"
     assert of_versions.startswith("different versions")
     assert of_work == "work: NaN in cases 0002, 0003, 0004, 0005, 0006 and 2 more"
-
-
-def _fresh_template(*layout):
-    return case_template.__wrapped__(*layout)

@@ -56,10 +56,10 @@ REFUSALS = {
     "a punch shape": (
         """
     def misfit(self, extent):
-        from gfmdlayer.validation.problems import Problem
+        from gfmdlayer.validation.problems import Mistake
 
         if self.flat >= extent.length / 2:
-            return Problem(("flat",), f"got {self.flat!r}; must be below half {extent.words}")
+            return Mistake(("flat",), f"got {self.flat!r}; must be below half {extent.words}")
 """,
         "punch: {shape: frustum, slope: 1, flat: 0.5}",
         ":2:41: punch.flat: got 0.5; must be below half the period in x, 1.0",
@@ -67,10 +67,10 @@ REFUSALS = {
     "a material law": (
         """
     def problems(self):
-        from gfmdlayer.validation.problems import Problem
+        from gfmdlayer.validation.problems import Mistake
 
         if self.G < self.G0:
-            yield Problem(("G",), f"got {self.G!r}; must be a number >= G0", ("G0",))
+            yield Mistake(("G",), f"got {self.G!r}; must be a number >= G0", ("G0",))
 """,
         "layer: {material: {model: rouse, G0: 2.0, G: 1.0, tau: 1.0}}",
         ":2:46: layer.material.G: got 1.0; must be a number >= G0",

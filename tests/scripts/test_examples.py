@@ -12,10 +12,10 @@ from gfmdlayer import open_results
 from gfmdlayer.config import Config
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path
-from gfmdlayer.results.writer import CaseWriter
 from gfmdlayer.study.folder import MARK
 from gfmdlayer.study.run import run_study
 from gfmdlayer.study.workers import assemble
+from tests.recordings import case_file
 
 EXAMPLES = Path(__file__).parents[2] / "scripts" / "examples"
 TINY = {
@@ -53,7 +53,7 @@ def test_relaxation_time_of_exponentials_is_found(tmp_path, monkeypatch):
     for index, tau in enumerate(taus):
         path = case_path(tmp_path, index)
         records.append(CaseRecord(index, path, {"layer.material.tau": sweep["layer.material.tau"][index]}))
-        with CaseWriter(path, {"x": np.arange(8.0)}) as case:
+        with case_file(path, {"x": np.arange(8.0)}) as case:
             for time in np.arange(0.0, end + step / 2, step):
                 left = np.exp(-(time - 1) / tau) if tau else 0.0  # the ramp ends at 1
                 case.row(time=time, contact_area=min(time, 0.3 - 0.1 * left), mean_pressure=0.1)

@@ -12,7 +12,7 @@ import pytest
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.config.json_schema import json_schema
-from gfmdlayer.results.schema import SYMBOLS, parameter
+from gfmdlayer.results.names import SYMBOLS, parameter
 from gfmdlayer.validation.fields import dimension
 from gfmdlayer.validation.sections import described
 

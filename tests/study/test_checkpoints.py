@@ -1,21 +1,23 @@
-"""Checkpoints and journals: resumed from where that gives the same bits, refused with a reason elsewhere."""
+"""Checkpoints and recordings: resumed where that gives the same bits, refused with a reason elsewhere."""
 
 import json
 import re
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
 
 from gfmdlayer import observables
 from gfmdlayer.config import Config
-from gfmdlayer.files.whole import write_sealed
-from gfmdlayer.observables import OBSERVABLES
+from gfmdlayer.files.whole import seal
+from gfmdlayer.observables import OBSERVABLES, Column
 from gfmdlayer.results import checkpoint, provenance
+from gfmdlayer.results.case_file import case_contents, write_case
 from gfmdlayer.results.checkpoint import CheckpointError, read_about, read_checkpoint, write_checkpoint
-from gfmdlayer.results.journal import HELD, Journal, Position, Recording
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.recording import FEWEST, HELD, Recording
 from gfmdlayer.resumable import CompositeState
 from gfmdlayer.study import case_run, claims
 from gfmdlayer.study.cases import Cases, SweepCase
@@ -37,18 +39,19 @@ def record(into, steps):
     for step in steps:
         into.row(time=step / 3, transforms=step, gap_histogram=np.array([step, 1 / 3]))
         if step % 3 == 0:
-            into.snapshot(step / 3, *(np.full((4, 2), step / part) for part in (7, 9, 11)))
+            names = ("displacement", "pressure", "gap")
+            fields = {n: np.full((4, 2), step / part) for n, part in zip(names, (7, 9, 11), strict=True)}
+            below = {"stress_zz": np.full((3, 4, 2), step, np.float32)} if step % 2 == 0 else {}
+            into.snapshot(step / 3, fields | below)
 
 
 def content(found):
-    rows = [{name: np.asarray(value).tolist() for name, value in row.items()} for row in found.rows]
-    return rows, [(time, *(field.tobytes() for field in fields)) for time, *fields in found.fields]
-
-
-def heard(journal):
-    found = Recording()
-    journal.replay(found)
-    return content(found)
+    columns = {name: found[name].tolist() for name in found.widths}
+    fields = {
+        name: [None if each is None else each.tobytes() for each in every]
+        for name, every in found.fields.items()
+    }
+    return columns, found.times, fields
 
 
 def expected(*parts):
@@ -56,6 +59,14 @@ def expected(*parts):
     for part in parts:
         record(found, part)
     return content(found)
+
+
+def resumed(path, kept, held=HELD):
+    """Return a recording that goes on from what has been through a checkpoint."""
+    about, arrays = kept
+    found = Recording(path, held=held)
+    found.go_on(json.loads(json.dumps(about)), arrays)
+    return found
 
 
 @pytest.fixture
@@ -66,43 +77,66 @@ def folder(tmp_path):
 
 
 @pytest.mark.parametrize("held", [0, 1000, HELD])
-def test_a_journal_repeats_its_records_up_to_a_position(tmp_path, held):
-    one = Journal(tmp_path / "0", held=held)
-    record(one, range(20))
-    position = one.kept()
-    record(one, range(20, 40))  # after the checkpoint
-    assert heard(one) == expected(range(40))
+@pytest.mark.parametrize("rows", [20, 3 * FEWEST])
+def test_a_recording_goes_on_from_what_a_checkpoint_has_kept(tmp_path, held, rows):
+    one = Recording(tmp_path / "0", held=held)
+    record(one, range(rows))
+    about, arrays = one.kept()
+    kept = about, {name: values.copy() for name, values in arrays.items()}
+    record(one, range(rows, 2 * rows))  # after the checkpoint
+    assert content(one) == expected(range(2 * rows))
     one.kept()
     one.close()
-    again = Journal(tmp_path / "0", held=held)
-    again.go_on(Position(*json.loads(json.dumps(position))))
-    assert heard(again) == expected(range(20))
-    record(again, range(50, 60))  # over them
-    third = Journal(tmp_path / "0")
-    third.go_on(again.kept())
-    assert heard(third) == heard(again) == expected(range(20), range(50, 60))
+    again = resumed(tmp_path / "0", kept, held)
+    assert content(again) == expected(range(rows))
+    record(again, range(3 * rows, 4 * rows))  # over them
+    third = resumed(tmp_path / "0", again.kept())
+    assert content(third) == content(again) == expected(range(rows), range(3 * rows, 4 * rows))
 
 
-def test_a_journal_brings_to_the_disk_what_memory_may_not_hold(tmp_path):
-    one = Journal(tmp_path / "0", held=500)
-    record(one, range(200))
-    recorded = 200 * 4 * 8 + 67 * 3 * 64
-    assert recorded - 500 <= (tmp_path / "0").stat().st_size
+def test_snapshots_go_to_the_disk_where_memory_may_not_hold_them(tmp_path):
+    large = {name: np.full((64, 64), 1.0) for name in ("displacement", "pressure", "gap")}
+    size = sum(field.nbytes for field in large.values())
+    one = Recording(tmp_path / "0", held=2 * size)
+    for instant in range(50):
+        one.snapshot(float(instant), large)
+    assert (tmp_path / "0").stat().st_size >= 48 * size
+    tracemalloc.start()
+    two = Recording(tmp_path / "1", held=2 * size)
+    for instant in range(50):
+        two.snapshot(float(instant), {name: field.copy() for name, field in large.items()})
+    assert tracemalloc.get_traced_memory()[1] < 5 * size
+    tracemalloc.stop()
 
 
-def test_an_empty_journal_has_no_file(tmp_path):
-    one = Journal(tmp_path / "0")
-    again = Journal(tmp_path / "0")
-    again.go_on(one.kept())
-    assert heard(again) == ([], [])
+def test_rows_are_in_memory_once(tmp_path):
+    """Also while they are written to a checkpoint and to the file of the case."""
+    names, rows = [f"c{i}" for i in range(20)], 50_000
+    columns = [Column(name, name) for name in ("time", *names)]
+    tracemalloc.start()
+    one = Recording(tmp_path / "0")
+    for i in range(rows):
+        one.row(time=float(i), **dict.fromkeys(names, 0.5))
+    about, arrays = one.kept()
+    write_checkpoint(tmp_path / "c", MADE_BY, about, arrays)
+    write_case(tmp_path / "0.h5", case_contents(one, {"x": np.arange(8.0)}, columns=columns))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2.2 * rows * 21 * 8  # of the last block, half may be empty
+
+
+def test_a_recording_without_snapshots_has_no_file(tmp_path):
+    one = Recording(tmp_path / "0")
+    one.row(time=0.0)
+    assert content(resumed(tmp_path / "0", one.kept())) == ({"time": [0.0]}, [], {})
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("harm", ["gone", "truncated", "changed"])
-def test_a_damaged_journal_is_refused_before_anything_is_repeated(tmp_path, harm):
-    one = Journal(tmp_path / "0")
+def test_damaged_snapshots_are_refused(tmp_path, harm):
+    one = Recording(tmp_path / "0")
     record(one, range(20))
-    position = one.kept()
+    kept = one.kept()
     content = bytearray((tmp_path / "0").read_bytes())
     if harm == "gone":
         (tmp_path / "0").unlink()
@@ -110,18 +144,18 @@ def test_a_damaged_journal_is_refused_before_anything_is_repeated(tmp_path, harm
         content[-1] ^= 1
         (tmp_path / "0").write_bytes(content[:-1] if harm == "truncated" else content)
     with pytest.raises(ValueError, match="which belongs to it"):
-        Journal(tmp_path / "0").go_on(position)
+        resumed(tmp_path / "0", kept)
     if harm != "gone":  # also between the last checkpoint and the end of the run
         with pytest.raises(ResultsError, match="is damaged"):
-            heard(one)
+            _ = one.fields
 
 
-def test_a_journal_that_cannot_be_written_keeps_its_records(tmp_path):
-    one = Journal(tmp_path / "missing" / "0", held=1500)
+def test_snapshots_that_cannot_be_written_stay(tmp_path):
+    one = Recording(tmp_path / "missing" / "0", held=1500)
     record(one, range(9))
     with pytest.raises(OSError, match="No such file"):
         one.kept()
-    assert heard(one) == expected(range(9))
+    assert content(one) == expected(range(9))
     with pytest.raises(ResultsError, match=r"missing/0: cannot be written: No such file"):
         record(one, range(9, 30))
 
@@ -160,7 +194,9 @@ def test_a_checkpoint_that_is_cut_off_or_changed_anywhere_is_refused(tmp_path):
 
 @pytest.mark.parametrize("about", ["[]", "{}", '{"made_by": null}', '{"made_by": {}}', "no JSON"])
 def test_a_sealed_file_that_no_run_wrote_is_no_checkpoint(tmp_path, about):
-    write_sealed(tmp_path / "c", about.encode() + b"\n")
+    with (tmp_path / "c").open("w+b") as file:
+        file.write(about.encode() + b"\n")
+        seal(file)
     assert read_about(tmp_path / "c") in (None, {"made_by": {}})
     with pytest.raises(CheckpointError):
         read_checkpoint(tmp_path / "c", MADE_BY)
@@ -244,6 +280,29 @@ def test_another_version_is_told_and_the_case_begins_anew(folder, stop_after, mo
     assert "goes on" not in told
 
 
+def test_a_checkpoint_of_version_0_3_is_told_and_the_case_begins_anew(folder, stop_after, capsys, bits):
+    assert run(folder) == "complete"
+    whole = bits(folder.case(7))
+    folder.case(7).unlink()
+    stop_after(4)
+    run(folder)
+    stop_after(0)
+    path, journal = folder.case(7, "checkpoint"), folder.case(7, "journal")
+    about = read_about(path)
+    assert about is not None
+    kept, made_by = read_checkpoint(path, about["made_by"]), about["made_by"] | {"format": "5"}
+    state = {name: each for name, each in kept.state.items() if not name.startswith("recording.")}
+    old = {name: kept.about[name] for name in ("started", "elapsed", "time")}
+    write_checkpoint(path, made_by, old | {"journal": [["time"], 128, 5]}, state)
+    folder.case(7, "snapshots").rename(journal)
+    assert run(folder) == "complete"
+    reason = "begins anew, its checkpoint is set aside: it would not give the same bits: format 5 -> 6"
+    assert reason in capsys.readouterr().err
+    assert bits(folder.case(7)) == whole
+    with opened(folder, Cases(CONFIG)):  # the next run
+        assert not journal.exists()
+
+
 @pytest.mark.parametrize("change", ["fewer", "more"])
 def test_a_checkpoint_with_other_columns_is_told_and_the_case_begins_anew(
     folder, stop_after, monkeypatch, capsys, change
@@ -289,7 +348,7 @@ def test_checkpoints_come_at_the_interval_and_cost_little(folder, monkeypatch):
     monkeypatch.setattr(checkpoint, "write_checkpoint", write)
     monkeypatch.setattr(case_run.time, "monotonic", lambda: next(clock))
     kept = case_run.Checkpoints(folder, 7, "abc", 1.0, lambda _: None)
-    kept.journal([])
+    kept.recording([])
     kept.resume(CompositeState())
     for step in range(1000):
         kept.advance(step)

@@ -12,9 +12,9 @@ from gfmdlayer.case.footprint import pair_seconds
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.results.writer import CaseWriter
 from gfmdlayer.study.cases import cases
 from gfmdlayer.study.cost import CostModel, estimate, expected_seconds
+from tests.recordings import case_file
 
 SWEEP = {
     "solver.method": ["fire", "conjugate_gradient", "active_set"],
@@ -81,7 +81,7 @@ def test_a_solver_declares_its_cost():
 def test_seconds_are_read_from_complete_files_and_a_lost_file_is_passed_over(tmp_path):
     every, paths = [sweep()[0]] * 3, [tmp_path / f"{index}.h5" for index in range(3)]
     for path in paths[:2]:
-        with CaseWriter(path, {"x": np.arange(4.0)}, {"wall_seconds": 7.5}) as writer:
+        with case_file(path, {"x": np.arange(4.0)}, {"wall_seconds": 7.5}) as writer:
             writer.row(time=0.0)
     model = CostModel.of_files(dict(zip(paths, every, strict=True)))
     assert model.seconds(every[0]) == pytest.approx(7.5)
@@ -176,7 +176,7 @@ def test_expected_seconds_grow_with_those_of_a_pair():
 def test_the_size_of_a_file_is_estimated(tmp_path):
     config = case_with({"grid.points": 1024, "time.end": 0.5, "time.step": 0.01, "output.snapshots": [0.5]})
     path = tmp_path / "case.h5"
-    with CaseWriter(path, {"x": np.arange(1024.0)}, {"config": config.dump()}) as writer:
+    with case_file(path, {"x": np.arange(1024.0)}, {"config": config.dump()}) as writer:
         simulate(config, writer)
     assert estimate(config).storage == pytest.approx(path.stat().st_size, rel=0.25)
 

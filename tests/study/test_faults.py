@@ -45,12 +45,12 @@ RUN = ("run", "faulty.yaml", "--out", "out", "--checkpoint-every", "0")
 MOMENTS = {
     "the folder is claimed": ("open", "config.yaml.*.part", 1),
     "a case begins": ("open", "0000.running.*.part", 1),
-    "the journal is begun": ("open", "0000.journal", 1),
+    "the snapshots are begun": ("open", "0000.snapshots", 1),
     "a checkpoint is written": ("open", "0000.checkpoint.*.part", 3),
     "a checkpoint gets its name": ("os.rename", "0000.checkpoint", 4),
     "a case is written": ("open", "0000.h5.*.part", 1), "a case gets its name": ("os.rename", "0000.h5", 1),
     "a checkpoint is removed": ("os.remove", "0000.checkpoint", 1),
-    "a journal is removed": ("os.remove", "0000.journal", 1),
+    "snapshots are removed": ("os.remove", "0000.snapshots", 1),
     "the next case is under way": ("os.rename", "0001.checkpoint", 5),
     "the sweep is written": ("open", "sweep.h5.*.part", 1),
     "the sweep gets its name": ("os.rename", "sweep.h5", 1),
@@ -201,7 +201,7 @@ DAMAGES = {"cut": cut, "flipped": flip, "lost": Path.unlink, "a pipe": pipe, "a 
 LEFT = {  # by a process killed in the second case: why a file with a damage is set aside
     "0000.h5": "case 0000 is damaged: set aside as 0000.h5.aside, computed again",
     "0001.checkpoint": "case 0001 begins anew, its checkpoint is set aside: it ",
-    "0001.journal": "case 0001 begins anew, its checkpoint is set aside: 0001.journal, which belongs to it, ",
+    "0001.snapshots": "begins anew, its checkpoint is set aside: 0001.snapshots, which belongs to it, ",
 }
 
 
@@ -220,7 +220,7 @@ def test_a_damaged_file_is_set_aside_and_its_case_computed_again(name, damage, r
         signal.alarm(0)
     assert summary.count("complete") == 2
     aside = path.with_name(f"{name}.aside")
-    if damage != "lost" or name == "0001.journal":
+    if damage != "lost" or name == "0001.snapshots":
         assert LEFT[name] in log
     if content is not None:
         assert aside.read_bytes() == content

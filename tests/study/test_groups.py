@@ -108,7 +108,7 @@ def of_two_ranks(tmp_path_factory):
         assert case("adhesive-killed").time[-1] == 0.4
         for name in ("begun", "sliding-killed"):
             left = {path.name for path in Path(f"{name}/cases").iterdir()}
-            assert left >= {"0000.checkpoint", "0000.journal"}
+            assert left >= {"0000.checkpoint", "0000.snapshots"}
         process = over_ranks(2, f"several('sliding-killed'); sys.exit(several(*{[*CASES]}))")
     assert process.returncode == 0, process.stderr
     assert process.stderr.count("goes on from time") == 1, process.stderr

@@ -10,7 +10,7 @@ import pytest
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.results.journal import Recording
+from gfmdlayer.results.recording import Recording
 
 SMALL = {"grid.points": 64, "time.end": 1.6, "trajectory.ramp_time": 0.8, "output.snapshots": [0.4, 0.8, 1.6]}
 STEPS = {
@@ -119,9 +119,9 @@ RUNS += [("isolated", "paper", "auto"), ("isolated", "exponential", "auto")]
 
 
 def bits(found):
-    rows = [{name: float(value).hex() for name, value in row.items()} for row in found.rows]
-    fields = [[None if each is None else each.tobytes() for each in given] for _, *given in found.fields]
-    return rows, [time for time, *_ in found.fields], fields, repr(found.noted)
+    columns = {name: found[name].tobytes() for name in found.widths}
+    fields = {name: [each.tobytes() for each in every] for name, every in found.fields.items()}
+    return columns, found.times, fields, repr(found.noted)
 
 
 class Stop(Exception):  # noqa: N818 - asked for
@@ -185,7 +185,7 @@ def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps, method
     )
     whole = Recording()
     simulate(config, whole)
-    assert any(row["rejected"] for row in whole.rows) == (steps == "adaptive")
+    assert bool(whole["rejected"].any()) == (steps == "adaptive")
     assert bits(InParts(config, iter(lambda: 1, None)).recording) == bits(whole)
 
 

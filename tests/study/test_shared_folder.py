@@ -9,14 +9,15 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.files.locks import born, no_link, printable
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.results.journal import Journal, Position
 from gfmdlayer.results.reader import is_complete
+from gfmdlayer.results.recording import Recording
 from gfmdlayer.study.claims import Running, running
 from gfmdlayer.study.folder import Folder, FolderError
 from gfmdlayer.study.schedule import Outcome, Schedule
@@ -53,21 +54,23 @@ def test_nothing_is_written_through_a_link(monkeypatch, run_here):
     assert Path("precious").read_text() == "precious"
 
 
-def test_a_request_to_stop_and_a_journal_follow_no_link(monkeypatch):
+def test_a_request_to_stop_and_snapshots_follow_no_link(monkeypatch):
     folder = Folder(Path("out"))
     folder.cases.mkdir(parents=True)
     folder.stop.symlink_to(Path("made").absolute())
-    journal = folder.case(0, "journal")
-    journal.symlink_to(Path("precious").absolute())
     monkeypatch.setattr("gfmdlayer.study.schedule.stop_requested", lambda: True)
     monkeypatch.setattr("gfmdlayer.study.schedule.request_stop", lambda: None)
+    snapshots = folder.case(0, "snapshots")
+    snapshots.symlink_to(Path("precious").absolute())
     with alone() as pool:
         schedule = Schedule(pool, lambda case: Outcome(case.index, "stopped"), folder, lambda _: None)
         assert list(schedule.run([Outcome(0, "waiting")])) == [Outcome(0, "stopped")]
     assert not Path("made").exists()
     with pytest.raises(ValueError, match="is a symbolic link"):
-        Journal(journal).go_on(Position(("time",), 8, 0))
-    with pytest.raises(OSError, match="is a symbolic link"), open(journal, "w", opener=no_link):
+        Recording(snapshots).go_on(
+            {"widths": {}, "fields": {}, "size": 64, "checksum": 0}, {"recording.times": np.zeros(0)}
+        )
+    with pytest.raises(OSError, match="is a symbolic link"), open(snapshots, "w", opener=no_link):
         pass
     assert Path("precious").read_text() == "precious"
 

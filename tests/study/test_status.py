@@ -211,8 +211,8 @@ def test_an_interrupt_that_is_dropped_on_the_way_still_ends_a_watch(make, monkey
 
 LEFT = (
     *(f"cases/{name}.node-12-0badcafe.part" for name in ("0000.h5", "0001.failed", "0002.running", "probe")),
-    *("cases/0002.running", "cases/stop-node-12-0badcafe", "cases/0000.checkpoint", "cases/0000.journal"),
-    *("cases/stop", "cases/stop-1-of-4", "cases/.lock-1-of-4", "cases/.turn"),  # of version 0.2
+    *("cases/0002.running", "cases/stop-node-12-0badcafe", "cases/0000.checkpoint", "cases/0000.snapshots"),
+    *("cases/stop", "cases/stop-1-of-4", "cases/.lock-1-of-4", "cases/.turn"),  # of the version before
     *("config.yaml.node-12-0badcafe.part", "sweep.h5.node-12-0badcafe.part"),
 )
 KEPT = (

@@ -35,9 +35,9 @@ from gfmdlayer.figures.selection import default_columns, value_titles
 from gfmdlayer.files.whole import is_intact, write_text
 from gfmdlayer.observables.contact import FEWEST
 from gfmdlayer.results.gathering import lay_out
+from gfmdlayer.results.names import FIELDS, ResultsError, described_key
 from gfmdlayer.results.provenance import LIBRARIES, now, provenance
 from gfmdlayer.results.reader import VERIFIED
-from gfmdlayer.results.schema import FIELDS, ResultsError, described_key
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

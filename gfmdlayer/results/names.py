@@ -8,9 +8,13 @@ and "1" for dimensionless quantities.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
+from gfmdlayer.config import Config
+from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.observables.contact import TIME
 from gfmdlayer.observables.observable import declared
 from gfmdlayer.validation.sections import described
 
@@ -75,13 +79,13 @@ VARIABLES = {
     """)
 }
 
-# Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness, shear
+# Of snapshots: the traction where the interface attracts, the imprint with a hardness, shear
 # and slip with friction, the displacement of each of two bodies.
 FIELDS = (
     "displacement", "pressure", "gap", "traction", "imprint", "shear_x", "shear_y", "slip_velocity_x",
     "slip_velocity_y", "displacement_body", "displacement_counterbody",
 )  # fmt: skip
-# Fields of the snapshots below the surface, after those above, and their first dimension. Springs only where
+# Fields of the snapshots below the surface, and their first dimension. Springs only where
 # the layers relax by different laws: they determine the fields at all depths (`body.inside`).
 BELOW = {
     **dict.fromkeys((f"displacement_{axis}" for axis in "xyz"), "z"),
@@ -94,6 +98,10 @@ SNAPSHOT_FIELDS = (*FIELDS, *BELOW)
 SWEEP_FILE = "sweep.h5"
 SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
+
+ROW = "row"  # the dimension of the rows of cases with times of their own
+# These dimensions cannot be selected by keyword: sel(tolerance=1e-6) selects nothing, without an error.
+_ARGUMENTS_OF_SEL = ("indexers", "method", "tolerance", "drop")
 
 # Name and symbol of the keys that have one; the dimension is declared with the key, in its section.
 SYMBOLS: dict[str, tuple[str, str]] = {
@@ -145,9 +153,20 @@ def numbered(cases: Sequence[int], most: int = 8) -> str:
     return f"case{'s' * (len(cases) > 1)} {first}{f' and {more} more' * (more > 0)}"
 
 
-def in_order(fields: Mapping[str, Any]) -> list[Any]:
-    """Return fields of a snapshot in the order of `SNAPSHOT_FIELDS`, None where one is not given."""
-    return [fields.get(name) for name in SNAPSHOT_FIELDS[: 1 + max(map(SNAPSHOT_FIELDS.index, fields))]]
+def dimension_names(keys: Sequence[str], names: Iterable[str] = ()) -> list[str]:
+    """Name the swept keys by their last parts, or by the whole key where the last part, or a name, is it."""
+    last = [key.rpartition(".")[2] for key in keys]
+    taken = Counter([*last, TIME.name, ROW, *VARIABLES, *_ARGUMENTS_OF_SEL, *names])
+    return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
+
+
+def labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
+    """Return labels of one type for the values of one key: numbers if all are numbers, else text."""
+    if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
+        return [int(str(value)) for value in values]
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        return [float(str(value)) for value in values]
+    return [as_label(key, value) for value in values]
 
 
 def parameter(key: str) -> Parameter | None:
@@ -155,8 +174,6 @@ def parameter(key: str) -> Parameter | None:
 
     Layers and branches are counted from 1: `layers.0.thickness` is d_1.
     """
-    from gfmdlayer.config import Config
-
     words, dimension = described(Config, key)
     units = " / ".join(part.strip() for part in (dimension or "1").split("/"))
     parts = key.split(".")
