@@ -14,11 +14,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gfmdlayer.body.materials import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, axes
+from gfmdlayer.programme import Programme
 from gfmdlayer.study.cost import estimate
 from gfmdlayer.validation.sections import Part, replaced
 
@@ -54,9 +55,18 @@ class SweepCase:
     given: Config | None = None
 
     @cached_property
+    def programme(self) -> Programme:
+        """Its imposed quantities over time."""
+        return Programme(self.config)
+
+    @cached_property
     def cost(self) -> Footprint:
         """The estimate of what it takes."""
-        return estimate(self.config)
+        return estimate(self.config, self.programme)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the programme behind on the way to another process."""
+        return {key: value for key, value in vars(self).items() if key != "programme"}
 
 
 class Cases:

@@ -178,7 +178,6 @@ def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) 
         return lambda case: case
     begun = files["checkpoint"] | files["h5"]
     from gfmdlayer.history.time_points import Course
-    from gfmdlayer.programme import Programme
     from gfmdlayer.results.checkpoint import read_about
     from gfmdlayer.results.provenance import made_by
 
@@ -193,7 +192,7 @@ def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) 
 
     def continued(case: SweepCase) -> SweepCase:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
-            planned = Programme(case.config).landings
+            planned = case.programme.landings
             fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         return case
