@@ -12,7 +12,7 @@ sin delta of s, the least that a real s gives. So the distance to the solution f
 least, which is of the order of dt/tau for short steps. For longer ones the surfaces are mixed (D. G.
 Anderson, J. ACM 12 (1965) 547-560). Whenever that brings them no nearer, the plain iteration continues from
 the best of them, so that the bound holds. Where sin delta is close to 1, `Pivoting` starts from the last
-contact, on one process: it knows no ranks.
+contact. It knows neither attraction, hardness nor ranks; these need the mixing.
 """
 
 from __future__ import annotations

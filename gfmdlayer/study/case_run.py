@@ -181,7 +181,8 @@ class Checkpoints:
         self._time, self._unsaved, self._found = 0.0, False, None
         if self._earlier is None:
             if self._ranks.first:
-                for path in (self._checkpoint, self._snapshots):
+                journal = self._folder.case(self._index, "journal")  # of a checkpoint until version 0.2
+                for path in (self._checkpoint, self._snapshots, journal):
                     self._folder.set_aside(path)
             self._ranks.all_of(None)  # no rank looks for it before it is gone
             self.log(f"begins anew, its checkpoint is set aside: {reason}")

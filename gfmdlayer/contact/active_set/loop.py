@@ -170,7 +170,9 @@ def add(runs: IntArray, count: int, factor: float, x: FloatArray, y: FloatArray)
 
 # Points under tension leave once the gaps in the contact are this part of the violations of the set.
 _WELL_UNDER = 0.1
-_SETTLED = 0.3  # and once this part of the tension, at most, came with the last iteration
+# And once this part of the tension, at most, came with the last iteration: else the contact sets of a stiff
+# film on a soft base alternate.
+_SETTLED = 0.3
 _FAR = 1e300  # added to the gaps in the contact where only the others count
 
 

@@ -33,7 +33,7 @@ from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.grid import NOWHERE, Stretch, parts, periodic_extent
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, address_of, call_at, filled, kernel, minimum
+from gfmdlayer.kernels import LANES, filled, kernel, minimum
 
 
 @kernel(inner=True)
@@ -169,12 +169,8 @@ _WELL_WITHIN = 0.95  # part of the tolerance within which a state is handed on
 _MARGIN, _MARGIN_OF_TOLERANCE = 1e-12, 0.01  # least gap that is left, as part of depth and tolerance
 
 
-_iterate = call_at(iterate)  # most of the code of `solve`, and the whole surface uses it too
-
-
 @kernel
 def solve(
-    iterate_at: int,
     window: Window,
     origin: Pair,
     surface: WholeSurface,
@@ -205,8 +201,9 @@ def solve(
     for attempt in range(2):
         if not solved or clear:
             break
-        arguments = window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
-        solved, more, done = _iterate(iterate_at, arguments)
+        solved, more, done = iterate(
+            window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
+        )
         transforms, iterations = transforms + more, iterations + done
         solved = solved and (attempt > 0 or contact.counts[0].points > 0)
         clear = solved and _raise_clear(window, tolerance)
@@ -349,7 +346,7 @@ class Windows:
         self._parts = parts(self._shape) if used else ()
         self._made: dict[int, tuple[Transforms, Window]] = {}
         self._current: set[int] = set()  # parts whose window has the present stiffness
-        self._work, self._iterate_at = work, 0
+        self._work = work
         self._kernel = transforms.empty_field()
         self.kernel_is_known = False  # whether it is that of the present compliance
 
@@ -385,7 +382,7 @@ class Windows:
             size = guess.size
             state = SurfaceState(np.empty(size), np.zeros(size), np.empty(size), np.empty_like(surface.b))
             done, whole, inside, more, overlap, assessment = solve(
-                self._iterate_at, *arguments, tolerance, rounds, limit - result.iterations, state
+                *arguments, tolerance, rounds, limit - result.iterations, state
             )
             taken = result.transforms + spent + whole + inside / part ** len(self._shape)
             result = WindowResult(taken, result.iterations + more)
@@ -425,8 +422,6 @@ class Windows:
         shared = {name: getattr(self._system, name) for name in ("floor", "load_given", "mean_compliance")}
         window = window._replace(system=window.system._replace(**shared))
         self._made[part] = transforms, window
-        if not self._iterate_at:
-            self._iterate_at = address_of(iterate, *window[:5], 0.0, 0.0, 0, 0, False)
         restrict(window, self._kernel, self._system.stiffness)
         self._current.add(part)
         return taken, window

@@ -406,7 +406,8 @@ class ParallelPasses:
 
 
 _SHORTEST, _LONGEST = 0.05, 2.0  # of the lengths that are tried
-_LET_GO = 0.8  # beyond this part of a step that ends pressures it is taken as a whole
+# Beyond this part of a step that ends pressures it is taken as a whole, for thin compressible layers.
+_LET_GO = 0.8
 _LOAD = 1e-2  # relative error of the load that a projection may leave; the next one corrects it
 _PROJECTIONS = 60  # rounds of Newton's method at most
 _ROUNDING, _SUMMED = 1e-14, 800.0  # of a load; of a sum of pressures, in units of their rounding

@@ -86,7 +86,8 @@ from gfmdlayer.resumable import State
 _INEXACT, _INEXACT_DAMPED = 0.1, 0.3
 _WELL_WITHIN = 0.3  # part of the tolerance that they aim at in the end
 _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two states of a branch
-_CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
+# Largest error of the traction in a step along a branch, over the strength: long steps stay on the branch.
+_CHANGE = 0.5
 _RESOLVED = 0.5  # likewise down the energy
 # Growth of the steps down the energy, at most, and after one that was refused; and their cut.
 _LONGER, _LONGER_AFTER, _SHORTER = 8.0, 2.0, 2.0
