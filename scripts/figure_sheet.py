@@ -21,11 +21,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from gfmdlayer.cli import main as gfmdlayer
 from gfmdlayer.config import Config
-from gfmdlayer.execution.run import run_sweep
-from gfmdlayer.execution.workers import WorkerPool, assemble
 from gfmdlayer.figures.movies import animated
 from gfmdlayer.figures.plot_style import PAPER, WIDTH_MM, save, styled
 from gfmdlayer.results.reader import open_case
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import WorkerPool, assemble
 
 DEFAULT_SHEET = Path(__file__).parents[1] / "docs" / "figures.png"
 COLUMNS, WIDTH, GAP, LETTERS = 3, 620, 24, 15  # dots
@@ -219,7 +219,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run_all(names: set[str], size: dict[str, Any], folder: Path, pool: WorkerPool) -> None:
     for name, values in runs(size, folder).items():
         if name in names:
-            run_sweep(Config(name=name, **values), folder / name, pool)
+            run_study(Config(name=name, **values), folder / name, pool)
 
 
 if __name__ == "__main__":

@@ -30,13 +30,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gfmdlayer.config import Config, load
-from gfmdlayer.execution.progress import make_display
-from gfmdlayer.execution.run import run_sweep
-from gfmdlayer.execution.sweep import SweepCase, cases, label
-from gfmdlayer.execution.workers import WorkerPool, assemble
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.plot_style import save, styled
 from gfmdlayer.results.reader import case_path, open_case, open_results
+from gfmdlayer.study.cases import SweepCase, cases, label
+from gfmdlayer.study.progress import make_display
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import WorkerPool, assemble
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 TOLERANCE = 1e-3
@@ -127,7 +127,7 @@ def reproduce(number: int, options: argparse.Namespace, pool: WorkerPool) -> lis
     }
     for method, config in configs.items():
         print(f"{name}, {method}:", file=sys.stderr)
-        summary = run_sweep(config, folders[method], pool, display=lambda: make_display(sys.stderr))
+        summary = run_study(config, folders[method], pool, display=lambda: make_display(sys.stderr))
         if summary.count("complete") < summary.total:
             sys.exit(f"{folders[method]}: not all cases are complete; the same command tries them again")
     every = cases(configs["paper"])

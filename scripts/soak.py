@@ -39,8 +39,8 @@ from trials.configurations import DEFAULT, draw
 from trials.outcomes import GOOD, Outcome
 
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.execution.preflight import THREAD_VARIABLES
-from gfmdlayer.execution.workers import threads_each
+from gfmdlayer.study.preflight import THREAD_VARIABLES
+from gfmdlayer.study.workers import threads_each
 
 KINDS: Mapping[str, Any] = {
     "extremes": extremes.trial,

@@ -5,17 +5,17 @@ from __future__ import annotations
 import sys
 import time
 
-from gfmdlayer.execution.status import StatusFile
+from gfmdlayer.study.claims import Claim
 
-advance = StatusFile.advance
+advance = Claim.advance
 
 
-def slowly(self: StatusFile, simulated_time: float) -> None:
+def slowly(self: Claim, simulated_time: float) -> None:
     time.sleep(0.05)
     advance(self, simulated_time)
 
 
-StatusFile.advance = slowly  # type: ignore[method-assign]
+Claim.advance = slowly  # type: ignore[method-assign]
 
 if __name__ == "__main__":  # and not in the processes that it starts
     from gfmdlayer.cli import main

@@ -17,7 +17,7 @@ ORDER = (
     "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "time_functions",
     "interface", "step", "contact", "friction", "history", "transport", "config", "programme", "observables",
     "results", "figures", "case", "indentation",
-    "execution", "fitting", "nanite", "interactive", "verification", "cli", "__main__", "__init__",
+    "study", "fitting", "nanite", "interactive", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
 

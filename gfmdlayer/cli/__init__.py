@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if problems := input_problems(error):
             return refuse(*problems)
-        from gfmdlayer.execution.preflight import machine_problem
+        from gfmdlayer.study.preflight import machine_problem
 
         if not (problem := machine_problem(error)):
             raise
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _end_ranks() -> None:
     """End by a signal under an MPI launcher: after a plain exit the other ranks would wait for ever."""
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # another one may follow
-    from gfmdlayer.execution.preflight import launched_size
+    from gfmdlayer.study.preflight import launched_size
 
     if launched_size(os.environ):
         os.kill(os.getpid(), signal.SIGINT)

@@ -117,9 +117,9 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
 @verb(_options_of_indentation, _EXAMPLES_OF_INDENTATION)
 def fit_indentation(options: argparse.Namespace) -> int:
     """Fit moduli, times and thicknesses to measured force curves of an indenter."""
-    from gfmdlayer.execution import interrupts, workers
     from gfmdlayer.fitting.estimates import FitOptions
     from gfmdlayer.fitting.measurement import FitError
+    from gfmdlayer.study import interrupts, workers
 
     try:
         first = options.loss, options.profile, options.contact, tuple(options.segments), options.prescribed
@@ -197,10 +197,10 @@ def _prepare() -> None:
 
 
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
-    from gfmdlayer.execution.progress import make_display
     from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.starts import read_model
     from gfmdlayer.results.names import ResultsError
+    from gfmdlayer.study.progress import make_display
 
     paths = [Path(each) for each in options.data]
     directory = Path(options.out or Path("results") / f"{paths[0].stem}-fits")

@@ -15,8 +15,8 @@ from gfmdlayer.cli.terminal import COMPLETE, LISTED, count_cases, cut_short, ref
 from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
-    from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.status import Overview, Record
+    from gfmdlayer.study.folder import Folder
+    from gfmdlayer.study.status import Overview, Record
 
 WATCH_INTERVAL = 2.0  # seconds
 
@@ -29,8 +29,8 @@ directory DIR  results folder
 @verb(_STATUS, "gfmdlayer status results/figure2-quick")
 def status(options: argparse.Namespace) -> int:
     """Count the complete, running, failed and waiting cases."""
-    from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.status import overview
+    from gfmdlayer.study.folder import Folder
+    from gfmdlayer.study.status import overview
 
     folder = Folder(Path(options.directory))
     try:
@@ -61,7 +61,7 @@ def _watch(folder: Folder) -> None:
 
 
 def _overviews(folder: Folder) -> Iterator[Overview]:
-    from gfmdlayer.execution.status import overview
+    from gfmdlayer.study.status import overview
 
     interrupted = False
 
@@ -83,7 +83,7 @@ def _overviews(folder: Folder) -> Iterator[Overview]:
 
 
 def _lines(seen: Overview) -> list[str]:
-    from gfmdlayer.execution.status import duration
+    from gfmdlayer.study.status import duration
 
     running = []
     for case in seen.running:
@@ -106,8 +106,8 @@ def _counts(seen: Overview) -> str:
 
 def _records(records: list[Record], number: int, state: str) -> list[str]:
     """List a few cases one by one, and many in groups with the same reason."""
-    from gfmdlayer.execution.status import group_by_reason
-    from gfmdlayer.execution.sweep import label
+    from gfmdlayer.study.cases import label
+    from gfmdlayer.study.status import group_by_reason
 
     if number <= LISTED:
         return [f"  {r.index:04d} {state}: {r.reason}  {label(dict(r.values))}".rstrip() for r in records]
@@ -121,8 +121,8 @@ def _records(records: list[Record], number: int, state: str) -> list[str]:
 @verb("directory DIR  results folder\n--yes  remove without asking", "gfmdlayer clean results/figure2-quick")
 def clean(options: argparse.Namespace) -> int:
     """Remove unfinished files of killed runs, after listing them and asking; results stay."""
-    from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.growth import leftovers
+    from gfmdlayer.study.claims import leftovers
+    from gfmdlayer.study.folder import Folder
 
     folder = Folder(Path(options.directory))
     try:

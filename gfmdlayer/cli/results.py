@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from xarray import Dataset
 
-    from gfmdlayer.execution.folder import Folder
     from gfmdlayer.figures.report.page import Listed
+    from gfmdlayer.study.folder import Folder
 
 KINDS = {
     "curves": "contact area and mean pressure over time (depth if the load is prescribed; also friction for "
@@ -147,9 +147,9 @@ path DIR  results folder, or the file of one case
 @verb(_REPORT, "gfmdlayer report results/figure2-quick")
 def report(options: argparse.Namespace) -> int:
     """Write a page for the browser: curves, surfaces, cases, configuration, provenance."""
-    from gfmdlayer.execution.folder import Folder
     from gfmdlayer.figures.report.page import Listed, write_report
     from gfmdlayer.results.reader import open_case
+    from gfmdlayer.study.folder import Folder
 
     path = Path(options.path)
     if path.is_file():
@@ -169,9 +169,9 @@ def report(options: argparse.Namespace) -> int:
 def _listed(folder: Folder) -> list[Listed]:
     """Return all cases of a folder, with the state of each."""
     from gfmdlayer.config.sweeps import combinations
-    from gfmdlayer.execution.status import overview
     from gfmdlayer.figures.report.page import Listed
     from gfmdlayer.results.stored import must_agree
+    from gfmdlayer.study.status import overview
 
     numbers, seen = folder.case_numbers(), overview(folder)
     states = dict.fromkeys(folder.numbers()["failed"], ("failed", ""))

@@ -23,16 +23,15 @@ from gfmdlayer.cli.terminal import (
     count_cases,
     cut_short,
     input_problems,
-    read_config,
+    read_cases,
     refuse,
     verb,
 )
-from gfmdlayer.execution import CHECKPOINT_EVERY
+from gfmdlayer.study import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
-    from gfmdlayer.config import Config
-    from gfmdlayer.execution.sweep import Shard, SweepCase
-    from gfmdlayer.execution.workers import WorkerPool
+    from gfmdlayer.study.cases import Cases, Shard, SweepCase
+    from gfmdlayer.study.workers import WorkerPool
 
 
 def _options_of_cases(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +44,7 @@ def _options_of_run(parser: argparse.ArgumentParser) -> None:
     text = f"""
     --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)
     --ranks-per-case N = 1  MPI ranks that share a case, each with a part of its surface (default: 1)
-    --shard I/N  run part I of N of the sweep; N runs share DIR (job arrays)
+    --shard I/N  where this run starts in the sweep, as the I-th of N that share DIR (job arrays)
     --checkpoint-every SECONDS = {CHECKPOINT_EVERY}  time between checkpoints of a case; a killed run
       continues from the last (default: %(default)g; 0: after every step; inf: only when a signal stops
       the run)
@@ -60,7 +59,7 @@ def _options_of_run(parser: argparse.ArgumentParser) -> None:
 
 def shard(text: str) -> Shard:
     """Parse a shard."""
-    from gfmdlayer.execution.sweep import Shard
+    from gfmdlayer.study.cases import Shard
 
     try:
         return Shard.parse(text)
@@ -71,7 +70,7 @@ def shard(text: str) -> Shard:
 @verb(_options_of_run, f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}")
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet; also under mpirun or srun."""
-    from gfmdlayer.execution import interrupts, workers
+    from gfmdlayer.study import interrupts, workers
 
     if options.shard and options.restart:
         return refuse(
@@ -85,16 +84,16 @@ def run(options: argparse.Namespace) -> int:
 
 def prepare() -> None:
     """Import the modules that a case needs, on the other ranks; compiles nothing."""
-    import gfmdlayer.execution.case_run  # noqa: F401
+    import gfmdlayer.study.case_run  # noqa: F401
 
 
 def _pool(options: argparse.Namespace) -> AbstractContextManager[WorkerPool | None]:
-    from gfmdlayer.execution import workers
+    from gfmdlayer.study import workers
 
     size = options.ranks_per_case
     if size == 1:
         return workers.assemble(options.jobs, prepare)
-    from gfmdlayer.execution.groups import groups_of
+    from gfmdlayer.study.groups import groups_of
 
     if size < 1:
         raise workers.LauncherError(f"--ranks-per-case {size}: must be 1 or more")
@@ -107,24 +106,20 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from dataclasses import fields
 
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.execution import interrupts
-    from gfmdlayer.execution.folder import Folder, FolderError
-    from gfmdlayer.execution.progress import make_display
     from gfmdlayer.results.names import ResultsError
+    from gfmdlayer.study import interrupts
+    from gfmdlayer.study.folder import Folder, FolderError
+    from gfmdlayer.study.progress import make_display
 
     try:
         with interrupts.at_once():
-            config, directory = read_config(options, options.ranks_per_case)
-            if options.ranks_per_case > 1:
-                from gfmdlayer.execution.groups import with_shared_solver
-
-                config = with_shared_solver(config)
-            from gfmdlayer.execution.run import RunOptions, run_sweep
+            cases, directory = read_cases(options, options.ranks_per_case)
+            from gfmdlayer.study.run import RunOptions, run_study
         if options.only_failed:
             Folder(directory).must_hold_results()
         given = {each.name: getattr(options, each.name) for each in fields(RunOptions)} | {"threads": threads}
         chosen = RunOptions(**given)
-        summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
+        summary = run_study(cases, directory, pool, chosen, lambda: make_display(sys.stderr))
     except (ConfigError, FolderError) as error:  # caught here, since it would abort the ranks
         return refuse(*input_problems(error))
     except KeyboardInterrupt:
@@ -133,7 +128,7 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     except (ResultsError, PermissionError) as error:  # the folder became read-only during the run
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED
-    return conclude(summary, directory, "case", options.shard)
+    return conclude(summary, directory, "case")
 
 
 MOST_EXPLAINED = 8  # cases whose methods are listed
@@ -144,20 +139,20 @@ def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration; run nothing."""
     from gfmdlayer.case.model import model_of
     from gfmdlayer.case.notes import notes
-    from gfmdlayer.execution import preflight
-    from gfmdlayer.execution.cost import estimate, total
-    from gfmdlayer.execution.sweep import Cases, label
+    from gfmdlayer.study import preflight
+    from gfmdlayer.study.cases import label
+    from gfmdlayer.study.cost import total
 
-    config, directory = read_config(options)
-    every = Cases(config)
-    some: Sequence[SweepCase] = every.examined()
+    every, directory = read_cases(options)
+    config = every.config
+    some: Sequence[SweepCase] = list(every.sample())
     part = len(some) / len(every)
-    some, found = _in_folder(directory, config, some) if part == 1 else (some, [])
-    cost = total((estimate(case.config) for case in some), part)
+    some, found = _in_folder(directory, every, some) if part == 1 else (some, [])
+    cost = total((case.cost for case in some), part)
     explained = some[:: -(-len(some) // MOST_EXPLAINED)]
     lines = [f"{config.name}: {count_cases(len(every))}"]
     if config.sweep:
-        first = some if part == 1 else every[:LISTED]
+        first = some if part == 1 else map(every.__getitem__, range(LISTED))
         lines += cut_short((f"  {case.index:04d}  {label(case.values)}" for case in first), len(every))
     if part < 1:
         checks = "as a run does; it checks each before its start"
@@ -179,33 +174,33 @@ def check(options: argparse.Namespace) -> int:
 
 
 def _in_folder(
-    directory: Path, config: Config, every: Sequence[SweepCase]
+    directory: Path, cases: Cases, every: Sequence[SweepCase]
 ) -> tuple[Sequence[SweepCase], list[str]]:
     """Return the cases with their numbers in the results folder, and lines about its contents."""
-    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.study.folder import Folder
 
     folder = Folder(directory)
     if not folder.is_results():
         return every, []
-    from gfmdlayer.execution import growth
-    from gfmdlayer.execution.folder import FolderError
+    from gfmdlayer.study import growth
+    from gfmdlayer.study.folder import FolderError
 
     try:
-        found = growth.compare(folder, config)
+        found = growth.compare(folder, cases)
     except FolderError as error:
         return every, [f"warning: a run would be rejected: {error}"]
     files = folder.numbers()
     continued = growth.with_earlier(folder, files)
-    every = [continued(case) for case in found.numbered(every)]
-    first, *others = growth.lines(files, found, [case.index for case in every], every)
+    every = [continued(found.numbered(case)) for case in every]
+    first, *others = growth.lines(files, found, every)
     return every, [f"cases      {first}", *(f"           {line}" for line in others)]
 
 
 def _time(directory: Path, every: Sequence[SweepCase], part: float) -> str:
     """Estimate the time of the cases that are not complete; `every` may be a sample of them."""
-    from gfmdlayer.execution.cost import CostModel
-    from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.status import duration
+    from gfmdlayer.study.cost import CostModel
+    from gfmdlayer.study.folder import Folder
+    from gfmdlayer.study.status import duration
 
     folder = Folder(directory)
     complete = folder.numbers()["h5"] if folder.is_results() else set()

@@ -14,10 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
-    from gfmdlayer.config import Config
-    from gfmdlayer.config.reader import Inspection
-    from gfmdlayer.execution.run import Summary
-    from gfmdlayer.execution.sweep import Shard
+    from gfmdlayer.study.cases import Cases
+    from gfmdlayer.study.run import Summary
 
 COMPLETE, FAILED, REFUSED, RESUMABLE = 0, 1, 2, 75
 STATUSES = (
@@ -127,10 +125,10 @@ def refuse(*problems: str) -> int:
 def input_problems(error: Exception) -> Sequence[str]:
     """Return the messages of an error in the input or the results; empty for any other error."""
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.execution.folder import FolderError
-    from gfmdlayer.execution.workers import LauncherError
     from gfmdlayer.files.tables import TableError
     from gfmdlayer.results.names import ResultsError
+    from gfmdlayer.study.folder import FolderError
+    from gfmdlayer.study.workers import LauncherError
 
     if isinstance(error, ConfigError):
         return error.problems
@@ -139,24 +137,25 @@ def input_problems(error: Exception) -> Sequence[str]:
     return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
 
 
-def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> tuple[Config, Path]:
-    """Read the configuration on the command line, or of a case; return it with the results folder."""
+def read_cases(options: argparse.Namespace, ranks_per_case: int = 1) -> tuple[Cases, Path]:
+    """Read the cases on the command line, or one of results; return them with the results folder."""
     # The folder is --out, or results/NAME; results/NAME-NNNN where a case is run again.
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.execution import folder
-    from gfmdlayer.execution.sweep import input_errors
+    from gfmdlayer.study.cases import Cases, checked
+    from gfmdlayer.study.folder import is_result, read_config
 
-    inspect: Inspection = input_errors
-    if ranks_per_case > 1:
-        from gfmdlayer.execution.groups import input_errors_together
-
-        inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
     try:
-        config = folder.read_config(options.config, options.set, inspect)
+        if ranks_per_case > 1:
+            from gfmdlayer.study.groups import input_errors_together, with_shared_solver
+
+            inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
+            cases = Cases(with_shared_solver(read_config(options.config, options.set, inspect)))
+        else:
+            cases = checked(partial(read_config, options.config, options.set))
     except PermissionError as error:
         raise ConfigError(list(input_problems(error))) from None
-    rerun = f"-{Path(options.config).stem}" if folder.is_result(options.config) else ""
-    return config, Path(options.out or Path("results") / f"{config.name}{rerun}")
+    rerun = f"-{Path(options.config).stem}" if is_result(options.config) else ""
+    return cases, Path(options.out or Path("results") / f"{cases.config.name}{rerun}")
 
 
 def count_cases(number: int) -> str:
@@ -173,7 +172,7 @@ def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
 
 def note_incomplete(path: Path) -> None:
     """Name on standard error the cases of a results folder that are neither complete nor failed."""
-    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.study.folder import Folder
 
     folder = Folder(path)
     if folder.path.is_dir() and folder.is_results():
@@ -185,7 +184,7 @@ def note_incomplete(path: Path) -> None:
             print(f"note: {cases} not complete yet: {named}", file=sys.stderr)
 
 
-def conclude(summary: Summary, directory: Path, noun: str, shard: Shard | None = None) -> int:
+def conclude(summary: Summary, directory: Path, noun: str) -> int:
     """Print the end of a run over cases or curves (`noun`), and return the exit status."""
     print("".join(f"note: {line}\n" for line in summary.notes), end="")
     if stopped := summary.count("stopped"):
@@ -199,8 +198,11 @@ def conclude(summary: Summary, directory: Path, noun: str, shard: Shard | None =
         return FAILED
     if waiting := summary.count("waiting"):
         print(f"no failed case is left; {count_cases(waiting)} wait: run again without --only-failed")
-    elif not summary.collected:
-        print(f"shard {shard} complete; sweep.h5 follows when all shards are complete")
+    elif elsewhere := summary.count("elsewhere"):
+        others = "is at work in another run" if elsewhere == 1 else "are at work in other runs"
+        print(
+            f"complete but {count_cases(elsewhere)}, which {others}; sweep.h5 follows when all are complete"
+        )
     else:
         print(f"complete: {directory / 'sweep.h5'}")
     return COMPLETE

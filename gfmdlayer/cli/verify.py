@@ -27,7 +27,7 @@ def verify(options: argparse.Namespace) -> int:
     """Compare with closed forms, limits, orders, energy balances and other methods."""
     import os
 
-    from gfmdlayer.execution.workers import threads_each
+    from gfmdlayer.study.workers import threads_each
 
     if options.jobs < 1:
         return refuse(f"--jobs {options.jobs}: must be 1 or more")

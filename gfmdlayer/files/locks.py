@@ -10,8 +10,7 @@ import fcntl
 import json
 import os
 import stat
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -87,24 +86,6 @@ def try_lock(file: IO[str], shared: bool = False) -> bool | None:
     except OSError as error:
         return False if error.errno in (errno.EAGAIN, errno.EACCES) else None
     return True
-
-
-@contextmanager
-def exclusive(path: Path) -> Iterator[None]:
-    """Wait until no other process holds this lock file, hold it for the block, and remove it."""
-    while True:
-        held = False
-        with open(path, "a+", opener=no_link) as file:
-            with suppress(OSError):
-                fcntl.flock(file, fcntl.LOCK_EX)
-            with suppress(FileNotFoundError):
-                held = os.path.samestat(path.stat(), os.fstat(file.fileno()))
-            if held:  # else the holder before has removed it
-                try:
-                    yield
-                finally:
-                    path.unlink(missing_ok=True)
-                return
 
 
 def open_for_writing(path: Path) -> bool:

@@ -1,6 +1,6 @@
 """Fits of a force map: each curve is a case of a results folder, like a simulation of a sweep.
 
-`gfmdlayer.execution` provides workers, scheduling, requests to stop, locks, status and records of failures.
+`gfmdlayer.study` provides workers, scheduling, requests to stop, locks, status and records of failures.
 This module finds the fits that are not done yet, from the contents of their files, and writes the map.
 """
 
@@ -23,15 +23,6 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.execution.case_run import record_failure
-from gfmdlayer.execution.folder import FOREIGN, MARK, WAYS_OUT, Folder, FolderError
-from gfmdlayer.execution.growth import held, leftovers, refuse_unreadable, remove_results
-from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.progress import Display, Reporter
-from gfmdlayer.execution.run import Summary
-from gfmdlayer.execution.schedule import Outcome, Schedule
-from gfmdlayer.execution.status import StatusFile
-from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
 from gfmdlayer.fitting.curve_files import Entry, Units, contents, entries, read_curve
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
@@ -46,6 +37,22 @@ from gfmdlayer.fitting.starts import keys_with_adhesion
 from gfmdlayer.results.names import parameter
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
+from gfmdlayer.study.case_run import record_failure
+from gfmdlayer.study.claims import PATIENCE, Claim, Taken, in_use, locked
+from gfmdlayer.study.folder import (
+    FOREIGN,
+    MARK,
+    WAYS_OUT,
+    Folder,
+    FolderError,
+    name_of_run,
+    refuse_unreadable,
+)
+from gfmdlayer.study.interrupts import Stopped
+from gfmdlayer.study.progress import Display, Reporter
+from gfmdlayer.study.run import Summary
+from gfmdlayer.study.schedule import Outcome, Schedule
+from gfmdlayer.study.workers import WorkerPool
 from gfmdlayer.validation import text
 
 # The file cases/NNNN.h5 of the estimates of one curve:
@@ -92,12 +99,14 @@ class FitTask:
         """Fit a curve and write its file; an error becomes the outcome, with the name of the curve."""
         begun = time.monotonic()
         try:
-            with StatusFile(self.folder, case.index, 1.0, case.entry.name):
+            with Claim(self.folder, case.index, 1.0, case.entry.name):
                 self.folder.case(case.index, "failed").unlink(missing_ok=True)
                 fit = self._fit(case)
                 write_estimates(self.folder.case(case.index), fit, case.entry.name, self.digest(case))
         except Stopped:
             return Outcome(case.index, "stopped")
+        except Taken:
+            return Outcome(case.index, "elsewhere")
         except Exception as error:
             reason = f"curve {case.entry.name}: {type(error).__name__}: {error}".replace("\n", "; ")
             record_failure(self.folder, case.index, case.values, reason, traceback.format_exc())
@@ -269,7 +278,7 @@ class ForceMap:
             self.keys = list(keys_with_adhesion(self._model, self.keys, options.adhesion))
         if options.stiffness_error is not None and "stiffness" not in self.keys:
             self.keys.append("stiffness")
-        self.folder = Folder(directory)
+        self.folder = Folder(directory, name_of_run())
         self.task = FitTask(self.folder, dict(model), free, options, units)
         found = entries(paths)
         hashes = {path: contents(path) for path in dict.fromkeys(entry.path for entry in found)}
@@ -355,13 +364,13 @@ class ForceMap:
                 if known and not restart:
                     self._refuse_other()
                 folder.cases.mkdir(exist_ok=True)
+                if not claim.enter_context(locked(folder)).is_alone(PATIENCE):
+                    raise in_use(folder, "another run is writing here")
                 if known:
-                    with leftovers(folder) as left:
-                        for path in left:
-                            path.unlink(missing_ok=True)
-                claim.enter_context(held(folder))
+                    for path in {*folder.leftovers(), *folder.unfinished()}:
+                        path.unlink(missing_ok=True)
                 if restart:
-                    remove_results(folder)
+                    folder.remove_results()
                 if restart or not known:
                     write_text(folder.config, self.document)
             except OSError as error:

@@ -10,13 +10,14 @@ import html
 import io
 import os
 import sys
+import tempfile
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Future, as_completed
-from contextlib import closing, contextmanager
-from multiprocessing import current_process
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from multiprocessing import current_process, parent_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,17 +28,9 @@ from gfmdlayer.body.solid import Solid
 from gfmdlayer.case.model import ConvergenceError, model_of
 from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config, ConfigError, digest
-from gfmdlayer.config.reader import from_python, gives
+from gfmdlayer.config.reader import Inspection, from_python, gives
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.config.trajectory import Trajectory
-from gfmdlayer.execution import case_run, interrupts, workers
-from gfmdlayer.execution.folder import Folder, read_config
-from gfmdlayer.execution.growth import refuse_foreign_folder
-from gfmdlayer.execution.progress import PREPARATION, Display, make_display
-from gfmdlayer.execution.run import RunOptions, run_sweep
-from gfmdlayer.execution.schedule import Outcome, Progress
-from gfmdlayer.execution.status import Running
-from gfmdlayer.execution.sweep import Cases, SweepCase, cases, input_errors, label
 from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
@@ -47,6 +40,13 @@ from gfmdlayer.results.case_file import CaseContents, case_contents
 from gfmdlayer.results.gathering import CaseRecord, Swept, labelled
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.results.recording import Recording
+from gfmdlayer.study import case_run, interrupts, workers
+from gfmdlayer.study.cases import Cases, SweepCase, checked, label
+from gfmdlayer.study.claims import Claim, running
+from gfmdlayer.study.folder import Folder, name_of_run, read_config
+from gfmdlayer.study.progress import PREPARATION, Display, Progress, Reporter, make_display
+from gfmdlayer.study.run import RunOptions, run_study
+from gfmdlayer.study.schedule import Outcome, Schedule
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
@@ -141,7 +141,6 @@ def on_disk(config: Config, folder: Path) -> Config:
 # Progress: nothing where a run is short, else moving lines, or a bar in a notebook.
 
 DELAY = 1.0  # seconds of a run that pass in silence
-INTERVAL = 0.2  # seconds between two updates
 
 _PREPARING = "compiling kernels, once per machine (about 20 s)"
 
@@ -210,65 +209,7 @@ def in_notebook() -> bool:
     return hasattr(shell, "kernel")
 
 
-class Watch:
-    """Watches `total` cases that this process computes, or waits for, and updates a display, if any."""
-
-    def __init__(self, display: Display | None, total: int) -> None:
-        self._display, self._total = display, total
-        self._complete = self._failed = 0
-        self._begun = self._shown = time.time()
-        self._preparation = threading.Timer(PREPARATION, self._note, [_PREPARING])
-        self._preparation.daemon = True
-        if display is not None:
-            self._preparation.start()
-
-    def case(self, index: int, end: float, label: str = "") -> Callable[[float], None]:
-        """Return the function that is called with the simulated time after each step of a case."""
-        begun, steps = time.time(), 0
-
-        def advance(reached: float) -> None:
-            nonlocal steps
-            steps += 1
-            if self._display is None:
-                return
-            self._preparation.cancel()
-            if (now := time.time()) - self._shown > INTERVAL:
-                times: dict[str, Any] = {"started": begun, "updated": now, "since": begun, "since_time": 0.0}
-                at_work = Running(index, "", os.getpid(), reached, end, label=label, steps=steps, **times)
-                self._show((at_work,), now)
-
-        return advance
-
-    def ended(self, outcome: Outcome) -> None:
-        """Count a case."""
-        failed = outcome.state == "failed"
-        self._complete += not failed
-        self._failed += failed
-        if self._display is not None:
-            self._preparation.cancel()
-            if failed:
-                self._note(f"case {outcome.index:04d} FAILED: {outcome.reason}")
-            self._show((), time.time())
-
-    def close(self) -> None:
-        """Stop moving lines."""
-        self._preparation.cancel()
-        if self._display is not None:
-            self._display.close()
-
-    def _note(self, line: str) -> None:
-        assert self._display is not None
-        self._display.note(line)
-
-    def _show(self, at_work: tuple[Running, ...], now: float) -> None:
-        self._shown = now
-        progress = Progress(self._total, self._complete, self._failed, at_work)
-        left = (self._total - progress.done) * (now - self._begun) / progress.done if progress.done else None
-        assert self._display is not None
-        self._display.advance(Progress(self._total, self._complete, self._failed, at_work, left))
-
-
-# Running cases in memory: one after the other in this process, or in several.
+# Running cases in memory: the data of each come back with its outcome.
 
 GUARD = 'a script with jobs must call run under `if __name__ == "__main__":`'
 
@@ -280,103 +221,106 @@ class Result(NamedTuple):
     error: Exception | None = None
     said: Sequence[str] = ()
 
-    @property
-    def reason(self) -> str:
-        """Why it failed."""
-        return f"{type(self.error).__name__}: {self.error}" if self.error else ""
 
-
-def compute(
-    case: SweepCase, threads: int, advance: Callable[[float], None] | None = None
-) -> tuple[CaseContents, Sequence[str]]:
-    """Run a case in memory; return its contents and the warnings of its observables."""
-    config, recording = case.config, Recording()
-    model = model_of(config, threads)
-    described = case_run.attributes(model) | {"digest": digest(config)}
-    about = described, model.columns, config.unit, case.values, model.places
+def _compute(case: SweepCase, folder: Folder, threads: int) -> Outcome:
+    """Run a case in memory, with its claim in a folder."""
+    begun, config = time.monotonic(), case.config
     try:
-        said = model.run(recording, advance)
-    except ConvergenceError as error:
-        error.data = case_contents(recording, model.coordinates, *about).dataset()
-        raise
-    return case_contents(recording, model.coordinates, *about), said
+        model = model_of(config, threads, programme=case.programme)
+        recording, described = Recording(), case_run.attributes(model) | {"digest": digest(config)}
 
+        def contents() -> CaseContents:
+            about = described, model.columns, config.unit, case.values, model.places
+            return case_contents(recording, model.coordinates, *about)
 
-def _attempt(case: SweepCase, threads: int, advance: Callable[[float], None] | None = None) -> Result:
-    """Run a case of a sweep; an error becomes its result."""
-    try:
-        data, said = compute(case, threads, advance)
+        with Claim(folder, case.index, config.time.end, label(case.values)) as claim:
+            try:
+                said = model.run(recording, claim.advance)
+            except ConvergenceError as error:
+                error.data = contents().dataset()
+                raise
+        result = Result(contents(), said=said)
     except interrupts.Stopped:
-        raise
+        return Outcome(case.index, "stopped")
     except Exception as error:
-        return Result(None, error)
-    return Result(data, said=said)
+        reason = f"{type(error).__name__}: {error}"
+        if parent_process() is not None and not isinstance(error, ConvergenceError):
+            error = RuntimeError(reason)  # errors of any class may not be sent
+        return Outcome(case.index, "failed", reason, time.monotonic() - begun, result=Result(None, error))
+    return Outcome(case.index, "complete", seconds=time.monotonic() - begun, result=result)
 
 
-def here(every: Sequence[SweepCase], threads: int, watch: Watch) -> Iterator[tuple[SweepCase, Result]]:
-    """Run the cases one after the other."""
-    for case in every:
-        advance = watch.case(case.index, case.config.time.end, label(case.values))
-        result = _attempt(case, threads, advance)
-        watch.ended(_outcome(case.index, result))
-        yield case, result
+def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int) -> xarray.Dataset:
+    """Run the cases on a pool of processes, this one among them; return their data."""
+    config, every, display = cases.config, list(cases), chosen_display(progress)
+    _warn(notes(case.config for case in every), 4)
+    show = None if display is None else lambda: display
+    outcomes: dict[int, Outcome] = {}
+    with (
+        _scratch() as folder,
+        pool_of(min(jobs, len(every))) as pool,
+        Reporter(folder, range(len(every)), 0, show) as reporter,
+        _silence(folder, reporter),
+    ):
+        if not pool.alone:  # before several processes do
+            _warn(case_run.warm_up(every), 4)
+        task = partial(_compute, folder=folder, threads=threads)
+        schedule = Schedule(pool, task, folder, reporter.ended)
+        reporter.at_work = schedule.at_work
+        for outcome in schedule.run(every):
+            outcomes[outcome.index] = outcome
+    results = [outcomes[case.index] for case in every]
+    if any(outcome.state == "stopped" for outcome in results):
+        raise KeyboardInterrupt
+    if not config.sweep:
+        (result,) = (_result(outcome) for outcome in results)
+        if result.error is not None:
+            raise result.error
+        _warn(result.said, 4)
+        assert result.data is not None
+        return result.data.dataset()
+    return _gathered(config, every, results)
 
 
-def in_processes(
-    every: Sequence[SweepCase], jobs: int, threads: int, watch: Watch
-) -> Iterator[tuple[int, Result]]:
-    """Run the cases in several processes."""
-    for line in case_run.warm_up(every):
-        warnings.warn(line, stacklevel=5)
-    with pool_of(jobs) as pool:
-        futures: dict[Future[Result], int] = {}
-        try:
-            with pool.starting():
-                for case in every:
-                    futures[pool.executor.submit(_attempt_in_process, case, threads)] = case.index
-            for future in as_completed(futures):
-                result = _received(future)
-                watch.ended(_outcome(futures[future], result))
-                yield futures[future], result
-        finally:
-            for future in futures:
-                future.cancel()
+def _result(outcome: Outcome) -> Result:
+    """Return the result of a case; of one whose process died an error."""
+    found: Result = outcome.result or Result(None, RuntimeError(outcome.reason))
+    return found
 
 
 @contextmanager
-def pool_of(jobs: int) -> Iterator[workers.WorkerPool]:
-    """Start processes, and wait for the first: none starts where the script calls `run` when imported."""
-    if jobs == 1:
-        with workers.alone() as pool:
-            yield pool
-        return
-    with workers.processes(jobs) as pool:
-        with pool.starting():
-            first = pool.executor.submit(int)
-        try:
-            first.result()
-        except BrokenExecutor as error:
-            raise RuntimeError(f"no process starts ({error}): {GUARD}") from None
-        yield pool
-
-
-def _attempt_in_process(case: SweepCase, threads: int) -> Result:
-    """Run a case of a sweep, unless this process is asked to stop."""
-    result = _attempt(case, threads, interrupts.Listener().advance)
-    if result.error is None or isinstance(result.error, ConvergenceError):
-        return result
-    return Result(None, RuntimeError(result.reason))  # errors of any class may not be sent
-
-
-def _received(future: Future[Result]) -> Result:
+def _scratch() -> Iterator[Folder]:
+    """Give a folder for the claims of cases; without one there is no progress of single cases."""
     try:
-        return future.result()
-    except BrokenExecutor as error:
-        return Result(None, RuntimeError(f"its process ended: {error}"))
+        place = tempfile.TemporaryDirectory(prefix="gfmdlayer-", ignore_cleanup_errors=True)
+    except OSError:
+        yield Folder(Path(os.devnull), name_of_run())
+        return
+    with place as name:
+        folder = Folder(Path(name), name_of_run())
+        folder.cases.mkdir()
+        yield folder
 
 
-def _outcome(index: int, result: Result) -> Outcome:
-    return Outcome(index, "failed" if result.error else "complete", result.reason)
+@contextmanager
+def _silence(folder: Folder, reporter: Reporter) -> Iterator[None]:
+    """Say what goes on where the first step takes long."""
+
+    def look() -> None:
+        if all(case.steps == 0 for case in running(folder)):
+            reporter.note(_PREPARING)
+
+    timer = threading.Timer(PREPARATION, look)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def pool_of(jobs: int) -> AbstractContextManager[workers.WorkerPool]:
+    """Give a pool of so many processes."""
+    return workers.alone() if jobs == 1 else workers.processes(jobs)
 
 
 Punch = ArrayLike | Callable[..., ArrayLike] | Shape | Mapping[str, Any]
@@ -456,23 +400,11 @@ def run(
         raise RuntimeError(f"run was called while a process of another run starts: {GUARD}")
     if not isinstance(jobs, int) or jobs < 1:
         raise ConfigError([f"jobs: got {jobs!r}; must be a whole number >= 1"])
-    found = _configuration(config, punch, history, {k.replace("__", "."): v for k, v in values.items()})
+    keys = {key.replace("__", "."): value for key, value in values.items()}
+    cases = checked(partial(_configuration, config, punch, history, keys))
     if out is not None:
-        return _run_in_folder(found, Path(out), progress, jobs, threads)
-    every = cases(found)
-    _warn(notes(case.config for case in every), 3)
-    if not found.sweep:
-        with closing(Watch(chosen_display(progress), 1)) as watch:
-            data, said = compute(every[0], threads, watch.case(0, found.time.end))
-            watch.ended(Outcome(0, "complete"))
-        _warn(said, 3)
-        return data.dataset()
-    with closing(Watch(chosen_display(progress), len(every))) as watch:
-        if jobs == 1:
-            outcomes = {case.index: outcome for case, outcome in here(every, threads, watch)}
-        else:
-            outcomes = dict(in_processes(every, min(jobs, len(every)), threads, watch))
-    return _gathered(found, every, [outcomes[case.index] for case in every])
+        return _run_in_folder(cases, Path(out), progress, jobs, threads)
+    return _run_in_memory(cases, progress, jobs, threads)
 
 
 def _configuration(
@@ -480,6 +412,7 @@ def _configuration(
     punch: Punch | None,
     history: History | None,
     values: dict[str, object],
+    inspect: Inspection,
 ) -> Config:
     """Return the checked configuration, with arrays as files in memory."""
     if not isinstance(config, str | os.PathLike | Mapping | Config):
@@ -502,38 +435,38 @@ def _configuration(
         given = config if isinstance(config, Config) else {"name": "run", **config}
         if isinstance(given, Mapping) and "interface" in given:
             given = {**given, "interface": with_voltages(given["interface"])}
-        found = from_python(given, values, input_errors if punch is None else None)
+        found = from_python(given, values, inspect if punch is None else None)
     else:
-        found = read_config(config, values)
-    return found if punch is None else from_python(found, with_punch(found, punch), input_errors)
+        found = read_config(config, values, inspect if punch is None else None)
+    return found if punch is None else from_python(found, with_punch(found, punch), inspect)
 
 
-def _gathered(config: Config, every: Sequence[SweepCase], results: Sequence[Result]) -> xarray.Dataset:
+def _gathered(config: Config, every: Sequence[SweepCase], outcomes: Sequence[Outcome]) -> xarray.Dataset:
     """Return the cases of a sweep as one dataset."""
-    failures = {case.index: result for case, result in zip(every, results, strict=True) if result.error}
-    if len(failures) == len(every):
-        raise failures[0].error or AssertionError
-    _warn(dict.fromkeys(text for result in results for text in result.said), 4)
-    reasons = [f"{index:04d}: {result.reason}" for index, result in failures.items()]
-    _warn_of_failures(reasons, len(every))
+    results = [_result(outcome) for outcome in outcomes]
+    errors = [result.error for result in results if result.error]
+    if len(errors) == len(every):
+        raise errors[0]
+    _warn(dict.fromkeys(text for result in results for text in result.said), 5)
+    failed = [each for each in outcomes if each.state == "failed"]
+    _warn_of_failures([f"{each.index:04d}: {each.reason}" for each in failed], len(every))
     records = [
-        CaseRecord(case.index, result.data, case.values, result.reason or None)
-        for case, result in zip(every, results, strict=True)
+        CaseRecord(case.index, result.data, case.values, outcome.reason or None)
+        for case, outcome, result in zip(every, outcomes, results, strict=True)
     ]
     return labelled(records, Swept.of(config.sweep, config.unit, config.output.times))
 
 
-def _run_in_folder(
-    config: Config, out: Path, progress: bool | None, jobs: int, threads: int
-) -> xarray.Dataset:
+def _run_in_folder(cases: Cases, out: Path, progress: bool | None, jobs: int, threads: int) -> xarray.Dataset:
     """Run the cases as the command line does; return the opened results."""
-    refuse_foreign_folder(Folder(out))
-    config = on_disk(config, out / "arrays")
-    _warn(notes(case.config for case in Cases(config).examined()), 4)
+    Folder(out).refuse_foreign()
+    config = on_disk(cases.config, out / "arrays")
+    cases = cases if config is cases.config else Cases(config)
+    _warn(notes(case.config for case in cases.sample()), 4)
     display = chosen_display(progress)
     show = None if display is None else lambda: display
     with interrupts.listening(), pool_of(jobs) as pool:
-        summary = run_sweep(config, out, pool, RunOptions(threads=threads), show)
+        summary = run_study(cases, out, pool, RunOptions(threads=threads), show)
     if summary.count("stopped"):
         raise KeyboardInterrupt
     if len(summary.failures) == summary.total:

@@ -128,7 +128,7 @@ def main(config: str, directory: str) -> int:
     """Run the command line on this rank and write its clock."""
     from gfmdlayer.case.case import Case
     from gfmdlayer.cli import main
-    from gfmdlayer.execution import case_run
+    from gfmdlayer.study import case_run
 
     clock = Clock()
     case_run.write_case = clock.around_cases(case_run.write_case)

@@ -16,12 +16,11 @@ from tempfile import TemporaryDirectory
 from benchmarks.common import Cell, Effort, Table, over_ranks
 
 from gfmdlayer.config import load
-from gfmdlayer.execution.case_run import run_case, warm_up
-from gfmdlayer.execution.cost import estimate
-from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.schedule import Schedule
-from gfmdlayer.execution.sweep import SweepCase, cases
-from gfmdlayer.execution.workers import WorkerPool, assemble
+from gfmdlayer.study.case_run import run_case, warm_up
+from gfmdlayer.study.cases import SweepCase, cases
+from gfmdlayer.study.folder import Folder
+from gfmdlayer.study.schedule import Schedule
+from gfmdlayer.study.workers import WorkerPool, assemble
 
 EFFORT = Effort(points=(1 << 14,), repetitions=1)
 QUICK = Effort(points=(1 << 10,), repetitions=3)
@@ -69,7 +68,7 @@ def _run(pool: WorkerPool, every: list[SweepCase]) -> dict[str, object]:
         task = partial(run_case, folder=folder)
         begun = time.perf_counter()
         schedule = Schedule(pool, task, folder, lambda _: None)
-        outcomes = list(schedule.run(sorted(every, key=lambda case: -estimate(case.config).work)))
+        outcomes = list(schedule.run(sorted(every, key=lambda case: -case.cost.work)))
         seconds = time.perf_counter() - begun
     if any(outcome.state != "complete" for outcome in outcomes):
         raise RuntimeError("a case of the figures failed")

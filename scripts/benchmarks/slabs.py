@@ -22,9 +22,9 @@ from benchmarks.common import Cell, Effort, Table, over_ranks
 
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.execution.preflight import launched_size
-from gfmdlayer.execution.workers import world
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
+from gfmdlayer.study.preflight import launched_size
+from gfmdlayer.study.workers import world
 
 EFFORT = Effort(points=(2048, 4096), repetitions=3)
 QUICK = Effort(points=(512,), repetitions=1)

@@ -10,10 +10,10 @@ from benchmarks.common import METHODS, STEP, Cell, Effort, Table, bare_pairs, de
 
 from gfmdlayer.case.model import warm_up
 from gfmdlayer.config import Config
-from gfmdlayer.execution.case_run import run_case
-from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.study.case_run import run_case
+from gfmdlayer.study.cases import SweepCase
+from gfmdlayer.study.folder import Folder
 
 EFFORT = Effort(points=(1 << 14,), repetitions=5)
 QUICK = Effort(points=(1 << 12,), steps=100, repetitions=3)

@@ -25,9 +25,9 @@ from gfmdlayer import (
 )
 from gfmdlayer.body.solid import fault
 from gfmdlayer.config import digest
-from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.recording import Recording
+from gfmdlayer.study.cases import cases, input_errors
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = re.findall(

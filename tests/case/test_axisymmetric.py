@@ -8,9 +8,9 @@ import pytest
 import gfmdlayer
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError, load
-from gfmdlayer.execution.cost import estimate
-from gfmdlayer.execution.sweep import input_errors
 from gfmdlayer.indentation.model import IsolatedContact
+from gfmdlayer.study.cases import input_errors
+from gfmdlayer.study.cost import estimate
 from tests.recordings import Kept
 
 AFM = {

@@ -5,7 +5,7 @@ import pytest
 
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.model import stem
-from gfmdlayer.execution.cost import estimate
+from gfmdlayer.study.cost import estimate
 
 EVERY = {"output.snapshots": "every"}
 

@@ -8,8 +8,8 @@ import pytest
 from gfmdlayer.case.case import smallest_equivalent_case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.execution.cost import kind
 from gfmdlayer.indentation import model as isolated
+from gfmdlayer.study.cost import kind
 from tests.recordings import Kept
 
 PROGRAM = """

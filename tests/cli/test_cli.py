@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.cli import VERBS, main
-from gfmdlayer.execution.interrupts import STOP_SIGNALS
+from gfmdlayer.study.interrupts import STOP_SIGNALS
 from tests.studies import TINY
 from tests.waiting import SLOWLY, until
 

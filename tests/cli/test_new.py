@@ -7,8 +7,8 @@ import pytest
 from gfmdlayer.cli import main
 from gfmdlayer.cli.editing import TEMPLATES, commented
 from gfmdlayer.config import load
-from gfmdlayer.execution.run import run_sweep
-from gfmdlayer.execution.workers import assemble
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import assemble
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +26,7 @@ def test_the_command_line_offers_all_of_them(capsys):
 def test_each_runs_as_it_is_written(like):
     assert main(["new", "--like", like]) == 0
     with assemble() as pool:
-        assert run_sweep(load(f"{like}.yaml"), "out", pool).collected
+        assert run_study(load(f"{like}.yaml"), "out", pool).collected
 
 
 @pytest.mark.parametrize("like", TEMPLATES)

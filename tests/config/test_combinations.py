@@ -9,10 +9,10 @@ import pytest
 
 from gfmdlayer.config import digest, load
 from gfmdlayer.config.sweeps import combinations, count
-from gfmdlayer.execution.run import run_sweep
-from gfmdlayer.execution.sweep import cases, label
-from gfmdlayer.execution.workers import assemble
 from gfmdlayer.results.reader import open_results
+from gfmdlayer.study.cases import cases, label
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import assemble
 
 TINY = """\
 name: tiny
@@ -100,7 +100,7 @@ def test_samples_are_those_of_their_seed_in_any_process(read, tmp_path):
     sweep = "{latin_hypercube: {samples: 5, seed: 3, layer.thickness: {from: 0.01, to: 1}}}"
     here = rows(read(sweep))
     script = (
-        "import sys; from gfmdlayer.config import load; from gfmdlayer.execution.sweep import cases; "
+        "import sys; from gfmdlayer.config import load; from gfmdlayer.study.cases import cases; "
         "print([tuple(case.values.values()) for case in cases(load(sys.argv[1]))])"
     )
     command = [sys.executable, "-c", script, str(tmp_path / "tiny.yaml")]
@@ -187,7 +187,7 @@ def test_labels_are_for_people(read):
 def run(config, directory):
     with assemble() as team:
         assert team is not None
-        assert run_sweep(config, directory, team).count("complete") == count(config.sweep)
+        assert run_study(config, directory, team).count("complete") == count(config.sweep)
 
 
 def test_results_of_a_list_lie_along_the_cases_with_their_values(read, tmp_path):

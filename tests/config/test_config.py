@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.config import Config, ConfigError, digest, load
-from gfmdlayer.execution.sweep import input_errors
+from gfmdlayer.study.cases import input_errors
 from gfmdlayer.validation import text
 from gfmdlayer.validation.units import Units
 from tests.config.reading import problems, read

@@ -7,8 +7,8 @@ import pytest
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.model import stem
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.interface.adhesion import Electrostatic, Exponential
+from gfmdlayer.study.cases import cases, input_errors
 from gfmdlayer.validation.units import Units
 
 LAW = {"law": "exponential", "work": 1e-3, "range": 4e-3}

@@ -9,8 +9,8 @@ from gfmdlayer.body.materials import Zener
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.sweeps import leaves
-from gfmdlayer.execution.sweep import cases
 from gfmdlayer.results.names import parameter
+from gfmdlayer.study.cases import cases
 from tests.config.reading import problems, read
 
 STACK = """\

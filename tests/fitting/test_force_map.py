@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from gfmdlayer import cli, open_results
-from gfmdlayer.execution.workers import assemble
 from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_map import ForceMap, parameter_names
+from gfmdlayer.study.workers import assemble
 from tests.waiting import until
 
 MPIRUN = Path(sys.executable).parent / "mpirun"

@@ -15,9 +15,9 @@ import gfmdlayer
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.status import overview
 from gfmdlayer.observables.adhesion import PathPoint, work_over_fold
+from gfmdlayer.study.folder import Folder
+from gfmdlayer.study.status import overview
 from tests.recordings import Kept
 
 K = 2 * 0.7 / (0.4 * 0.1)

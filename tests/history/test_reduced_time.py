@@ -139,7 +139,7 @@ def test_the_balance_of_energy_closes_over_a_jump_of_temperature(tmp_path):
     ],
 )
 def test_table_that_does_not_cover_the_run_or_leaves_the_law_is_refused(tmp_path, rows, words):
-    from gfmdlayer.execution.sweep import input_errors
+    from gfmdlayer.study.cases import input_errors
 
     (tmp_path / "degrees.txt").write_text(rows)
     law = "C1: 17.44, C2: 51.6, reference: 20"

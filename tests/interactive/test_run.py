@@ -14,8 +14,8 @@ import xarray
 import gfmdlayer
 from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zener
 from gfmdlayer.config import digest
-from gfmdlayer.execution.folder import FolderError
-from gfmdlayer.execution.interrupts import STOP_SIGNALS
+from gfmdlayer.study.folder import FolderError
+from gfmdlayer.study.interrupts import STOP_SIGNALS
 
 X = np.arange(256) / 256 - 0.5
 SHORT = {"time": {"end": 1.0, "step": 0.25}, "output": {"snapshots": [0.5, 1.0]}}
@@ -351,7 +351,7 @@ def test_a_dimension_is_not_named_as_an_argument_of_sel():
 # Ctrl-C after three steps; a process of its own, since signals come to the main thread of one.
 INTERRUPTED = """
 import os, signal
-import gfmdlayer, gfmdlayer.execution.run
+import gfmdlayer, gfmdlayer.study.run
 from gfmdlayer.observables.numerics import Effort
 
 measure, rows = Effort.measure, 0
@@ -364,7 +364,7 @@ def interrupting(self, step):
     return measure(self, step)
 
 Effort.measure = interrupting
-for module in (gfmdlayer.execution.run, gfmdlayer.execution.case_run):
+for module in (gfmdlayer.study.run, gfmdlayer.study.case_run):
     module.warm_up = lambda *_, **__: []  # it takes steps, too
 for options in ({}, {"out": "out"}):
     rows = 0
@@ -423,7 +423,8 @@ def test_doubts_about_a_configuration_are_warnings_at_the_line_of_the_call(optio
 def test_progress_grows_to_its_end(monkeypatch, sweep):
     spy = _Spy()
     monkeypatch.setattr("gfmdlayer.interactive.run.chosen_display", lambda _: spy)
-    monkeypatch.setattr("gfmdlayer.interactive.run.INTERVAL", -1.0)
+    monkeypatch.setattr("gfmdlayer.study.progress.READ_INTERVAL", 0.0001)
+    monkeypatch.setattr("gfmdlayer.study.claims.WRITE_INTERVAL", 0.0)
     gfmdlayer.run(LINE | ({"sweep": sweep} if sweep else {}))
     assert spy.fractions == sorted(spy.fractions)
     assert spy.fractions[-1] == 1.0
@@ -432,8 +433,8 @@ def test_progress_grows_to_its_end(monkeypatch, sweep):
 
 
 def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch):
-    from gfmdlayer.execution.schedule import Progress
     from gfmdlayer.interactive import run as progress
+    from gfmdlayer.study.progress import Progress
 
     made = []
 

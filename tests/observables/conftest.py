@@ -2,15 +2,15 @@
 
 import pytest
 
-from gfmdlayer.execution.case_run import run_case
-from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.status import StatusFile
+from gfmdlayer.study.case_run import run_case
+from gfmdlayer.study.claims import Claim
+from gfmdlayer.study.interrupts import Stopped
 
 
 @pytest.fixture
 def run_up_to(monkeypatch):
     """Run a case up to a simulated time."""
-    advance = StatusFile.advance
+    advance = Claim.advance
 
     def run(time, case, folder):
         def stopping(self, simulated):
@@ -19,7 +19,7 @@ def run_up_to(monkeypatch):
                 raise Stopped
 
         with monkeypatch.context() as once:
-            once.setattr(StatusFile, "advance", stopping)
+            once.setattr(Claim, "advance", stopping)
             assert run_case(case, folder).state == "stopped"
 
     return run

@@ -9,13 +9,13 @@ import xarray as xr
 
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
-from gfmdlayer.execution.case_run import run_case
-from gfmdlayer.execution.cost import estimate
-from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.observables import OBSERVABLES, Column, Observable, columns
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import open_case, open_results
+from gfmdlayer.study.case_run import run_case
+from gfmdlayer.study.cases import SweepCase
+from gfmdlayer.study.cost import estimate
+from gfmdlayer.study.folder import Folder
 from tests.recordings import Kept
 
 CONFIG = Config(name="rms").with_values(

@@ -11,12 +11,12 @@ import pytest
 import gfmdlayer
 from gfmdlayer import ConfigError
 from gfmdlayer.config import Config
-from gfmdlayer.execution.case_run import run_case
-from gfmdlayer.execution.cost import estimate
-from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.reader import open_case
+from gfmdlayer.study.case_run import run_case
+from gfmdlayer.study.cases import SweepCase
+from gfmdlayer.study.cost import estimate
+from gfmdlayer.study.folder import Folder
 from gfmdlayer.transport.leakage import bruggeman, flow_through
 from gfmdlayer.transport.percolation import throats
 from gfmdlayer.transport.spots import Spots, impedance, inverse

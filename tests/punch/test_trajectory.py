@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gfmdlayer.config import Config, ConfigError
-from gfmdlayer.execution.sweep import cases
 from gfmdlayer.files.tables import TableError, read_columns
 from gfmdlayer.programme import Programme
+from gfmdlayer.study.cases import cases
 from gfmdlayer.time_functions import RampHold, Table
 
 

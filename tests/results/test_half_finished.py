@@ -9,10 +9,10 @@ import xarray as xr
 
 import gfmdlayer
 from gfmdlayer.cli import main
-from gfmdlayer.execution.folder import Folder
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import case_path, open_case, open_results
+from gfmdlayer.study.folder import Folder
 
 KEYS = {
     "name": "half", "units": {"length": "mm", "stress": "MPa", "time": "s"}, "grid": {"points": 64},

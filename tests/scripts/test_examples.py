@@ -10,11 +10,11 @@ import pytest
 
 from gfmdlayer import open_results
 from gfmdlayer.config import Config
-from gfmdlayer.execution.folder import MARK
-from gfmdlayer.execution.run import run_sweep
-from gfmdlayer.execution.workers import assemble
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import case_path
+from gfmdlayer.study.folder import MARK
+from gfmdlayer.study.run import run_study
+from gfmdlayer.study.workers import assemble
 from tests.recordings import case_file
 
 EXAMPLES = Path(__file__).parents[2] / "scripts" / "examples"
@@ -37,7 +37,7 @@ def tiny(tmp_path_factory):
     folder = tmp_path_factory.mktemp("results") / "tiny"
     with assemble() as team:
         assert team is not None
-        assert run_sweep(Config(**TINY), folder, team).count("complete") == 6
+        assert run_study(Config(**TINY), folder, team).count("complete") == 6
     return folder
 
 
@@ -84,7 +84,7 @@ def test_cases_with_time_steps_of_their_own_have_the_same_table_and_map(tiny, tm
     folder, config = tmp_path / "own", Config(**(TINY | adaptive))
     with assemble() as team:
         assert team is not None
-        run_sweep(config, folder, team)
+        run_study(config, folder, team)
     assert "row" in open_results(folder).dims
     for name, value in (("relaxation_time", "relaxation_time"), ("parameter_map", "overshoot")):
         found = example(monkeypatch, name, folder, tmp_path / "map.pdf")[value]

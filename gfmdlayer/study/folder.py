@@ -1,0 +1,306 @@
+"""The results folder: its files, its stored configuration; the configuration stored with a case.
+
+    DIR/config.yaml        the configuration with every default written out; its first line marks the folder
+    DIR/cases/NNNN.h5      a complete case
+    DIR/cases/NNNN.xdmf    description of a surface in two dimensions for ParaView
+    DIR/cases/NNNN.failed  why a case failed (JSON)
+    DIR/cases/NNNN.ended   why a complete case ended early (JSON)
+    DIR/cases/NNNN.running claim of the process that computes a case, with its progress (JSON)
+    DIR/cases/NNNN.checkpoint, .snapshots  an unfinished case: its state and its rows; its snapshots
+    DIR/cases/NNNN.state   state of a case before its end, for one with a later end
+    DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
+    DIR/inputs/            the files that the configuration names, as the cases read them
+    DIR/cases/stop-RUN     asks every process of a run to stop, on whatever host
+    DIR/cases/.lock        locked while runs share the folder, or one changes it (`gfmdlayer.study.claims`)
+    DIR/arrays/            punch and history of a run from Python that were arrays
+    DIR/sweep.h5           all cases, labelled
+
+Every file is written whole (`gfmdlayer.files.whole`), so that a reader never sees half of one.
+
+A number belongs to one case for ever. The head of config.yaml says how many cases the sweep has, and their
+numbers where these do not run from 0, because the sweep has grown (`gfmdlayer.study.growth`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import secrets
+import socket
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.config.reader import Inspection
+from gfmdlayer.files.locks import open_for_writing, regular, write_new
+from gfmdlayer.files.whole import is_intact, is_unfinished, unfinished, write_text
+from gfmdlayer.results import stored
+from gfmdlayer.results.names import ResultsError
+from gfmdlayer.study.cases import input_errors
+from gfmdlayer.validation.sections import files_named
+
+MARK = stored.MARK
+FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
+ASIDE = ".aside"
+Numbers: TypeAlias = Mapping[str, set[int]]  # kind of file -> numbers of the cases that have one
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
+Found = TypeVar("Found")
+WAYS_OUT = "choose another folder with --out, or --restart to start over"
+
+
+class FolderError(Exception):
+    """A folder cannot be used for these results; the message names the reason and a remedy."""
+
+
+@dataclass(frozen=True)
+class Folder:
+    """The results folder at `path`, as a run uses it."""
+
+    path: Path
+    run: str = ""  # name of the run, which no other run has
+
+    @property
+    def config(self) -> Path:
+        """The configuration of the results."""
+        return self.path / "config.yaml"
+
+    @property
+    def cases(self) -> Path:
+        """The folder of the cases' files."""
+        return self.path / "cases"
+
+    @property
+    def sweep(self) -> Path:
+        """All cases in one file."""
+        return self.path / "sweep.h5"
+
+    @property
+    def stop(self) -> Path:
+        """A file that asks every process of the run to stop, whatever host it is on."""
+        return self.cases / f"stop-{self.run}"
+
+    def case(self, index: int, kind: str = "h5") -> Path:
+        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or snapshots."""
+        return self.cases / f"{index:04d}.{kind}"
+
+    def numbers(self) -> Numbers:
+        """Return the numbers of the cases that have a file, by its kind, from one listing of the folder."""
+        found: defaultdict[str, set[int]] = defaultdict(set)
+        with suppress(FileNotFoundError), os.scandir(self.cases) as entries:
+            for entry in entries:
+                number, _, kind = entry.name.partition(".")
+                as_written = len(number) == 4 or (len(number) > 4 and number[0] != "0")
+                if as_written and kind and number.isascii() and number.isdecimal():
+                    found[kind].add(int(number))
+        return found
+
+    def set_aside(self, path: Path) -> None:
+        """Rename a file that cannot be used, if it exists; it is left to the user."""
+        with suppress(FileNotFoundError):
+            path.replace(path.with_name(path.name + ASIDE))
+
+    def leftovers(self) -> list[Path]:
+        """Return what dead runs left: unfinished files, claims, checkpoints of complete cases."""
+
+        def is_left(name: str) -> bool:
+            if name.endswith(".h5"):  # there may be a million
+                return False
+            if _OF_A_RUN.fullmatch(name):
+                return True
+            state = _matched(_STATE, name)
+            ended = state is not None and self.case(int(state[1])).exists()
+            return ended or _matched(_OF_A_CASE, name) is not None
+
+        return [*_files(self.path, _IN_FOLDER.fullmatch), *_files(self.cases, is_left)]
+
+    def unfinished(self) -> list[Path]:
+        """Return all unfinished files, those of figures too."""
+        return [path for place in (self.path, self.cases) for path in _files(place, is_unfinished)]
+
+    def remove_results(self) -> None:
+        """Remove the results in a locked folder, known by their exact names, and nothing else."""
+        results = _files(self.cases, lambda name: _matched(_RESULT, name))
+        inputs = _files(self.path / "inputs", _INPUT.fullmatch)
+        for path in (self.sweep, *results, *inputs, self.config):
+            path.unlink(missing_ok=True)
+
+    def set_damaged_aside(self, numbers: Iterable[int]) -> list[str]:
+        """Rename files of complete cases that are damaged; return a line on each."""
+        found = []
+        for number in numbers:
+            if (path := self.case(number)).exists():
+                refuse_unreadable(path)
+                self.set_aside(path)
+                found.append(f"case {number:04d} is damaged: set aside as {path.name}{ASIDE}, computed again")
+        return found
+
+    def refuse_open_files(self, numbers: Iterable[int]) -> None:
+        """Refuse to replace files of cases, or the sweep file, while they are open elsewhere."""
+        for path in (self.sweep, *map(self.case, numbers)):
+            if path.exists() and open_for_writing(path):
+                raise FolderError(f"{path}: is open for writing in another program; close it there first")
+
+    def refuse_foreign(self) -> None:
+        """Refuse a folder that holds something else than results."""
+        if self.path.exists() and not self.path.is_dir():
+            raise FolderError(f"{self.path}: is a file, not a folder; choose another with --out")
+        found = {entry.name for entry in self.path.iterdir()} if self.path.is_dir() else set()
+        # A run killed in its first instant leaves folders and an unfinished configuration.
+        foreign = [name for name in found if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
+        if foreign and not self.is_results():
+            raise FolderError(f"{self.path}: {FOREIGN}")
+
+    def is_results(self) -> bool:
+        """Whether the folder was made by gfmdlayer; FolderError where this user may not read that."""
+        try:
+            with open(self.config, "rb", opener=regular) as file:
+                return file.readline() == MARK.encode()
+        except PermissionError:
+            raise FolderError(f"{self.config}: cannot be read; this user must be allowed to") from None
+        except OSError:
+            return False
+
+    def stored_config(self) -> Config:
+        """Return the configuration of the results."""
+        try:
+            return self._stored(load)
+        except ConfigError as error:
+            reasons = "; ".join(error.problems)
+            raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
+
+    def stored_sweep(self) -> dict[str, list[Any]]:
+        """Return the sweep of the results; works without the input files that their configuration names."""
+        return dict(self._stored(stored.document).get("sweep") or {})
+
+    def case_numbers(self) -> Sequence[int]:
+        """Return the numbers of the cases in the order of the sweep, without reading the configuration."""
+        return self._stored(stored.case_numbers)
+
+    def _stored(self, read: Callable[[Path], Found]) -> Found:
+        self.must_hold_results()
+        try:
+            return read(self.config)
+        except ResultsError as error:
+            raise FolderError(str(error)) from None
+
+    def store(self, config: Config, numbers: Sequence[int]) -> None:
+        """Write the configuration of the results, with the numbers of its cases."""
+        write_text(self.config, stored.head(numbers) + config.dump())
+
+    def keep_input(self, path: Path, changed: bool) -> Path:
+        """Copy a file that the configuration names to NAME-PLACE-CONTENTS.SUFFIX, which the cases read.
+
+        FolderError where the file has changed since the results were begun, and the configuration has not.
+        """
+        try:
+            content = path.read_bytes()
+            place, hashed = (hashlib.sha256(each).hexdigest()[:16] for each in (bytes(path), content))
+            kept = self.path / "inputs" / f"{path.stem}-{place}-{hashed}{path.suffix}"
+            same = kept.exists()  # by its name; the copy itself may be damaged
+            if same and kept.is_file() and kept.read_bytes() == content:
+                return kept
+            kept.parent.mkdir(exist_ok=True)
+            if not (changed or same) and any(f"-{place}-" in other.name for other in kept.parent.iterdir()):
+                begun = f"the results in {self.path} were begun"
+                raise FolderError(f"{path}: has changed since {begun}; {WAYS_OUT}")
+            with unfinished(kept) as part:
+                write_new(part, content)
+        except OSError as error:
+            raise FolderError(f"{path}: cannot be copied into {self.path} ({error.strerror})") from None
+        return kept
+
+    def must_hold_results(self) -> None:
+        """Refuse a folder that does not hold results."""
+        if not self.path.is_dir():
+            raise FolderError(f"{self.path}: no such folder")
+        if not self.is_results():
+            raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
+
+
+# Files of dead runs are removed, and results with --restart; records of failures, files set aside for the
+# user and other programs' files never are.
+
+# The version before had a journal in place of the snapshots.
+_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint|snapshots|journal|state)(\.aside)?")
+_INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
+_OWN = r"\..+-\d+-[0-9a-f]{8}"  # of a process; see `unfinished_path`
+_IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_OWN}\.part")
+_OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint|state){_OWN}\.part)")
+_STATE = re.compile(r"(\d{4,})\.(checkpoint|snapshots|journal)")
+# The last three of the version before, whose shards had locks.
+_OF_A_RUN = re.compile(
+    rf"stop-.+-\d+-[0-9a-f]{{8}}|probe{_OWN}\.part|stop(-\d+-of-\d+)?|\.lock-\d+-of-\d+|\.turn"
+)
+_FOLDERS = ("cases", "arrays", "inputs")  # left by a run that was killed in its first instant
+
+
+def _matched(pattern: re.Pattern[str], name: str) -> re.Match[str] | None:
+    """Match a name that begins with the number of a case, written as ours are."""
+    match = pattern.fullmatch(name)
+    return match if match is not None and match[1] == f"{int(match[1]):04d}" else None
+
+
+def _files(folder: Path, meant: Callable[[str], object]) -> list[Path]:
+    """Return the files of a folder whose names are `meant`; other ones cost no memory."""
+    with suppress(FileNotFoundError), os.scandir(folder) as entries:
+        named = (entry for entry in entries if meant(entry.name))
+        return sorted(Path(entry.path) for entry in named if entry.is_file(follow_symlinks=False))
+    return []
+
+
+def refuse_unreadable(path: Path) -> None:
+    """Refuse a file that is there and that this user may not read; it is neither missing nor damaged."""
+    if path.exists() and not os.access(path, os.R_OK):
+        raise FolderError(f"{path}: cannot be read; this user must be allowed to")
+
+
+def name_of_run() -> str:
+    """Return a name that no other run has."""
+    return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
+
+
+def is_result(path: str | Path) -> bool:
+    """Tell whether a file is one of results, and not a configuration in YAML; a pipe is not, and not read."""
+    if not Path(path).is_file():
+        return False
+    with suppress(OSError), Path(path).open("rb") as file:
+        return file.read(len(_SIGNATURE)) == _SIGNATURE
+    return False
+
+
+def read_config(
+    path: str | Path,
+    overrides: Iterable[str] | Mapping[str, object] = (),
+    inspect: Inspection | None = input_errors,
+) -> Config:
+    """Read a configuration, from YAML or a case's result file, and check its numbers and input files."""
+    return stored_config(path, overrides, inspect) if is_result(path) else load(path, overrides, inspect)
+
+
+def stored_config(
+    path: str | Path,
+    overrides: Iterable[str] | Mapping[str, object] = (),
+    inspect: Inspection | None = input_errors,
+) -> Config:
+    """Return the configuration of a case, see `load`; ConfigError where a file that it names has changed."""
+    from gfmdlayer.results.reader import attributes
+
+    try:
+        if is_intact(Path(path)) is False:
+            raise ConfigError([f"{path}: is damaged: it holds other bytes than were written"])
+        known = attributes(path)
+    except ResultsError as error:
+        raise ConfigError([str(error)]) from None
+    if "config" not in known:
+        raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
+    content = str(known["config"])
+    config = load(path, overrides, inspect, content)
+    files = [str(file) for file in files_named(config).values()]
+    if files and not overrides and digest(config) != known.get("digest"):
+        raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
+    return config

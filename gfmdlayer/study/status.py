@@ -1,0 +1,82 @@
+"""The state of a whole sweep from the names of the files in its folder, and the contents of few."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gfmdlayer.files.locks import read_json
+from gfmdlayer.study.claims import Running, running
+from gfmdlayer.study.folder import Folder
+
+RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
+
+
+@dataclass(frozen=True)
+class Record:
+    """A case on record as failed or ended early: its number, why, and its swept values."""
+
+    index: int
+    reason: str
+    values: Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class Overview:
+    """Numbers of cases of a sweep by their state."""
+
+    total: int  # numbers of cases; running ones count only in `total`
+    complete: int
+    failed: int
+    waiting: int
+    running: list[Running]  # the running cases
+    failures: list[Record]  # the first `RECORDS_READ` failed cases, and complete ones that ended early
+    ended: list[Record]
+
+    @property
+    def over(self) -> bool:
+        """Whether no case runs or waits."""
+        return not self.running and not self.waiting
+
+
+def overview(folder: Folder) -> Overview:
+    """Count the cases of a results folder by state; opens no result file."""
+    numbers, found = folder.case_numbers(), folder.numbers()
+    total, own = len(numbers), numbers if isinstance(numbers, range) else set(numbers)
+    at_work = running(folder, found["running"])
+    busy = {case.index for case in at_work}
+    complete = {number for number in found["h5"] - busy if number in own}
+    failed = {number for number in found["failed"] - busy - complete if number in own}
+    records = [_records(folder, failed, "failed"), _records(folder, found["ended"] & complete, "ended")]
+    waiting = max(0, total - len(complete | failed | busy))
+    return Overview(total, len(complete), len(failed), waiting, at_work, *records)
+
+
+def _records(folder: Folder, numbers: set[int], kind: str) -> list[Record]:
+    found = []
+    for index in sorted(numbers)[:RECORDS_READ]:
+        record = read_json(folder.case(index, kind)) or {}
+        values = record.get("values")
+        found.append(Record(index, str(record.get("reason")), values if isinstance(values, dict) else {}))
+    return found
+
+
+def group_by_reason(records: list[Record]) -> list[list[Record]]:
+    """Group records whose reasons differ only in numbers, the largest group first."""
+    groups: defaultdict[str, list[Record]] = defaultdict(list)
+    for record in records:
+        groups[re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", record.reason)].append(record)
+    return sorted(groups.values(), key=len, reverse=True)
+
+
+def duration(seconds: float) -> str:
+    """Write a duration for people: 0.4 s, 12 s, 3 min 20 s, 5 h 10 min, 3 d 4 h."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    for unit, name, part, part_name in ((86400, "d", 3600, "h"), (3600, "h", 60, "min"), (60, "min", 1, "s")):
+        if whole >= unit:
+            return f"{whole // unit} {name} {whole % unit // part} {part_name}"
+    return f"{whole} s"
