@@ -4,7 +4,7 @@ The error of a step is known after it is solved (`history.errors`). It grows wit
 and does not accumulate in the history, so the next step is the last one times (tolerance/error)^(1/3). A step
 with an error above the tolerance is rejected and repeated with a shorter step.
 
-Steps land on the breakpoints of the programme, on the snapshots and on the output times. The displacement
+Steps land on the breakpoints of the drives, on the snapshots and on the output times. The displacement
 before a breakpoint does not predict the displacement after it: there the steps start short.
 
 Under an interface that attracts, the surface may jump into contact or out of it while the punch hardly

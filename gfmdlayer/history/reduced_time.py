@@ -4,7 +4,7 @@
 
 In reduced time the body relaxes as at the reference temperature, exactly: Morland & Lee, Trans. Soc. Rheol. 4
 (1960) 233-263. So the history takes steps of reduced time; its heat, energy and errors do not change. Time
-points, programme and results keep to real time.
+points, drives and results keep to real time.
 """
 
 from __future__ import annotations

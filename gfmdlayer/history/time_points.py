@@ -1,4 +1,4 @@
-"""The time points of a run: equal steps, or steps that land on snapshots and breakpoints of the programme."""
+"""The time points of a run: equal steps, or steps that land on snapshots and breakpoints of the drives."""
 
 from __future__ import annotations
 

@@ -224,7 +224,7 @@ class TemperatureColumns(Observable):
         return None if config.temperature is None else cls.COLUMNS
 
     def __init__(self, case: Observed) -> None:
-        self._reduced_time = next(filter(None, case.programme.reduced_times))
+        self._reduced_time = next(filter(None, case.drives.reduced_times))
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return both at the end of the step."""

@@ -71,7 +71,7 @@ class FrictionColumns(Observable):
 
         grid = case.grid
         self._sums = grid.sums
-        if (velocity := case.programme.velocity) is None:
+        if (velocity := case.drives.velocity) is None:
             self._position = None
             return
         self._position = partial(distance, velocity)

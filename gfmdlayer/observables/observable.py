@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from gfmdlayer.body.body import Body
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
+    from gfmdlayer.drives import Drives
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
-    from gfmdlayer.programme import Programme
     from gfmdlayer.step import Step
 
 Value: TypeAlias = "float | FloatArray"
@@ -105,7 +105,7 @@ class Observed(Protocol):
     config: Config
 
     @property
-    def programme(self) -> Programme:
+    def drives(self) -> Drives:
         """The quantities imposed over time."""
 
     @property

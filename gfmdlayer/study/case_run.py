@@ -333,7 +333,7 @@ class CaseRun:
 
     def _compute(self, checkpoints: Checkpoints, claim: Claim | Listener) -> str:
         config, ranks = self.case.config, self.ranks
-        model = model_of(config, self.threads, ranks, self.case.programme)
+        model = model_of(config, self.threads, ranks, self.case.drives)
         recording = checkpoints.recording((column.name for column in model.columns), model.grid)
         warnings = model.run(recording, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):

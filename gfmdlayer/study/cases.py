@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from gfmdlayer.body.materials import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, axes
-from gfmdlayer.programme import Programme
+from gfmdlayer.drives import Drives
 from gfmdlayer.study.cost import estimate
 from gfmdlayer.validation.sections import Part, replaced
 
@@ -55,18 +55,18 @@ class SweepCase:
     given: Config | None = None
 
     @cached_property
-    def programme(self) -> Programme:
+    def drives(self) -> Drives:
         """Its imposed quantities over time."""
-        return Programme(self.config)
+        return Drives(self.config)
 
     @cached_property
     def cost(self) -> Footprint:
         """The estimate of what it takes."""
-        return estimate(self.config, self.programme)
+        return estimate(self.config, self.drives)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave the programme behind on the way to another process."""
-        return {key: value for key, value in vars(self).items() if key != "programme"}
+        """Leave the drives behind on the way to another process."""
+        return {key: value for key, value in vars(self).items() if key != "drives"}
 
 
 class Cases:

@@ -192,7 +192,7 @@ def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) 
 
     def continued(case: SweepCase) -> SweepCase:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
-            planned = case.programme.landings
+            planned = case.drives.landings
             fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         return case

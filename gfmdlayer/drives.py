@@ -1,6 +1,6 @@
 """The quantities that a configuration imposes over time: drives, velocity, temperature, voltage.
 
-A `Programme` is made once for each case. The model, its footprint, the notes, the checks and growing studies
+`Drives` are made once for each case. The model, its footprint, the notes, the checks and growing studies
 read it, so that the breakpoints of all imposed quantities are found in one place. Files are read when a
 quantity is first used, and each file once.
 """
@@ -45,7 +45,7 @@ def _growing(tolerance: float, factor: float = _GROWTH) -> Iterator[float]:
         part *= 1 + growth
 
 
-class Programme:
+class Drives:
     """The imposed quantities of a case over time; `given` ones replace those of the configuration.
 
     TableError at the first use of a quantity whose file cannot be used.
