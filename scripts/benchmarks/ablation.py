@@ -401,5 +401,8 @@ ADAPTIVE = (
         patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
     _Ablation("part of the unknown curvature: all", patches=lambda: [(errors, "_UNKNOWN_CURVATURE", 1.0)]),
-    _Ablation("limit of growth", patches=lambda: [(adaptive_steps, "_GROWTH", 1e9)]),
+    _Ablation(
+        "limits of growth",
+        patches=lambda: [(adaptive_steps, name, 1e9) for name in ("_GROWTH", "_FIRST_GROWTH")],
+    ),
 )
