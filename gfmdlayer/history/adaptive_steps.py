@@ -180,18 +180,18 @@ class AdaptiveSteps:
             first = _AFTER_JUMP if depth_scale > 0 and step.deforms else _FROM_REST * self._tolerance
             now.next_step = self._shortest_time * first
         else:
-            found = self._error(step, error, (response_scale, depth_scale))
+            estimate = self._error(step, error, (response_scale, depth_scale))
             if change is not None and (change.jumps or change.separation > self._separation):
                 jump = change.drive * _ratio(abs(step.response - now.response), response_scale)
-                accepted = self._accepts_abrupt(now, max(found, jump), change)
+                accepted = self._accepts_abrupt(now, max(estimate, jump), change)
             else:
-                accepted = found <= self._tolerance
+                accepted = estimate <= self._tolerance
                 if not accepted and self._given.step <= _ROUNDING * self._given.time:
-                    accepted, found = True, self._tolerance  # there is no shorter step
+                    accepted, estimate = True, self._tolerance  # there is no shorter step
                 widest = math.inf
                 if change is not None and change.separation > 0:
                     widest = _SAFETY * self._separation / change.separation
-                self._set_next_step(now, _SAFETY * self._tolerance / max(found, 1e-300), accepted, widest)
+                self._set_next_step(now, _SAFETY * self._tolerance / max(estimate, 1e-300), accepted, widest)
         if accepted:
             self._behind = now
             now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, step.depth

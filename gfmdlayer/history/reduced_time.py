@@ -37,8 +37,8 @@ class ReducedTime:
     @property
     def extremes(self) -> tuple[float, float]:
         """Smallest and largest aT, at the highest and the lowest temperature."""
-        given = self.temperature
-        values = given.values if isinstance(given, Table) else np.array([given.value])
+        temperature = self.temperature
+        values = temperature.values if isinstance(temperature, Table) else np.array([temperature.value])
         return self.shift.factor(float(values.max())), self.shift.factor(float(values.min()))
 
     def step(self, begin: float, length: float) -> float:

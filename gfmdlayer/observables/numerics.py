@@ -73,13 +73,13 @@ class SeriesError(Observable):
         return None if all(isinstance(law, Material) for law in config.laws) else ()
 
     def __init__(self, case: Observed) -> None:
-        found = case.series
+        laws = case.series
         self.attributes = {
-            "law_branches": sum(len(series.material.maxwell_branches) for series in found),
-            "law_error_in_time": max(series.error_in_time for series in found),
-            "law_error_in_frequency": max(series.error_in_frequency for series in found),
-            "law_shortest_time": max(series.shortest for series in found),
-            "law_longest_time": min(series.longest for series in found),
+            "law_branches": sum(len(series.material.maxwell_branches) for series in laws),
+            "law_error_in_time": max(series.error_in_time for series in laws),
+            "law_error_in_frequency": max(series.error_in_frequency for series in laws),
+            "law_shortest_time": max(series.shortest for series in laws),
+            "law_longest_time": min(series.longest for series in laws),
         }
 
 

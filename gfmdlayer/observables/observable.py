@@ -91,12 +91,12 @@ def declared(table: str) -> tuple[Column, ...]:
 
     A line goes on in those that are indented further.
     """
-    found = []
+    columns = []
     for line in re.sub(r"\n +", " ", dedent(table).strip()).splitlines():
         name, meaning, units, origin, *more = (part.strip() for part in line.split("|"))
         symbol, dtype = (*more, *("", "f8")[len(more) :])
-        found.append(Column(name, meaning, units, dtype, symbol=symbol, origin=origin))
-    return tuple(found)
+        columns.append(Column(name, meaning, units, dtype, symbol=symbol, origin=origin))
+    return tuple(columns)
 
 
 class Observed(Protocol):

@@ -176,14 +176,14 @@ def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[s
 
 def checked(read: Callable[[Inspection], Config]) -> Cases:
     """Return the cases of a configuration that `read` reads with a check of them; they are made once."""
-    found: list[Cases] = []
+    made: list[Cases] = []
 
     def inspect(config: Config) -> Iterable[tuple[str, str]]:
-        found.append(Cases(config))
-        return errors_of(found[-1])
+        made.append(Cases(config))
+        return errors_of(made[-1])
 
     config = read(inspect)
-    return found[-1] if found and found[-1].config is config else Cases(config)
+    return made[-1] if made and made[-1].config is config else Cases(config)
 
 
 def errors_of(cases: Cases, ranks: Ranks | None = None) -> Iterable[tuple[str, str]]:

@@ -171,8 +171,8 @@ class Schedule:
 
     def _pick(self) -> Numbered | None:
         with self._filling:
-            found = list(self._pending.values())
-            for item, future in found if self._pool.alone else reversed(found):
+            pending = list(self._pending.values())
+            for item, future in pending if self._pool.alone else reversed(pending):
                 if future.cancel():
                     return item
         return None

@@ -67,8 +67,8 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
         environment["OMP_NUM_THREADS"] = str(asked)
     for variable in preflight.THREAD_VARIABLES:
         environment.setdefault(variable, "1")
-    found = environment["OMP_NUM_THREADS"].partition(",")[0]
-    return max(int(found), 1) if found.isdecimal() else 1
+    count = environment["OMP_NUM_THREADS"].partition(",")[0]
+    return max(int(count), 1) if count.isdecimal() else 1
 
 
 def assemble(
