@@ -15,8 +15,8 @@ Per wavevector of unit vector n the surface moves by W into the body, by i U n a
 (W, U) have modes of two components, V of one. On a line there is no V.
 
 At the largest wavenumber of an even axis +q and -q share a mode of the grid. Each has its own history, and
-half of the traction; the sum of both displacements is seen. So what is odd along the axis vanishes at the
-points, as in `friction.response`, and yet relaxes.
+half of the traction; the displacement of the grid is the sum of both. So fields that are odd along the axis
+vanish at the points, as in `friction.response`, and yet relax.
 
 The displacements x of all waves stand in one array, (W, U) of each wave and then V of each.
 """
@@ -86,7 +86,7 @@ class VectorModes(Saving):
         self.dissipated += float(self._weights @ heat)
 
     def turn(self, phases: ComplexArray | None) -> None:
-        """Multiply what is held at each wave by a phase in the next step: the material moves."""
+        """Multiply displacements and stretches by phases of the waves: the material moves in the step."""
         self._phases = np.ones_like(self._phases) if phases is None else phases
 
     @property
@@ -238,7 +238,7 @@ class TractionModes:
         return [in_plane] if self._axes == 1 else [in_plane, x[2 * count :].reshape(count, 1)]
 
     def carry(self, *distance: float) -> None:
-        """Move the contact along the surface in the next step: what lies at x + distance is then at x."""
+        """Move the contact along the surface in the next step: a point at x + distance is then at x."""
         self.phases = None
         if any(distance):
             shifts = np.array(distance)[:, np.newaxis] * self._vectors
