@@ -32,8 +32,8 @@ class Saving:
 
     def state(self) -> State:
         """Return the attributes that are not None."""
-        found = {name: getattr(*self._place(name)) for name in self.KEPT}
-        return {name.replace(".", "_"): value for name, value in found.items() if value is not None}
+        kept = {name: getattr(*self._place(name)) for name in self.KEPT}
+        return {name.replace(".", "_"): value for name, value in kept.items() if value is not None}
 
     def restore(self, state: State) -> None:
         """Continue from the state of an object made in the same way; arrays change in place."""

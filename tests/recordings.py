@@ -25,7 +25,7 @@ class Kept(Recording):
     @property
     def gaps(self):
         """The gap of each snapshot."""
-        return self.fields["gap"]
+        return self.fields.get("gap", [])
 
 
 def named(*fields):

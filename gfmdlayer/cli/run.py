@@ -198,7 +198,7 @@ def _in_folder(
 
 def _time(directory: Path, every: Sequence[SweepCase], part: float) -> str:
     """Estimate the time of the cases that are not complete; `every` may be a sample of them."""
-    from gfmdlayer.study.cost import CostModel
+    from gfmdlayer.study.cost import CostModel, expected_seconds
     from gfmdlayer.study.folder import Folder
     from gfmdlayer.study.status import duration
 
@@ -207,6 +207,7 @@ def _time(directory: Path, every: Sequence[SweepCase], part: float) -> str:
     done = {folder.case(case.index): case.config for case in every if case.index in complete}
     model = CostModel.of_files(done) if done else CostModel()
     left = [case for case in every if case.index not in complete]
-    seconds = sum(model.seconds(case.config) for case in left) / part
+    each = (expected_seconds(case.config, cost=case.cost) * model.factor(case.config) for case in left)
+    seconds = sum(each) / part
     of = "" if len(left) == len(every) else f" for the {count_cases(round(len(left) / part))} left"
     return f"time       about {duration(seconds)} on one core{of}"

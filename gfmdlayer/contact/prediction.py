@@ -48,7 +48,7 @@ class DisplacementPrediction(Saving):
     def remember(
         self, time: float, displacement: FloatArray, _: FloatArray, *, at_breakpoint: bool = False
     ) -> None:
-        """Add an accepted step; after a breakpoint of the programme earlier steps are forgotten."""
+        """Add an accepted step; after a breakpoint of the drives earlier steps are forgotten."""
         if at_breakpoint:
             self._times.clear()
             self._fields.clear()

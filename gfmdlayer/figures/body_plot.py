@@ -14,9 +14,9 @@ import numpy as np
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config, load
+from gfmdlayer.drives import Drives
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
-from gfmdlayer.programme import Programme
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes, case_path
 
@@ -83,9 +83,9 @@ def body_figure(config: Config, style: Style = PAPER, title: str = "") -> Figure
 
 def _response_figure(config: Config, style: Style, title: str) -> Figure:
     """Draw the stiffness of a body against the wavenumber, along x and along y, and how it relaxes."""
-    programme = Programme(config)
-    every = zip(config.laws, programme.reduced_times, strict=True)
-    series = [law.prony(*programme.times_of_response(reduced, 0.0)) for law, reduced in every]
+    drives = Drives(config)
+    every = zip(config.laws, drives.reduced_times, strict=True)
+    series = [law.prony(*drives.times_of_response(reduced, 0.0)) for law, reduced in every]
     body = config.solid.with_series([each.material for each in series], 0.0)
     cell = list(zip(config.grid.points, config.grid.period, strict=True))
     q = math.pi * np.geomspace(2 / max(config.grid.period), max(n / length for n, length in cell), 121)

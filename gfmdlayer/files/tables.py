@@ -60,8 +60,8 @@ def read_columns(
         if max(map(abs, row)) > LARGEST:
             raise TableError(f"{place}: {text!r} is too large; must be {wanted}, up to {LARGEST:g}")
         if increasing and rows and row[0] <= rows[-1][0]:
-            found = f"{names[0]} = {row[0]:g} after {rows[-1][0]:g}"
-            raise TableError(f"{place}: {found}; must increase from row to row")
+            order = f"{names[0]} = {row[0]:g} after {rows[-1][0]:g}"
+            raise TableError(f"{place}: {order}; must increase from row to row")
         if row_error is not None and (wrong := row_error(row)):
             raise TableError(f"{place}: {wrong}")
         rows.append(row)
@@ -75,8 +75,8 @@ def read_matrix(path: Path) -> FloatArray:
     """Read rows of equally many numbers, separated as in `read_columns`; a number may be nan."""
     import numpy as np
 
-    if (found := _read_at_once(path)) is not None:
-        return found
+    if (matrix := _read_at_once(path)) is not None:
+        return matrix
     rows: list[list[float]] = []
     for place, _, row in _rows(path, read_lines(path), "numbers"):
         if rows and len(row) != len(rows[0]):
@@ -167,12 +167,12 @@ class NumberList:
     @cached_property
     def places(self) -> list[tuple[int, int]]:
         """Line and column of each number in the file."""
-        found = []
+        places = []
         pattern = re.compile(r"(?<=- )[^\s]+" if self.in_lines else r"[^,\s]+")
         for number, line in enumerate(self.text.split("\n")):
             before = 1 if number else self.column
-            found += [(self.line + number, before + item.start()) for item in pattern.finditer(line)]
-        return found
+            places += [(self.line + number, before + item.start()) for item in pattern.finditer(line)]
+        return places
 
 
 def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
@@ -184,21 +184,21 @@ def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
     candidates = [(match, False) for match in _FLOW.finditer(content)]
     candidates += [(match, True) for match in _BLOCK.finditer(content)]
     for match, in_lines in sorted(candidates, key=lambda each: each[0].start()):
-        found = match[0]
-        items = [line.strip()[2:] for line in found.splitlines()] if in_lines else found.split(",")
+        written = match[0]
+        items = [line.strip()[2:] for line in written.splitlines()] if in_lines else written.split(",")
         if match.start() < end or (numbers := _numbers(items)) is None:
             continue
-        indents = {line.index("-") for line in found.splitlines()} if in_lines else {0}
+        indents = {line.index("-") for line in written.splitlines()} if in_lines else {0}
         if len(indents) > 1:
             continue
         word = f"{_MARK}{len(lists)}{_MARK}"
         line = content.count("\n", 0, match.start()) + 1
         column = match.start() - content.rfind("\n", 0, match.start())
-        lists[word] = NumberList(numbers, found, line, column, in_lines)
+        lists[word] = NumberList(numbers, written, line, column, in_lines)
         dash = " " * indents.pop() + "- " if in_lines else ""
-        blank = "\n" * found.count("\n")
+        blank = "\n" * written.count("\n")
         if not in_lines and not _LAST.match(content, match.end() + 1):  # the rest keeps its column
-            last = found.rpartition("\n")[2]
+            last = written.rpartition("\n")[2]
             blank += " " * (len(last) if blank else len(last) - len(word))
         parts += [content[end : match.start()], dash, word, blank]
         end = match.end()
@@ -207,12 +207,12 @@ def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
 
 def _numbers(items: list[str]) -> list[int | float] | None:
     """Return the numbers of a list; None where one of its items is something else, or infinite."""
-    found: list[int | float] = []
+    numbers: list[int | float] = []
     for item in items:
         if (match := _NUMBER.fullmatch(item.strip(" \n"))) is None:
             return None
-        found.append(int(match[0]) if match[1] is None and match[2] is None else float(match[0]))
-    return found if all(map(math.isfinite, found)) else None
+        numbers.append(int(match[0]) if match[1] is None and match[2] is None else float(match[0]))
+    return numbers if all(map(math.isfinite, numbers)) else None
 
 
 # HDF5 files of users: their contents must be in the file itself, because only they enter the digest.

@@ -122,8 +122,8 @@ def is_intact(path: Path, most: float = float("inf")) -> bool | None:
         if not 0 <= contents <= most:
             return None
         file.seek(contents)
-        found = _SEAL.fullmatch(file.read())
-        return None if found is None else int(found[1], 16) == _checksum(file, contents)
+        seal = _SEAL.fullmatch(file.read())
+        return None if seal is None else int(seal[1], 16) == _checksum(file, contents)
 
 
 def _checksum(file: BinaryIO, size: int) -> int:

@@ -56,10 +56,10 @@ class FrictionProblem:
     def slip_at_rest(self) -> FloatArray:
         """Slip without tractions and without a path, of shape (axes, points)."""
         axes = self.response.normal.ndim
-        found = np.zeros((axes, self.heights.size))
+        slip = np.zeros((axes, self.heights.size))
         if self.offset is not None:
-            found += self.offset[1:]
-        return found if self.before is None else found - self.before
+            slip += self.offset[1:]
+        return slip if self.before is None else slip - self.before
 
     @cached_property
     def gap_at_rest(self) -> FloatArray:
@@ -69,8 +69,8 @@ class FrictionProblem:
     @property
     def is_finite(self) -> bool:
         """Whether all that is given is a number."""
-        given = self.gap_at_rest, self.slip_at_rest, self.load, self.depth, self.force, self.path
-        return all(np.isfinite(each).all() for each in given if each is not None)
+        values = self.gap_at_rest, self.slip_at_rest, self.load, self.depth, self.force, self.path
+        return all(np.isfinite(value).all() for value in values if value is not None)
 
     def why_not_solvable(self) -> str:
         """Return why no state satisfies the conditions: the punch slides away; else nothing."""
@@ -85,8 +85,8 @@ class FrictionProblem:
             most = min(float(self.law.coefficient) * self.load, self.law.strength)
             if size < most:
                 return ""
-            found = f"the tangential force per area, {size:.6g}, is not below the largest one, {most:.6g}"
-            return f"{found}: the punch slides away"
+            reason = f"the tangential force per area, {size:.6g}, is not below the largest one, {most:.6g}"
+            return f"{reason}: the punch slides away"
         if smooth and size > 0:
             return "a tangential force without friction: the punch slides away"
         return ""

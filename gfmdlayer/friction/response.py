@@ -52,9 +52,9 @@ class Response:
         coupling = np.where(mean, 0.0, coupling)
         with np.errstate(divide="ignore", invalid="ignore"):
             whole = normal * along - coupling**2
-            found = along / whole, -coupling / whole, normal / whole, 1 / across
+            full = along / whole, -coupling / whole, normal / whole, 1 / across
             alone = 1 / normal, np.zeros(normal.shape), 1 / along, 1 / across
-        parts = (np.where(mean, one, other) for one, other in zip(alone, found, strict=True))
+        parts = (np.where(mean, one, other) for one, other in zip(alone, full, strict=True))
         return cls(*(np.where(np.isfinite(part), part, 0.0) for part in parts))
 
     @cached_property
@@ -75,8 +75,8 @@ class Response:
     @cached_property
     def critical_coefficient(self) -> float:
         """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
-        found = self.coupling != 0
-        return float(np.min(self.normal[found] / np.abs(self.coupling[found]), initial=np.inf))
+        coupled = self.coupling != 0
+        return float(np.min(self.normal[coupled] / np.abs(self.coupling[coupled]), initial=np.inf))
 
     def on(self, fine: Transforms, coarse: Transforms) -> Response:
         """Response at the modes of a coarser grid of the same cell."""
@@ -85,16 +85,16 @@ class Response:
 
     def inverse(self, grid: Grid) -> Response:
         """Stiffness without the coupling; a fixed mean has that of the longest wave."""
-        found = []
+        stiffness = []
         for part in (self.normal, self.along, self.across):
             positive = part.ravel().copy()
             if positive[0] <= 0:
                 longest = np.argmin(np.where(grid.wavenumbers.ravel() > 0, grid.wavenumbers.ravel(), np.inf))
                 positive[0] = positive[longest]
-            found.append((1 / positive).reshape(part.shape))
+            stiffness.append((1 / positive).reshape(part.shape))
         if len(grid.points) > 1:  # the mean has no direction
-            found[1].flat[0] = 2 / (1 / found[1].flat[0] + 1 / found[2].flat[0])
-        return Response(found[0], np.zeros_like(found[0]), found[1], found[2])
+            stiffness[1].flat[0] = 2 / (1 / stiffness[1].flat[0] + 1 / stiffness[2].flat[0])
+        return Response(stiffness[0], np.zeros_like(stiffness[0]), stiffness[1], stiffness[2])
 
 
 @dataclass
@@ -270,12 +270,12 @@ class Operator:
 
     def shear_of(self, pressure: ComplexArray) -> FloatArray:
         """Return u_x[, u_y] under a pressure with this unnormalised transform."""
-        work, found = self.work.fields(single=False), np.zeros((self.axes, self.size))
+        work, shear = self.work.fields(single=False), np.zeros((self.axes, self.size))
         for axis in range(self.axes if self._response.couples else 0):
             work.waves[axis][:] = 1j * self._double[1 + axis] * pressure
             work.transform_back(axis)
-            found[axis] = work.points[axis]
-        return found
+            shear[axis] = work.points[axis]
+        return shear
 
     def _in_window(self, part: int) -> tuple[NDArray[Any], ...]:
         """Return the factors on transforms of a window: of the kernel of the surface near its centre."""
@@ -284,7 +284,7 @@ class Operator:
             shape = self.work.shape
             near = [np.fft.fftfreq(n // part, part / n).round().astype(int) for n in shape]
             odd = {1} if self.axes == 1 else {1, 2}
-            found, before = [], self.work.spent.pairs
+            factors, before = [], self.work.spent.pairs
             for number, factor in enumerate(self._double):
                 made = np.zeros(window.waves[0].size, dtype=np.float32)
                 if factor.any():
@@ -295,8 +295,8 @@ class Operator:
                     window.transform(0)
                     spectrum = window.waves[0]
                     made = (-spectrum.imag if number in odd else spectrum.real) / window.plan.size
-                found.append(np.ascontiguousarray(made, dtype=np.float32))
-            self._single[part] = tuple(found)
+                factors.append(np.ascontiguousarray(made, dtype=np.float32))
+            self._single[part] = tuple(factors)
             if part in self._counted:
                 self.work.spent.pairs = before
         return self._single[part]

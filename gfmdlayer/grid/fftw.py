@@ -31,16 +31,16 @@ _POLICY = "OMP_WAIT_POLICY"
 
 def _library() -> Any:
     """Load pyfftw's extension module as a library."""
-    found = find_spec("pyfftw")
-    folders = map(Path, (found and found.submodule_search_locations) or ())
+    spec = find_spec("pyfftw")
+    folders = map(Path, (spec and spec.submodule_search_locations) or ())
     files = [folder / f"pyfftw{suffix}" for folder in folders for suffix in EXTENSION_SUFFIXES]
-    file = next((each for each in files if each.exists()), None)
+    file = next((candidate for candidate in files if candidate.exists()), None)
     if file is None:
         raise ImportError("pyfftw is not installed; pip install pyfftw")
-    given = os.environ.get(_POLICY)
+    policy = os.environ.get(_POLICY)
     os.environ.setdefault(_POLICY, "passive")  # OpenMP reads it when it is loaded
     library = ctypes.CDLL(str(file))
-    if given is None:
+    if policy is None:
         del os.environ[_POLICY]
     return library
 

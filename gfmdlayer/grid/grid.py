@@ -168,15 +168,15 @@ class Grid:
 
 def parts(shape: tuple[int, ...]) -> tuple[int, ...]:
     """Divisors m for which a window of 1/m of the points of each axis has a transform, ascending."""
-    found: list[int] = []
+    divisors: list[int] = []
     common, part = gcd(*shape), 1
     while common > 1:
         factor = next(f for f in range(2, common + 1) if common % f == 0)
         common, part = common // factor, part * factor
         if min(shape) // part < _SHORTEST:
             break
-        found.append(part)
-    return tuple(found)
+        divisors.append(part)
+    return tuple(divisors)
 
 
 # Where on a periodic surface the pressure is: the shortest intervals of its axes that hold all of it.

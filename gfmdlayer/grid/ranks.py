@@ -120,9 +120,9 @@ class MpiRanks(Ranks):
     def every(self, partial: Any) -> NDArray[Any]:
         """Return the partial results of all ranks, shape (count, ...)."""
         own = np.ascontiguousarray(partial)
-        found = np.empty((self.count, *np.shape(partial)), own.dtype)
-        wait(self.communicator.Iallgather(own, found))
-        return found
+        partials = np.empty((self.count, *np.shape(partial)), own.dtype)
+        wait(self.communicator.Iallgather(own, partials))
+        return partials
 
     def total(self, partial: Partial) -> Partial:
         """Complete a sum; an array is completed element by element."""
@@ -191,6 +191,6 @@ class MpiRanks(Ranks):
         return own
 
 
-def _of_kind(partial: Partial, found: NDArray[Any]) -> Partial:
-    kind: Any = found if isinstance(partial, np.ndarray) else found.item()
+def _of_kind(partial: Partial, result: NDArray[Any]) -> Partial:
+    kind: Any = result if isinstance(partial, np.ndarray) else result.item()
     return cast(Partial, kind)

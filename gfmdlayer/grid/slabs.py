@@ -60,8 +60,8 @@ def transposition(
     if key not in ranks.exchanges:
         sharing = shared and _can_share(ranks, shape[0] * shape[1] * kind.itemsize)
         ranks.exchanges[key] = (_SharedMemory if sharing else _Messages)(ranks, shape, kind)
-    found: _SharedMemory | _Messages = ranks.exchanges[key]
-    return found
+    exchange: _SharedMemory | _Messages = ranks.exchanges[key]
+    return exchange
 
 
 class _Blocks:
@@ -175,8 +175,8 @@ def _can_share(ranks: MpiRanks, size: int) -> bool:
     together, room = here.Get_size() == ranks.count, 0
     here.Free()
     with suppress(OSError):
-        found = os.statvfs(_SHARED)
-        room = found.f_bavail * found.f_frsize
+        status = os.statvfs(_SHARED)
+        room = status.f_bavail * status.f_frsize
     return bool(ranks.minimum(int(together and room > 2 * size)))
 
 
@@ -246,7 +246,7 @@ class SlabGrid(Grid):
         """Return the rows beside those that this rank holds, see `Grid.halo`."""
         receive, send = self._neighbours(before, after)
         communicator, requests = self.ranks.communicator, []
-        found = np.empty((before + after, *rows.shape[1:]), rows.dtype)
+        beside = np.empty((before + after, *rows.shape[1:]), rows.dtype)
         parts = {
             rank: np.empty((places.size, *rows.shape[1:]), rows.dtype) for rank, places in receive.items()
         }
@@ -255,8 +255,8 @@ class SlabGrid(Grid):
         for request in requests:
             wait(request)
         for rank, places in receive.items():
-            found[places] = parts[rank]
-        return found[:before], found[before:]
+            beside[places] = parts[rank]
+        return beside[:before], beside[before:]
 
     def every_mode(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values of all modes, from those of the modes that this rank holds, one a mode."""
@@ -273,16 +273,16 @@ class SlabGrid(Grid):
 
             return complete
 
-        given = self.ranks.total, self.ranks.maximum
-        return Completion(*(self._address((ours.__name__,), completed(ours)) for ours in given))
+        reductions = self.ranks.total, self.ranks.maximum
+        return Completion(*(self._address((ours.__name__,), completed(ours)) for ours in reductions))
 
     def exchange_of_rows(self, number: int, dtype: npt.DTypeLike) -> int:
         """Return the address of a function that writes the rows beside those of a field."""
         # So many before and after, into an array of shape (2 number, columns).
 
         def exchange(_: int, source: int, target: int) -> None:
-            found = array_at(target, (2, number, self.points[1]), dtype)
-            found[0], found[1] = self.halo(array_at(source, self.shape, dtype), number, number)
+            beside = array_at(target, (2, number, self.points[1]), dtype)
+            beside[0], beside[1] = self.halo(array_at(source, self.shape, dtype), number, number)
 
         return self._address(("exchange", number, dtype), exchange)
 
@@ -417,7 +417,7 @@ class SlabTransforms(Transforms):
         rows = np.concatenate((np.arange((n + 1) // 2), np.arange(-(n // 2), 0)))
         modes = np.ascontiguousarray(spectrum.reshape(self.spectral_shape)[rows].T)  # a row a column
         fine, coarse = (edges(each.points[1] // 2 + 1, ranks.count) for each in (self._grid, grid))
-        found = np.empty((grid.spectral_shape[1], grid.points[0]), modes.dtype)
+        kept = np.empty((grid.spectral_shape[1], grid.points[0]), modes.dtype)
 
         def common(finer: int, coarser: int, begin: int) -> slice:
             first, end = max(fine[finer], coarse[coarser]), min(fine[finer + 1], coarse[coarser + 1])
@@ -425,14 +425,14 @@ class SlabTransforms(Transforms):
 
         own, requests = ranks.number, []
         for rank in range(ranks.count):
-            part = found[common(rank, own, coarse[own])]
+            part = kept[common(rank, own, coarse[own])]
             requests += [ranks.communicator.Irecv(part, rank)] if part.size else []
         for rank in range(ranks.count):
             part = modes[common(own, rank, fine[own])]
             requests += [ranks.communicator.Isend(part, rank)] if part.size else []
         for request in requests:
             wait(request)
-        return np.ascontiguousarray(found.T).ravel()
+        return np.ascontiguousarray(kept.T).ravel()
 
     def _forward(self, source: int, target: int) -> None:
         """Transform the rows at an address into columns at another."""

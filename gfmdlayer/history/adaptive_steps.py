@@ -4,8 +4,8 @@ The error of a step is known after it is solved (`history.errors`). It grows wit
 and does not accumulate in the history, so the next step is the last one times (tolerance/error)^(1/3). A step
 with an error above the tolerance is rejected and repeated with a shorter step.
 
-Steps land on the breakpoints of the programme, on the snapshots and on the output times. The displacement
-before a breakpoint does not predict the displacement after it: there the steps start short.
+Steps land on the breakpoints of the drives, on the snapshots and on the output times. The displacement
+before a breakpoint does not predict the displacement after it: there the steps start short, and grow fast.
 
 Under an interface that attracts, the surface may jump into contact or out of it while the punch hardly
 moves. The solver finds the energy of a jump (`Solution.released_energy`). Separation may also be fast without
@@ -46,7 +46,8 @@ Error = Callable[..., tuple[float, float]]
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
 _SAFETY = 0.9  # part of the tolerance that a step aims at
-_GROWTH = 4.0  # largest growth of a step, whose error may vanish by chance; saves no pairs
+_GROWTH = 2.0  # largest growth of a step; a steady state is found in windows shorter than fast growing steps
+_FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # the same for the first steps after the start or a breakpoint
 _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
 _ROUNDING = 4 * sys.float_info.epsilon  # of a time: steps shorter than this part of it are not divided
 _AFTER_BREAKPOINT = 0.3  # first step after a breakpoint, in steps before it
@@ -110,6 +111,7 @@ class StepState:
     next_stop: int = 0
     next_step: float = 0.0
     after_breakpoint: bool = False
+    steps_since_breakpoint: int = 0
     largest_response: float = 0.0
     largest_depth: float = 0.0
     depth: float = 0.0
@@ -150,8 +152,9 @@ class AdaptiveSteps:
             fresh = now.after_breakpoint or now.after_jump
             if now.after_breakpoint:
                 now.next_step, now.last_step = _AFTER_BREAKPOINT * now.next_step, 0.0
-                now.after_breakpoint = False
-            now.after_jump = False
+                now.steps_since_breakpoint, now.after_breakpoint = 0, False
+            if now.after_jump:
+                now.steps_since_breakpoint, now.after_jump = 0, False
             if now.jump_by - now.time > self._shortest:
                 now.next_step = min(now.next_step, self._towards_jump())
             stop = self._stops[now.next_stop]
@@ -177,18 +180,18 @@ class AdaptiveSteps:
             first = _AFTER_JUMP if depth_scale > 0 and step.deforms else _FROM_REST * self._tolerance
             now.next_step = self._shortest_time * first
         else:
-            found = self._error(step, error, (response_scale, depth_scale))
+            estimate = self._error(step, error, (response_scale, depth_scale))
             if change is not None and (change.jumps or change.separation > self._separation):
                 jump = change.drive * _ratio(abs(step.response - now.response), response_scale)
-                accepted = self._accepts_abrupt(now, max(found, jump), change)
+                accepted = self._accepts_abrupt(now, max(estimate, jump), change)
             else:
-                accepted = found <= self._tolerance
+                accepted = estimate <= self._tolerance
                 if not accepted and self._given.step <= _ROUNDING * self._given.time:
-                    accepted, found = True, self._tolerance  # there is no shorter step
+                    accepted, estimate = True, self._tolerance  # there is no shorter step
                 widest = math.inf
                 if change is not None and change.separation > 0:
                     widest = _SAFETY * self._separation / change.separation
-                self._set_next_step(now, _SAFETY * self._tolerance / max(found, 1e-300), accepted, widest)
+                self._set_next_step(now, _SAFETY * self._tolerance / max(estimate, 1e-300), accepted, widest)
         if accepted:
             self._behind = now
             now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, step.depth
@@ -245,8 +248,8 @@ class AdaptiveSteps:
         accepted = error <= self._tolerance or step <= self._shortest
         room = _SAFETY * self._tolerance / max(error, 1e-300)
         if accepted:
-            now.after_jump, now.next_step = True, min(max(room, 1.0), _GROWTH) * step
-        elif change.jumps and step <= _GROWTH * now.last_step:
+            now.after_jump, now.next_step = True, min(max(room, 1.0), _FIRST_GROWTH) * step
+        elif change.jumps and step <= _FIRST_GROWTH * now.last_step:
             now.jump_by, now.over_jump, now.next_step = self._given.time, min(room, 0.5) * step, step
         else:  # a step much longer than the last one may end on a branch that shorter steps do not reach
             now.next_step = min(max(_SAFETY * self._separation / change.separation, _SHRINK[0]), 0.5) * step
@@ -262,8 +265,10 @@ class AdaptiveSteps:
         """Set the next step: `room` is the largest factor on its error, `widest` on its length."""
         factor, step = min(room ** (1 / 3), widest), self._given.step
         if accepted:
+            growth = _FIRST_GROWTH if now.steps_since_breakpoint < _FIRST_STEPS else _GROWTH
             # A step that was cut to land on a stop does not shorten the next ones.
-            now.next_step = max(min(now.next_step, factor * step), min(_GROWTH, factor) * step)
+            now.next_step = max(min(now.next_step, factor * step), min(growth, factor) * step)
+            now.steps_since_breakpoint += 1
         else:
             now.next_step = min(max(factor, _SHRINK[0]), _SHRINK[1]) * step
 

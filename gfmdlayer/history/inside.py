@@ -92,21 +92,21 @@ class Interior:
     def of_history(self, integrator: Modes, p: ComplexArray) -> SpringFields:
         """Return the springs of layers that relax by different laws."""
         inside, u, y = self.inside, integrator.u, integrator.stretches
-        found = SpringFields(*(each[:, self._where] * -u for each in inside.relaxed))
+        springs = SpringFields(*(each[:, self._where] * -u for each in inside.relaxed))
         scale, every = (inside.q * inside.stiffness[0])[self._where], np.arange(u.size)
         network = isinstance(integrator, StackModes)
         moduli, taus = distinct_branches(inside.body.present[0].series)
         for k, (G, tau) in enumerate(zip(moduli, taus, strict=True)):
-            each = np.full((inside.q.size, 1), tau)
-            rows = np.full(each.shape, k) if network else self._nearest.rows(np.arange(len(each)), each)
-            found.forces[0] -= G * scale * _taken(y, rows[self._where], every)[:, 0]
+            times = np.full((inside.q.size, 1), tau)
+            rows = np.full(times.shape, k) if network else self._nearest.rows(np.arange(len(times)), times)
+            springs.forces[0] -= G * scale * _taken(y, rows[self._where], every)[:, 0]
         if isinstance(integrator, StackModes):
             xi, at = integrator.internal
-            springs = inside.of_internal(self._where[at], -u[at], -xi)
-            found.strains[1:, at], found.forces[1:, at] = springs
+            of_network = inside.of_internal(self._where[at], -u[at], -xi)
+            springs.strains[1:, at], springs.forces[1:, at] = of_network
         else:
-            self._add_memory(found, y)
-        return self._with_mean(found, p)
+            self._add_memory(springs, y)
+        return self._with_mean(springs, p)
 
     @cached_property
     def _nearest(self) -> _Nearest:
@@ -162,20 +162,20 @@ class Interior:
     def recorded(self, springs: SpringFields) -> dict[str, NDArray[Any]]:
         """Return the fields of a snapshot, (places, *grid), and where they are needed the springs."""
         shape = len(self.places), *self.grid.shape
-        found: dict[str, NDArray[Any]] = {
+        recorded: dict[str, NDArray[Any]] = {
             named(name): np.empty(shape, np.float32) for name in (*self.names, "von_mises")
         }
         for i, place in enumerate(self.places):
             fields = self.at(springs, place)
             fields["von_mises"] = von_mises(fields)
             for name, field in fields.items():
-                found[named(name)][i] = field
+                recorded[named(name)][i] = field
         if not self.relaxes_alike:
             waves = self.grid.spectral_shape
-            for each, values in zip(("strain", "force"), springs, strict=True):
+            for quantity, values in zip(("strain", "force"), springs, strict=True):
                 fields_of = [self.grid.from_waves(one.reshape(waves).copy()) for one in values]
-                found[f"spring_{each}"] = np.array(fields_of)
-        return found
+                recorded[f"spring_{quantity}"] = np.array(fields_of)
+        return recorded
 
     def _sunk(self, springs: SpringFields, depth: float) -> ComplexArray:
         """Return the mean displacement at a depth, downward."""
@@ -198,12 +198,12 @@ class _Nearest:
 
     def rows(self, waves: IntArray, times: FloatArray) -> IntArray:
         """Return for times (n, m) at n of the waves the numbers of the modes; -1 where there are none."""
-        found = np.full(times.shape, -1)
+        numbers = np.full(times.shape, -1)
         if len(self._logs):
             for k in range(times.shape[1]):
                 apart = np.abs(self._logs[:, waves] - np.log(times[:, k]))
-                found[:, k] = np.where(np.isfinite(apart.min(axis=0)), apart.argmin(axis=0), -1)
-        return found
+                numbers[:, k] = np.where(np.isfinite(apart.min(axis=0)), apart.argmin(axis=0), -1)
+        return numbers
 
 
 def _taken(y: ComplexArray, rows: IntArray, at: IntArray) -> ComplexArray:
@@ -274,9 +274,9 @@ def largest_shear(stress: Mapping[str, FloatArray], equivalent: FloatArray) -> F
     if "xy" not in stress:  # on a line the stress across it is principal
         half, radius = (xx + zz) / 2, np.hypot((xx - zz) / 2, xz)
         return np.maximum(radius, (np.abs(yy - half) + radius) / 2).reshape(equivalent.shape)
-    found, xy, yz = np.empty(equivalent.size), np.ravel(stress["xy"]), np.ravel(stress["yz"])
-    half_of_principal(xx, yy, zz, xy, xz, yz, np.ravel(equivalent), found)
-    return found.reshape(equivalent.shape)
+    shear, xy, yz = np.empty(equivalent.size), np.ravel(stress["xy"]), np.ravel(stress["yz"])
+    half_of_principal(xx, yy, zz, xy, xz, yz, np.ravel(equivalent), shear)
+    return shear.reshape(equivalent.shape)
 
 
 @kernel
@@ -288,15 +288,15 @@ def half_of_principal(
     xz: FloatArray,
     yz: FloatArray,
     equivalent: FloatArray,
-    found: FloatArray,
+    shear: FloatArray,
 ) -> None:
     """Set half the difference of the principal stresses mean + 2/3 equivalent cos(angle + 2 pi k/3)."""
-    for i in range(found.size):
+    for i in range(shear.size):
         mean, q = (xx[i] + yy[i] + zz[i]) / 3, equivalent[i]
         a, b, c = xx[i] - mean, yy[i] - mean, zz[i] - mean
         third = a * b * c + 2 * xy[i] * xz[i] * yz[i] - a * yz[i] ** 2 - b * xz[i] ** 2 - c * xy[i] ** 2
         cosine = min(max(13.5 * third / q**3, -1.0), 1.0) if q > _LEAST else 0.0
-        found[i] = q * math.sin((math.acos(cosine) + math.pi) / 3) / math.sqrt(3.0)
+        shear[i] = q * math.sin((math.acos(cosine) + math.pi) / 3) / math.sqrt(3.0)
 
 
 def shear_on_plane(stress: Mapping[str, FloatArray]) -> FloatArray:

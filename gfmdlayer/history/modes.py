@@ -337,10 +337,10 @@ class Modes(Saving):
     def stretches(self) -> ComplexArray:
         """The stretches y_j of the modes of the spectrum, (modes, nq); zero where a mode has no weight."""
         count, of_branch, number = self._rows
-        found = np.zeros((count, self.u.size), dtype=np.complex128)
-        found[of_branch] = self._branches.stretch.view(np.complex128)
-        found[number, self._local.position] = self._local.stretch.view(np.complex128)[:, 0]
-        return found
+        stretches = np.zeros((count, self.u.size), dtype=np.complex128)
+        stretches[of_branch] = self._branches.stretch.view(np.complex128)
+        stretches[number, self._local.position] = self._local.stretch.view(np.complex128)[:, 0]
+        return stretches
 
     def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b of the last `terms` with the curvature, which is linear in u."""
@@ -415,14 +415,14 @@ def _branch_modes(weights: FloatArray, times: FloatArray, relaxed: FloatArray, s
     total = sums.total(weights.sum(axis=1))
     longest = sums.maximum(np.where(weights > 0, times, 0.0).max(axis=1, initial=0.0))
     differ = (weights > 0) & (times != longest[:, np.newaxis])
-    found = (sums.total(differ.sum(axis=1)) == 0) & (total > 0)
-    if found.any():
-        heaviest = np.argmax(np.where(found, total, 0.0))
+    of_branch = (sums.total(differ.sum(axis=1)) == 0) & (total > 0)
+    if of_branch.any():
+        heaviest = np.argmax(np.where(of_branch, total, 0.0))
         shape = weights[heaviest] / total[heaviest]
         scale = _ROUNDING * (relaxed + weights.sum(axis=0))
         differ = np.abs(weights - total[:, np.newaxis] * shape) > scale
-        found &= sums.total(differ.sum(axis=1)) == 0
-    return np.asarray(found)
+        of_branch &= sums.total(differ.sum(axis=1)) == 0
+    return np.asarray(of_branch)
 
 
 def _numbers(spectrum: ComplexArray) -> FloatArray:

@@ -4,7 +4,7 @@
 
 In reduced time the body relaxes as at the reference temperature, exactly: Morland & Lee, Trans. Soc. Rheol. 4
 (1960) 233-263. So the history takes steps of reduced time; its heat, energy and errors do not change. Time
-points, programme and results keep to real time.
+points, drives and results keep to real time.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class ReducedTime:
     @property
     def extremes(self) -> tuple[float, float]:
         """Smallest and largest aT, at the highest and the lowest temperature."""
-        given = self.temperature
-        values = given.values if isinstance(given, Table) else np.array([given.value])
+        temperature = self.temperature
+        values = temperature.values if isinstance(temperature, Table) else np.array([temperature.value])
         return self.shift.factor(float(values.max())), self.shift.factor(float(values.min()))
 
     def step(self, begin: float, length: float) -> float:

@@ -58,29 +58,29 @@ def _divide(one: Any, two: Any) -> Division:
 @kernel(reorder=True)
 def _shared(division: Division, one: ComplexArray, two: ComplexArray) -> ComplexArray:
     """Return s_1 one + s_2 two, of stresses that each body has at rest."""
-    found = np.empty_like(one)
+    stress = np.empty_like(one)
     for i in range(one.size):
-        found[i] = division.one[i] * one[i] + division.two[i] * two[i]
-    return found
+        stress[i] = division.one[i] * one[i] + division.two[i] * two[i]
+    return stress
 
 
 @kernel(reorder=True)
 def _divided(division: Division, one: ComplexArray, two: ComplexArray, u: ComplexArray) -> ComplexArray:
     """Return u_1 and u_2, (2 nq,), from b_1, b_2 and u."""
-    found = np.empty(2 * u.size, dtype=np.complex128)
+    displacements = np.empty(2 * u.size, dtype=np.complex128)
     for i in range(u.size):
         apart = division.compliance[i] * (one[i] - two[i])
-        found[i] = division.one[i] * u[i] + apart
-        found[u.size + i] = division.two[i] * u[i] - apart
-    return found
+        displacements[i] = division.one[i] * u[i] + apart
+        displacements[u.size + i] = division.two[i] * u[i] - apart
+    return displacements
 
 
 @kernel(reorder=True)
 def _force(stiffness: FloatArray, u: ComplexArray, b: ComplexArray) -> ComplexArray:
-    found = np.empty_like(u)
+    stress = np.empty_like(u)
     for i in range(u.size):
-        found[i] = stiffness[i] * u[i] - b[i]
-    return found
+        stress[i] = stiffness[i] * u[i] - b[i]
+    return stress
 
 
 def _halves(both: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -94,15 +94,15 @@ class SideBySide:
     def __init__(self, bodies: tuple[Modes, Modes], sums: Sums, ratio: float = 0.0) -> None:
         # `ratio` is the velocity of the contact along the counterbody over the one along the body.
         self.bodies, self._sums, self._ratio = bodies, sums, ratio
-        self.spectrum_error = max(each.spectrum_error for each in bodies)
-        self.shortest_time = min(each.shortest_time for each in bodies)
-        self.slope = next((each.slope for each in bodies if each.slope is not None), None)
+        self.spectrum_error = max(body.spectrum_error for body in bodies)
+        self.shortest_time = min(body.shortest_time for body in bodies)
+        self.slope = next((body.slope for body in bodies if body.slope is not None), None)
         self._history = CompositeState(body=bodies[0], counterbody=bodies[1])
-        self.past = np.concatenate([each.u for each in bodies])  # displacements after the last step, (2 nq,)
-        for each, part in zip(bodies, _halves(self.past), strict=True):
-            each.u = part  # advances in place
+        self.past = np.concatenate([body.u for body in bodies])  # displacements after the last step, (2 nq,)
+        for body, part in zip(bodies, _halves(self.past), strict=True):
+            body.u = part  # advances in place
         self._stiffness: tuple[FloatArray, ...] = ()
-        self._found: tuple[ComplexArray, ComplexArray] | None = None
+        self._split: tuple[ComplexArray, ComplexArray] | None = None
         self.step, self.loss_stiffness = np.nan, cast("FloatArray | None", None)
         self._add()
 
@@ -120,12 +120,12 @@ class SideBySide:
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b at the end of a step of this length."""
-        found = [each.terms(step) for each in self.bodies]
+        terms = [body.terms(step) for body in self.bodies]
         self.step = self.bodies[0].step
-        stiffness = tuple(kappa for kappa, _ in found)
+        stiffness = tuple(kappa for kappa, _ in terms)
         if not self._stiffness or any(a is not b for a, b in zip(stiffness, self._stiffness, strict=True)):
             self._stiffness = stiffness
-            lossy = [each.loss_stiffness for each in self.bodies]
+            lossy = [body.loss_stiffness for body in self.bodies]
             moves = any(loss is not None for loss in lossy)
             if moves:
                 nothing = np.zeros(self.u.size)
@@ -136,7 +136,7 @@ class SideBySide:
             self.stiffness, self.loss_stiffness = (
                 (kappa.real.copy(), kappa.imag.copy()) if moves else (kappa, None)
             )
-        self._b = self._taken(self._division, *(b for _, b in found))
+        self._b = self._taken(self._division, *(b for _, b in terms))
         return self.stiffness, self._b
 
     def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
@@ -148,33 +148,33 @@ class SideBySide:
 
     def _taken(self, *terms: Any) -> ComplexArray:
         """Return b from division and intercepts, and keep these: they divide the displacement."""
-        self._found, self._terms = None, terms
-        found: ComplexArray = _shared(*terms)
-        return found
+        self._split, self._terms = None, terms
+        b: ComplexArray = _shared(*terms)
+        return b
 
     def parts(self, spectrum: ComplexArray) -> ComplexArray:
         """Return the displacements of both bodies at the end of the step, (2 nq,)."""
-        if self._found is None or self._found[0] is not spectrum:
+        if self._split is None or self._split[0] is not spectrum:
             division, b1, b2 = self._terms
-            self._found = spectrum, _divided(division, b1, b2, spectrum)
-        return self._found[1]
+            self._split = spectrum, _divided(division, b1, b2, spectrum)
+        return self._split[1]
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms`, for a displacement."""
-        found: ComplexArray = _force(self._division.stiffness, spectrum, self._b)
-        return found
+        stress: ComplexArray = _force(self._division.stiffness, spectrum, self._b)
+        return stress
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of -sigma that is due to the curvatures of both bodies, (2 nq,)."""
         own = zip(self.bodies, _halves(curvature), strict=True)
-        found: ComplexArray = _shared(self._division, *(body.curvature_stress(part) for body, part in own))
-        return found
+        stress: ComplexArray = _shared(self._division, *(body.curvature_stress(part) for body, part in own))
+        return stress
 
     def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:
         """Return the part of -sigma that `force` leaves out; curvatures of both bodies, (2 nq,)."""
         own = zip(self.bodies, _halves(self.parts(spectrum)), _halves(curvature), strict=True)
-        found: ComplexArray = _shared(self._division, *(body.missing_stress(u, c) for body, u, c in own))
-        return found
+        stress: ComplexArray = _shared(self._division, *(body.missing_stress(u, c) for body, u, c in own))
+        return stress
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance both histories over the step of the last `terms`."""
@@ -182,12 +182,12 @@ class SideBySide:
         own = zip(self.bodies, _halves(self.parts(spectrum)), curvatures, strict=True)
         for body, u, c in own:
             body.advance(u, c)
-        self._found = None
+        self._split = None
         self._add()
 
     def slowest(self, tolerance: float) -> float:
         """Return the longest time on the way to the steady state, see `SlidingModes.slowest`."""
-        return max(each.slowest(tolerance) for each in self.bodies)
+        return max(body.slowest(tolerance) for body in self.bodies)
 
     def state(self) -> State:
         """Return both histories."""

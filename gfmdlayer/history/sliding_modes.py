@@ -104,9 +104,9 @@ class SlidingModes(Modes):
     def stretches(self) -> ComplexArray:
         """The stretches Y_j of the modes of the spectrum, (modes, nq): the mean of the waves of a mode."""
         (count, mode, share), waves = self._modes, self._waves
-        found = np.zeros((count, self.relaxed.size), dtype=np.complex128)
-        np.add.at(found, (mode, waves.position), waves.stretch * share)
-        return found
+        stretches = np.zeros((count, self.relaxed.size), dtype=np.complex128)
+        np.add.at(stretches, (mode, waves.position), waves.stretch * share)
+        return stretches
 
     def prepare(self, step: float) -> None:
         """Compute the stiffness and the factors for the length of a step and for the velocity."""

@@ -305,7 +305,7 @@ class StackModes(Modes):
         self._weights = sums.weights[self._position]
         self._xi = np.zeros((wave.size, network.times.size, 2))
         self._time, self._length = 0.0, 0.0
-        self._found: tuple[ComplexArray, FloatArray, float] | None = None
+        self._within: tuple[ComplexArray, FloatArray, float] | None = None
         rates = self._rates(0.0, 0.0)
         glassy = np.asarray(internal.uppermost.glassy)[self._position]
         own = self.shortest_time / float(rates[0])
@@ -327,7 +327,7 @@ class StackModes(Modes):
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b, each of shape (nq,), at the end of a step of this length in time."""
-        self._found, self._length = None, step
+        self._within, self._length = None, step
         self._rate = self._rates(self._time, step)
         self.step = np.nan  # the stiffness is computed anew: that of the last step has the network in it
         super().terms(float(self._rate[0]) * step)
@@ -339,22 +339,22 @@ class StackModes(Modes):
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Part of the stress -sigma at the end of the step that is due to dt^2 u''/2."""
-        found = super().curvature_stress(curvature)
+        stress = super().curvature_stress(curvature)
         factors = self._rule.residues * self._rule.curved
         gain = np.einsum("kr,kpr,p->k", self._elements.force, self._solved.gamma, factors).real
-        found[self._position] += gain[self._wave] * curvature[self._position]
-        return found
+        stress[self._position] += gain[self._wave] * curvature[self._position]
+        return stress
 
     def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:
         """Part of -sigma due to dt^2 u''/2 and to ratios that change within the step."""
-        found = super().missing_stress(spectrum, curvature)
+        stress = super().missing_stress(spectrum, curvature)
         if self._halved and self._theta.size:
             of = self._elements
             missing = self._missing(spectrum)[0] * of.roots[:, np.newaxis]
             loads = np.einsum("kr,kra->ka", of.force, of.projection)[self._wave]
             strains = np.add.reduceat(missing, of.first[:-1], axis=1)
-            found[self._position] -= _spectrum(np.einsum("na,nap->np", loads, strains))
-        return found
+            stress[self._position] -= _spectrum(np.einsum("na,nap->np", loads, strains))
+        return stress
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms`, see `Modes`."""
@@ -380,7 +380,9 @@ class StackModes(Modes):
         def rate(of: ReducedTime) -> float:
             return of.step(begin, length) / length if length else 1 / of.factor(begin)
 
-        return np.array([1.0 if each is None else rate(each) for each in self._reduced_times])
+        return np.array(
+            [1.0 if reduced_time is None else rate(reduced_time) for reduced_time in self._reduced_times]
+        )
 
     def _factors_for(self, length: float, rates: FloatArray) -> NetworkFactors:
         """Return the factors of a step in which the reduced times elapse at these mean rates."""
@@ -436,9 +438,9 @@ class StackModes(Modes):
 
     def _missing(self, spectrum: ComplexArray) -> tuple[FloatArray, float]:
         """Change of xi and of the heat because the ratios change within the step."""
-        if self._found is None or self._found[0] is not spectrum:
-            self._found = (spectrum, *self._by_halves(spectrum))
-        return self._found[1:]
+        if self._within is None or self._within[0] is not spectrum:
+            self._within = (spectrum, *self._by_halves(spectrum))
+        return self._within[1:]
 
     def _by_halves(self, spectrum: ComplexArray) -> tuple[FloatArray, float]:
         half, begin, end = self._length / 2, self._at(self.u), self._at(spectrum)

@@ -1,4 +1,4 @@
-"""The time points of a run: equal steps, or steps that land on snapshots and breakpoints of the programme."""
+"""The time points of a run: equal steps, or steps that land on snapshots and breakpoints of the drives."""
 
 from __future__ import annotations
 
@@ -121,12 +121,12 @@ def landing_stops(
 ) -> list[Instant]:
     """Return start, end and the times to land on, with the length of the steps of `landing_steps` to each."""
     first, *rest = stops(end, snapshots, breakpoints)
-    found = [first]
+    landings = [first]
     for stop in rest:
-        span = stop.time - found[-1].time
+        span = stop.time - landings[-1].time
         length = span / max(1, math.ceil(span / step - 1e-6))
-        found.append(Instant(stop.time, length, stop.snapshot, stop.breakpoint))
-    return found
+        landings.append(Instant(stop.time, length, stop.snapshot, stop.breakpoint))
+    return landings
 
 
 def number_of_steps(stops: Sequence[Instant]) -> int:
@@ -140,17 +140,17 @@ def stops(
     """Return start, end and all times to land on between them, in order, without the lengths of the steps."""
     # Times that differ by rounding are one. Start and end are no breakpoints.
     same = SAME_TIME * end
-    found = [0.0]
+    landings = [0.0]
     at_snapshot, at_breakpoint = [False], [False]
     marked = [(time, "snapshot") for time in snapshots] + [
         (time, "breakpoint") for time in breakpoints if 0 < time < end
     ]
     for time, reason in sorted([*marked, *((time, "row") for time in (*times, end))]):
         # A time right after the start is moved away from it: only the step to the start has no length.
-        if time > 0 and max(time, 2 * same) - found[-1] > same:
-            found.append(max(time, 2 * same))
+        if time > 0 and max(time, 2 * same) - landings[-1] > same:
+            landings.append(max(time, 2 * same))
             at_snapshot.append(False)
             at_breakpoint.append(False)
         at_snapshot[-1] |= reason == "snapshot"
         at_breakpoint[-1] |= reason == "breakpoint"
-    return [Instant(t, 0.0, *marks) for t, *marks in zip(found, at_snapshot, at_breakpoint, strict=True)]
+    return [Instant(t, 0.0, *marks) for t, *marks in zip(landings, at_snapshot, at_breakpoint, strict=True)]

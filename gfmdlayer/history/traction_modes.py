@@ -99,16 +99,18 @@ class VectorModes(Saving):
         if step == self.step:
             return
         self.step, times, v = step, self.spectrum.times, self.spectrum.vectors
-        self._factors = Factors(*(each.reshape(times.shape) for each in self._scheme(step / times.ravel())))
+        self._factors = Factors(
+            *(factor.reshape(times.shape) for factor in self._scheme(step / times.ravel()))
+        )
         self.stiffness = self.spectrum.relaxed.copy()
         _stiffen(v, self._factors.gain, self.stiffness)
 
     def _pull(self, gain: FloatArray, x: ComplexArray, decay: FloatArray | None) -> ComplexArray:
         """Return sum_j v_j (gain_j v_j^H x - decay_j y_j), (nq, n); the second term with a decay."""
-        found, past = np.zeros_like(self.x), decay is not None
+        total, past = np.zeros_like(self.x), decay is not None
         factors = gain, gain if decay is None else decay
-        _pull(self.spectrum.vectors, *factors, x, self._stretch, self._phases, past, found)
-        return found
+        _pull(self.spectrum.vectors, *factors, x, self._stretch, self._phases, past, total)
+        return total
 
 
 class TractionModes:
@@ -182,14 +184,14 @@ class TractionModes:
         """Return the response to tractions at the end of a step, and the displacements without tractions."""
         # The response is the same object for steps of equal length.
         known = self._response is not None and step == self.components[0].step
-        found = [part.terms(step) for part in self.components]
+        terms = [part.terms(step) for part in self.components]
         if not known:
             count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
-            in_plane, across = (kappa[:count] for kappa, _ in (found[0], found[-1]))
+            in_plane, across = (kappa[:count] for kappa, _ in (terms[0], terms[-1]))
             self._response = Response.of_stiffness(
                 in_plane.reshape(*shape, 2, 2), across[:, -1, -1].reshape(shape)
             )
-        self._b = [b for _, b in found]
+        self._b = [b for _, b in terms]
         assert self._response is not None
         return self._response, self._seen(self.moved(self._b))
 
@@ -215,7 +217,7 @@ class TractionModes:
     def resistance(self, x: ComplexArray) -> ComplexArray:
         """Return kappa x, the tractions on a surface without a past."""
         every = zip(self.components, self._split(x), strict=True)
-        return _joined([np.einsum("qab,qb->qa", part.stiffness, each) for part, each in every])
+        return _joined([np.einsum("qab,qb->qa", part.stiffness, u) for part, u in every])
 
     def missing_stress(self, x: ComplexArray, curvature: ComplexArray) -> ComplexArray:  # noqa: ARG002
         """Return the part of the tractions that is due to the curvature dt^2 x''/2."""
@@ -229,8 +231,8 @@ class TractionModes:
     def advance(self, x: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms` to displacements of the waves."""
         bent = [None] * self._axes if curvature is None else self._split(curvature)
-        for part, each, c in zip(self.components, self._split(x), bent, strict=True):
-            part.advance(each, c)
+        for part, u, c in zip(self.components, self._split(x), bent, strict=True):
+            part.advance(u, c)
         self.phases = None
 
     def _split(self, x: ComplexArray) -> list[ComplexArray]:
@@ -258,7 +260,7 @@ class TractionModes:
         """Return values of the waves as they are carried with the material in the next step."""
         if self.phases is None:
             return x
-        return _joined([each * self.phases[:, np.newaxis] for each in self._split(x)])
+        return _joined([part * self.phases[:, np.newaxis] for part in self._split(x)])
 
     def slowest(self, tolerance: float) -> float:
         """Return the longest time on the way to the steady state, see `SlidingModes.slowest`."""
@@ -280,8 +282,8 @@ class TractionModes:
             np.ravel(part)[self._mode] for part in (of.normal, of.coupling, of.along, of.across)
         )
         p, T = loads[0].T
-        found = [np.stack((normal * p + coupling * T, coupling * p + along * T), axis=1)]
-        return found if self._axes == 1 else [*found, across[:, np.newaxis] * loads[1]]
+        in_plane = np.stack((normal * p + coupling * T, coupling * p + along * T), axis=1)
+        return [in_plane] if self._axes == 1 else [in_plane, across[:, np.newaxis] * loads[1]]
 
     def _seen(self, parts: list[ComplexArray]) -> ComplexArray:
         """Return transforms of W, u_x[, u_y] at the modes of the grid, sums over the waves of each."""
@@ -291,15 +293,15 @@ class TractionModes:
         if self._axes == 2:
             waves[1:] += np.stack((-n[1], n[0])) * parts[1][:, 0]
         count = math.prod(self._grid.spectral_shape)
-        found = waves[:, :count].copy()
-        for component, of_waves in zip(found, waves, strict=True):
+        transforms = waves[:, :count].copy()
+        for component, of_waves in zip(transforms, waves, strict=True):
             np.add.at(component, self._mode[count:], of_waves[count:])
-        return found
+        return transforms
 
 
 def _joined(parts: Sequence[ComplexArray]) -> ComplexArray:
     """Return the values of all waves in one array."""
-    return np.concatenate([each.ravel() for each in parts])
+    return np.concatenate([part.ravel() for part in parts])
 
 
 def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
@@ -350,7 +352,7 @@ def _pull(
     stretch: ComplexArray,
     phases: ComplexArray,
     past: bool,
-    found: ComplexArray,
+    total: ComplexArray,
 ) -> None:
     """Add sum_j v_j (gain_j v_j^H x - decay_j y_j); the last term if `past` counts."""
     modes, count, n = v.shape
@@ -363,7 +365,7 @@ def _pull(
             if past:
                 driven -= decay[j, q] * (stretch[j, q] * phases[q])
             for a in range(n):
-                found[q, a] += v[j, q, a] * driven
+                total[q, a] += v[j, q, a] * driven
 
 
 @kernel(reorder=True)

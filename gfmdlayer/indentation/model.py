@@ -60,7 +60,7 @@ class IsolatedContact(Model):
     @cached_property
     def body(self) -> Body:
         """The body under the indenter."""
-        return make_body(self.config, series_of(self.programme))
+        return make_body(self.config, series_of(self.drives))
 
     @cached_property
     def indentation(self) -> IsolatedIndentation:
@@ -70,7 +70,7 @@ class IsolatedContact(Model):
         from gfmdlayer.indentation.indent import DEFAULT_TOLERANCE, IsolatedIndentation
         from gfmdlayer.indentation.solve import History
 
-        config, drive = self.config, self.programme.drive
+        config, drive = self.config, self.drives.drive
         grid, time = config.grid, config.time
         times = [0.0, *sorted({each for each in drive.breakpoints if 0 < each < time.end}), time.end]
         by_force = config.trajectory.control == "force"
@@ -81,7 +81,7 @@ class IsolatedContact(Model):
             tolerance=time.tolerance or DEFAULT_TOLERANCE,
             step=None if isinstance(time.step, str) else time.step,
             snapshots=config.output.snapshot_times,
-            stops=self.programme.output_times,
+            stops=self.drives.output_times,
             points=grid.points[0],
             extent=grid.extent,
         )
@@ -89,7 +89,7 @@ class IsolatedContact(Model):
     @property
     def footprint(self) -> Footprint:
         """Estimated steps, memory and disk; there are no FFT pairs."""
-        config, (steps, _) = self.config, count_steps(self.programme)
+        config, (steps, _) = self.config, count_steps(self.drives)
         steps = max(steps, _FEWEST) if config.time.step == "adaptive" else steps
         fields = config.grid.points[0] * (1 + 3 * len(config.output.snapshots))
         storage = HEADER + REAL * (len(INDENTATION) * max(steps, ROWS) + fields)
@@ -105,7 +105,7 @@ class IsolatedContact(Model):
         try:
             self.config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
             key = "trajectory.file"
-            drive = self.programme.drive
+            drive = self.drives.drive
         except TableError as error:
             yield key, str(error)
             return

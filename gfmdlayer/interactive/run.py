@@ -226,7 +226,7 @@ def _compute(case: SweepCase, folder: Folder, threads: int) -> Outcome:
     """Run a case in memory, with its claim in a folder."""
     begun, config = time.monotonic(), case.config
     try:
-        model = model_of(config, threads, programme=case.programme)
+        model = model_of(config, threads, drives=case.drives)
         recording, described = Recording(), case_run.attributes(model) | {"digest": digest(config)}
 
         def contents() -> CaseContents:

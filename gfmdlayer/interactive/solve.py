@@ -24,6 +24,7 @@ from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import Loading
 from gfmdlayer.contact.problem import in_contact, why_not_converged
 from gfmdlayer.contact.reach import Reach
+from gfmdlayer.drives import Drives
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution
 from gfmdlayer.friction.response import Response
@@ -37,7 +38,6 @@ from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.observables import totals
 from gfmdlayer.observables.contact import FEWEST, UPSIDE_DOWN
 from gfmdlayer.observables.contact_statistics import area_error, interpolated_area, is_upside_down
-from gfmdlayer.programme import Programme
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import fitting, numbers, outward_heights
 from gfmdlayer.time_functions import Constant
@@ -205,7 +205,7 @@ def solve(
     config = _config({"points": _points(punch, points), "period": period}, options, sections)
     grid = Grid(config.grid.points, config.grid.period)
     _check_grid(body, grid)
-    law: Interaction = Programme(config).interface if "interface" in sections else interface  # type: ignore[assignment]
+    law: Interaction = Drives(config).interface if "interface" in sections else interface  # type: ignore[assignment]
     if frictional:
         _check_friction(frictional, plain=not alone and config.hardness is None)
     if mean_pressure is not None and alone:

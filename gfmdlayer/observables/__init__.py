@@ -88,7 +88,7 @@ def observables(case: Observed) -> dict[str, Observable]:
 
 def columns(config: Config) -> tuple[Column, ...]:
     """Return the columns of a case on a grid, in the order of its rows."""
-    every = [column for each in OBSERVABLES.values() for column in each.columns(config) or ()]
+    every = [column for observable in OBSERVABLES.values() for column in observable.columns(config) or ()]
     if config.grid.isolated:
         return tuple(of_one_contact(every, line=len(config.grid.points) == 1))
     return tuple(every)
@@ -96,22 +96,26 @@ def columns(config: Config) -> tuple[Column, ...]:
 
 def costs(config: Config) -> tuple[float, float]:
     """Return the FFT pairs of a row that observables take, and the bytes of the largest of them."""
-    found = [each.cost(config) for each in OBSERVABLES.values() if each.columns(config) is not None]
-    return sum(pairs for pairs, _ in found), max((memory for _, memory in found), default=0.0)
+    costs = [
+        observable.cost(config)
+        for observable in OBSERVABLES.values()
+        if observable.columns(config) is not None
+    ]
+    return sum(pairs for pairs, _ in costs), max((memory for _, memory in costs), default=0.0)
 
 
 def known_columns() -> dict[str, Column]:
     """Return the columns of periodic contacts that are the same in every case that has them, by name."""
-    found: dict[str, Column] = {}
+    known: dict[str, Column] = {}
     for observable in OBSERVABLES.values():
         for column in observable.COLUMNS:
-            if column.name in found:
+            if column.name in known:
                 raise ValueError(f"{observable.__name__}: another observable has a column {column.name!r}")
-            found[column.name] = column
-    return found
+            known[column.name] = column
+    return known
 
 
 def known_numbers() -> dict[str, Column]:
     """Return the attributes of cases that sweep files hold as columns, by name."""
-    every = [column for each in OBSERVABLES.values() for column in each.NUMBERS]
+    every = [column for observable in OBSERVABLES.values() for column in observable.NUMBERS]
     return {column.name: column for column in (*every, *of_one_contact(every, line=False))}

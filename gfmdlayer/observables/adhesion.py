@@ -174,7 +174,9 @@ class Instabilities(Observable):
             return {"instabilities": 0}
         names = "time", "depth", "energy", "error"
         listed = dict(zip(names, np.array(self._found).reshape(-1, 4).T, strict=True))
-        return {"instabilities": self._count} | {f"instability_{name}": each for name, each in listed.items()}
+        return {"instabilities": self._count} | {
+            f"instability_{name}": values for name, values in listed.items()
+        }
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Remember the energy that was lost in a step."""
@@ -183,6 +185,6 @@ class Instabilities(Observable):
             self._found.append((step.time, now[0], lost - self._lost, across(self._last, now)))
             self._lost, self._count = lost, self._count + 1
             if len(self._found) > MOST_LISTED:
-                self._found.remove(min(self._found, key=lambda each: each[2]))
+                self._found.remove(min(self._found, key=lambda instability: instability[2]))
         self._last = now
         return {}

@@ -156,18 +156,18 @@ class ContactStatistics(Observable):
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...]:
         """Return the mean gap and the columns that `output` asks for."""
-        asked, found = config.output, [MEAN_GAP]
+        asked, columns = config.output, [MEAN_GAP]
         if asked.patches:
-            found.append(PATCHES)
+            columns.append(PATCHES)
         if asked.histograms.pressure is not None:
             bins = Bins("pressure_bin", "pressure", "pressure", _bin_edges(asked.histograms.pressure))
             name = "part of the surface in contact with a pressure in the bin; the sum is the contact area"
-            found.append(Column("pressure_histogram", name, along=bins, origin="over the cell"))
+            columns.append(Column("pressure_histogram", name, along=bins, origin="over the cell"))
         if asked.histograms.gap is not None:
             bins = Bins("gap_bin", "the gap", "length", _bin_edges(asked.histograms.gap))
             name = "part of the surface out of contact with a gap in the bin; the sum is 1 - contact area"
-            found.append(Column("gap_histogram", name, along=bins, origin="over the cell"))
-        return tuple(found)
+            columns.append(Column("gap_histogram", name, along=bins, origin="over the cell"))
+        return tuple(columns)
 
     def __init__(self, case: Observed) -> None:
         import numpy as np
@@ -178,20 +178,20 @@ class ContactStatistics(Observable):
 
     def measure(self, step: Step) -> Mapping[str, Value]:
         """Return mean gap, patches and histograms."""
-        found: dict[str, Value] = {"mean_gap": step.mean_gap}
+        row: dict[str, Value] = {"mean_gap": step.mean_gap}
         if not (self._counts_patches or self._edges):
-            return found
+            return row
         from gfmdlayer.observables.contact_statistics import count_patches, histogram
 
         touching = step.fields["touching"]
         if self._counts_patches:
-            found["patches"] = count_patches(touching.reshape(self._grid.shape), self._grid)
+            row["patches"] = count_patches(touching.reshape(self._grid.shape), self._grid)
         for name, edges in self._edges.items():
             of_pressure = name == "pressure_histogram"
             values = step.fields["pressure" if of_pressure else "distance"]
             chosen = touching if of_pressure else ~touching
-            found[name] = histogram(values, chosen, edges, self._grid.ranks)
-        return found
+            row[name] = histogram(values, chosen, edges, self._grid.ranks)
+        return row
 
 
 def _bin_edges(asked: Histogram) -> tuple[float, ...]:
@@ -224,7 +224,7 @@ class TemperatureColumns(Observable):
         return None if config.temperature is None else cls.COLUMNS
 
     def __init__(self, case: Observed) -> None:
-        self._reduced_time = next(filter(None, case.programme.reduced_times))
+        self._reduced_time = next(filter(None, case.drives.reduced_times))
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return both at the end of the step."""
@@ -293,11 +293,11 @@ def of_one_contact(columns: Iterable[Column], *, line: bool) -> Iterator[Column]
 
 def totals(values: Mapping[str, Any], cell: float) -> dict[str, Any]:
     """Return the columns of an isolated contact for those of a cell of an area, or length."""
-    found = {}
+    columns = {}
     for name, value in values.items():
         total = TOTALS.get(name)
         if name not in TOTALS:
-            found[name] = value
+            columns[name] = value
         elif total is not None:
-            found[total.name] = value * cell
-    return found
+            columns[total.name] = value * cell
+    return columns

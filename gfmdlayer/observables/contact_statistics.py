@@ -70,7 +70,7 @@ def count_patches(touching: BoolArray, grid: Grid) -> int:
     _, below = grid.halo(labels, 0, 1)
     ends = [(labels[-1:].ravel(), below.ravel())]
     ends += [(labels[:, 0], labels[:, -1])] if labels.ndim == 2 else []
-    pairs = np.concatenate([np.stack(each, axis=1) for each in ends])
+    pairs = np.concatenate([np.stack(pair, axis=1) for pair in ends])
     pairs = ranks.gathered(np.unique(pairs[(pairs > 0).all(axis=1)], axis=0)) - 1
     patches = 0
     if ranks.first and count:
@@ -225,12 +225,12 @@ def _edge(
 @kernel(inner=True)
 def _run(touching: BoolArray, start: int, span: int, many: int, place: int, step: int, farthest: int) -> int:
     """Points along a line from one on that are all in contact or all out of it, as many as are measured."""
-    state, found = touching[start + place * span], 0
-    while found < farthest and touching[start + place * span] == state:
-        found += 1
+    state, length = touching[start + place * span], 0
+    while length < farthest and touching[start + place * span] == state:
+        length += 1
         place += step
         place = place - many if place == many else (many - 1 if place < 0 else place)
-    return found
+    return length
 
 
 @kernel

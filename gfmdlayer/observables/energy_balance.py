@@ -67,7 +67,7 @@ class EnergyBalance(Observable):
 
     def __init__(self, case: Observed) -> None:
         self._work, self._lost, self._sums = 0.0, 0.0, case.grid.sums
-        self._interface, self._has_losses = case.programme.interface, bool(case.config.interfaces)
+        self._interface, self._has_losses = case.drives.interface, bool(case.config.interfaces)
         self._by_depth = case.config.trajectory.control == "depth"
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes

@@ -71,7 +71,7 @@ class FrictionColumns(Observable):
 
         grid = case.grid
         self._sums = grid.sums
-        if (velocity := case.programme.velocity) is None:
+        if (velocity := case.drives.velocity) is None:
             self._position = None
             return
         self._position = partial(distance, velocity)
@@ -164,7 +164,7 @@ class Slip(Observable):
         position = float(step.row.get("position", 0.0))
         travelled, self._position = position - self._position, position
         by_loss = float(step.row["tangential_force"]) - force
-        found = {
+        values = {
             "interface_friction": force / mean if mean > 0 else math.nan,
             "hysteresis_friction": by_loss / mean if mean > 0 else math.nan,
             "stick_area": float(stick.mean()),
@@ -173,4 +173,4 @@ class Slip(Observable):
             "creepage": step.path[0] / travelled if travelled else math.nan,
             "transverse_force": float(n[0] * means[-1] - n[-1] * means[0]),
         }
-        return {name: found[name] for name in self._names}
+        return {name: values[name] for name in self._names}

@@ -43,13 +43,13 @@ class InsideColumns(Every):
         asked = config.output.inside
         if asked is None or asked.every is None:
             return None
-        place = [each for each in PLACE if each.name[-1] != "y" or len(config.grid.points) == 2]
-        found = (VON_MISES, *place, SHEAR)
+        place = [column for column in PLACE if column.name[-1] != "y" or len(config.grid.points) == 2]
+        columns = (VON_MISES, *place, SHEAR)
         if not (depths := interfaces(config.solid)):
-            return found
+            return columns
         numbers = tuple(map(float, range(len(depths))))  # the same in cases of other thicknesses
         along = Places("interface", "number of the interface, from the surface", "1", numbers)
-        return *found, replace(PEEL, along=along), replace(PLANE_SHEAR, along=along)
+        return *columns, replace(PEEL, along=along), replace(PLANE_SHEAR, along=along)
 
     @classmethod
     def cost(cls, config: Config) -> tuple[float, float]:

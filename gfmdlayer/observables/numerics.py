@@ -73,13 +73,13 @@ class SeriesError(Observable):
         return None if all(isinstance(law, Material) for law in config.laws) else ()
 
     def __init__(self, case: Observed) -> None:
-        found = case.series
+        laws = case.series
         self.attributes = {
-            "law_branches": sum(len(series.material.maxwell_branches) for series in found),
-            "law_error_in_time": max(series.error_in_time for series in found),
-            "law_error_in_frequency": max(series.error_in_frequency for series in found),
-            "law_shortest_time": max(series.shortest for series in found),
-            "law_longest_time": min(series.longest for series in found),
+            "law_branches": sum(len(series.material.maxwell_branches) for series in laws),
+            "law_error_in_time": max(series.error_in_time for series in laws),
+            "law_error_in_frequency": max(series.error_in_frequency for series in laws),
+            "law_shortest_time": max(series.shortest for series in laws),
+            "law_longest_time": min(series.longest for series in laws),
         }
 
 
@@ -91,7 +91,7 @@ class SteadyState(Observable):
 
     Mean pressure, depth and friction have then each stayed within a tolerance, relative to their largest
     value, over a whole window of time: the time of the slowest process (`SlidingModes.slowest`).
-    The first window begins with the last breakpoint of the programme, another one after each that was not
+    The first window begins with the last breakpoint of the drives, another one after each that was not
     steady.
     """
 
@@ -106,10 +106,10 @@ class SteadyState(Observable):
         time = case.config.time
         assert time.steady is not None
         self._tolerance = time.steady
-        reduced = case.programme.reduced_time
+        reduced = case.drives.reduced_time
         slowdown = 1.0 if reduced is None else reduced.factor(math.inf)
         self._window = case.history.slowest(self._tolerance) * slowdown
-        self._since = max(case.programme.breakpoints, default=0.0)
+        self._since = max(case.drives.breakpoints, default=0.0)
         self._begun = math.inf
         self._least: tuple[float, ...] = ()
         self._most: tuple[float, ...] = ()

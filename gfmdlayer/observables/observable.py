@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from gfmdlayer.body.body import Body
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
+    from gfmdlayer.drives import Drives
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
-    from gfmdlayer.programme import Programme
     from gfmdlayer.step import Step
 
 Value: TypeAlias = "float | FloatArray"
@@ -91,12 +91,12 @@ def declared(table: str) -> tuple[Column, ...]:
 
     A line goes on in those that are indented further.
     """
-    found = []
+    columns = []
     for line in re.sub(r"\n +", " ", dedent(table).strip()).splitlines():
         name, meaning, units, origin, *more = (part.strip() for part in line.split("|"))
         symbol, dtype = (*more, *("", "f8")[len(more) :])
-        found.append(Column(name, meaning, units, dtype, symbol=symbol, origin=origin))
-    return tuple(found)
+        columns.append(Column(name, meaning, units, dtype, symbol=symbol, origin=origin))
+    return tuple(columns)
 
 
 class Observed(Protocol):
@@ -105,7 +105,7 @@ class Observed(Protocol):
     config: Config
 
     @property
-    def programme(self) -> Programme:
+    def drives(self) -> Drives:
         """The quantities imposed over time."""
 
     @property

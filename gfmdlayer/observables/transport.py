@@ -83,12 +83,12 @@ class Every(Observable):
         return counted or any(math.isclose(time, each, rel_tol=1e-9) for each in self._times)
 
 
-def _whole(grid: Any, field: NDArray[Any], found: Callable[[NDArray[Any]], Any]) -> Any:
-    """Return what is found from the whole field, on the first rank; all ranks get it."""
+def _whole(grid: Any, field: NDArray[Any], measured: Callable[[NDArray[Any]], Any]) -> Any:
+    """Return a quantity of the whole field, measured on the first rank, to all ranks."""
     ranks = grid.ranks
     whole = ranks.gathered(field.reshape(grid.shape))
     with ranks.agreeing(ArithmeticError), ranks.agreeing(MemoryError):
-        value = found(whole) if ranks.first else None
+        value = measured(whole) if ranks.first else None
     return ranks.shared(value)
 
 
@@ -111,19 +111,19 @@ class SealEstimates(Observable):
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the estimates."""
-        return dict(_whole(self._grid, step.fields["gap"], self._found))
+        return dict(_whole(self._grid, step.fields["gap"], self._measured))
 
-    def _found(self, gap: FloatArray) -> dict[str, float]:
+    def _measured(self, gap: FloatArray) -> dict[str, float]:
         from gfmdlayer.transport.leakage import bruggeman
         from gfmdlayer.transport.percolation import throats
 
-        found = {}
+        row = {}
         if BRUGGEMAN.name in self._names:
-            found[BRUGGEMAN.name] = bruggeman(gap)
+            row[BRUGGEMAN.name] = bruggeman(gap)
         if any(each.name in self._names for each in CRITICAL_GAPS):
             narrow = throats(gap, _spacing(self._grid))
-            found |= {each.name: throat.gap for each, throat in zip(CRITICAL_GAPS, narrow, strict=True)}
-        return {name: found[name] for name in self._names}
+            row |= {each.name: throat.gap for each, throat in zip(CRITICAL_GAPS, narrow, strict=True)}
+        return {name: row[name] for name in self._names}
 
 
 class LeakageColumns(Every):
@@ -162,7 +162,7 @@ class LeakageColumns(Every):
             return dict.fromkeys(self._names, math.nan)
         from gfmdlayer.transport.leakage import doubts
 
-        row, narrow = _whole(self._grid, step.fields["gap"], self._found)
+        row, narrow = _whole(self._grid, step.fields["gap"], self._measured)
         depth = max(-self._grid.ranks.minimum(float(step.fields["displacement"].min())), 0.0)
         for axis, throat in narrow.items():
             for reason in doubts(axis, throat, depth, step.residual):
@@ -184,7 +184,7 @@ class LeakageColumns(Every):
         lines = str(state["said"]).splitlines()
         self._said = {line.partition(": ")[2][:_KIND]: line for line in lines}
 
-    def _found(self, gap: FloatArray) -> tuple[dict[str, float], dict[str, Any]]:
+    def _measured(self, gap: FloatArray) -> tuple[dict[str, float], dict[str, Any]]:
         from gfmdlayer.transport.leakage import flow_through, numbers_of
         from gfmdlayer.transport.percolation import throats
 
@@ -322,7 +322,7 @@ class StiffnessColumns(Every):
         assert asked is not None
         super().__init__(case, asked.every)
         self._frequencies, self._body = asked.frequencies, case.body
-        self._reduced_time = next(filter(None, case.programme.reduced_times), None)
+        self._reduced_time = next(filter(None, case.drives.reduced_times), None)
 
     def measure(self, step: Step) -> Mapping[str, Value]:
         """Return storage and loss stiffness at each frequency."""
@@ -333,10 +333,10 @@ class StiffnessColumns(Every):
             reduced = self._reduced_time
             factor = 1.0 if reduced is None else reduced.factor(step.time)
             touching = step.fields["touching"]
-            total = _whole(self._grid, touching, lambda contact: self._found(contact, factor))
+            total = _whole(self._grid, touching, lambda contact: self._measured(contact, factor))
         return {"storage_stiffness": total.real.copy(), "loss_stiffness": total.imag.copy()}
 
-    def _found(self, contact: NDArray[Any], factor: float) -> NDArray[Any]:
+    def _measured(self, contact: NDArray[Any], factor: float) -> NDArray[Any]:
         """Return K* of a contact; where K(q, s) is proportional to K(q, 0), by one solution."""
         import numpy as np
 
@@ -344,7 +344,7 @@ class StiffnessColumns(Every):
         from gfmdlayer.transport.spots import Spots, inverse
 
         waves = Grid(self._grid.points, self._grid.period).waves
-        body, before, found = self._body, None, []
+        body, before, totals = self._body, None, []
         for frequency in self._frequencies:
             s = 2j * math.pi * frequency * factor
             K = body.spectrum(waves).glassy if math.isinf(frequency) else np.asarray(body.stiffness(waves, s))
@@ -352,12 +352,12 @@ class StiffnessColumns(Every):
             if before is not None:
                 ratio = (K / np.where(before[0] == 0, 1.0, before[0])).ravel()[1:]
                 if np.ptp(ratio.real) + np.ptp(ratio.imag) <= 1e-12 * abs(ratio[0]):
-                    found.append(before[1] * ratio[0])
+                    totals.append(before[1] * ratio[0])
                     continue
             total = complex(Spots(inverse(K), _cell(self._grid)).total(contact))
             before = before or (K, total)
-            found.append(total)
-        return np.array(found)
+            totals.append(total)
+        return np.array(totals)
 
 
 def _spacing(grid: Any) -> tuple[float, float]:

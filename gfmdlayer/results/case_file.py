@@ -94,12 +94,12 @@ class Variable(NamedTuple):
         first, *others = self.parts or [None]
         if first is not None and not others:
             return first.astype(self.form.dtype or first.dtype, copy=False)
-        found = np.empty(self.shape, self.form.dtype)
+        values = np.empty(self.shape, self.form.dtype)
         if any(part is None for part in self.parts):
-            found[...] = np.nan
+            values[...] = np.nan
         for start, part in self.placed():
-            found[start : start + len(part)] = part
-        return found
+            values[start : start + len(part)] = part
+        return values
 
 
 class CaseContents(NamedTuple):
@@ -136,10 +136,10 @@ class CaseContents(NamedTuple):
         import xarray
 
         held: dict[str, Any] = {
-            name: (self.about(name)[0], each.values, self.about(name)[1])
-            for name, each in self.variables.items()
+            name: (self.about(name)[0], variable.values, self.about(name)[1])
+            for name, variable in self.variables.items()
         }
-        beside = {name for each in self.variables.values() for name in each.form.beside}
+        beside = {name for variable in self.variables.values() for name in variable.form.beside}
         coords = {name for name, (axes, *_) in held.items() if name in beside or axes in ((name,), ())}
         return xarray.Dataset(held, attrs=self.attributes).set_coords(coords)
 
@@ -172,15 +172,15 @@ def case_contents(
     places : sequence of LayerDepth
         Places of the fields below the surface.
     """
-    declared = {each.name: each for each in (known_columns().values() if columns is None else columns)}
+    declared = {column.name: column for column in (known_columns().values() if columns is None else columns)}
     if unknown := recording.widths.keys() - declared.keys():
         known = ", ".join(sorted(declared))
         raise KeyError(f"no variable {min(unknown)!r} is declared; known: {known}")
-    found: dict[str, Variable] = {}
+    variables: dict[str, Variable] = {}
 
     def add(column: Column, axes: tuple[str, ...], *parts: NDArray[Any] | None, **form: Any) -> None:
         described = tuple(column.in_units(unit).described.items())
-        found[column.name] = Variable(Form(axes, described, column.dtype, **form), parts)
+        variables[column.name] = Variable(Form(axes, described, column.dtype, **form), parts)
 
     # Dimensions come before the variables along them: time, points, bins, snapshots.
     others = [declared[name] for name in recording.widths if name != "time"]
@@ -189,9 +189,9 @@ def case_contents(
         add(VARIABLES[name], (name,), np.asarray(values, dtype=np.float64))
     for bins in dict.fromkeys(column.along for column in others if column.along is not None):
         for name, edges, described in replace(bins, units=unit(bins.units)).ends:
-            found[name] = Variable(Form((bins.name,), tuple(described.items())), [np.array(edges)])
+            variables[name] = Variable(Form((bins.name,), tuple(described.items())), [np.array(edges)])
     add(VARIABLES["snapshot"], ("snapshot",), np.array(recording.times))
-    _add_fields(add, recording, {name: found[name].shape[0] for name in coordinates}, places)
+    _add_fields(add, recording, {name: variables[name].shape[0] for name in coordinates}, places)
     for column in others:
         if column.along is None:
             add(column, ("time",), *recording.parts(column.name))
@@ -206,14 +206,14 @@ def case_contents(
         del about["key"]
         label = np.array(labels(key, [value])[0])
         dtype = "" if label.dtype.kind == "U" else label.dtype.str
-        found[name] = Variable(Form((), tuple(about.items()), dtype), [label])
+        variables[name] = Variable(Form((), tuple(about.items()), dtype), [label])
     ended: dict[str, Attribute] = {
         "started": recording.started,
         "finished": now(),
         "wall_seconds": recording.elapsed,
     }
     counts = {"rows": recording.count, "snapshots": len(recording.times), "complete": 1}
-    return CaseContents(found, {**provenance(), **ended, **attributes, **recording.noted, **counts})
+    return CaseContents(variables, {**provenance(), **ended, **attributes, **recording.noted, **counts})
 
 
 def _add_fields(
@@ -223,7 +223,7 @@ def _add_fields(
     axes, shape = tuple(lengths), tuple(lengths.values())
     fields = recording.fields or {"displacement": [], "pressure": []}
     known = {
-        name: next((np.shape(each) for each in every if each is not None), shape)
+        name: next((np.shape(field) for field in every if field is not None), shape)
         for name, every in fields.items()
     }
     for name, held in known.items():
@@ -237,7 +237,7 @@ def _add_fields(
         add(VARIABLES["spring"], ("spring",), np.arange(below["spring"]))
     for name, every in fields.items():
         further = (BELOW[name],) if name in BELOW else ()
-        parts = (each if each is None else each[np.newaxis] for each in every)
+        parts = (field if field is None else field[np.newaxis] for field in every)
         beside = ("layer",) if further == ("z",) else ()
         add(VARIABLES[name], ("snapshot", *further, *axes), *parts, inner=known[name], beside=beside)
 
@@ -245,19 +245,19 @@ def _add_fields(
 def write_case(path: str | Path, case: CaseContents) -> None:
     """Write the file of a case, and in two dimensions its description for ParaView.
 
-    ResultsError, which names the file, if it cannot be written: what was there before then stays.
+    ResultsError, which names the file, if it cannot be written; an earlier file then stays.
     """
     path, origin = Path(path), provenance()
     forms = tuple(
-        (name, each.form if _grows(each.form) else each.form._replace(inner=each.shape))
-        for name, each in case.variables.items()
+        (name, variable.form if _grows(variable.form) else variable.form._replace(inner=variable.shape))
+        for name, variable in case.variables.items()
     )
     with new_file(path) as file:
         h5 = file.begin(_template(forms, tuple(origin.items())))
-        for name, each in case.variables.items():
-            _fill(file, name, each)
-        others = {n: each for n, each in case.attributes.items() if n not in origin or each != origin[n]}
-        if swept := [name for name, each in case.variables.items() if not each.form.dimensions]:
+        for name, variable in case.variables.items():
+            _fill(file, name, variable)
+        others = {n: v for n, v in case.attributes.items() if n not in origin or v != origin[n]}
+        if swept := [name for name, variable in case.variables.items() if not variable.form.dimensions]:
             others["coordinates"] = " ".join(swept)
         set_attributes(h5, others)
         if "y" in case.variables and case.attributes["snapshots"]:

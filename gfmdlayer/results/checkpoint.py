@@ -82,8 +82,8 @@ def read_checkpoint(path: Path, made_by: Mapping[str, str], ranks: Ranks = ALONE
         with ranks.agreeing(CheckpointError):
             if ranks.first:
                 file, about = _opened(path, stack)
-                found, keys = about["made_by"], sorted({*about["made_by"], *made_by})
-                pairs = ((key, found.get(key, "(none)"), made_by.get(key, "(none)")) for key in keys)
+                versions, keys = about["made_by"], sorted({*about["made_by"], *made_by})
+                pairs = ((key, versions.get(key, "(none)"), made_by.get(key, "(none)")) for key in keys)
                 if changed := [f"{key} {old} -> {new}" for key, old, new in pairs if old != new]:
                     raise CheckpointError(f"it would not give the same bits: {'; '.join(changed)}")
         about = ranks.shared(about)

@@ -39,7 +39,7 @@ class FieldOfCases(BackendArray):
         outer, part = key[: self._files.ndim], key[self._files.ndim :]
         files = np.asarray(self._files[outer], dtype=object)
         inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
-        found = np.full((*files.shape, *inner), np.nan)
+        values = np.full((*files.shape, *inner), np.nan)
         for place, file in np.ndenumerate(files):
             if not file.is_file():
                 continue
@@ -51,5 +51,5 @@ class FieldOfCases(BackendArray):
                     wrong = "snapshots at other times than in the first case"
                 if wrong:
                     raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-                found[place] = field[part]
-        return found
+                values[place] = field[part]
+        return values

@@ -255,7 +255,7 @@ class Gathered:
                 if case.attribute("complete") != 1 or case.attribute("rows") != len(times):
                     return False
                 names = case.noted if self._of_first is None else self._shared
-                found: dict[str, Any] = {n: case.attribute(n) for n in names if n not in OF_ONE_CASE}
+                attributes: dict[str, Any] = {n: case.attribute(n) for n in names if n not in OF_ONE_CASE}
                 held = self._columns_of(case)
                 own = {name: case.attribute(name) for name in known_numbers()}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
@@ -266,9 +266,11 @@ class Gathered:
             if value is not None:
                 self._numbers.setdefault(name, {})[record.index] = float(str(value))
         if self._of_first is None:
-            self._of_first, self._shared = frozenset(found), found
+            self._of_first, self._shared = frozenset(attributes), attributes
         else:
-            self._shared = {n: each for n, each in self._shared.items() if np.array_equal(found[n], each)}
+            self._shared = {
+                n: value for n, value in self._shared.items() if np.array_equal(attributes[n], value)
+            }
         return True
 
     def _columns_of(self, case: CaseData) -> frozenset[str]:
@@ -277,13 +279,13 @@ class Gathered:
         if names not in self._layouts:
             self._layouts[names] = dict(_columns(case))
         held = self._layouts[names]
-        for name, found in held.items():
-            self._columns.setdefault(name, found)
+        for name, gathered in held.items():
+            self._columns.setdefault(name, gathered)
         fitting = []
-        for name, found in held.items():
+        for name, gathered in held.items():
             known = self._columns[name]
             ends = ((case.values(end), edges) for end, (_, edges) in known.edges.items())
-            if found.bins == known.bins and all(np.array_equal(*each) for each in ends):
+            if gathered.bins == known.bins and all(np.array_equal(*each) for each in ends):
                 fitting.append(name)
         return frozenset(fitting)
 
@@ -303,37 +305,40 @@ class Gathered:
         }
         both = case | labels if "case" in layout.lengths else labels | case
         bins = {
-            end: Labelled((each.bins,), described, edges)
-            for each in self._columns.values()
-            for end, (described, edges) in each.edges.items()
+            end: Labelled((gathered.bins,), described, edges)
+            for gathered in self._columns.values()
+            for end, (described, edges) in gathered.edges.items()
         }
         return {self.along: Labelled((self.along,), along, self._times), **both, **bins}
 
     @property
     def numbers(self) -> dict[str, Labelled]:
         """Numbers of whole cases, NaN where a case has none."""
-        found = {}
+        numbers = {}
         for name, values in self._numbers.items():
             held = np.full(self.shape, np.nan)
             for record, place in zip(self._records, self.places, strict=True):
                 held[place] = values.get(record.index, np.nan)
             described = known_numbers()[name].in_units(self._unit).described
-            found[name] = Labelled(self.dimensions, described, held)
-        return found
+            numbers[name] = Labelled(self.dimensions, described, held)
+        return numbers
 
     @property
     def columns(self) -> dict[str, tuple[tuple[str, ...], Mapping[str, str], tuple[int, ...]]]:
         """Name -> dimensions, attributes and shape of each column, and of time where cases differ in it."""
-        found = {}
+        columns = {}
         of_cases = (
             {TIME.name: GatheredColumn(TIME.in_units(self._unit).described)} if self.along == ROW else {}
         )
-        for name, each in (of_cases | self._columns).items():
+        for name, gathered in (of_cases | self._columns).items():
             dimensions, shape = (*self.dimensions, self.along), (*self.shape, self._times.size)
-            if each.bins:
-                dimensions, shape = (*dimensions, each.bins), (*shape, each.edges[each.bins][1].size)
-            found[self._name(name)] = (dimensions, each.described, shape)
-        return found
+            if gathered.bins:
+                dimensions, shape = (
+                    (*dimensions, gathered.bins),
+                    (*shape, gathered.edges[gathered.bins][1].size),
+                )
+            columns[self._name(name)] = (dimensions, gathered.described, shape)
+        return columns
 
     def _name(self, column: str) -> str:
         return f"{column}{OVER_TIME}" if column in self._layout.labels else column
@@ -344,28 +349,28 @@ class Gathered:
             if record.index in self.failed:
                 continue
             try:
-                found = self._read(record)
+                columns = self._read(record)
             except Exception:  # as above
                 self.failed[record.index] = INCOMPLETE
             else:
-                yield place, found
+                yield place, columns
 
     def _read(self, record: CaseRecord) -> dict[str, FloatArray]:
         with _open(record) as case:
             names = sorted(self._held[record.index])
             if self.along == ROW:
-                found = {self._name(name): case.values(name) for name in (TIME.name, *names)}
-                if len(found[TIME.name]) > self._times.size:
+                columns = {self._name(name): case.values(name) for name in (TIME.name, *names)}
+                if len(columns[TIME.name]) > self._times.size:
                     raise ValueError(f"{record.source}: has been changed")
-                return found
+                return columns
             settled = bool(case.attribute("settled"))
             rows = rows_at(case.values(TIME.name), self._times, steady=settled)
-            found = {self._name(name): case.values(name)[rows] for name in names}
+            columns = {self._name(name): case.values(name)[rows] for name in names}
         if (rows < 0).any():  # behind the end of the case
-            found = {name: values.astype(np.float64) for name, values in found.items()}
-            for values in found.values():
+            columns = {name: values.astype(np.float64) for name, values in columns.items()}
+            for values in columns.values():
                 values[rows < 0] = np.nan
-        return found
+        return columns
 
     @property
     def notes(self) -> list[str]:
@@ -406,8 +411,8 @@ def rows_at(times: FloatArray, wanted: FloatArray, *, steady: bool = False) -> I
         return np.full(wanted.shape, -1)
     tolerance = SAME_TIME * min(times[-1], wanted[-1])
     after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
-    found = (np.abs(times[after] - wanted) <= tolerance) | (steady & (wanted > times[-1]))
-    return np.where(found, after, -1)
+    matched = (np.abs(times[after] - wanted) <= tolerance) | (steady & (wanted > times[-1]))
+    return np.where(matched, after, -1)
 
 
 class Labels(NamedTuple):
@@ -525,5 +530,5 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
 
 def _agree(cases: Sequence[CaseContents], *names: str) -> bool:
     """Whether the cases have the same coordinates of their snapshots."""
-    each = [[case.values(name).tolist() for name in names if name in case.variables] for case in cases]
-    return all(one == each[0] for one in each)
+    coordinates = [[case.values(name).tolist() for name in names if name in case.variables] for case in cases]
+    return all(of_case == coordinates[0] for of_case in coordinates)

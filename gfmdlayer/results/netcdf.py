@@ -211,5 +211,5 @@ def attribute(file: h5f.FileID, name: str) -> object:
     stored = h5a.open(file, name.encode())
     value = np.empty(stored.shape, dtype=stored.dtype)
     stored.read(value)
-    found = value[()]
-    return found.decode() if isinstance(found, bytes) else found
+    item = value[()]
+    return item.decode() if isinstance(item, bytes) else item

@@ -82,11 +82,11 @@ def replay(path: Path, until: float, recording: Recording) -> None:
             part = slice(start, min(start + _ROWS_READ, rows))
             recording.extend({name: dataset[part] for name, dataset in columns.items()})
         times = fields.pop("snapshot")[:].tolist()
-        for i, time in enumerate(each for each in times if each <= until):
+        for i, time in enumerate(t for t in times if t <= until):
             held = {name: field[i] for name, field in fields.items()}
             # NaN in the snapshots without fields below the surface
             known = {
-                name: each for name, each in held.items() if name in FIELDS or not np.isnan(each.flat[0])
+                name: field for name, field in held.items() if name in FIELDS or not np.isnan(field.flat[0])
             }
             recording.snapshot(time, known)
 
@@ -183,8 +183,8 @@ def open_results(directory: str | Path) -> xarray.Dataset:
         with collected:  # of the only case, beside which earlier ones may lie
             files = [case_path(directory, int(collected["case"]))] if is_of_all else files
     complete = [path for path in files if _is_whole(path, VERIFIED)]
-    if complete and (found := _gathered(directory, config)) is not None:
-        return _with_snapshots(found, directory)
+    if complete and (gathered := _gathered(directory, config)) is not None:
+        return _with_snapshots(gathered, directory)
     if len(complete) == 1:
         return _open(complete[0])
     several = f"{len(complete)} complete cases but no {SWEEP_FILE}; run the config again"

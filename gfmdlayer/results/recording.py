@@ -124,7 +124,7 @@ class Recording:
         for name, every in self._fields.items():
             every.append(held.get(name))
         self.times.append(time)
-        self._size += sum(each.nbytes for each in held.values() if isinstance(each, np.ndarray))
+        self._size += sum(field.nbytes for field in held.values() if isinstance(field, np.ndarray))
         if self._path is not None and self._size > self._held:
             with naming(self._path):
                 self._write()
@@ -182,15 +182,15 @@ class Recording:
             if not self._is_intact(self._file):
                 raise ResultsError(f"{self._path}: is damaged")
             raw = np.asarray(np.memmap(self._file, np.uint8, "r"))
-        found: dict[str, list[Any]] = {}
+        fields: dict[str, list[Any]] = {}
         for name, every in self._fields.items():
             dtype, shape = self._kinds[name]
             size = math.prod(shape) * dtype.itemsize
-            found[name] = [
-                raw[each : each + size].view(dtype).reshape(shape) if isinstance(each, int) else each
-                for each in every
+            fields[name] = [
+                raw[place : place + size].view(dtype).reshape(shape) if isinstance(place, int) else place
+                for place in every
             ]
-        return found
+        return fields
 
     # Its way through a checkpoint, and from the file of an earlier case.
 
@@ -207,7 +207,7 @@ class Recording:
         kinds = {name: (dtype.str, shape) for name, (dtype, shape) in self._kinds.items()}
         about = {"widths": self.widths, "fields": kinds, "size": self._good, "checksum": self._checksum}
         places = {
-            name: [-1 if each is None else each for each in every] for name, every in self._fields.items()
+            name: [-1 if place is None else place for place in every] for name, every in self._fields.items()
         }
         arrays: dict[str, NDArray[Any]] = {f"{_KEPT}rows.{i}": block for i, block in enumerate(self._trimmed)}
         arrays |= {f"{_KEPT}places.{name}": np.array(every, dtype=np.int64) for name, every in places.items()}
@@ -224,7 +224,7 @@ class Recording:
         for name, (kind, shape) in about["fields"].items():
             self._kinds[name] = np.dtype(kind), tuple(shape)
             self._fields[name] = [
-                None if each < 0 else each for each in arrays[f"{_KEPT}places.{name}"].tolist()
+                None if place < 0 else place for place in arrays[f"{_KEPT}places.{name}"].tolist()
             ]
         self._good, self._checksum = about["size"], about["checksum"]
         if self._good:

@@ -29,10 +29,10 @@ def head(numbers: Sequence[int]) -> str:
 
 def document(config: Path) -> dict[str, Any]:
     """Return the data of a stored configuration; works without the input files that it names."""
-    found = text.read(config.read_text(encoding="utf-8", errors="replace"), str(config))
-    if not isinstance(found.data, dict):
+    parsed = text.read(config.read_text(encoding="utf-8", errors="replace"), str(config))
+    if not isinstance(parsed.data, dict):
         raise ResultsError(f"{config}: cannot be read; must be as the run wrote it")
-    return found.data
+    return parsed.data
 
 
 def case_numbers(config: Path) -> Sequence[int]:
@@ -43,17 +43,17 @@ def case_numbers(config: Path) -> Sequence[int]:
     known = _CASES_OF_RUN.fullmatch(number)
     count = int(number) if known else sweeps.count(document(config).get("sweep") or {})
     if files.startswith(_FILES):
-        found = list(islice(_numbers(files.removeprefix(_FILES)), count + 1))
-        if len(found) == count:
-            return found
+        numbers = list(islice(_numbers(files.removeprefix(_FILES)), count + 1))
+        if len(numbers) == count:
+            return numbers
     return range(count)
 
 
 def must_agree(config: Path, numbers: Sequence[int], count: int) -> None:
     """Refuse a configuration of results that was changed: it names other cases than its sweep has."""
     if len(numbers) != count:
-        found = f"names {len(numbers)} cases, and its sweep has {count}"
-        raise ResultsError(f"{config}: {found}; must be as the run wrote it")
+        counts = f"names {len(numbers)} cases, and its sweep has {count}"
+        raise ResultsError(f"{config}: {counts}; must be as the run wrote it")
 
 
 def _ranges(numbers: Sequence[int]) -> Iterator[str]:

@@ -153,7 +153,7 @@ class Checkpoints:
             taken = str(error)
         due = self._ranks.first and time.monotonic() >= self._due
         of_ranks = self._ranks.all_of((stopped, due, taken))
-        stop, due, taken = (next(filter(None, each), each[0]) for each in zip(*of_ranks, strict=True))
+        stop, due, taken = (next(filter(None, values), values[0]) for values in zip(*of_ranks, strict=True))
         if taken:
             raise Taken(taken)
         if stop or due:
@@ -303,13 +303,22 @@ class CaseRun:
             together = ranks.count > 1
             claim = Claim(folder, case.index, config.time.end, label(case.values), case.cost.steps, together)
         kept = stem(config) if config.output.keep_state else ""
-        given = folder, case.index, self._digest, checkpoint_every, claim.advance, kept, case.earlier, ranks
+        arguments = (
+            folder,
+            case.index,
+            self._digest,
+            checkpoint_every,
+            claim.advance,
+            kept,
+            case.earlier,
+            ranks,
+        )
         with ExitStack() as held:
             with ranks.agreeing(Taken):
                 held.enter_context(claim)
             if ranks.shared(folder.case(case.index).exists()):
                 raise Taken("another run has computed it")
-            checkpoints = held.enter_context(closing(Checkpoints(*given)))
+            checkpoints = held.enter_context(closing(Checkpoints(*arguments)))
             if ranks.first:
                 for kind in ("failed", "ended"):
                     folder.case(case.index, kind).unlink(missing_ok=True)
@@ -333,7 +342,7 @@ class CaseRun:
 
     def _compute(self, checkpoints: Checkpoints, claim: Claim | Listener) -> str:
         config, ranks = self.case.config, self.ranks
-        model = model_of(config, self.threads, ranks, self.case.programme)
+        model = model_of(config, self.threads, ranks, self.case.drives)
         recording = checkpoints.recording((column.name for column in model.columns), model.grid)
         warnings = model.run(recording, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):
@@ -353,20 +362,22 @@ class CaseRun:
             _record(self.folder.case(case.index, "ended"), case.values, ended)
 
 
-def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
-    """Return the attributes of a case and notes; the configuration is stored as it was `given`."""
+def attributes(
+    model: Model, stored: Config | None = None, *, surfaces: bool = True
+) -> dict[str, str | float]:
+    """Return the attributes of a case and notes; `stored` is the configuration to be stored."""
     config = model.config
-    found: dict[str, str | float] = {"name": config.name, "config": (given or config).dump()}
+    attributes: dict[str, str | float] = {"name": config.name, "config": (stored or config).dump()}
     if (tau := config.solid.characteristic_time) is not None:
-        found["tau"] = tau
-    found["G0"] = config.solid.unit
-    found["control"] = config.trajectory.control
-    found |= model.attributes
+        attributes["tau"] = tau
+    attributes["G0"] = config.solid.unit
+    attributes["control"] = config.trajectory.control
+    attributes |= model.attributes
     if config.units is not None:
-        found["units"] = str(config.units)
+        attributes["units"] = str(config.units)
     if said := notes([config], surfaces=surfaces):
-        found["warnings"] = "\n".join(said)
-    return found
+        attributes["warnings"] = "\n".join(said)
+    return attributes
 
 
 def warm_up(todo: Sequence[SweepCase]) -> list[str]:
@@ -376,7 +387,7 @@ def warm_up(todo: Sequence[SweepCase]) -> list[str]:
         for config in {kind(case.config): case.config for case in todo}.values():
             with suppress(Exception):  # the case will meet it again, and be recorded as failed
                 model_of(config).warm_up()
-    said = [str(each.message) for each in caught if each.category is UserWarning]
+    said = [str(warning.message) for warning in caught if warning.category is UserWarning]
     return list(dict.fromkeys(said))
 
 

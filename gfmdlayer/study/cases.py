@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from gfmdlayer.body.materials import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, axes
-from gfmdlayer.programme import Programme
+from gfmdlayer.drives import Drives
 from gfmdlayer.study.cost import estimate
 from gfmdlayer.validation.sections import Part, replaced
 
@@ -55,18 +55,18 @@ class SweepCase:
     given: Config | None = None
 
     @cached_property
-    def programme(self) -> Programme:
+    def drives(self) -> Drives:
         """Its imposed quantities over time."""
-        return Programme(self.config)
+        return Drives(self.config)
 
     @cached_property
     def cost(self) -> Footprint:
         """The estimate of what it takes."""
-        return estimate(self.config, self.programme)
+        return estimate(self.config, self.drives)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave the programme behind on the way to another process."""
-        return {key: value for key, value in vars(self).items() if key != "programme"}
+        """Leave the drives behind on the way to another process."""
+        return {key: value for key, value in vars(self).items() if key != "drives"}
 
 
 class Cases:
@@ -176,14 +176,14 @@ def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[s
 
 def checked(read: Callable[[Inspection], Config]) -> Cases:
     """Return the cases of a configuration that `read` reads with a check of them; they are made once."""
-    found: list[Cases] = []
+    made: list[Cases] = []
 
     def inspect(config: Config) -> Iterable[tuple[str, str]]:
-        found.append(Cases(config))
-        return errors_of(found[-1])
+        made.append(Cases(config))
+        return errors_of(made[-1])
 
     config = read(inspect)
-    return found[-1] if found and found[-1].config is config else Cases(config)
+    return made[-1] if made and made[-1].config is config else Cases(config)
 
 
 def errors_of(cases: Cases, ranks: Ranks | None = None) -> Iterable[tuple[str, str]]:

@@ -128,8 +128,8 @@ class Claim:
 
     def _is_own(self) -> bool:
         """Whether the claim is that of this process, or nobody's."""
-        found = read_json(self._path)
-        return found is None or found.get("token") == self._token
+        claim = read_json(self._path)
+        return claim is None or claim.get("token") == self._token
 
     def _take(self) -> None:
         part = unfinished_path(self._path)
@@ -236,14 +236,14 @@ def _sign_of_life(path: Path, now: float) -> bool:
 
 def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]:
     """Return the claims of living processes, in the order of cases; `begun` are those with a claim."""
-    found = []
+    claims = []
     for index in sorted(folder.numbers()["running"] if begun is None else begun):
         path = folder.case(index, "running")
         with suppress(OSError):
             claim = read_claim(path)
             if claim is not None and claim.alive(time.time() - path.lstat().st_mtime):
-                found.append(claim)
-    return found
+                claims.append(claim)
+    return claims
 
 
 class Lock:

@@ -17,17 +17,17 @@ from statistics import median
 from gfmdlayer.case.footprint import pair_seconds
 from gfmdlayer.case.model import Footprint, model_of
 from gfmdlayer.config import Config
+from gfmdlayer.drives import Drives
 from gfmdlayer.files.cache import user_cache
-from gfmdlayer.programme import Programme
 
 AROUND = 3  # seconds of a pair with the solver's passes around it, over those of the bare pair; measured
 CASE_SECONDS = 0.03  # of a case beside its steps
 SAMPLE = 500  # finished cases that are read, at most
 
 
-def estimate(config: Config, programme: Programme | None = None) -> Footprint:
-    """Estimate the cost of a case, whose programme may have been made before."""
-    return model_of(config, programme=programme).footprint
+def estimate(config: Config, drives: Drives | None = None) -> Footprint:
+    """Estimate the cost of a case, whose drives may have been made before."""
+    return model_of(config, drives=drives).footprint
 
 
 def total(costs: Iterable[Footprint], part: float = 1.0) -> Footprint:

@@ -90,14 +90,14 @@ class Folder:
 
     def numbers(self) -> Numbers:
         """Return the numbers of the cases that have a file, by its kind, from one listing of the folder."""
-        found: defaultdict[str, set[int]] = defaultdict(set)
+        numbers: defaultdict[str, set[int]] = defaultdict(set)
         with suppress(FileNotFoundError), os.scandir(self.cases) as entries:
             for entry in entries:
                 number, _, kind = entry.name.partition(".")
                 as_written = len(number) == 4 or (len(number) > 4 and number[0] != "0")
                 if as_written and kind and number.isascii() and number.isdecimal():
-                    found[kind].add(int(number))
-        return found
+                    numbers[kind].add(int(number))
+        return numbers
 
     def set_aside(self, path: Path) -> None:
         """Rename a file that cannot be used, if it exists; it is left to the user."""
@@ -131,13 +131,13 @@ class Folder:
 
     def set_damaged_aside(self, numbers: Iterable[int]) -> list[str]:
         """Rename files of complete cases that are damaged; return a line on each."""
-        found = []
+        lines = []
         for number in numbers:
             if (path := self.case(number)).exists():
                 refuse_unreadable(path)
                 self.set_aside(path)
-                found.append(f"case {number:04d} is damaged: set aside as {path.name}{ASIDE}, computed again")
-        return found
+                lines.append(f"case {number:04d} is damaged: set aside as {path.name}{ASIDE}, computed again")
+        return lines
 
     def refuse_open_files(self, numbers: Iterable[int]) -> None:
         """Refuse to replace files of cases, or the sweep file, while they are open elsewhere."""
@@ -149,9 +149,9 @@ class Folder:
         """Refuse a folder that holds something else than results."""
         if self.path.exists() and not self.path.is_dir():
             raise FolderError(f"{self.path}: is a file, not a folder; choose another with --out")
-        found = {entry.name for entry in self.path.iterdir()} if self.path.is_dir() else set()
+        names = {entry.name for entry in self.path.iterdir()} if self.path.is_dir() else set()
         # A run killed in its first instant leaves folders and an unfinished configuration.
-        foreign = [name for name in found if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
+        foreign = [name for name in names if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
         if foreign and not self.is_results():
             raise FolderError(f"{self.path}: {FOREIGN}")
 

@@ -121,8 +121,8 @@ def with_shared_solver(config: Config) -> Config:
 def input_errors_together(config: Config, ranks_per_case: int) -> Iterable[tuple[str, str]]:
     """Check the cases for several ranks, and by these ranks their numbers and input files."""
     config = with_shared_solver(config)
-    found = [error for case in Cases(config).sample() for error in _errors(case.config, ranks_per_case)]
-    return list(dict.fromkeys(found)) or _Member.group.run(_input_errors, config)
+    errors = [error for case in Cases(config).sample() for error in _errors(case.config, ranks_per_case)]
+    return list(dict.fromkeys(errors)) or _Member.group.run(_input_errors, config)
 
 
 def refuse_other_ranks(folder: Folder, begun: Sequence[int], ranks_per_case: int) -> None:
@@ -144,19 +144,19 @@ def _input_errors(config: Config, ranks: Ranks) -> list[tuple[str, str]]:
 
 
 def _errors(config: Config, ranks: int) -> Iterator[tuple[str, str]]:
-    each = f"with {ranks} ranks a case"
+    condition = f"with {ranks} ranks a case"
     if not config.geometry.on_grid:
-        yield "grid.geometry", f"got {config.grid.geometry!r}; must be periodic {each}"
+        yield "grid.geometry", f"got {config.grid.geometry!r}; must be periodic {condition}"
         return
     if reason := refused(config.grid.points, ranks):
         yield "grid.points", f"got {reason}"
     chosen = config.contact_solver.method
     if config.friction:
-        yield "interface", f"has friction; must have none {each}"
+        yield "interface", f"has friction; must have none {condition}"
     elif not SOLVERS[chosen].distributed:
         able = " or ".join(name for name, solver in SOLVERS.items() if solver.distributed)
-        yield "solver.method", f"got {chosen!r}; must be {able} {each}"
+        yield "solver.method", f"got {chosen!r}; must be {able} {condition}"
     if config.output.keep_state:
-        yield "output.keep_state", f"got true; must be false {each}"
+        yield "output.keep_state", f"got true; must be false {condition}"
     if reason := config.punch.whole_only:
-        yield "punch", f"{reason}, which needs the whole surface; not possible {each}"
+        yield "punch", f"{reason}, which needs the whole surface; not possible {condition}"

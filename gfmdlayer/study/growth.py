@@ -98,8 +98,8 @@ def _prepare(folder: Folder, cases: Cases, restart: bool, lock: Lock) -> Growth:
             raise in_use(folder, "another run is writing here")
         folder.remove_results()
     is_new = not folder.is_results()
-    found = Growth(range(len(cases))) if is_new else compare(folder, cases)
-    changes = is_new or found.changed
+    growth = Growth(range(len(cases))) if is_new else compare(folder, cases)
+    changes = is_new or growth.changed
     alone = lock.is_alone(PATIENCE if changes else 0.0)
     if changes and not alone:
         raise in_use(folder, "another run is writing here, of another configuration")
@@ -107,8 +107,8 @@ def _prepare(folder: Folder, cases: Cases, restart: bool, lock: Lock) -> Growth:
         for path in folder.leftovers():
             path.unlink(missing_ok=True)
     if changes:
-        folder.store(cases.config, found.numbers)
-    return found
+        folder.store(cases.config, growth.numbers)
+    return growth
 
 
 def compare(folder: Folder, after: Cases) -> Growth:
@@ -136,21 +136,21 @@ def compare(folder: Folder, after: Cases) -> Growth:
         with suppress(ResultsError):
             known[str(attributes(folder.case(number)).get("digest"))] = number
     known |= had
-    taken = set().union(*files.values(), (known[each] for each in digests if each in known))
-    following, found = max(taken, default=-1) + 1, []
-    for each in digests:
-        found.append(known.pop(each, following))  # a case that the sweep has twice is computed twice
-        following += found[-1] == following
+    taken = set().union(*files.values(), (known[key] for key in digests if key in known))
+    following, assigned = max(taken, default=-1) + 1, []
+    for key in digests:
+        assigned.append(known.pop(key, following))  # a case that the sweep has twice is computed twice
+        following += assigned[-1] == following
     written = partial(json.dumps, sort_keys=True, default=str)
     same = {written(before.values(place)): place for place, n in enumerate(numbers) if n in files["h5"]}
     reasons = {}
-    for place, (number, each) in enumerate(zip(found, digests, strict=True)):
-        if each not in had and number not in files["h5"]:
+    for place, (number, key) in enumerate(zip(assigned, digests, strict=True)):
+        if key not in had and number not in files["h5"]:
             earlier = same.get(written(after.values(place)))
             if earlier is not None:
                 different = changed_keys(before[earlier].config, after[place].config)
                 reasons[number] = sys.intern("; ".join(different))
-    return Growth(found, True, reasons)
+    return Growth(assigned, True, reasons)
 
 
 def with_inputs(folder: Folder, changed: bool) -> Change:
@@ -192,7 +192,7 @@ def with_earlier(folder: Folder, files: Numbers, omitted: Collection[int] = ()) 
 
     def continued(case: SweepCase) -> SweepCase:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
-            planned = case.programme.landings
+            planned = case.drives.landings
             fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         return case
@@ -217,11 +217,11 @@ def lines(files: Numbers, growth: Growth, made: Iterable[SweepCase]) -> list[str
         *(f"{n} go{'es' * (n == 1)} on from t = {time:g}" for time, n in sorted(times.items())),
         f"{new} new" if new else "",
     )
-    found = [", ".join(filter(None, parts))]
-    found += [f"computed again: {numbered(numbers)}: {reason}" for reason, numbers in again.items()]
+    listed = [", ".join(filter(None, parts))]
+    listed += [f"computed again: {numbered(numbers)}: {reason}" for reason, numbers in again.items()]
     if left := sorted(files["h5"].difference(growth.numbers)):
-        found.append(f"not in the sweep, left in place: {numbered(left)}")
-    return found
+        listed.append(f"not in the sweep, left in place: {numbered(left)}")
+    return listed
 
 
 def changed_keys(before: Config, after: Config) -> list[str]:

@@ -28,8 +28,8 @@ Cores = frozenset[int]
 
 def threads(environment: Mapping[str, str]) -> int:
     """Return the largest number of threads that a numerical library uses in a process."""
-    given = [environment.get(variable, "").partition(",")[0] for variable in THREAD_VARIABLES]
-    return max((int(value) for value in given if value.isdecimal()), default=1)
+    numbers = [environment.get(variable, "").partition(",")[0] for variable in THREAD_VARIABLES]
+    return max((int(value) for value in numbers if value.isdecimal()), default=1)
 
 
 def cores() -> Cores:
@@ -51,9 +51,9 @@ def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
         return []
     worst = max(crowded, key=lambda host: processes[host] * threads / len(usable[host]))
     others = f" (and {len(crowded) - 1} more hosts)" if crowded[1:] else ""
-    each = "one thread" if threads == 1 else f"{threads} threads"
+    own = "one thread" if threads == 1 else f"{threads} threads"
     return [
-        f"{processes[worst]} processes with {each} each on {len(usable[worst])} cores of {worst}{others}: "
+        f"{processes[worst]} processes with {own} each on {len(usable[worst])} cores of {worst}{others}: "
         "they wait for each other; start fewer, set OMP_NUM_THREADS=1, or give them more cores"
     ]
 
@@ -69,11 +69,11 @@ def launched_size(environment: Mapping[str, str]) -> int | None:
 
 def several_mpi_libraries() -> list[str]:
     """Warn of two MPI libraries in one Python environment: mpirun and the ranks may use different ones."""
-    found = [f"{name} {found}" for name in MPI_PACKAGES if (found := version_of(name)) != UNKNOWN]
-    if len(found) < 2:
+    installed = [f"{name} {version}" for name in MPI_PACKAGES if (version := version_of(name)) != UNKNOWN]
+    if len(installed) < 2:
         return []
     return [
-        f"two MPI libraries in one environment ({', '.join(found)}): mpirun may belong to one and the "
+        f"two MPI libraries in one environment ({', '.join(installed)}): mpirun may belong to one and the "
         "ranks may load the other; uninstall one of them"
     ]
 
@@ -87,10 +87,10 @@ def disk_warnings(directory: Path, needed: float) -> list[str]:
     return [f"{directory}: about {in_bytes(needed)} will be written, but only {in_bytes(free)} are free"]
 
 
-def memory_warnings(each: float, number: int = 1) -> list[str]:
-    """Warn of processes that need more bytes than they may have, an estimate `each`."""
+def memory_warnings(per_process: float, number: int = 1) -> list[str]:
+    """Warn of processes that need more bytes than they may have; `per_process` is an estimate."""
     for limit, whose, together in memory_limits():
-        if (needed := each * (number if together else 1)) > limit:
+        if (needed := per_process * (number if together else 1)) > limit:
             processes = f" by {number} processes" * (together and number > 1)
             return [
                 f"about {in_bytes(needed)} of memory are needed{processes}, but {whose} {in_bytes(limit)}: "
@@ -99,25 +99,25 @@ def memory_warnings(each: float, number: int = 1) -> list[str]:
     return []
 
 
-def memory_refusal(each: float, number: int = 1) -> list[str]:
+def memory_refusal(per_process: float, number: int = 1) -> list[str]:
     """Return why processes cannot have the memory that they need, also if the estimate is too high."""
-    return memory_warnings(each, number) if memory_warnings(each / ESTIMATED, number) else []
+    return memory_warnings(per_process, number) if memory_warnings(per_process / ESTIMATED, number) else []
 
 
 def memory_limits() -> list[tuple[float, str, bool]]:
     """Return the limits of memory: bytes, words on them, and whether all processes together are meant."""
     present = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    found = [(float(present), "this machine has", True)]
+    limits = [(float(present), "this machine has", True)]
     slurm = (("SLURM_MEM_PER_NODE", "1"), ("SLURM_MEM_PER_CPU", os.environ.get("SLURM_CPUS_ON_NODE", "")))
     for variable, times in slurm:
         megabytes = os.environ.get(variable, "")
         if megabytes.isdecimal() and times.isdecimal() and int(megabytes) > 0:
-            found.append((float(megabytes) * int(times) * 2**20, f"Slurm ({variable}) allows", True))
+            limits.append((float(megabytes) * int(times) * 2**20, f"Slurm ({variable}) allows", True))
     for kind, option in ((resource.RLIMIT_AS, "v"), (resource.RLIMIT_DATA, "d")):
         limit, _ = resource.getrlimit(kind)
         if limit != resource.RLIM_INFINITY:
-            found.append((float(limit), f"ulimit -{option} allows a process", False))
-    return found
+            limits.append((float(limit), f"ulimit -{option} allows a process", False))
+    return limits
 
 
 def in_bytes(number: float) -> str:

@@ -91,20 +91,20 @@ def run_study(
     cases = config if isinstance(config, Cases) else Cases(config)
     with interrupts.at_once():
         cases.sample()
-    with growth.opened(folder, cases, options.restart) as found:
-        return Study(folder, cases, found, pool, options).run(display)
+    with growth.opened(folder, cases, options.restart) as grown:
+        return Study(folder, cases, grown, pool, options).run(display)
 
 
 class Study:
     """A run of the cases that are missing in an opened folder."""
 
     def __init__(
-        self, folder: Folder, cases: Cases, found: growth.Growth, pool: WorkerPool, options: RunOptions
+        self, folder: Folder, cases: Cases, grown: growth.Growth, pool: WorkerPool, options: RunOptions
     ) -> None:
-        self._folder, self._cases, self._growth, self._pool = folder, cases, found, pool
-        self._options, self._numbers, self._shard = options, found.numbers, options.shard or WHOLE
+        self._folder, self._cases, self._growth, self._pool = folder, cases, grown, pool
+        self._options, self._numbers, self._shard = options, grown.numbers, options.shard or WHOLE
         self._files = folder.numbers()
-        self._changes = [found.numbered, growth.with_inputs(folder, found.changed)]
+        self._changes = [grown.numbered, growth.with_inputs(folder, grown.changed)]
         if options.ranks_per_case == 1:
             self._changes.append(growth.with_earlier(folder, self._files, self._of_no_use()))
         self._sample = [self._changed(case) for case in cases.sample()]
@@ -256,13 +256,13 @@ class Study:
         if not taken or interrupts.stop_requested():
             return []
         busy = {claim.index for claim in running(self._folder, taken)}
-        found: list[SweepCase | Outcome] = []
+        back: list[SweepCase | Outcome] = []
         for number in taken:
             known = self._elsewhere(number)
             if known is not None or number not in busy:
                 del self._ended[number]
-                found.append(known or self._changed(self._cases[self._place(number)]))
-        return found
+                back.append(known or self._changed(self._cases[self._place(number)]))
+        return back
 
     # The work, and words on it.
 
@@ -279,14 +279,14 @@ class Study:
 
     def _too_large(self, cases: Iterable[SweepCase]) -> list[str]:
         """Return why cases cannot have the memory that they need beside each other."""
-        each = max((case.cost.memory for case in cases), default=0.0) / self._options.ranks_per_case
+        memory = max((case.cost.memory for case in cases), default=0.0) / self._options.ranks_per_case
         number = min(self._pool.size, len(self._numbers)) if self._pool.kind == "processes" else 1
-        return preflight.memory_refusal(each, number)
+        return preflight.memory_refusal(memory, number)
 
     def _prepare(self, todo: Sequence[SweepCase], reporter: Reporter) -> None:
         """Compile; a request to stop ends it at once, and then the cases before their first step."""
         configs = (case.config for case in todo)
-        chosen = dict.fromkeys(each.contact_solver.method for each in configs if each.geometry.on_grid)
+        chosen = dict.fromkeys(config.contact_solver.method for config in configs if config.geometry.on_grid)
         solvers = f": contact solver {', '.join(chosen)}" if chosen else ""
         work = f"compiling kernels, once per machine (about 20 s){solvers}"
         said: list[str] = []
@@ -301,8 +301,8 @@ class Study:
         before = f", {complete} complete already" if complete else ""
         before += f", {missing} to be run" if self._counts["waiting"] else ""
         before += f", starting as {self._shard}" if self._shard != WHOLE else ""
-        each = "one thread" if threads == 1 else f"{threads} threads"
-        yield f"{cases}{before}; {self._pool.size} {self._pool.kind}, {each} each"
+        own = "one thread" if threads == 1 else f"{threads} threads"
+        yield f"{cases}{before}; {self._pool.size} {self._pool.kind}, {own} each"
         if self._growth.changed:
             yield from growth.lines(self._files, self._growth, self._sample)
 
@@ -314,16 +314,16 @@ class Study:
 
     def _concluded(self) -> Summary:
         """Write the sweep file, if no case is missing any more."""
-        counts = self._counts + Counter(each.state for each in self._ended.values())
+        counts = self._counts + Counter(outcome.state for outcome in self._ended.values())
         counts["stopped"] = len(self._numbers) - counts.total()
         said: list[str] | None = None
         if not (counts["stopped"] or counts["waiting"] or counts["elsewhere"]):
             said, lost = self._collect()
-            for each in lost:
+            for outcome in lost:
                 counts["complete"] -= 1
                 counts["failed"] += 1
-                self._ended[each.index] = each
-        failures = [each for _, each in sorted(self._ended.items()) if each.state == "failed"]
+                self._ended[outcome.index] = outcome
+        failures = [outcome for _, outcome in sorted(self._ended.items()) if outcome.state == "failed"]
         return Summary(counts, failures, said is not None, tuple(said or ()))
 
     def _collect(self) -> tuple[list[str], list[Outcome]]:
@@ -335,13 +335,13 @@ class Study:
             path = collect(
                 self._folder.path, records, Swept.of(config.sweep, config.unit, config.output.times)
             )
-            found = attributes(path)
+            collected = attributes(path)
         except PermissionError as error:  # lost during the run
             raise ResultsError(f"{self._folder.sweep}: cannot be written: {error.strerror}") from error
-        named = (line.partition(": ") for line in str(found["failed"]).splitlines())
+        named = (line.partition(": ") for line in str(collected["failed"]).splitlines())
         unusable = {int(number): reason for number, _, reason in named if number.isdecimal()}
         lost = [Outcome(i, "failed", reason) for i, reason in unusable.items() if i not in reasons]
-        return str(found["notes"]).splitlines(), lost
+        return str(collected["notes"]).splitlines(), lost
 
 
 class _Records(Sequence[CaseRecord]):

@@ -10,6 +10,7 @@ folder's stop file.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import suppress
@@ -170,8 +171,8 @@ class Schedule:
 
     def _pick(self) -> Numbered | None:
         with self._filling:
-            found = list(self._pending.values())
-            for item, future in found if self._pool.alone else reversed(found):
+            pending = list(self._pending.values())
+            for item, future in pending if self._pool.alone else reversed(pending):
                 if future.cancel():
                     return item
         return None
@@ -220,6 +221,9 @@ class Schedule:
     def _has_died(self, index: int) -> bool:
         """Whether the process of a case has ended without giving its claim back."""
         claim = read_claim(self._folder.case(index, "running"))
+        end = time.monotonic() + POLL  # it may still be ending
+        while claim is not None and claim.alive(0.0) and time.monotonic() < end:
+            time.sleep(POLL / 10)
         return claim is not None and not claim.alive(0.0)
 
     def _end(self, outcome: Outcome) -> None:

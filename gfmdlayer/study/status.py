@@ -43,24 +43,24 @@ class Overview:
 
 def overview(folder: Folder) -> Overview:
     """Count the cases of a results folder by state; opens no result file."""
-    numbers, found = folder.case_numbers(), folder.numbers()
+    numbers, by_kind = folder.case_numbers(), folder.numbers()
     total, own = len(numbers), numbers if isinstance(numbers, range) else set(numbers)
-    at_work = running(folder, found["running"])
+    at_work = running(folder, by_kind["running"])
     busy = {case.index for case in at_work}
-    complete = {number for number in found["h5"] - busy if number in own}
-    failed = {number for number in found["failed"] - busy - complete if number in own}
-    records = [_records(folder, failed, "failed"), _records(folder, found["ended"] & complete, "ended")]
+    complete = {number for number in by_kind["h5"] - busy if number in own}
+    failed = {number for number in by_kind["failed"] - busy - complete if number in own}
+    records = [_records(folder, failed, "failed"), _records(folder, by_kind["ended"] & complete, "ended")]
     waiting = max(0, total - len(complete | failed | busy))
     return Overview(total, len(complete), len(failed), waiting, at_work, *records)
 
 
 def _records(folder: Folder, numbers: set[int], kind: str) -> list[Record]:
-    found = []
+    records = []
     for index in sorted(numbers)[:RECORDS_READ]:
         record = read_json(folder.case(index, kind)) or {}
         values = record.get("values")
-        found.append(Record(index, str(record.get("reason")), values if isinstance(values, dict) else {}))
-    return found
+        records.append(Record(index, str(record.get("reason")), values if isinstance(values, dict) else {}))
+    return records
 
 
 def group_by_reason(records: list[Record]) -> list[list[Record]]:

@@ -25,6 +25,7 @@ from typing import Any, NoReturn
 from gfmdlayer.study import interrupts, preflight
 
 MOST = 1 << 14  # processes, and threads of one
+IN_VAIN = 3  # renewals without a case that ends: a script may lack its guard
 RENEWALS = 100  # of a pool of processes whose workers were killed, at most
 SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of the time where cases are tiny
 
@@ -66,8 +67,8 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
         environment["OMP_NUM_THREADS"] = str(asked)
     for variable in preflight.THREAD_VARIABLES:
         environment.setdefault(variable, "1")
-    found = environment["OMP_NUM_THREADS"].partition(",")[0]
-    return max(int(found), 1) if found.isdecimal() else 1
+    count = environment["OMP_NUM_THREADS"].partition(",")[0]
+    return max(int(count), 1) if count.isdecimal() else 1
 
 
 def assemble(
@@ -103,10 +104,10 @@ def _warnings(members: list[tuple[str, preflight.Cores]]) -> tuple[str, ...]:
 
 
 class _Processes(Executor):
-    """Worker processes; a new pool replaces one that broke because a worker died, unless none ever began."""
+    """Worker processes; a new pool replaces one that broke because a worker died, unless none ends a case."""
 
     def __init__(self, number: int) -> None:
-        self._number, self._renewals, self._begun = number, RENEWALS, False
+        self._number, self._renewals, self._vain = number, RENEWALS, 0
         self._others, self._held = frozenset(active_children()), set[Future[Any]]()
         self._pool = self._new_pool()
         self._failure: BaseException | None = None
@@ -115,8 +116,9 @@ class _Processes(Executor):
         try:
             future = self._pool.submit(fn, *args, **kwargs)
         except BrokenProcessPool:
-            if not (self._begun and self._renewals):
+            if self._renewals == 0 or self._vain == IN_VAIN:
                 raise
+            self._vain += 1
             self._renewals -= 1
             self._pool = self._new_pool()
             future = self._pool.submit(fn, *args, **kwargs)
@@ -126,7 +128,8 @@ class _Processes(Executor):
 
     def _note(self, future: Future[Any]) -> None:
         self._held.discard(future)
-        self._begun = self._begun or not (future.cancelled() or future.exception())
+        if not (future.cancelled() or future.exception()):
+            self._vain = 0
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the workers at once: no case is at work, and some may still be starting."""

@@ -60,9 +60,9 @@ class Flow:
 def numbers_of(flow: Flow) -> dict[str, float]:
     """Return the components of K, the hydraulic gaps and the imbalance by the names of their columns."""
     K = flow.tensor
-    found = {f"flow_{a}{b}": float(K["xy".index(a), "xy".index(b)]) for a, b in ("xx", "xy", "yy")}
-    found |= {f"hydraulic_gap_{a}": float(np.cbrt(K[i, i])) for i, a in enumerate("xy")}
-    return found | {"flow_imbalance": float(flow.imbalance.max())}
+    numbers = {f"flow_{a}{b}": float(K["xy".index(a), "xy".index(b)]) for a, b in ("xx", "xy", "yy")}
+    numbers |= {f"hydraulic_gap_{a}": float(np.cbrt(K[i, i])) for i, a in enumerate("xy")}
+    return numbers | {"flow_imbalance": float(flow.imbalance.max())}
 
 
 def flow_through(gap: FloatArray, period: Sequence[float], mean: Mean = "harmonic") -> Flow:
@@ -72,19 +72,19 @@ def flow_through(gap: FloatArray, period: Sequence[float], mean: Mean = "harmoni
         across = 0.0 if gap.min() <= 0 else 1.0 / float(np.mean(gap**-3.0))
         tensor = np.diag([across, float(np.mean(gap**3))])
         return Flow(tensor, np.zeros(2), np.empty((2, 0, 0)), np.empty((2, 2, 0, 0)))
-    found = clusters(gap > 0)
-    if not found.winds.any():
+    labelled = clusters(gap > 0)
+    if not labelled.winds.any():
         nowhere = np.full((2, *gap.shape), np.nan)
         return Flow(np.zeros((2, 2)), np.zeros(2), nowhere, np.zeros((2, *nowhere.shape)))
-    return _of_clusters(gap, (period[0], period[1]), mean, found)
+    return _of_clusters(gap, (period[0], period[1]), mean, labelled)
 
 
-def _of_clusters(gap: FloatArray, period: tuple[float, float], mean: Mean, found: Clusters) -> Flow:
+def _of_clusters(gap: FloatArray, period: tuple[float, float], mean: Mean, labelled: Clusters) -> Flow:
     spacing = period[0] / gap.shape[0], period[1] / gap.shape[1]
-    active, scale = np.logical_or(*found.winds), float(gap.max())
+    active, scale = np.logical_or(*labelled.winds), float(gap.max())
     k = _conductances(np.where(active, gap / scale, 0.0), spacing, mean)
     # Under a drop along an axis only the clusters that wind along it carry a flow.
-    inside = [found.winds[axis] for axis in (0, 1)]
+    inside = [labelled.winds[axis] for axis in (0, 1)]
     sources = [
         np.where(inside[axis], np.roll(k[axis], 1, axis) - k[axis], 0.0)[active] * spacing[axis]
         for axis in (0, 1)
@@ -92,7 +92,7 @@ def _of_clusters(gap: FloatArray, period: tuple[float, float], mean: Mean, found
     pressures = np.full((2, *gap.shape), np.nan)
     flows, tensor, imbalance = np.zeros((2, 2, *gap.shape)), np.zeros((2, 2)), np.zeros(2)
     drops: list[list[FloatArray]] = []
-    for axis, solved in enumerate(_solved(k, active, gap, found.label, sources)):
+    for axis, solved in enumerate(_solved(k, active, gap, labelled.label, sources)):
         p = np.zeros(gap.shape)
         p[active] = solved
         own = [inside[axis] * (p - np.roll(p, -1, c) + spacing[c] * (c == axis)) for c in (0, 1)]
@@ -115,15 +115,15 @@ def _of_clusters(gap: FloatArray, period: tuple[float, float], mean: Mean, found
 
 def _conductances(gap: FloatArray, spacing: tuple[float, float], mean: Mean) -> list[FloatArray]:
     """Conductances of the faces after each point, along x and along y; 0 beside contact."""
-    found = []
+    conductances = []
     for axis in (0, 1):
         a, b = gap, np.roll(gap, -1, axis)
         both = (a > 0) & (b > 0)
         k = np.zeros(gap.shape)
         a, b = a[both], b[both]
         k[both] = 2 * a**2 * b**2 / (a + b) if mean == "linear" else 2 / (a**-3.0 + b**-3.0)
-        found.append(k * spacing[1 - axis] / spacing[axis])
-    return found
+        conductances.append(k * spacing[1 - axis] / spacing[axis])
+    return conductances
 
 
 def _solved(
@@ -168,12 +168,12 @@ def _by_multigrid(matrix: Any, sources: Sequence[FloatArray]) -> Iterator[FloatA
     smoothed = pyamg.smoothed_aggregation_solver(matrix, **options).aspreconditioner()
     for source in sources:
         allowed = _RESIDUAL * float(np.abs(source).max())
-        found, failed = cg(matrix, source, rtol=0, atol=allowed, M=smoothed, maxiter=_MOST_ITERATIONS)
+        solution, failed = cg(matrix, source, rtol=0, atol=allowed, M=smoothed, maxiter=_MOST_ITERATIONS)
         if failed:
             raise ArithmeticError(
                 f"the flow was not found in {_MOST_ITERATIONS} iterations; take fewer points"
             )
-        yield np.asarray(found)
+        yield np.asarray(solution)
 
 
 def bruggeman(gap: FloatArray, threshold: float = THRESHOLD) -> float:

@@ -65,13 +65,13 @@ def _throat(gap: FloatArray, order: Indices, last: int, spacing: tuple[float, fl
     if last < 0:
         return CLOSED
     x, y = divmod(int(order[last]), gap.shape[1])
-    found = math.inf
+    width = math.inf
     for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
         along = np.arange(math.lcm(*gap.shape) if dx and dy else gap.shape[0 if dx else 1])
         closed = np.flatnonzero(gap[(x + dx * along) % gap.shape[0], (y + dy * along) % gap.shape[1]] <= 0)
         run = int(closed[0] + along.size - closed[-1] - 1) if closed.size else along.size
-        found = min(found, run * math.hypot(dx * spacing[0], dy * spacing[1]))
-    return Throat(float(gap[x, y]), (x, y), found, found / max(spacing))
+        width = min(width, run * math.hypot(dx * spacing[0], dy * spacing[1]))
+    return Throat(float(gap[x, y]), (x, y), width, width / max(spacing))
 
 
 @kernel
@@ -122,8 +122,8 @@ def _join(
     if not first_only:
         for k in range(order.size):
             at = order[k]
-            found = _root(root, cell, at)[0]
-            winds[0, at], winds[1, at] = winds[0, found], winds[1, found]
+            at_root = _root(root, cell, at)[0]
+            winds[0, at], winds[1, at] = winds[0, at_root], winds[1, at_root]
         for k in range(order.size):
             root[order[k]] = _root(root, cell, order[k])[0]
     return root, winds, (first_x, first_y)

@@ -94,7 +94,9 @@ _PEERS: dict[object, str] = {
     crosschecks.contact_mechanics: "ContactMechanics",
     hardness.saturated: "tamaas",
 }
-CHECKS = tuple(Check(group, find, _PEERS.get(find, "")) for group, found in _GROUPS.items() for find in found)
+CHECKS = tuple(
+    Check(group, find, _PEERS.get(find, "")) for group, members in _GROUPS.items() for find in members
+)
 
 
 def verify(

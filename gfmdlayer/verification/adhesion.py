@@ -36,18 +36,18 @@ def cycle(start: float, depth: float, final: float, speed: float) -> dict[str, o
     return {"trajectory": there_and_back(start, depth, final, speed), **adaptive(1e-3)}
 
 
-def retraction(found: Recording) -> tuple[FloatArray, FloatArray]:
+def retraction(computed: Recording) -> tuple[FloatArray, FloatArray]:
     """Depth, rising, and mean stress of the retraction while there is contact."""
-    depth, stress = found["depth"], found["mean_stress"]
-    held = np.flatnonzero((np.arange(depth.size) >= depth.argmax()) & (found["contact_area"] > 0))
+    depth, stress = computed["depth"], computed["mean_stress"]
+    held = np.flatnonzero((np.arange(depth.size) >= depth.argmax()) & (computed["contact_area"] > 0))
     return depth[held][::-1], stress[held][::-1]
 
 
 def _adhesive_rows(
-    found: Recording, depth: FloatArray, pressure: FloatArray, name: str, source: str, *places: float
+    computed: Recording, depth: FloatArray, pressure: FloatArray, name: str, source: str, *places: float
 ) -> Iterator[Row]:
     """Yield pull-off and pressures at depths of the retraction, with a hundredth of the pull-off as bound."""
-    ours, stress = retraction(found)
+    ours, stress = retraction(computed)
     stable = slice(int(depth.argmin()), None)  # beyond the least depth of the branch
     least = float(pressure[stable].min())
     yield Row(f"pull-off pressure, {name}", least, float(stress.min()), 0.01 * -least, source)
@@ -72,11 +72,13 @@ def line_jkr(_quick: bool) -> Iterator[Row]:
     pressure = parabola_pressure(a) - pull
     depth = parabola_depth(a) + 2 / (np.pi * E_STAR) * np.log(np.sin(np.pi * a)) * pull
     values = {"grid.points": 2048, "interface": exponential(work, 1e-3)}
-    found = run(HALFSPACE, values, cycle(-0.004, 0.004, -0.016, 0.01))
-    yield from _adhesive_rows(found, depth, pressure, "line", _JKR, 0.003, 0.0, -0.003, -0.006)
+    computed = run(HALFSPACE, values, cycle(-0.004, 0.004, -0.016, 0.01))
+    yield from _adhesive_rows(computed, depth, pressure, "line", _JKR, 0.003, 0.0, -0.003, -0.006)
     critical = (2 * work * RADIUS**2 / (math.pi * E_STAR)) ** (1 / 3)
     alone = -0.75 * math.sqrt(2 * math.pi * critical * E_STAR * work)
-    yield Row("pull-off of an isolated line", alone, float(found["mean_stress"].min()), 0.01 * -alone, _JKR)
+    yield Row(
+        "pull-off of an isolated line", alone, float(computed["mean_stress"].min()), 0.01 * -alone, _JKR
+    )
     least, known = float(pressure.min()), "dense Newton's method and FIRE, an independent program"
     for reach, theory in ((4e-3, 0.888), (2e-3, 0.970)):
         wide = {"grid.points": 1024, "interface": exponential(work, reach), "output.times": 0.01}
@@ -97,8 +99,8 @@ def wave(_quick: bool) -> Iterator[Row]:
     depth = amplitude * (s - s * np.log(s)) + 2 / (math.pi * E_STAR) * np.log(np.sin(psi)) * pull
     punch = {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0}
     values = {"grid.points": 1024, "interface": exponential(work, 2e-3), "punch": punch}
-    found = run(HALFSPACE, values, cycle(0, 0.012, -0.015, 0.01))
-    yield from _adhesive_rows(found, depth, pressure, "wave", _WAVE, 0.009, 0.003, -0.003)
+    computed = run(HALFSPACE, values, cycle(0, 0.012, -0.015, 0.01))
+    yield from _adhesive_rows(computed, depth, pressure, "wave", _WAVE, 0.009, 0.003, -0.003)
 
 
 def full_contact(_quick: bool) -> Iterator[Row]:
@@ -118,8 +120,8 @@ def full_contact(_quick: bool) -> Iterator[Row]:
         "punch": {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0},
         "trajectory": motion,
     }
-    found = run(HALFSPACE, values, {"time.step": 0.01, "time.integrator": "exponential"})
-    load = float(found["mean_stress"][found["contact_area"] == 1].min())
+    computed = run(HALFSPACE, values, {"time.step": 0.01, "time.integrator": "exponential"})
+    load = float(computed["mean_stress"][computed["contact_area"] == 1].min())
     yield Row("load at which full contact opens", opens, load, 0.011 * opens, "pi E* A/L - w/range")
 
 
@@ -154,8 +156,8 @@ def sphere(quick: bool) -> Iterator[Row]:
             "punch": {"shape": "parabola", "radius": radius},
         }
         motion = whole | {"output.times": 0.05} if parameter < 1 else peak
-        found = run(HALFSPACE, values, motion)
-        ratio = -float(found["force"].min()) / (math.pi * work * radius)
+        computed = run(HALFSPACE, values, motion)
+        ratio = -float(computed["force"].min()) / (math.pi * work * radius)
         yield Row(f"pull-off/(pi w R), lambda = {parameter:g}", theory, ratio, 0.01 * theory, _MAUGIS)
 
 
@@ -209,8 +211,8 @@ def _pulled(speed: float, dwell: float = 200.0, tolerance: float = 1e-3, **body:
     return run(ALONE, values, adaptive(tolerance), body)
 
 
-def _least(found: Recording) -> float:
-    return -float(found["mean_stress"].min())
+def _least(computed: Recording) -> float:
+    return -float(computed["mean_stress"].min())
 
 
 def rate_dependence(_quick: bool) -> Iterator[Row]:
@@ -259,7 +261,7 @@ def flat_punch(_quick: bool) -> Iterator[Row]:
     relaxed body for slow and of the glassy body for fast retraction. The cohesive zone l takes a part of
     the order of l/a of the tension: 2 % in the relaxed, 6 % in the glassy body. Any speed lies between.
     """
-    half, found = 0.1, []
+    half, pull_offs = 0.1, []
     values = {
         "grid.points": 4096,
         "interface": exponential(_WORK, 2e-4),
@@ -268,12 +270,12 @@ def flat_punch(_quick: bool) -> Iterator[Row]:
     }
     for speed in (1e-7, 1e-3, 10.0):
         motion = {"trajectory": there_and_back(-1e-3, 0.0, -0.05, 1.0, speed, dwell=100.0)}
-        found.append(_least(run(ALONE, values, motion, adaptive(1e-3))))
+        pull_offs.append(_least(run(ALONE, values, motion, adaptive(1e-3))))
     slow = math.sqrt(2 * E_STAR * _WORK * math.tan(math.pi * half))
-    yield Row("slow pull-off of a flat punch", slow, found[0], 0.04 * slow, _KENDALL)
-    yield Row("fast pull-off of a flat punch", 2 * slow, found[2], 0.08 * 2 * slow, _KENDALL)
-    inside = min(max(found[1], found[0]), found[2])
-    yield Row("pull-off between, against the limits", inside, found[1], 0.0, _KENDALL)
+    yield Row("slow pull-off of a flat punch", slow, pull_offs[0], 0.04 * slow, _KENDALL)
+    yield Row("fast pull-off of a flat punch", 2 * slow, pull_offs[2], 0.08 * 2 * slow, _KENDALL)
+    inside = min(max(pull_offs[1], pull_offs[0]), pull_offs[2])
+    yield Row("pull-off between, against the limits", inside, pull_offs[1], 0.0, _KENDALL)
 
 
 def thin_films(quick: bool) -> Iterator[Row]:
@@ -292,8 +294,8 @@ def thin_films(quick: bool) -> Iterator[Row]:
             "interface": exponential(_WORK, 3e-4),
             "punch": {"shape": "flat", "width": 2 * half, "edge_radius": 1e-4},
         }
-        found = run(RIGID, values, cycle(-5e-4, 1e-4, -5e-3, 1e-2))
-        largest = _least(found) / (2 * half)
+        computed = run(RIGID, values, cycle(-5e-4, 1e-4, -5e-3, 1e-2))
+        largest = _least(computed) / (2 * half)
         bound = thickness / half
         yield Row(f"tension at pull-off, d = {thickness:g}", tension, largest, bound * tension, _KENDALL)
 
@@ -320,9 +322,9 @@ def _voltage(square: float) -> dict[str, object]:
     return {"interface": law}
 
 
-def _first(found: Recording, quantity: str) -> float:
+def _first(computed: Recording, quantity: str) -> float:
     """Time or depth of the first instability of a run."""
-    return float(np.asarray(found.noted[f"instability_{quantity}"])[0])
+    return float(np.asarray(computed.noted[f"instability_{quantity}"])[0])
 
 
 def pull_in(_quick: bool) -> Iterator[Row]:
@@ -335,8 +337,8 @@ def pull_in(_quick: bool) -> Iterator[Row]:
     stiffness = float(LayeredHalfspace(_THICKNESS, _POISSON, math.inf).stiffness(0.0, 1.0))
     square = 8 * stiffness * (_GAP + _INSULATION) ** 3 / 27
     values = {"trajectory": there_and_back(-2 * _GAP, 0.0, -2 * _GAP, _GAP)}
-    found = run(RIGID, ELASTIC, _FILM_BODY, _voltage(square), values, adaptive(1e-4, end=2.0))
-    yield Row("g0 at pull-in", _GAP, -_first(found, "depth"), 1e-3 * _GAP, _PULL_IN)
+    computed = run(RIGID, ELASTIC, _FILM_BODY, _voltage(square), values, adaptive(1e-4, end=2.0))
+    yield Row("g0 at pull-in", _GAP, -_first(computed, "depth"), 1e-3 * _GAP, _PULL_IN)
 
 
 def flat_film(_quick: bool) -> Iterator[Row]:
@@ -359,13 +361,13 @@ def flat_film(_quick: bool) -> Iterator[Row]:
         "trajectory": there_and_back(-1.5 * _GAP, 0.0, -2 * _GAP, _GAP),
         "output.snapshots": "every",
     }
-    found = run(RIGID, ELASTIC, values, _voltage(square), adaptive(1e-4, end=1.0))
-    closest = -_first(found, "depth")
+    computed = run(RIGID, ELASTIC, values, _voltage(square), adaptive(1e-4, end=1.0))
+    closest = -_first(computed, "depth")
     theory = 6.2229 / _THICKNESS
     attraction = square / (closest + _INSULATION) ** 3
     yield Row("|w''| where the flat film ends", theory, attraction, 5e-3 * theory, _FILM)
-    before = max(i for i, time in enumerate(found.times) if time < _first(found, "time"))
-    shape = found.fields["displacement"][before]
+    before = max(i for i, time in enumerate(computed.times) if time < _first(computed, "time"))
+    shape = computed.fields["displacement"][before]
     wave = int(np.argmax(np.abs(np.fft.rfft(shape))[1:]))
     yield Row("q d of the wave that grows", 2.1196, float(q[wave]) * _THICKNESS, 0.1, _FILM)
 
@@ -403,5 +405,5 @@ def delayed_pull_in(_quick: bool) -> Iterator[Row]:
         "layer.material.Ginf": contrast,
         "trajectory": there_and_back(-2 * _GAP, -_GAP, -2 * _GAP, sudden, dwell=2 * theory),
     }
-    found = run(RIGID, _FILM_BODY, _voltage(square), values, adaptive(1e-4, end=2 * theory))
-    yield Row("time of pull-in/tau", theory, _first(found, "time"), 0.02 * theory, _DELAY)
+    computed = run(RIGID, _FILM_BODY, _voltage(square), values, adaptive(1e-4, end=2 * theory))
+    yield Row("time of pull-in/tau", theory, _first(computed, "time"), 0.02 * theory, _DELAY)

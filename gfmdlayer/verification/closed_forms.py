@@ -42,10 +42,10 @@ def periodic_parabola(quick: bool) -> Iterator[Row]:
     n = 2**10 if quick else 2**14
     a = parabola_half_width(DEPTH)
     p = float(parabola_pressure(a))
-    found = run(HALFSPACE, ONE_STEP, {"grid.points": n, "solver.tolerance": _TOLERANCE})
-    yield Row(f"atilde, n = {n}", 2 * a, found.last("contact_area"), 2 / n, PARABOLA)
+    computed = run(HALFSPACE, ONE_STEP, {"grid.points": n, "solver.tolerance": _TOLERANCE})
+    yield Row(f"atilde, n = {n}", 2 * a, computed.last("contact_area"), 2 / n, PARABOLA)
     off = parabola_grid_error(n, a) + solver_error(_TOLERANCE, 2 * a, p)
-    yield Row(f"ptilde, n = {n}", p / 2, found.last("mean_pressure"), off / 2, PARABOLA)
+    yield Row(f"ptilde, n = {n}", p / 2, computed.last("mean_pressure"), off / 2, PARABOLA)
 
 
 def hertz_line(quick: bool) -> Iterator[Row]:
@@ -57,15 +57,15 @@ def hertz_line(quick: bool) -> Iterator[Row]:
     """
     n, depth = (2**12, 1e-3) if quick else (2**14, 1e-3)
     values = {"grid.points": n, "trajectory.depth": depth, "output.snapshots": [1.0]}
-    found = run(HALFSPACE, ONE_STEP, values, {"solver.tolerance": _TOLERANCE})
-    load = 2 * found.last("mean_pressure")
+    computed = run(HALFSPACE, ONE_STEP, values, {"solver.tolerance": _TOLERANCE})
+    load = 2 * computed.last("mean_pressure")
     a = math.sqrt(4 * load * RADIUS / (np.pi * E_STAR))
     neighbours, cells = (np.pi * a) ** 2 / 6, a * n
     peak = E_STAR * a / (2 * RADIUS)
     source = f"Hertz; {JOHNSON}, ch. 4"
-    half_width = found.last("contact_area") / 2
+    half_width = computed.last("contact_area") / 2
     yield Row(f"half-width a/L, n = {n}", a, half_width, 1 / n + neighbours * a, source)
-    highest = float(found.fields["pressure"][-1].max())
+    highest = float(computed.fields["pressure"][-1].max())
     yield Row(f"p_max/G, n = {n}", peak, highest, peak * (2 * neighbours + 1 / cells**2), source)
 
 
@@ -87,13 +87,13 @@ def hertz_sphere(quick: bool) -> Iterator[Row]:
     depth = a**2 / R + lattice_1 * load / (np.pi * E_STAR) + curvature * 2 * a**2 / 5
     trajectory = {"trajectory": {"control": "load", "load": load}, "output.snapshots": [1.0]}
     values = {"grid.points": [n, n], "punch.radius": 1.0, "solver.tolerance": _TOLERANCE}
-    found = run(HALFSPACE, ONE_STEP, trajectory, values)
+    computed = run(HALFSPACE, ONE_STEP, trajectory, values)
     source = f"Hertz; {JOHNSON}, ch. 4"
     area, peak = np.pi * a**2, 1.5 * load / (np.pi * a**2)
-    yield Row(f"area of contact, {n} x {n}", area, found.last("contact_area"), area / m, source)
+    yield Row(f"area of contact, {n} x {n}", area, computed.last("contact_area"), area / m, source)
     beyond = depth * a**5
-    yield Row(f"depth/L, {n} x {n}", depth, found.last("depth"), depth * 0.06 / m**2 + beyond, source)
-    highest = float(found.fields["pressure"][-1].max())
+    yield Row(f"depth/L, {n} x {n}", depth, computed.last("depth"), depth * 0.06 / m**2 + beyond, source)
+    highest = float(computed.fields["pressure"][-1].max())
     yield Row(f"p_max/G, {n} x {n}", peak, highest, peak * (0.15 / m**2 + a**5), source)
 
 
@@ -113,13 +113,13 @@ def westergaard(quick: bool) -> Iterator[Row]:
         p = np.pi * E_STAR * h * waves * S
         punch = {"shape": "sinusoid", "amplitude": h, "wavelength": 1 / waves}
         values = {"punch": punch, "trajectory.depth": depth, "grid.points": n}
-        found = run(HALFSPACE, ONE_STEP, values, {"solver.tolerance": _TOLERANCE})
+        computed = run(HALFSPACE, ONE_STEP, values, {"solver.tolerance": _TOLERANCE})
         name = f"depth {part:g} h, {waves} wave{'s' * (waves > 1)}, n = {n}"
-        yield Row(f"atilde, {name}", 2 * psi / np.pi, found.last("contact_area"), 2 * waves / n, source)
+        yield Row(f"atilde, {name}", 2 * psi / np.pi, computed.last("contact_area"), 2 * waves / n, source)
         steepness = 2 * p * np.pi * waves / math.tan(psi)
         off = grid_error(n, psi / (np.pi * waves), steepness, waves)
         off += _TOLERANCE * p * (2 / math.sin(psi) + 1.5)
-        yield Row(f"ptilde, {name}", p / 2, found.last("mean_pressure"), off / 2, source)
+        yield Row(f"ptilde, {name}", p / 2, computed.last("mean_pressure"), off / 2, source)
 
 
 def thin_layer(quick: bool) -> Iterator[Row]:
@@ -133,9 +133,9 @@ def thin_layer(quick: bool) -> Iterator[Row]:
     a = 0.2
     load = 2 * a**5 / (15 * RADIUS * d**3)
     trajectory = {"trajectory": {"control": "load", "load": load}}
-    found = run(ELASTIC, RIGID, ONE_STEP, trajectory, {"grid.points": n, "layer.thickness": d})
+    computed = run(ELASTIC, RIGID, ONE_STEP, trajectory, {"grid.points": n, "layer.thickness": d})
     depth = a**2 / (6 * RADIUS)
-    yield Row(f"depth/L, d/L = {d:g}", depth, found.last("depth"), depth * d / a, f"{JOHNSON}, ch. 5.8")
+    yield Row(f"depth/L, d/L = {d:g}", depth, computed.last("depth"), depth * d / a, f"{JOHNSON}, ch. 5.8")
 
 
 def full_contact(_quick: bool) -> Iterator[Row]:
@@ -149,10 +149,10 @@ def full_contact(_quick: bool) -> Iterator[Row]:
     punch = {"shape": "sinusoid", "amplitude": h, "wavelength": 1.0}
     load = {"trajectory": {"control": "load", "load": 50.0, "ramp_time": 1e-9}}
     steps = {"time.end": 4.0, "time.step": 0.25, "output.snapshots": times}
-    found = run({"punch": punch, "grid.points": n}, load, steps)
+    computed = run({"punch": punch, "grid.points": n}, load, steps)
     spectrum = relaxation_spectrum(LayeredHalfspace(0.05, 0.5, 1.0), Zener(1.0, 10.0, 1.0), [2 * np.pi])
     wave = np.cos(2 * np.pi * (np.arange(n) / n - 0.5))
-    for time, pressure in zip(found.times, found.fields["pressure"], strict=True):
+    for time, pressure in zip(computed.times, computed.fields["pressure"], strict=True):
         left = (spectrum.relaxed + (spectrum.weights * np.exp(-time / spectrum.times)).sum(axis=0)).item()
         amplitude = 2 * float(np.mean(pressure * wave))
         yield Row(
@@ -176,8 +176,8 @@ def depth_control(quick: bool) -> Iterator[Row]:
     n, step = (2**10, 0.05) if quick else (2**14, 0.0125)
     times = [0.1, 0.5, 1.0, 2.0]
     values = {"grid.points": n, "time.end": 2.0, "time.step": step, "solver.tolerance": _TOLERANCE}
-    found = run(ALONE, values)
-    a, at = np.linspace(0, parabola_half_width(DEPTH), 20001), found.at("mean_pressure", times)
+    computed = run(ALONE, values)
+    a, at = np.linspace(0, parabola_half_width(DEPTH), 20001), computed.at("mean_pressure", times)
     s, pressures = np.append(parabola_depth(a[:-1]) / DEPTH, 1.0), parabola_pressure(a)
     for time, ptilde in zip(times, at, strict=True):
         done = min(time, 1.0)
@@ -187,7 +187,7 @@ def depth_control(quick: bool) -> Iterator[Row]:
         off += (2 * _GLASSY - 1) * (parabola_grid_error(n, area / 2) + solver_error(_TOLERANCE, area, F))
         exact = _hereditary(s, pressures, time)
         yield Row(f"ptilde, t = {time:g} tau, n = {n}", exact / 2, float(ptilde), off / 2, _LEE_RADOK)
-        touching = found.at("contact_area", [time]).item()
+        touching = computed.at("contact_area", [time]).item()
         yield Row(f"atilde, t = {time:g} tau, n = {n}", area, touching, 2 / n, _LEE_RADOK)
 
 
@@ -203,17 +203,17 @@ def load_control(quick: bool) -> Iterator[Row]:
     times = [0.5, 1.0, 3.0]
     trajectory = {"trajectory": {"control": "load", "load": load}}
     values = {"grid.points": n, "time.end": 3.0, "time.step": step, "solver.tolerance": _TOLERANCE}
-    found = run(ALONE, trajectory, values)
+    computed = run(ALONE, trajectory, values)
     for time in times:
         F = load * (_creep(time) - _creep(max(time - 1, 0)))
         a = float(np.arccos(np.exp(-2 * np.pi * RADIUS / E_STAR * F)) / np.pi)
-        depth = found.at("depth", [time]).item()
+        depth = computed.at("depth", [time]).item()
         off = (_GLASSY - 1) * step**2 / 12 * load * _compliance(time)
         off += parabola_grid_error(n, a) + _GLASSY * solver_error(_TOLERANCE, 2 * a, F)
         slope = -2 / (np.pi * E_STAR) * float(np.log(np.sin(np.pi * a)))
         name = f"t = {time:g} tau, n = {n}"
         yield Row(f"depth/L, {name}", float(parabola_depth(a)), depth, off * slope, _LEE_RADOK)
-        touching = found.at("contact_area", [time]).item()
+        touching = computed.at("contact_area", [time]).item()
         yield Row(f"atilde, {name}", 2 * a, touching, 2 / n, _LEE_RADOK)
 
 
@@ -315,8 +315,8 @@ def relaxing_modes(_quick: bool) -> Iterator[Row]:
     default = LayeredHalfspace(0.05, 0.5, 1.0)
     for k, known in ((1, (4.17316, 9.84365)), (3, (5.32998, 8.24585)), (10, (5.49934, 5.60627))):
         times = np.sort(relaxation_spectrum(default, _MATERIAL, [2 * np.pi * k]).times.ravel())
-        for expected, found_time in zip(known, times[1:], strict=True):
-            yield Row(f"theta/tau, k = {k}", expected, float(found_time), 5e-6, "roots of the denominator D")
+        for expected, computed in zip(known, times[1:], strict=True):
+            yield Row(f"theta/tau, k = {k}", expected, float(computed), 5e-6, "roots of the denominator D")
 
 
 def limiting_bodies(quick: bool) -> Iterator[Row]:
@@ -365,12 +365,12 @@ def fast_and_slow(quick: bool) -> Iterator[Row]:
     values: dict[str, object] = {"grid.points": n, "solver.tolerance": _TIGHT}
     sudden = {"trajectory.ramp_time": 1e-9, "time.end": 1e-9, "time.step": 1e-9}
     for d in (0.03125, 0.25):
-        found = run(values, sudden, {"halfspace.shear_modulus": 10.0, "layer.thickness": d})
+        computed = run(values, sudden, {"halfspace.shear_modulus": 10.0, "layer.thickness": d})
         bound = 10 * (off + 1e-9 * p)
-        yield Row(f"ptilde at t = 0+, d/L = {d:g}", 10 * p, found.last("mean_pressure"), bound, PARABOLA)
+        yield Row(f"ptilde at t = 0+, d/L = {d:g}", 10 * p, computed.last("mean_pressure"), bound, PARABOLA)
     tolerance = 1e-5
     adaptive = {"time": {"end": 300.0, "step": "adaptive", "tolerance": tolerance}}
-    found = run(values, adaptive)
-    largest = float(found["mean_pressure"].max())
+    computed = run(values, adaptive)
+    largest = float(computed["mean_pressure"].max())
     bound = off + tolerance * largest + 10 * p * math.exp(-299 / 10)
-    yield Row("ptilde at t = 300 tau", p, found.last("mean_pressure"), bound, PARABOLA)
+    yield Row("ptilde at t = 300 tau", p, computed.last("mean_pressure"), bound, PARABOLA)

@@ -64,9 +64,9 @@ def two_forms_of_backward_euler(quick: bool) -> Iterator[Row]:
     n, steps = (2**10, 100) if quick else (2**14, 400)
     q = np.asarray(2 * np.pi * np.arange(n // 2 + 1), dtype=np.float64)
     for d, bulk in ((0.05, 1.0), (0.05, np.inf), (np.inf, 1.0)):
-        found = stress_difference(LayeredHalfspace(d, 0.5, bulk), q, 0.005, steps)
+        difference = stress_difference(LayeredHalfspace(d, 0.5, bulk), q, 0.005, steps)
         name = f"stress over its rounding, d = {d:g}, G_bulk = {bulk:g}, n = {n}"
-        yield Row(name, 0.0, found, 1.0, "Eq. (24)")
+        yield Row(name, 0.0, difference, 1.0, "Eq. (24)")
 
 
 def stress_difference(body: LayeredHalfspace, q: FloatArray, step: float, steps: int) -> float:
@@ -135,12 +135,12 @@ def recorded_results(quick: bool) -> Iterator[Row]:
     )
     for name, values, expected, known_on in cases:
         n = min(known_on, 2**11 if quick else known_on)
-        found = run(values, {"grid.points": n, "solver.tolerance": 1e-7})
-        bound = expected * (1.5e-6 + 10 * solver_error(1e-7, found.last("contact_area")))
+        computed = run(values, {"grid.points": n, "solver.tolerance": 1e-7})
+        bound = expected * (1.5e-6 + 10 * solver_error(1e-7, computed.last("contact_area")))
         bound += 5e-7 if expected > 1 else 5e-8
         if n < known_on:
-            bound += expected * 20 * parabola_grid_error(n, found.last("contact_area") / 2)
-        yield Row(f"ptilde, {name}, n = {n}", expected, found.last("mean_pressure"), bound, "Tamaas 2.9.0")
+            bound += expected * 20 * parabola_grid_error(n, computed.last("contact_area") / 2)
+        yield Row(f"ptilde, {name}, n = {n}", expected, computed.last("mean_pressure"), bound, "Tamaas 2.9.0")
 
 
 def series_of_laws(quick: bool) -> Iterator[Row]:
@@ -153,8 +153,8 @@ def series_of_laws(quick: bool) -> Iterator[Row]:
     half = FractionalZener(0.1, 1.0, 1.0, 0.5)
     t = np.geomspace(1e-6, 1e6, 2000)
     exact = 0.1 + 0.9 * erfcx(np.sqrt(t))
-    found = float(np.abs(half.relaxation_modulus(t) / exact - 1).max())
-    yield Row("fractional Zener, exponent 1/2: error of G(t)", 0.0, found, 1e-12, "exp(x) erfc(sqrt x)")
+    error = float(np.abs(half.relaxation_modulus(t) / exact - 1).max())
+    yield Row("fractional Zener, exponent 1/2: error of G(t)", 0.0, error, 1e-12, "exp(x) erfc(sqrt x)")
     decades = 4 if quick else 12
     laws = (
         half,
@@ -200,16 +200,16 @@ def jump_of_temperature(_quick: bool) -> Iterator[Row]:
             "temperature": {"file": str(file)},
             "time": {"step": "adaptive", "tolerance": 1e-5, "end": 3.0},
         }
-        found = run(flat | jump)
+        computed = run(flat | jump)
     elastic = run(flat | {"layer.material": {"model": "elastic"}, "time": {"step": 0.25, "end": 0.5}})
     shift = WLF(C1=17.44, C2=51.6, reference=20.0)
     reduced = ReducedTime(shift, Table(*np.array(rows).T))
     slow = shift.factor(18.0)
-    held = found["time"] >= 0.5
-    xi = np.array([reduced.step(0.0, time) for time in found["time"][held]])
+    held = computed["time"] >= 0.5
+    xi = np.array([reduced.step(0.0, time) for time in computed["time"][held]])
     ramp = slow * math.expm1(0.5 / slow) / 0.5
     exact = elastic["mean_pressure"][-1] * (1 + 9 * np.exp(-xi) * ramp)
-    error = float(np.abs(found["mean_pressure"][held] / exact - 1).max())
+    error = float(np.abs(computed["mean_pressure"][held] / exact - 1).max())
     yield Row("p(t)/p - 1, jump of temperature", 0.0, error, 100 * tolerance, "Boltzmann's integral")
 
 
@@ -367,8 +367,8 @@ def tamaas(quick: bool) -> Iterator[Row]:
     peer = TamaasHalfspace(Parabola(radius=RADIUS).heights(Grid((n,), (1.0,))), step, tolerance / 100)
     depths = [peer.press(_LOAD * min(i * step, 1.0)) for i in range(1, steps + 1)]
     time = {"time": {"end": steps * step, "step": step, "integrator": "backward_euler"}}
-    found = run(ALONE, _TRAJECTORY, time, {"grid.points": n, "solver.tolerance": tolerance})
-    area, depth = found.last("contact_area"), found["depth"][1:]
+    computed = run(ALONE, _TRAJECTORY, time, {"grid.points": n, "solver.tolerance": tolerance})
+    area, depth = computed.last("contact_area"), computed["depth"][1:]
     source = f"Tamaas {peer.version}"
     off = float(np.abs(np.array(depths) - depth).max() / depth.max())
     yield Row(f"depth over the largest, n = {n}", 0.0, off, 1.1 * 10 * solver_error(tolerance, area), source)
@@ -393,8 +393,8 @@ def contact_mechanics(quick: bool) -> Iterator[Row]:
     answer = system.minimize_proxy(external_force=_LOAD, pentol=tolerance * 1e-4)
     peer_depth = float(-heights.mean() - system.compute_gap(system.disp, answer.offset).mean())
     peer_area = float(system.compute_nb_contact_pts() / n)
-    found = run(HALFSPACE, ONE_STEP, _TRAJECTORY, {"grid.points": n, "solver.tolerance": tolerance})
-    area, depth = found.last("contact_area"), found.last("depth")
+    computed = run(HALFSPACE, ONE_STEP, _TRAJECTORY, {"grid.points": n, "solver.tolerance": tolerance})
+    area, depth = computed.last("contact_area"), computed.last("depth")
     source = f"ContactMechanics {version('ContactMechanics')}"
     yield Row(f"depth/L, n = {n}", peer_depth, depth, depth * 2 * solver_error(tolerance, area), source)
     yield Row(f"atilde, n = {n}", peer_area, area, 2 / n, source)

@@ -67,11 +67,11 @@ def yielding(quick: bool) -> Iterator[Row]:
     yield Row(f"load of first yield of a sphere, n = {n}^2", 1.0, (low + high) / 2, bound, "Johnson, ch. 4")
     n = 64 if quick else 128
     for hardness in (5e-3, 5e-4):
-        found = _pressed(n, hardness, 0.5 * hardness)
-        ratio = found.last("mean_stress") / hardness / found.last("contact_area")
+        computed = _pressed(n, hardness, 0.5 * hardness)
+        ratio = computed.last("mean_stress") / hardness / computed.last("contact_area")
         yield Row(f"F/(H A), H/E* = {hardness:g}", 1.0, ratio, hardness / _SLOPE / _E_STAR, "plastic limit")
     once, often = (_pressed(n, 0.02, 0.004, steps).last("plastic_work") for steps in (1, 8))
-    depth = found.last("depth")
+    depth = computed.last("depth")
     yield Row("H W, 8 steps over 1", 1.0, often / once, 8 * _TOLERANCE * 0.02 * depth / once, "implicit flow")
 
 
@@ -96,16 +96,16 @@ def over_time(quick: bool) -> Iterator[Row]:  # noqa: ARG001  # another grid has
             "time": {"end": 5.0, "step": 1 / 64, "integrator": "exponential"},
             "solver.tolerance": _TOLERANCE,
         }
-        found = run(values, punch=_heights(), trajectory=Table(times, drive))
+        computed = run(values, punch=_heights(), trajectory=Table(times, drive))
         under = f"under a {control} that is held"
         for time, theory in ((1.0, first), (4.0, held)):
-            value = found.at(answer, [time]).item()
+            value = computed.at(answer, [time]).item()
             yield Row(f"{answer} at t = {time:g} {under}", theory, value, 5e-7, _NUMPY)
         for name, theory in energies.items():
             bound = 0.5e-4 * 10.0 ** math.floor(math.log10(theory))
-            yield Row(f"{name} {under}", theory, found.last(name), bound, _NUMPY)
-        flow = found.last("plastic_work") - float(found.at("plastic_work", [1.0])[0])
-        theory, bound = (5.8e-7, 0.5e-8) if control == "load" else (0.0, 1e-9 * found.last("plastic_work"))
+            yield Row(f"{name} {under}", theory, computed.last(name), bound, _NUMPY)
+        flow = computed.last("plastic_work") - float(computed.at("plastic_work", [1.0])[0])
+        theory, bound = (5.8e-7, 0.5e-8) if control == "load" else (0.0, 1e-9 * computed.last("plastic_work"))
         yield Row(f"plastic_work after t = 1 {under}", theory, flow, bound, _NUMPY)
 
 
@@ -133,7 +133,7 @@ def saturated(quick: bool) -> Iterator[Row]:
     tamaas.set_log_level(tamaas.LogLevel.error)
     tamaas.initialize(1)
     n, hardness, load = (32 if quick else 64), 0.02, 0.004
-    found = _pressed(n, hardness, load)
+    computed = _pressed(n, hardness, load)
     model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_2d, [1.0, 1.0], [n, n])
     model.E, model.nu = _E_STAR, 0.0
     surface: FloatArray = -SelfAffine(**_ROUGH).heights(Grid((n, n), (1.0, 1.0)))
@@ -141,7 +141,7 @@ def saturated(quick: bool) -> Iterator[Row]:
     solver.max_iter = 100_000
     solver.solve(load)
     off = float(
-        np.abs(np.asarray(model.traction).reshape(n, n) - found.fields["pressure"][-1]).max() / hardness
+        np.abs(np.asarray(model.traction).reshape(n, n) - computed.fields["pressure"][-1]).max() / hardness
     )
     source = f"Tamaas {tamaas.__version__}"
     yield Row(f"largest difference of the pressures over H, n = {n}^2", 0.0, off, 1e-6, source)

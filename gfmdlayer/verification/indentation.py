@@ -58,11 +58,11 @@ def indented_layer(quick: bool) -> Iterator[Row]:  # noqa: ARG001
     source, bound = "dual integral equations, tabulated", 5.1e-5
     for root, factor in ((0.5, 2.1562), (1.0, 5.1154), (1.5, 10.3045)):
         depth = root**2 / 5
-        found = _force(_body(_ELASTIC, 1.0, 0.5), paraboloid(5.0), depth) / (16 / 3 * 5**0.5 * depth**1.5)
-        yield Row(f"F/F_Hertz, nu = .5, (R depth)^(1/2)/d = {root:g}", factor, found, bound, source)
+        ratio = _force(_body(_ELASTIC, 1.0, 0.5), paraboloid(5.0), depth) / (16 / 3 * 5**0.5 * depth**1.5)
+        yield Row(f"F/F_Hertz, nu = .5, (R depth)^(1/2)/d = {root:g}", factor, ratio, bound, source)
     for nu, a, factor in ((0.5, 1.0, 3.6187), (0.5, 3.0, 18.1574), (0.4, 2.0, 5.2985), (0.3, 0.4, 1.4726)):
-        found = _force(_body(_ELASTIC, 1.0, nu), flat(a), 0.1) * (1 - nu) / (0.4 * a)
-        yield Row(f"flat punch, nu = {nu:g}, a/d = {a:g}", factor, found, bound, source)
+        ratio = _force(_body(_ELASTIC, 1.0, nu), flat(a), 0.1) * (1 - nu) / (0.4 * a)
+        yield Row(f"flat punch, nu = {nu:g}, a/d = {a:g}", factor, ratio, bound, source)
 
 
 def indented_over_time(quick: bool) -> Iterator[Row]:  # noqa: ARG001
@@ -138,12 +138,12 @@ def without_images(quick: bool) -> Iterator[Row]:
             "trajectory": {"depth": depth, "ramp_time": 1.0},
             "time": {"end": 4.0, "step": "adaptive"},
         }
-        found = run(values)
+        computed = run(values)
         for time in (1.0, 4.0):
             theory = float(np.interp(time, alone.time, alone.force))
             bound = ((5 / n) ** 2 + TOLERANCE) * theory
             name = f"F at t = {time:g} without images, nu = {nu:g}, G_bulk = {base:g}, n = {n}²"
-            yield Row(name, theory, float(found.at("force", [time])[0]), bound, "isolated indenter")
+            yield Row(name, theory, float(computed.at("force", [time])[0]), bound, "isolated indenter")
 
 
 def peeled_sphere(quick: bool) -> Iterator[Row]:  # noqa: ARG001
@@ -174,8 +174,10 @@ def peeled_thin_layer(quick: bool) -> Iterator[Row]:
     """
     w = 1e-3
     for nu, factor in ((0.3, 2.0), (0.5, 3.0)):
-        found = np.array([pull_off(nu, ratio, w) for ratio in ((3, 5, 8, 12) if quick else (4, 8, 12, 16))])
-        thin, forces = found.T
+        pull_offs = np.array(
+            [pull_off(nu, ratio, w) for ratio in ((3, 5, 8, 12) if quick else (4, 8, 12, 16))]
+        )
+        thin, forces = pull_offs.T
         lower, limit = (np.polynomial.polynomial.polyfit(thin[-k:], forces[-k:], k - 1)[0] for k in (3, 4))
         source = "Reedy (2006)" if nu < 0.5 else "Argatov, Mishuris & Popov (2016)"
         name = f"pull-off/(pi w R) from a thin layer, nu = {nu:g}"

@@ -51,7 +51,9 @@ def time_steps(quick: bool) -> Iterator[Row | Convergence]:
         ("exponential", "exponential integrator", 2),
     ):
         runs = [run(values, {"time.step": step, "time.integrator": integrator}) for step in _STEPS]
-        curve = Convergence("step", name, _STEPS, tuple(_error(each, fine) / largest for each in runs), order)
+        curve = Convergence(
+            "step", name, _STEPS, tuple(_error(coarse, fine) / largest for coarse in runs), order
+        )
         yield curve
         yield curve.row(0.11, f"{'Eq. (24)' if order == 1 else 'u linear in a step'}, n = {n}")
     tolerances, errors, residual = (1e-2, 1e-3, 1e-4, 1e-5), [], 1e-8
@@ -100,20 +102,20 @@ def grid_spacing(quick: bool) -> Iterator[Row | Convergence]:
             a = (round(0.045 * n) + place) / n
             depth, p = float(parabola_depth(a)), float(parabola_pressure(a))
             values = {"grid.points": n, "trajectory.depth": depth, "solver": solver}
-            found = run(HALFSPACE, ONE_STEP, values)
-            off = abs(2 * found.last("mean_pressure") - p)
+            computed = run(HALFSPACE, ONE_STEP, values)
+            off = abs(2 * computed.last("mean_pressure") - p)
             bound = parabola_grid_error(n, a) + solver_error(tolerance, 2 * a, p)
-            errors[:, i, j] = off / p, abs(found.last("contact_area") - 2 * a), off / bound
+            errors[:, i, j] = off / p, abs(computed.last("contact_area") - 2 * a), off / bound
     pressure, area, parts = errors.max(axis=2)
     source = f"{PARABOLA}; E* = {E_STAR:g}, R = {RADIUS:g}"
     yield Row("error of ptilde over its bound", 0.0, float(parts.max()), 1.0, source)
     cells = float((area * grids / 2).max())
     yield Row("error of either edge, in cells", 0.0, cells, 1.0, source)
-    for name, found_errors, slope, tilt in (
+    for name, of_grids, slope, tilt in (
         ("error of ptilde", pressure, -2, 0.05),
         ("error of atilde", area, -1, 0.25),
     ):
-        curve = Convergence("points", name, tuple(map(float, grids)), tuple(found_errors.tolist()), slope)
+        curve = Convergence("points", name, tuple(map(float, grids)), tuple(of_grids.tolist()), slope)
         yield curve
         yield curve.row(tilt, f"n = {grids[0]} to {grids[-1]}")
 
@@ -133,24 +135,26 @@ def solver_tolerance(quick: bool) -> Iterator[Row | Convergence]:
     for method, name in _SOLVERS.items():
         errors, parts = [], []
         for tolerance in tolerances:
-            found = run(values, {"solver": {"method": method, "tolerance": tolerance}})["mean_pressure"][1:]
-            errors.append(float(np.sqrt(np.mean((found - p) ** 2)) / p.max()))
+            pressure = run(values, {"solver": {"method": method, "tolerance": tolerance}})["mean_pressure"][
+                1:
+            ]
+            errors.append(float(np.sqrt(np.mean((pressure - p) ** 2)) / p.max()))
             bound = [10 * solver_error(tolerance, *each) for each in zip(a, p, strict=True)]
-            parts.append(float((np.abs(found - p) / bound).max()))
+            parts.append(float((np.abs(pressure - p) / bound).max()))
         curve = Convergence("tolerance", name, tolerances, tuple(errors), 1)
         yield curve
         yield curve.row(0.26, f"residual, n = {n}")
         yield Row(f"{name}: error of ptilde over its bound", 0.0, max(parts), 1.0, "Betti")
 
 
-def _error(found: Recording, exact: Recording) -> float:
+def _error(computed: Recording, exact: Recording) -> float:
     """Largest error of ptilde at the ends of the steps; splines between breakpoints join the fine steps."""
     largest = 0.0
     for begin, end in ((0.0, 1.0), (1.0, 3.0)):
         known = (exact["time"] >= begin - 1e-9) & (exact["time"] <= end + 1e-9)
-        steps = (found["time"] >= max(begin - 1e-9, 0.1)) & (found["time"] <= end + 1e-9)
+        steps = (computed["time"] >= max(begin - 1e-9, 0.1)) & (computed["time"] <= end + 1e-9)
         curve = CubicSpline(exact["time"][known], exact["mean_pressure"][known])
-        off = np.abs(found["mean_pressure"][steps] - curve(found["time"][steps]))
+        off = np.abs(computed["mean_pressure"][steps] - curve(computed["time"][steps]))
         largest = max(largest, float(off.max()))
     return largest
 
@@ -171,15 +175,15 @@ def stored_energy(quick: bool) -> Iterator[Row]:
     """
     n, steps = (2**10, 50) if quick else (2**14, 200)
     values = {"grid.points": n, "time.end": 1.0, "time.step": 1 / steps, "solver.tolerance": 1e-8}
-    found = run(ALONE, ELASTIC, values)
+    computed = run(ALONE, ELASTIC, values)
     a = np.linspace(0, parabola_half_width(DEPTH), 20001)
     pressure, depth = parabola_pressure(a), parabola_depth(a)
     energy = float(((pressure[1:] + pressure[:-1]) / 2) @ np.diff(depth))
     off = parabola_grid_error(n, a[-1]) / pressure[-1] + solver_error(1e-8, float(2 * a[-1]))
     off += 1e-8  # of the trapezoidal rule over 20000 steps
     source = "closed form, integrated"
-    yield Row(f"stored energy, n = {n}", energy, found.last("stored"), energy * off, source)
-    yield Row(f"work, n = {n}", energy, found.last("work"), energy * (off + steps**-2), source)
+    yield Row(f"stored energy, n = {n}", energy, computed.last("stored"), energy * off, source)
+    yield Row(f"work, n = {n}", energy, computed.last("work"), energy * (off + steps**-2), source)
 
 
 def balance(quick: bool) -> Iterator[Row | Convergence]:
@@ -215,10 +219,10 @@ def cycle(quick: bool) -> Iterator[Row]:
     """
     n, step = (2**10, 0.025) if quick else (2**13, 0.0125)
     values = {"grid.points": n, "time.end": 3.0, "time.step": step, "solver.tolerance": 1e-7}
-    found, elastic = (run(values, body, trajectory=_CYCLE) for body in ({}, ELASTIC))
-    lost = max(0.0, float(-np.diff(found["dissipated"]).min()))
+    relaxing, elastic = (run(values, body, trajectory=_CYCLE) for body in ({}, ELASTIC))
+    lost = max(0.0, float(-np.diff(relaxing["dissipated"]).min()))
     yield Row("decrease of the heat", 0.0, lost, 0.0, "second law")
-    yield Row("stored energy below zero", 0.0, max(0.0, float(-found["stored"].min())), 0.0, "second law")
+    yield Row("stored energy below zero", 0.0, max(0.0, float(-relaxing["stored"].min())), 0.0, "second law")
     first, out, second = elastic.at("work", [0.6, 1.25, 2.0])  # 0.006 L deep each time
     bound = (step / 0.5) ** 2
     yield Row("elastic: work out/in", 1.0, float(out / first), bound, "first law")
@@ -226,5 +230,5 @@ def cycle(quick: bool) -> Iterator[Row]:
     yield Row("elastic: heat", 0.0, float(elastic["dissipated"].max()), 0.0, "no branch, no heat")
 
 
-def _residual(found: Recording) -> float:
-    return float(np.abs(found["energy_residual"]).max() / found["work"].max())
+def _residual(computed: Recording) -> float:
+    return float(np.abs(computed["energy_residual"]).max() / computed["work"].max())

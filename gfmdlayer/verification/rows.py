@@ -103,16 +103,16 @@ def carry_out(check: Check, quick: bool) -> CheckResult:
     if check.peer and find_spec(check.peer) is None:
         return CheckResult(missing=check.peer)
     begun, failure = time.perf_counter(), ""
-    found: list[Row | Convergence] = []
+    results: list[Row | Convergence] = []
     try:
-        found.extend(check.find(quick))
-        if not any(isinstance(each, Row) for each in found):
+        results.extend(check.find(quick))
+        if not any(isinstance(result, Row) for result in results):
             failure = "found nothing"
     except Exception as error:  # of any kind: reported, and the exit status is 1
         failure = f"{type(error).__name__}: {error}"
     return CheckResult(
-        tuple(each for each in found if isinstance(each, Row)),
-        tuple(each for each in found if isinstance(each, Convergence)),
+        tuple(result for result in results if isinstance(result, Row)),
+        tuple(result for result in results if isinstance(result, Convergence)),
         time.perf_counter() - begun,
         failure,
     )
@@ -173,7 +173,7 @@ def _markdown(outcomes: CheckResults, quick: bool, pictures: Sequence[str]) -> s
     lines = ["# Verification", ""]
     lines += [f"**{summary(outcomes)}**{' (quick: small grids)' if quick else ''}", ""]
     lines += ["Bounds are on |found - theory|; they are derived below the table.", ""]
-    for group, members in groupby(outcomes, key=lambda each: each[0].group):
+    for group, members in groupby(outcomes, key=lambda outcome: outcome[0].group):
         lines += [f"## {group}", "", _HEAD]
         for check, outcome in members:
             lines += _table_lines(check, outcome)

@@ -26,9 +26,9 @@ def run(*values: Mapping[str, object], **parts: Unpack[Given]) -> Recording:
     `parts` replace parts of the case.
     """
     config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
-    found = Recording()
-    simulate(Case(config, **parts), found)
-    return found
+    recording = Recording()
+    simulate(Case(config, **parts), recording)
+    return recording
 
 
 def there_and_back(
@@ -49,7 +49,7 @@ def adaptive(tolerance: float, **more: object) -> dict[str, object]:
     return {"time": {"step": "adaptive", "tolerance": tolerance, **more}}
 
 
-def difference(found: Recording, reference: Recording, column: str = "mean_pressure") -> float:
+def difference(computed: Recording, reference: Recording, column: str = "mean_pressure") -> float:
     """Largest difference of a column, relative to the largest value of the reference."""
     exact = reference[column]
-    return float(np.abs(found[column] - exact).max() / exact.max())
+    return float(np.abs(computed[column] - exact).max() / exact.max())

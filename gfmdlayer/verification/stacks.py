@@ -48,12 +48,12 @@ def spectrum(_quick: bool) -> Iterator[Row]:
     """
     q, frequencies = np.geomspace(3.0, 300.0, 7), 1j * np.logspace(-4, 4, 9)
     for name, body in _STACKS.items():
-        found, off = body.spectrum(q), 0.0
+        modes, off = body.spectrum(q), 0.0
         for s in frequencies:
-            exact = np.array([_boundary_value_stiffness(body, each, s) for each in q])
-            off = max(off, float(np.abs(found.stiffness(s) / exact - 1).max()))
+            exact = np.array([_boundary_value_stiffness(body, wavenumber, s) for wavenumber in q])
+            off = max(off, float(np.abs(modes.stiffness(s) / exact - 1).max()))
         yield Row(f"K(q, s) by modes, two layers {name}", 0.0, off, _ROUNDING, "boundary-value problem")
-        yield Row(f"least weight, {name}", 0.0, max(0.0, float(-found.weights.min())), 0.0, "second law")
+        yield Row(f"least weight, {name}", 0.0, max(0.0, float(-modes.weights.min())), 0.0, "second law")
 
 
 def limits(_quick: bool) -> Iterator[Row]:
@@ -70,8 +70,8 @@ def limits(_quick: bool) -> Iterator[Row]:
     reference = whole.spectrum(q)
 
     def off(body: LayerStack) -> float:
-        found = body.spectrum(q)
-        return max(float(np.abs(found.stiffness(s) / reference.stiffness(s) - 1).max()) for s in frequencies)
+        modes = body.spectrum(q)
+        return max(float(np.abs(modes.stiffness(s) / reference.stiffness(s) - 1).max()) for s in frequencies)
 
     yield Row("a layer cut in two, q from 1e-6 to 1e6", 0.0, off(cut), _ROUNDING, "continuity")
     yield Row("a layer of the halfspace's material", 0.0, off(extended), _ROUNDING, "continuity")
@@ -91,8 +91,8 @@ def pavement(_quick: bool) -> Iterator[Row]:
     """
     from scipy.special import j0, j1
 
-    given = ((150.0, 3000.0, 0.3), (600.0, 200.0, 0.35), (math.inf, 40.0, 0.4))
-    layers = tuple(Layer(d, nu, Elastic(E / (2 * (1 + nu)))) for d, E, nu in given)
+    data = ((150.0, 3000.0, 0.3), (600.0, 200.0, 0.35), (math.inf, 40.0, 0.4))
+    layers = tuple(Layer(d, nu, Elastic(E / (2 * (1 + nu)))) for d, E, nu in data)
     p, a, first = 1.1, 150.0, layers[0]
     alone = (1 - first.poisson) / first.material.relaxed
     nodes, weights = np.polynomial.legendre.leggauss(40)
@@ -118,7 +118,7 @@ def runs(quick: bool) -> Iterator[Row | Convergence]:
     values = {**_BODY, "grid.points": n, "time.end": 2.0, "solver.tolerance": 1e-7}
     fine = run(values, {"time.step": _STEPS[-1] / 16})
     every = [run(values, {"time.step": step}) for step in _STEPS]
-    errors = tuple(_error(each, fine) for each in every)
+    errors = tuple(_error(coarse, fine) for coarse in every)
     curve = Convergence("step", "stack: exponential integrator", _STEPS, errors, 2)
     yield curve
     yield curve.row(0.11, f"u linear in a step, n = {n}")
@@ -148,10 +148,10 @@ def different_shifts(quick: bool) -> Iterator[Row]:
     common = {**_BODY, "grid.points": n, "time": {"end": 2.0, "step": 0.1}, "solver.tolerance": 1e-7}
     shifts = {f"{at}.shift": law.model_dump() for at, law in zip(places, laws, strict=True)}
     shifted = {f"{at}.tau": tau * law.factor(26.0) for at, tau, law in zip(places, times, laws, strict=True)}
-    found = run(common, shifts, {"temperature": {"value": 26.0}})
+    computed = run(common, shifts, {"temperature": {"value": 26.0}})
     expected = run(common, shifted, body=LayerStack(_body_of({**common, **shifted}).layers))
     bound = 2 * 10 * solver_error(1e-7, float(expected["contact_area"].max()))
-    off = difference(found, expected)
+    off = difference(computed, expected)
     yield Row("stack: different shifts at 26 degrees", 0.0, off, bound, f"shifted times, n = {n}")
 
 
@@ -162,11 +162,11 @@ def _body_of(values: dict[str, object]) -> LayerStack:
     return body
 
 
-def _error(found: Recording, fine: Recording) -> float:
+def _error(computed: Recording, fine: Recording) -> float:
     """Largest error of the mean pressure at the times of the coarsest steps, relative to the largest."""
     times = np.arange(1, 21) * 0.1
     exact = fine.at("mean_pressure", times)
-    return float(np.abs(found.at("mean_pressure", times) - exact).max() / exact.max())
+    return float(np.abs(computed.at("mean_pressure", times) - exact).max() / exact.max())
 
 
 def _boundary_value_stiffness(body: LayerStack, q: float, s: complex) -> complex:

@@ -61,8 +61,8 @@ def leakage(quick: bool) -> Iterator[Row | Convergence]:
     tiled = flow_through(np.tile(rough, (1, 2)), (1.0, 2.0)).tensor
     yield Row("K of two tiles over one", 1.0, tiled[0, 0] / flow.tensor[0, 0], 1e-8, "periodicity")
     closed = solve(halfspace(1.0), punch, mean_pressure=0.2, points=(128, 128)).gap.to_numpy()
-    found = float(np.abs(flow_through(closed, (1.0, 1.0)).tensor).max())
-    yield Row("K where contact closes the cell", 0.0, found, 0.0, "no path")
+    flow_left = float(np.abs(flow_through(closed, (1.0, 1.0)).tensor).max())
+    yield Row("K where contact closes the cell", 0.0, flow_left, 0.0, "no path")
 
 
 def closing(quick: bool) -> Iterator[Row]:
@@ -80,10 +80,10 @@ def closing(quick: bool) -> Iterator[Row]:
             low, high, area = 0.05, 0.14, math.nan
             while high / low > 1.03:
                 middle = math.sqrt(low * high)
-                found = solve(halfspace(1.0), punch, mean_pressure=middle, points=(n, n))
-                is_open = throats(found.gap.to_numpy(), (1.0, 1.0))[axis].gap > 0
+                contact = solve(halfspace(1.0), punch, mean_pressure=middle, points=(n, n))
+                is_open = throats(contact.gap.to_numpy(), (1.0, 1.0))[axis].gap > 0
                 low, high, area = (
-                    (middle, high, area) if is_open else (low, middle, float(found.contact_area))
+                    (middle, high, area) if is_open else (low, middle, float(contact.contact_area))
                 )
             areas.append(area)
     bound = 3 * 0.03 / math.sqrt(len(areas)) + 0.01
@@ -98,10 +98,10 @@ def conductance(quick: bool) -> Iterator[Row]:
     within 0.05 of one; of a strip 0.19, within 0.01. Hertz: dF/d(depth) = 2 E* a with the same images.
     """
     n, a = (128, 0.1) if quick else (512, 0.05)
-    found = 1 / _total(_disc(n, a))
+    resistance = 1 / _total(_disc(n, a))
     radius = math.sqrt(float(_disc(n, a).mean()) / math.pi) - _INSIDE / n
-    off = _SCATTER / (n * radius) * found
-    yield Row(f"resistance of a disc, n = {n}", _one_disc(radius), found, off, "Holm, with images")
+    off = _SCATTER / (n * radius) * resistance
+    yield Row(f"resistance of a disc, n = {n}", _one_disc(radius), resistance, off, "Holm, with images")
     m, b = 1024, 0.1
     contact = np.abs((np.arange(m) + 0.5) / m - 0.5) < b
     line = Spots(impedance(Grid((m,), (1.0,)).wavenumbers, [], 1.0), 1 / m, 1e-14).total(contact)

@@ -37,7 +37,6 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history import adaptive_steps, errors
 from gfmdlayer.history.errors import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
-from gfmdlayer.kernels import kernel
 from gfmdlayer.results.recording import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)
@@ -343,17 +342,16 @@ def _without_coarser_grids(*arguments: Any) -> float:
 
 
 def _in_windows(iterate: Any) -> Patches:
-    at_no_address = kernel(inner=True)(lambda _address, arguments: iterate(*arguments))
-    return [(windows, "solve", with_globals(windows.solve, {"_iterate": at_no_address}))]
+    return [(windows, "solve", with_globals(windows.solve, {"iterate": iterate}))]
 
 
 def with_globals(compiled: Any, replaced: Mapping[str, object]) -> Any:
-    """Compile a kernel anew, by the same compiler, with other functions or constants."""
+    """Compile a kernel anew with other functions or constants."""
     function = compiled.py_func
     if unknown := replaced.keys() - function.__globals__.keys():
         raise NameError(f"{function.__name__} uses no {', '.join(sorted(unknown))}")
     changed = FunctionType(function.__code__, {**function.__globals__, **replaced}, function.__name__)
-    return nb.jit(pipeline_class=compiled._compiler.pipeline_class, **compiled.targetoptions)(changed)
+    return nb.jit(**compiled.targetoptions)(changed)
 
 
 def _solver(case: Case, kind: Any, **options: bool) -> dict[str, Any]:
@@ -401,5 +399,8 @@ ADAPTIVE = (
         patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
     _Ablation("part of the unknown curvature: all", patches=lambda: [(errors, "_UNKNOWN_CURVATURE", 1.0)]),
-    _Ablation("limit of growth", patches=lambda: [(adaptive_steps, "_GROWTH", 1e9)]),
+    _Ablation(
+        "limits of growth",
+        patches=lambda: [(adaptive_steps, name, 1e9) for name in ("_GROWTH", "_FIRST_GROWTH")],
+    ),
 )

@@ -126,15 +126,15 @@ class Clock:
 
 def main(config: str, directory: str) -> int:
     """Run the command line on this rank and write its clock."""
-    from gfmdlayer.case.case import Case
+    from gfmdlayer.case.normal import NormalContact
     from gfmdlayer.cli import main
     from gfmdlayer.study import case_run
 
     clock = Clock()
     case_run.write_case = clock.around_cases(case_run.write_case)
-    made = cached_property(clock.around_solves(Case.solver.func))
-    made.__set_name__(Case, "solver")
-    Case.solver = made  # type: ignore[misc]
+    made = cached_property(clock.around_solves(NormalContact.solver.func))
+    made.__set_name__(NormalContact, "solver")
+    NormalContact.solver = made  # type: ignore[misc]
     status = main(["run", config, "--out", directory])
     Path(f"clock-{os.getpid()}.json").write_text(json.dumps(asdict(clock)), encoding="utf-8")
     return status

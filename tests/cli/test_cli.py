@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.cli import VERBS, main
+from gfmdlayer.files.locks import read_json
 from gfmdlayer.study.interrupts import STOP_SIGNALS
 from tests.studies import TINY
 from tests.waiting import SLOWLY, until
@@ -73,7 +74,8 @@ def interrupted(signum, *arguments):
     """Run the command line and send it a signal while case 1 is at work."""
     command = [sys.executable, SLOWLY, *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        until(lambda: Path("out/cases/0000.h5").exists() and Path("out/cases/0001.running").exists(), process)
+        steps = lambda: (read_json(Path("out/cases/0001.running")) or {}).get("steps", 0)  # noqa: E731
+        until(lambda: Path("out/cases/0000.h5").exists() and steps() > 0, process)
         process.send_signal(signum)
         output, errors = process.communicate(timeout=300)
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
@@ -81,12 +83,12 @@ def interrupted(signum, *arguments):
 
 @pytest.mark.parametrize(
     ("arguments", "most"),
-    [(["--help"], 40_000), (["run", "--help"], 40_000), (["check", "configs/figure2.yaml"], 500_000)],
+    [(["--help"], 40_000), (["run", "--help"], 40_000), (["check", "configs/figure2.yaml"], 510_000)],
 )
 def test_help_and_check_answer_at_once(arguments, most):
     """In function calls, imports included, of which two million take about a second: as many on any machine.
 
-    Measured: 28 000 and 488 000, in 0.06 and 0.27 s. None of the heavy packages is imported.
+    Measured: 28 000 and 503 000, in 0.06 and 0.27 s. None of the heavy packages is imported.
     """
     script = f"""
 import cProfile, io, pstats, sys
@@ -328,23 +330,21 @@ def test_status_needs_no_file_but_the_results():
     assert "3 complete, 0 running, 0 failed, 0 waiting" in gfmdlayer("status", "out").stdout
 
 
-def test_a_killed_worker_costs_the_cases_at_work_and_no_other():
-    Path("tiny.yaml").write_text(SECOND_TAKES_LONG.replace("2]", "2, 0.04, 0.05, 0.06]"))
+def test_a_killed_worker_costs_its_case_and_no_other():
+    """The first process takes the longest case, and another one the next."""
+    Path("tiny.yaml").write_text(SECOND_TAKES_LONG.replace("2]", "2, 1.9, 0.05, 0.06]"))
     command = [sys.executable, SLOWLY, "run", "tiny.yaml", "--out", "out", "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    begun = Path("out/cases/0001.running")
+    begun = Path("out/cases/0002.running")
     until(begun.exists, process)
-    os.kill(json.loads(begun.read_text())["pid"], signal.SIGKILL)
+    worker = json.loads(begun.read_text())["pid"]
+    assert worker != process.pid
+    os.kill(worker, signal.SIGKILL)
     output, _ = process.communicate(timeout=120)
     assert process.returncode == 1
-    # The pool takes its other worker down too: at most the two cases at work are lost. The other worker may
-    # just have removed the record of an earlier failure when it ends: then its case waits.
-    lost = int(re.search(r"(\d) of 5 cases failed", output)[1])
-    failed = len(list(Path("out/cases").glob("*.failed")))
-    assert 1 <= lost <= 2
-    assert 1 <= failed <= lost
-    status = gfmdlayer("status", "out").stdout
-    assert f"{5 - lost} complete, 0 running, {failed} failed, {lost - failed} waiting" in status
+    assert "1 of 5 cases failed" in output
+    assert [path.name for path in Path("out/cases").glob("*.failed")] == ["0002.failed"]
+    assert "4 complete, 0 running, 1 failed, 0 waiting" in gfmdlayer("status", "out").stdout
 
 
 def test_workers_do_not_outlive_a_killed_run():

@@ -13,7 +13,7 @@ from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.programme import Programme
+from gfmdlayer.drives import Drives
 
 anything = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -172,7 +172,7 @@ def test_the_mechanics_of_any_case(tmp_path, recorder, case):
     )
     assert (found["mean_pressure"] >= -tolerance * least / (2 * config.layer.material.G0)).all()
     if config.trajectory.control == "load":
-        loads = [Programme(config).drive(time) for time in found["time"]]
+        loads = [Drives(config).drive(time) for time in found["time"]]
         np.testing.assert_allclose(found["mean_pressure"] * 2 * config.layer.material.G0, loads, rtol=1e-12)
     assert (np.diff(found["dissipated"]) >= 0).all()
     assert (found["stored"] >= 0).all()

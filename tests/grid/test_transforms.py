@@ -58,7 +58,7 @@ for method in "nested_gradient", "active_set":
     run = Recording()
     values = {"grid": {"points": 256}, "time": {"end": 0.2, "step": 0.1}, "solver": {"method": method}}
     simulate(Config.model_validate({"name": "bits", **values}), run)
-    found.update(np.array([[row[name] for name in sorted(row)] for row in run.rows]).tobytes())
+    found.update(np.array([run[name] for name in sorted(run.widths)]).tobytes())
 print(found.hexdigest())
 """
 

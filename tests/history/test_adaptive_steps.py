@@ -155,7 +155,7 @@ def test_steps_converge_to_just_below_the_tolerance():
     assert attempts - len(accepted) <= 2
 
 
-def test_steps_grow_at_most_fourfold_and_do_not_grow_over_cuts():
+def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts():
     accepted, _ = accepted_steps(size=1e-12, end=1e4, breakpoints=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7])
     growth = [after.step / before.step for before, after in pairwise(accepted[1:])]
     assert max(growth[:3]) <= 4 * (1 + 1e-9)

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import xarray
 import gfmdlayer
 from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zener
 from gfmdlayer.config import digest
+from gfmdlayer.study.claims import Claim
 from gfmdlayer.study.folder import FolderError
 from gfmdlayer.study.interrupts import STOP_SIGNALS
 
@@ -425,6 +427,13 @@ def test_progress_grows_to_its_end(monkeypatch, sweep):
     monkeypatch.setattr("gfmdlayer.interactive.run.chosen_display", lambda _: spy)
     monkeypatch.setattr("gfmdlayer.study.progress.READ_INTERVAL", 0.0001)
     monkeypatch.setattr("gfmdlayer.study.claims.WRITE_INTERVAL", 0.0)
+    advance = Claim.advance
+
+    def slowly(self, simulated_time):
+        advance(self, simulated_time)
+        time.sleep(0.05)
+
+    monkeypatch.setattr(Claim, "advance", slowly)
     gfmdlayer.run(LINE | ({"sweep": sweep} if sweep else {}))
     assert spy.fractions == sorted(spy.fractions)
     assert spy.fractions[-1] == 1.0

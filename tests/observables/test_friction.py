@@ -276,7 +276,7 @@ def steady_time(friction, since=0.0):
     """Return the time at which a window of length 2 is steady, with steps of 0.25."""
     slow = SimpleNamespace(slowest=lambda _tolerance: 2.0)
     imposed = SimpleNamespace(breakpoints=(since,), reduced_time=None)
-    case = SimpleNamespace(config=CONFIG, history=slow, programme=imposed)
+    case = SimpleNamespace(config=CONFIG, history=slow, drives=imposed)
     observable = SteadyState(case)
     for time in (0.25 * i for i in range(1000)):
         row = {"friction": friction(time)}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gfmdlayer.config import Config, ConfigError
+from gfmdlayer.drives import Drives
 from gfmdlayer.files.tables import TableError, read_columns
-from gfmdlayer.programme import Programme
 from gfmdlayer.study.cases import cases
 from gfmdlayer.time_functions import RampHold, Table
 
@@ -48,7 +48,7 @@ BACK = {
 
 def test_a_punch_approaches_dwells_and_retracts():
     config = Config(name="back", trajectory=BACK | {"depth": 0.01, "final": -0.03})
-    trajectory = Programme(config).drive
+    trajectory = Drives(config).drive
     # Way over speed: 0.02/0.02, a dwell of 0.5, 0.04/0.1.
     np.testing.assert_allclose(trajectory.breakpoints, [1.0, 1.5, 1.9], rtol=1e-14)
     assert config.time.end == trajectory.breakpoints[-1]
@@ -59,7 +59,7 @@ def test_a_punch_approaches_dwells_and_retracts():
 
 def test_cycles_begin_where_the_one_before_ends():
     config = Config(name="cycles", trajectory=BACK | {"dwell": 0.0, "final": 0.0, "cycles": 3})
-    trajectory = Programme(config).drive
+    trajectory = Drives(config).drive
     np.testing.assert_allclose(
         np.diff([0.0, *trajectory.breakpoints]), [1.0, 0.1, 0.5, 0.1, 0.5, 0.1], rtol=1e-13
     )
@@ -70,7 +70,7 @@ def test_cycles_begin_where_the_one_before_ends():
 def test_a_force_is_one_over_the_cell_with_rates_of_its_own():
     there = {"control": "force", "kind": "approach_retract", "force": 3.0, "retract_speed": 6.0}
     config = Config(name="force", grid={"points": 8, "period": 2.0}, trajectory=there)
-    trajectory = Programme(config).drive
+    trajectory = Drives(config).drive
     assert trajectory.breakpoints == (1.0, 1.5)  # without a speed the peak is reached in a time of one
     assert trajectory(1.0) == 1.5
 

@@ -7,13 +7,13 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
-from gfmdlayer.programme import Programme
+from gfmdlayer.drives import Drives
 from tests.studies import TINY
 
 
 @pytest.fixture
 def made(monkeypatch):
-    """Return how often a configuration is validated and a programme made."""
+    """Return how often a configuration is validated and how often drives are made."""
     found = Counter()
 
     def counted(name, owner, method):
@@ -26,7 +26,7 @@ def made(monkeypatch):
         monkeypatch.setattr(owner, method, counting)
 
     counted("validated", Config, "model_validate")
-    counted("programmes", Programme, "__init__")
+    counted("drives", Drives, "__init__")
     return found
 
 
@@ -37,4 +37,4 @@ def test_a_case_is_validated_twice_at_most_and_its_programme_made_once(sweep, ca
     assert main(["run", "tiny.yaml", "--out", "out"]) == 0
     assert len(list(Path("out/cases").glob("*.h5"))) == cases
     assert made["validated"] <= 2 * cases + 2
-    assert made["programmes"] <= cases + 1
+    assert made["drives"] <= cases + 1

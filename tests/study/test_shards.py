@@ -21,6 +21,7 @@ from gfmdlayer.config import load
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.study import cases, claims
+from gfmdlayer.study import run as running_study
 from gfmdlayer.study.cases import Cases, Shard
 from gfmdlayer.study.claims import Claim, Taken, locked
 from gfmdlayer.study.folder import Folder, FolderError, name_of_run
@@ -128,12 +129,28 @@ def test_a_case_that_another_run_computes_is_left_to_it():
     )
 
 
-def test_a_case_that_another_run_gives_back_is_computed():
+@pytest.fixture
+def after(monkeypatch):
+    """Do something when this run has computed a case, before its next one."""
+
+    def arrange(index, act):
+        run_case = running_study.run_case
+
+        def then(case, **named):
+            outcome = run_case(case, **named)
+            if case.index == index:
+                act()
+            return outcome
+
+        monkeypatch.setattr(running_study, "run_case", then)
+
+    return arrange
+
+
+def test_a_case_that_another_run_gives_back_is_computed(after):
     Path("out/cases").mkdir(parents=True)
     with opened(Folder(Path("out")), Cases(load(Path("tiny.yaml")))), claimed_by(0) as path:
-        threading.Thread(
-            target=lambda: (until(Path("out/cases/0004.h5").exists), path.unlink()), daemon=True
-        ).start()
+        after(4, path.unlink)
         assert run().count("complete") == 6
 
 
@@ -272,19 +289,15 @@ def test_a_run_is_stopped_or_killed_alone():
         assert not list(Path("out/cases").glob("stop*"))
 
 
-def test_a_case_that_fails_in_one_run_is_not_tried_by_another_at_work():
-    Path("tiny.yaml").write_text(
-        TINY + "solver: {method: fire}\nsweep: {solver.max_iterations: [1, 20000]}\n"
-    )
+def test_a_case_that_fails_in_one_run_is_not_tried_by_another_at_work(after):
     Path("out/cases").mkdir(parents=True)
     with opened(Folder(Path("out")), Cases(load(Path("tiny.yaml")))), claimed_by(0) as path:
 
         def fail():
-            until(Path("out/cases/0001.h5").exists)
             Path("out/cases/0000.failed").write_text(json.dumps({"reason": "elsewhere", "values": {}}))
             path.unlink()
 
-        threading.Thread(target=fail, daemon=True).start()
+        after(4, fail)
         summary = run()
     assert [outcome.reason for outcome in summary.failures] == ["elsewhere"]
     with open_results("out") as results:

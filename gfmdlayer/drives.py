@@ -1,6 +1,6 @@
 """The quantities that a configuration imposes over time: drives, velocity, temperature, voltage.
 
-A `Programme` is made once for each case. The model, its footprint, the notes, the checks and growing studies
+`Drives` are made once for each case. The model, its footprint, the notes, the checks and growing studies
 read it, so that the breakpoints of all imposed quantities are found in one place. Files are read when a
 quantity is first used, and each file once.
 """
@@ -45,16 +45,16 @@ def _growing(tolerance: float, factor: float = _GROWTH) -> Iterator[float]:
         part *= 1 + growth
 
 
-class Programme:
-    """The imposed quantities of a case over time; `given` ones replace those of the configuration.
+class Drives:
+    """The imposed quantities of a case over time; arguments replace those of the configuration.
 
     TableError at the first use of a quantity whose file cannot be used.
     """
 
-    def __init__(self, config: Config, drive: TimeFunction | None = None, **given: object) -> None:
+    def __init__(self, config: Config, drive: TimeFunction | None = None, **replaced: object) -> None:
         self.config = config
         own = {} if drive is None else {"drive": drive}
-        vars(self).update({**given, **own})  # where the cached properties look first
+        vars(self).update({**replaced, **own})  # where the cached properties look first
 
     @cached_property
     def drive(self) -> TimeFunction:
@@ -63,32 +63,32 @@ class Programme:
         A force is divided by the area of the cell, by the length of a line's cell, or by 1 where the contact
         is isolated.
         """
-        given = self.config.trajectory
-        unit, table = self._prescribed(given)
+        trajectory = self.config.trajectory
+        unit, table = self._prescribed(trajectory)
         if table is not None:
             return table
-        if given.ramp_time is not None:
-            return RampHold(getattr(given, given.control) / unit, given.ramp_time)
+        if trajectory.ramp_time is not None:
+            return RampHold(getattr(trajectory, trajectory.control) / unit, trajectory.ramp_time)
         import numpy as np
 
-        times, values = np.array(given.corners).T
+        times, values = np.array(trajectory.corners).T
         return Table(times, values / unit)
 
-    def _prescribed(self, given: Any) -> tuple[float, Table | None]:
+    def _prescribed(self, section: Any) -> tuple[float, Table | None]:
         """Return the unit of a drive, the area of the cell for a force, and the drive where it is a table."""
-        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
-        if given.file is None:
+        unit = math.prod(self.config.grid.period) if section.control == "force" else 1.0
+        if section.file is None:
             return unit, None
-        table = _table(given.file, given.control)
+        table = _table(section.file, section.control)
         return unit, Table(table.times, table.values / unit)
 
     @cached_property
     def velocity(self) -> Constant | Table | None:
         """Velocity of the punch along x; None where the punch rests."""
-        given = self.config.trajectory
-        if given.velocity_file is not None:
-            return _table(given.velocity_file, "velocity")
-        return None if given.velocity is None else Constant(given.velocity)
+        trajectory = self.config.trajectory
+        if trajectory.velocity_file is not None:
+            return _table(trajectory.velocity_file, "velocity")
+        return None if trajectory.velocity is None else Constant(trajectory.velocity)
 
     @cached_property
     def tangential(self) -> TimeFunction | None:
@@ -96,21 +96,21 @@ class Programme:
 
         A force is divided by the area of the cell, or by the length of a line's cell.
         """
-        given, end = self.config.trajectory.tangential, self.config.time.end
-        if given is None:
+        section, end = self.config.trajectory.tangential, self.config.time.end
+        if section is None:
             return None
-        unit, table = self._prescribed(given)
+        unit, table = self._prescribed(section)
         if table is not None:
             return table
-        value, start = getattr(given, given.control) / unit, given.start or 0.0
-        if given.period is not None:
-            cycles = max(end - start, 0.0) / given.period if given.cycles is None else given.cycles
-            return Oscillation(value, given.period, start, min(cycles, end / given.period))
+        value, start = getattr(section, section.control) / unit, section.start or 0.0
+        if section.period is not None:
+            cycles = max(end - start, 0.0) / section.period if section.cycles is None else section.cycles
+            return Oscillation(value, section.period, start, min(cycles, end / section.period))
         import numpy as np
 
-        assert given.ramp_time is not None
+        assert section.ramp_time is not None
         begin = [0.0] * (start > 0)
-        return Table(np.array([*begin, start, start + given.ramp_time]), np.array([*begin, 0.0, value]))
+        return Table(np.array([*begin, start, start + section.ramp_time]), np.array([*begin, 0.0, value]))
 
     @cached_property
     def friction(self) -> ShearBound | None:
@@ -127,18 +127,18 @@ class Programme:
 
         TableError if a value of the file is outside of the range of a shift, or the file ends before the run.
         """
-        given, end = self.config.temperature, self.config.time.end
-        if given is None:
+        section, end = self.config.temperature, self.config.time.end
+        if section is None:
             return None
-        if given.file is None:
-            assert given.value is not None
-            return Constant(given.value)
-        found = _table(given.file, "temperature", tuple(filter(None, shifts(self.config).values())))
-        if (last := float(found.times[-1])) < end:
+        if section.file is None:
+            assert section.value is not None
+            return Constant(section.value)
+        table = _table(section.file, "temperature", tuple(filter(None, shifts(self.config).values())))
+        if (last := float(table.times[-1])) < end:
             from gfmdlayer.files.tables import TableError
 
-            raise TableError(f"{given.file}: ends at time {last:g}; must reach time.end = {end:g}")
-        return found
+            raise TableError(f"{section.file}: ends at time {last:g}; must reach time.end = {end:g}")
+        return table
 
     @cached_property
     def interface(self) -> Interaction:
@@ -150,8 +150,8 @@ class Programme:
     @cached_property
     def reduced_time(self) -> ReducedTime | None:
         """Reduced time of the whole body; None without a temperature, and where shifts differ."""
-        found = list(filter(None, self._by_law))
-        return found[0] if len({each.shift for each in found}) == 1 else None
+        felt = list(filter(None, self._by_law))
+        return felt[0] if len({reduced.shift for reduced in felt}) == 1 else None
 
     @cached_property
     def reduced_times(self) -> tuple[ReducedTime | None, ...]:
@@ -179,11 +179,11 @@ class Programme:
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
         """Times t > 0 at which the slope of an imposed quantity jumps; not sorted."""
-        thermal = next((each.temperature for each in self.reduced_times if each is not None), None)
+        thermal = next((reduced.temperature for reduced in self.reduced_times if reduced is not None), None)
         # The law of a hard wall needs no import.
         attracts = self.config.interfaces or "interface" in vars(self)
         every = self.drive, self.velocity, self.tangential, self.interface if attracts else None, thermal
-        return tuple(time for each in every if each is not None for time in each.breakpoints)
+        return tuple(time for quantity in every if quantity is not None for time in quantity.breakpoints)
 
     @property
     def least_scales(self) -> tuple[float, float]:
@@ -274,9 +274,9 @@ class Programme:
 
     def tables(self) -> Iterator[tuple[Path, str, float]]:
         """Yield file, quantity and last time of the tables of drive, velocity and voltages."""
-        given = self.config.trajectory
-        named = [(given.file, given.control), (given.velocity_file, "velocity")]
-        if (along := given.tangential) is not None:
+        trajectory = self.config.trajectory
+        named = [(trajectory.file, trajectory.control), (trajectory.velocity_file, "velocity")]
+        if (along := trajectory.tangential) is not None:
             named.append((along.file, along.control))
         named += [(getattr(law, "voltage", None), "voltage") for law in self.config.interfaces]
         for file, quantity in named:
