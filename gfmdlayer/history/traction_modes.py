@@ -211,9 +211,13 @@ class TractionModes:
         return _joined(self.moved([b + load for b, load in zip(self._b, loads, strict=True)]))
 
     def force(self, x: ComplexArray) -> ComplexArray:
-        """Return the tractions on the waves at the end of the step of the last `terms`."""
-        every = zip(self.components, self._split(x), self._b, strict=True)
-        return _joined([np.einsum("qab,qb->qa", part.stiffness, u) - b for part, u, b in every])
+        """Return the tractions on the waves at the end of the step of the last `terms`, kappa x - b."""
+        return self.resistance(x) - _joined(self._b)
+
+    def resistance(self, x: ComplexArray) -> ComplexArray:
+        """Return kappa x, the tractions on a surface without a past."""
+        every = zip(self.components, self._split(x), strict=True)
+        return _joined([np.einsum("qab,qb->qa", part.stiffness, u) for part, u in every])
 
     def missing_stress(self, x: ComplexArray, curvature: ComplexArray) -> ComplexArray:  # noqa: ARG002
         """Return the part of the tractions that is due to the curvature dt^2 x''/2."""
