@@ -142,8 +142,8 @@ def is_number(word: str) -> bool:
 
 # Long lists of plain numbers in YAML, which are read a hundred times faster than by a parser of YAML.
 #
-# Each such list is replaced by one word before the text is parsed, and stands in for it where the word is the
-# only entry of a list again. Lines and columns stay those of the file. A list that a parser of YAML would not
+# One word replaces each of these lists before the text is parsed. It is the list again where it is the
+# only entry of a list. Lines and columns stay those of the file. A list that a parser of YAML would not
 # take for just these numbers, as inside of a quoted text, is left to that parser with all the others.
 
 _FEWEST = 500  # characters of a list in brackets, and half the lines of one with a line for each entry

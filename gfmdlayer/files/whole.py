@@ -98,7 +98,7 @@ def _synchronise(path: Path) -> None:
 # Seals: the checksum of all bytes of a file, at its end.
 #
 # A line of fixed length, `gfmdlayer seal CRC-32`, follows the contents. HDF5 ignores bytes behind those it
-# knows, and cuts them off where another program changes the file: such a file has no seal. HDF5 itself
+# knows, and cuts them off where another program changes the file, which then has no seal. HDF5 itself
 # notices a changed byte in few places, and some of them end the process.
 
 _FORM = b"\ngfmdlayer seal %08x\n"

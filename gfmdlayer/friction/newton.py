@@ -131,7 +131,7 @@ class Ones:
 class BlockInverse:
     """Inverse of the compliance B of an interval, by its points; `kernel` is that of the surface of a line.
 
-    Of the loads w = B^-1 1, which move all points alike, the part w/sum w has the load one. What is left,
+    Of the loads w = B^-1 1, which move all points alike, the part w/sum w has the load one. The rest,
     B^-1 - w w^T/sum w, has no load, so that an interval hardly moves the others by it.
     """
 
@@ -287,7 +287,7 @@ class LinearSystem:
         return np.concatenate((left - sets.compressed(ones), sums.astype(np.float32)))
 
     def right_side(self, gap: FloatArray, slip: FloatArray, base: FloatArray) -> NDArray[Any]:
-        """Return what the tractions `base` leave, whose gap and slip at the points in contact are given."""
+        """Return the right side left by the tractions `base`, from their gap and slip in contact."""
         sets = self.sets
         right = -sets.compressed(np.vstack((gap[np.newaxis], slip)))
         if sets.axes == 2:

@@ -280,7 +280,7 @@ class FrictionState:
     t: FloatArray
     slip: FloatArray
     residual: float
-    merit: float  # rms over the contact of what the residual is the largest value of
+    merit: float  # rms over the contact; the residual is the largest value
 
 
 def assess(

@@ -15,8 +15,8 @@ Per wavevector of unit vector n the surface moves by W into the body, by i U n a
 (W, U) have modes of two components, V of one. On a line there is no V.
 
 At the largest wavenumber of an even axis +q and -q share a mode of the grid. Each has its own history, and
-half of the traction; the sum of both displacements is seen. So what is odd along the axis vanishes at the
-points, as in `friction.response`, and yet relaxes.
+half of the traction; the displacement of the grid is the sum of both. So fields that are odd along the axis
+vanish at the points, as in `friction.response`, and yet relax.
 
 The displacements x of all waves stand in one array, (W, U) of each wave and then V of each.
 """
@@ -86,7 +86,7 @@ class VectorModes(Saving):
         self.dissipated += float(self._weights @ heat)
 
     def turn(self, phases: ComplexArray | None) -> None:
-        """Multiply what is held at each wave by a phase in the next step: the material moves."""
+        """Multiply displacements and stretches by phases of the waves: the material moves in the step."""
         self._phases = np.ones_like(self._phases) if phases is None else phases
 
     @property
@@ -211,9 +211,13 @@ class TractionModes:
         return _joined(self.moved([b + load for b, load in zip(self._b, loads, strict=True)]))
 
     def force(self, x: ComplexArray) -> ComplexArray:
-        """Return the tractions on the waves at the end of the step of the last `terms`."""
-        every = zip(self.components, self._split(x), self._b, strict=True)
-        return _joined([np.einsum("qab,qb->qa", part.stiffness, u) - b for part, u, b in every])
+        """Return the tractions on the waves at the end of the step of the last `terms`, kappa x - b."""
+        return self.resistance(x) - _joined(self._b)
+
+    def resistance(self, x: ComplexArray) -> ComplexArray:
+        """Return kappa x, the tractions on a surface without a past."""
+        every = zip(self.components, self._split(x), strict=True)
+        return _joined([np.einsum("qab,qb->qa", part.stiffness, u) for part, u in every])
 
     def missing_stress(self, x: ComplexArray, curvature: ComplexArray) -> ComplexArray:  # noqa: ARG002
         """Return the part of the tractions that is due to the curvature dt^2 x''/2."""
@@ -238,7 +242,7 @@ class TractionModes:
         return [in_plane] if self._axes == 1 else [in_plane, x[2 * count :].reshape(count, 1)]
 
     def carry(self, *distance: float) -> None:
-        """Move the contact along the surface in the next step: what lies at x + distance is then at x."""
+        """Move the contact along the surface in the next step: a point at x + distance is then at x."""
         self.phases = None
         if any(distance):
             shifts = np.array(distance)[:, np.newaxis] * self._vectors

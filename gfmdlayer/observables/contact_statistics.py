@@ -19,8 +19,8 @@ _CUSP = 3.0  # a cusp bends so many times more than the smooth part; on a parabo
 def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:
     """Whether a punch touches first in a cusp at the edge of the cell, and is smooth where it is deepest.
 
-    Such is a convex punch with the wrong sign; `obstacle` is its surface upward, one value a point. A punch
-    over several ranks is not looked at.
+    A convex punch with the wrong sign is upside down. `obstacle` is its surface upward, one value a point; a
+    punch over several ranks is not examined.
     """
     if not grid.is_whole:
         return False

@@ -9,7 +9,7 @@ its end. Cases with steps of their own keep all of their rows, and time depends 
     contact_area and the other columns (swept key, ..., row[, bin])      time (swept key, ..., row)
 
 A case with fewer rows than the longest is NaN, in time too, in the rows that it does not have. With
-`output.times` such cases too lie along `time`: the times asked for, and the others that all cases share.
+`output.times` these cases too lie along `time`: the times of the configuration, and others that all share.
 
 A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
 trajectory.depth. A case without a column that others have is NaN there, and a line of the notes names it.
@@ -123,7 +123,7 @@ class Swept(NamedTuple):
 
 
 class _CaseFile:
-    """A case in its file, read as far as it is used."""
+    """A case in its file; values are read at their first use."""
 
     def __init__(self, file: h5f.FileID) -> None:
         self._file = file

@@ -134,7 +134,7 @@ class Recording:
         if self._keeps:
             self.noted |= attributes
 
-    # What it holds.
+    # Contents.
 
     @property
     def count(self) -> int:
@@ -195,9 +195,9 @@ class Recording:
     # Its way through a checkpoint, and from the file of an earlier case.
 
     def kept(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Bring the snapshots to the disk; return what a checkpoint keeps, plain data and arrays.
+        """Bring the snapshots to the disk; return plain data and arrays for a checkpoint.
 
-        What cannot be written stays in memory.
+        Fields that cannot be written stay in memory.
         """
         if not self._keeps:
             return {}, {}
@@ -214,7 +214,7 @@ class Recording:
         return about, arrays | {f"{_KEPT}times": np.array(self.times)}
 
     def go_on(self, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from what a checkpoint has kept; a ValueError if the file is damaged before that place."""
+        """Go on from the data and arrays of a checkpoint; a ValueError if the file is damaged before it."""
         self._set_columns(about["widths"])
         for block in (arrays[name] for name in arrays if name.startswith(f"{_KEPT}rows.")):  # in their order
             self._add(block, len(block))
@@ -298,7 +298,7 @@ class Recording:
                 raise ValueError(f"{name} of shape {shape}; must be {known}")
 
     def _write(self) -> None:
-        """Write the fields in memory behind those in the file; what fails stays in memory."""
+        """Write the fields in memory behind those in the file; on failure they stay in memory."""
         for place in range(self._written, len(self.times)):
             for every in self._fields.values():
                 if isinstance(field := every[place], np.ndarray):

@@ -67,7 +67,7 @@ def _ranges(numbers: Sequence[int]) -> Iterator[str]:
 
 
 def _numbers(ranges: str) -> Iterator[int]:
-    """Yield the numbers in such a text."""
+    """Yield the numbers of ranges, "0-3, 7"."""
     for part in ranges.split(","):
         first, _, last = part.strip().partition("-")
         yield from range(int(first), int(last or first) + 1)

@@ -2,8 +2,8 @@
 
 A sweep is a product of values and of lists of combinations (`gfmdlayer.config.sweeps`), the last key running
 fastest; without one there is a single case. A sweep may have a million cases: each is made from its place
-when it is asked for. A run takes them in blocks, so that the first begins at once; what has to be known of
-all before that, such as the memory that they need, is known from a sample.
+at its first use. A run takes them in blocks, so that the first begins at once; the memory that all of them
+need is estimated before that from a sample.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class SweepCase:
 
     @cached_property
     def cost(self) -> Footprint:
-        """The estimate of what it takes."""
+        """Estimated time and memory of the case."""
         return estimate(self.config, self.drives)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Who computes a case, and who uses the folder.
+"""Claims: the process that computes a case, and the processes that use the folder.
 
 `cases/NNNN.running` is the claim of a process on a case. It is made whole under its name, which fails where
 another process has made it before (a hard link, which network file systems too make once). The process
@@ -54,7 +54,7 @@ class Claim:
     """The claim of this process on a case, with its progress; a context manager around the simulation.
 
     `expected` is the number of steps. With `together` several ranks agree on a stop, after the first step.
-    A file system that refuses the claim, such as a full one, does not hold up the case.
+    A file system that refuses the claim (it is full, say) does not stop the case.
     """
 
     def __init__(

@@ -105,7 +105,7 @@ class Folder:
             path.replace(path.with_name(path.name + ASIDE))
 
     def leftovers(self) -> list[Path]:
-        """Return what dead runs left: unfinished files, claims, checkpoints of complete cases."""
+        """Return the files that dead runs left: unfinished ones, claims, checkpoints of complete cases."""
 
         def is_left(name: str) -> bool:
             if name.endswith(".h5"):  # there may be a million

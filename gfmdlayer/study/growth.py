@@ -8,8 +8,8 @@ stay in place, and are found again when it has them once more.
 A configuration may differ from the folder's in its sweep, its end, its snapshots, its output times and
 `output.keep_state`, or in anything that leaves some case unchanged. Any other one is refused.
 
-Runs of one configuration share a folder. One that begins alone removes files of dead runs before; only such
-a run may change the configuration.
+Runs of one configuration share a folder. A run that begins alone first removes files of dead runs; only this
+run may change the configuration.
 """
 
 from __future__ import annotations

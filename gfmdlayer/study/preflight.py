@@ -21,7 +21,7 @@ SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 MPI_PACKAGES = ("mpich", "openmpi", "impi-rt")
 
-ESTIMATED = 1.5  # the estimate of the memory of a case over what it takes, at most
+ESTIMATED = 1.5  # largest ratio of the estimated memory of a case to the memory that it takes
 
 Cores = frozenset[int]
 

@@ -155,7 +155,7 @@ class Study:
                 self._compute(schedule, again)
         return self._concluded()
 
-    # Which cases are missing, and what they are.
+    # The missing cases.
 
     def _changed(self, case: SweepCase) -> SweepCase:
         for change in self._changes:

@@ -176,12 +176,12 @@ def _by_multigrid(matrix: Any, sources: Sequence[FloatArray]) -> Iterator[FloatA
         yield np.asarray(solution)
 
 
-def bruggeman(gap: FloatArray, threshold: float = THRESHOLD) -> float:
+def bruggeman(gap: FloatArray) -> float:
     """Estimate (K_xx K_yy)^(1/2) [length^3] of an isotropic gap by Bruggeman's effective medium."""
-    # mean of n K/(g^3 + (n - 1) K) = 1 with n = 1/(1 - threshold); 0 from a contact area `threshold` on.
-    cubes, n = np.ravel(gap) ** 3, 1 / (1 - threshold)
+    # mean of n K/(g^3 + (n - 1) K) = 1 with n = 1/(1 - THRESHOLD); 0 from that contact area on.
+    cubes, n = np.ravel(gap) ** 3, 1 / (1 - THRESHOLD)
     largest = float(cubes.max(initial=0.0))
-    if largest == 0 or np.mean(cubes == 0) >= threshold:
+    if largest == 0 or np.mean(cubes == 0) >= THRESHOLD:
         return 0.0
     cubes /= largest
 

@@ -167,7 +167,7 @@ def rigid_sphere(_quick: bool) -> Iterator[Row]:
     In Derjaguin's approximation it is 2 pi R times the energy at the closest gap. The body, stiffer than
     the attraction by a factor 1e6, yields by a part 1e-6. The sum over the points is exact for an
     exponential law, whose force falls like a Gaussian; at the rim of the cell, where r = L/2, the law of
-    Lennard-Jones has fallen to (s/g)^3 of its largest value, and what lies beyond is the part (4/3)
+    Lennard-Jones has fallen to (s/g)^3 of its largest value, and the force beyond is the part (4/3)
     (s/g)^2.
     """
     work, radius, reach, gap = 1e-3, 1.0, 2e-3, 2e-4
@@ -330,8 +330,8 @@ def _first(computed: Recording, quantity: str) -> float:
 def pull_in(_quick: bool) -> Iterator[Row]:
     """A flat punch under voltage, brought down upon a compressible film on a rigid base.
 
-    The film, a spring K(0) = 2 G (1 - nu)/((1 - 2 nu) d) per area, snaps to the punch where the gap at rest
-    g0 is such that eps0 V^2 = 8 K (g0 + h0)^3/(27). Adaptive steps locate an instability to a thousandth of
+    The film, a spring K(0) = 2 G (1 - nu)/((1 - 2 nu) d) per area, snaps to the punch at the gap at rest g0
+    with eps0 V^2 = 8 K (g0 + h0)^3/(27). Adaptive steps locate an instability to a thousandth of
     a gap.
     """
     stiffness = float(LayeredHalfspace(_THICKNESS, _POISSON, math.inf).stiffness(0.0, 1.0))

@@ -179,7 +179,7 @@ def jump_of_temperature(_quick: bool) -> Iterator[Row]:
 
     The contact does not change, so that p(t) = p_0 int G(xi(t) - xi(s))/G0 dh(s)/h_0, p_0 the pressure on
     the relaxed material and the reduced time xi. The displacement is linear over each step, for which the
-    exponential scheme is exact: what remains is the tolerance of the solver, 1e-10, of both runs, and the
+    exponential scheme is exact. There remain the tolerance of the solver, 1e-10, of both runs, and the
     rounded edges of the punch, 1e-6 of the cell, which are less than a tenth of a point. The bound is a
     hundred times the tolerance, for a pressure that falls to a tenth of its peak.
     """

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gfmdlayer
+from gfmdlayer.case.model import NoRecorder
 
 MU, LOAD = 0.4, 0.02
 COULOMB = {"law": "coulomb", "coefficient": MU}
@@ -190,6 +191,29 @@ def test_adaptive_steps_find_where_a_swing_sticks_again():
     there, found = (float(each.friction.sel(time=0.45, method="nearest")) / MU for each in (fixed, free))
     assert there < 0.999
     assert found == pytest.approx(there, abs=2e-4)
+
+
+def test_adaptive_steps_are_long_behind_a_punch_that_is_lifted(tmp_path):
+    """The dent creeps back for three time units; the fixed steps count 300 there."""
+    file = tmp_path / "unload.txt"
+    file.write_text("0 0\n0.5 0.02\n1 0\n4 0\n")
+    config = relaxing(trajectory={"control": "load", "kind": "table", "file": str(file)})
+    fixed = run(config, {"time": {"end": 4.0, "step": 0.01, "integrator": "exponential"}})
+    attempts, rows = [], []
+
+    class Rows(NoRecorder):
+        def row(self, **values):
+            rows.append((values["time"], values["depth"]))
+
+    def few(time):
+        attempts.append(time)
+        assert len(attempts) < 300
+
+    adaptive = config | {"name": "lifted", "time": {"end": 4.0, "step": "adaptive"}}
+    gfmdlayer.simulate(gfmdlayer.Config(**adaptive), Rows(), few)
+    time, depth = np.transpose(rows)
+    largest = float(fixed.depth.max())
+    np.testing.assert_allclose(depth, np.interp(time, fixed.time, fixed.depth), atol=1e-3 * largest)
 
 
 def test_directions_are_alike_and_mirror_images_too():
