@@ -231,10 +231,9 @@ def test_a_damaged_file_is_set_aside_and_its_case_computed_again(name, damage, r
     assert bits("out") == whole
 
 
-@pytest.mark.parametrize("error", [errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS])
-def test_a_file_system_without_locks_changes_nothing(error, run_here, whole, bits, monkeypatch):
+def test_a_file_system_without_locks_changes_nothing(run_here, whole, bits, monkeypatch):
     def flock(*_):
-        raise OSError(error, os.strerror(error))
+        raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(fcntl, "flock", flock)
     run_here("faulty.yaml")
