@@ -88,7 +88,8 @@ REFUSALS = {
 }
 SCRIPT = "import sys; from gfmdlayer.cli import main; print([main(each.split()) for each in sys.argv[1:]])"
 VERBS = (
-    "check a-geometry.yaml", "check a-contact.yaml", "status results/a-geometry", "plot results/a-geometry --y force --out a.png",
+    "check a-geometry.yaml", "check a-contact.yaml",
+    "status results/a-geometry", "plot results/a-geometry --y force --out a.png",
 )  # fmt: skip
 
 
