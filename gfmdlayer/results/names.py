@@ -31,14 +31,9 @@ class Parameter(NamedTuple):
     units: str
 
 
-# Coordinates and fields; observables declare the columns of the rows.
-VARIABLES = {
-    variable.name: variable
-    for variable in declared(r"""
-    x | position along x | length |
-      from the middle of the cell, and of the punch; from the axis of an isolated indenter | x
-    y | position along y | length | from the middle of the cell | y
-    snapshot | time of the snapshot | time | from the beginning of the run | t
+# Fields of snapshots at the surface, which contacts return: traction where the interface attracts, imprint
+# with a hardness, shear and slip with friction, the displacement of each of two bodies.
+_FIELDS = declared(r"""
     displacement | normal displacement of the surface, positive upward | length |
       from the surface at rest | u
     pressure | contact pressure, positive in compression | pressure | at each point, of the wall | p
@@ -53,6 +48,20 @@ VARIABLES = {
       length / time | at each point in contact, mean over the step; else NaN | \dot{s}_x
     slip_velocity_y | velocity of the surface against the punch along y, zero where it sticks |
       length / time | at each point in contact, mean over the step; else NaN | \dot{s}_y
+    displacement_body | normal displacement of the surface of the body, positive out of it | length |
+      from the surface at rest | u_1
+    displacement_counterbody | normal displacement of the surface of the counterbody, positive out of it |
+      length | from the surface at rest | u_2
+    """)
+FIELDS = tuple(field.name for field in _FIELDS)
+# Coordinates, these fields, and those below the surface; observables declare the columns of the rows.
+VARIABLES = {
+    variable.name: variable
+    for variable in declared(r"""
+    x | position along x | length |
+      from the middle of the cell, and of the punch; from the axis of an isolated indenter | x
+    y | position along y | length | from the middle of the cell | y
+    snapshot | time of the snapshot | time | from the beginning of the run | t
     z | depth below the surface | length | of the undeformed body; an interface is there twice | z
     layer | number of the layer at the depth | 1 | from the surface, 0 | | i8
     displacement_x | displacement along x | length | below the surface | u_x | f4
@@ -71,20 +80,10 @@ VARIABLES = {
     spring | number of the spring | 1 | from the surface, 0 | | i8
     spring_strain | strain of each spring of the layers | length | for other depths
     spring_force | force of each spring of the layers | pressure | for other depths
-    displacement_body | normal displacement of the surface of the body, positive out of it | length |
-      from the surface at rest | u_1
-    displacement_counterbody | normal displacement of the surface of the counterbody, positive out of it |
-      length | from the surface at rest | u_2
     case | number of the case and of its file in cases/ | 1 | from 0 | | i8
     """)
+    + _FIELDS
 }
-
-# Of snapshots: the traction where the interface attracts, the imprint with a hardness, shear
-# and slip with friction, the displacement of each of two bodies.
-FIELDS = (
-    "displacement", "pressure", "gap", "traction", "imprint", "shear_x", "shear_y", "slip_velocity_x",
-    "slip_velocity_y", "displacement_body", "displacement_counterbody",
-)  # fmt: skip
 # Fields of the snapshots below the surface, and their first dimension. Springs only where
 # the layers relax by different laws: they determine the fields at all depths (`body.inside`).
 BELOW = {

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.files.locks import regular_and_no_link
 from gfmdlayer.results import provenance
-from gfmdlayer.results.names import BELOW, SAME_TIME, ResultsError
+from gfmdlayer.results.names import BELOW, FIELDS, SAME_TIME, VARIABLES, ResultsError
 from gfmdlayer.results.netcdf import naming
 
 if TYPE_CHECKING:
@@ -283,6 +283,10 @@ class Recording:
 
     def _must_fit(self, fields: Mapping[str, NDArray[Any]]) -> None:
         """Refuse fields of other names or shapes than those of the snapshots before."""
+        if unknown := fields.keys() - VARIABLES.keys():
+            raise ValueError(
+                f"results/names.py declares no field {min(unknown)!r}; known: {', '.join(FIELDS)}"
+            )
         surface = fields.keys() - BELOW
         if self.times and (changed := surface ^ (self._kinds.keys() - BELOW)):
             raise ValueError(f"some snapshots have a {min(changed)} and others have none")

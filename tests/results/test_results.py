@@ -133,6 +133,13 @@ def test_gap_is_kept_with_every_snapshot_or_with_none(tmp_path):
                 case.snapshot(1.0, named(*then))
 
 
+def test_a_field_that_is_not_declared_is_refused_at_its_first_snapshot(tmp_path):
+    with case_file(tmp_path / "0.h5", {"x": X}) as case:
+        with pytest.raises(ValueError, match="declares no field 'bond'; known: displacement, pressure, gap"):
+            case.snapshot(0.0, named(X, X) | {"bond": X})
+        case.snapshot(0.0, named(X, X))  # it recorded nothing of them
+
+
 def test_no_rows_and_no_snapshots_still_open(tmp_path):
     with case_file(tmp_path / "0000.h5", {"x": X}):
         pass

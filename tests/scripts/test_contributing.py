@@ -88,7 +88,8 @@ REFUSALS = {
 }
 SCRIPT = "import sys; from gfmdlayer.cli import main; print([main(each.split()) for each in sys.argv[1:]])"
 VERBS = (
-    "check a-geometry.yaml", "status results/a-geometry", "plot results/a-geometry --y force --out a.png",
+    "check a-geometry.yaml", "check a-contact.yaml",
+    "status results/a-geometry", "plot results/a-geometry --y force --out a.png",
 )  # fmt: skip
 
 
@@ -218,6 +219,12 @@ def test_a_bed_of_asperities_is_solved_point_by_point_by_the_same_loop(folder):
         # Within the tolerance of the mean pressure, times what one of the points has of the mean.
         np.testing.assert_allclose(found, exact, rtol=0, atol=1e-5 * exact.max() * 10)
     assert np.abs(bed["energy_residual"]).max() < 1e-3 * bed["work"].max()
+
+
+def test_a_contact_without_a_solver_is_estimated_without_transforms(folder):
+    said = (folder / "said").read_text()
+    assert "contact    asperities, without a solver" in said
+    assert "FFT pairs" not in said  # nor has the spring of a geometry, the other one that is checked
 
 
 def test_a_sum_of_two_ranges_attracts(folder):
