@@ -1,6 +1,7 @@
 """What the tests share: recorder, small runs, elastic closed form, dense contact, bits of files, browser."""
 
 import fcntl
+import gc
 import os
 import shutil
 from dataclasses import replace
@@ -43,9 +44,11 @@ def kernels_are_compiled_once(tmp_path_factory):
         with global_compiler_lock, (place / name).open("w") as file:  # threads in the order of processes
             fcntl.flock(file, fcntl.LOCK_EX)
             at_work.add(name)
+            gc.disable()  # a sixth of the time
             try:
                 return compiled(kernel, signature)
             finally:
+                gc.enable()
                 at_work.remove(name)
 
     with pytest.MonkeyPatch.context() as patch:
