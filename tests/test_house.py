@@ -105,12 +105,6 @@ def test_there_is_one_time_loop() -> None:
     assert loops == ["case.py"]
 
 
-# Names of classes that still have two homes.
-PENDING = {
-    "Column", "Member", "Recording",
-}  # fmt: skip
-
-
 def test_a_class_name_has_one_home() -> None:
     """A leading underscore makes no other name: a stranger reads `_Step` as a kind of `Step`."""
     homes = defaultdict(list)
@@ -118,5 +112,4 @@ def test_a_class_name_has_one_home() -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef):
                 homes[node.name.lstrip("_")].append(f"{path.relative_to(PACKAGE)}:{node.lineno}")
-    shared = {name: places for name, places in homes.items() if len(places) > 1}
-    assert not {name: places for name, places in shared.items() if name not in PENDING}
+    assert not {name: places for name, places in homes.items() if len(places) > 1}

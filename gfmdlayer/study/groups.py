@@ -65,7 +65,7 @@ class _Group:
             self._ranks.control.send((task, arguments, options), rank)
 
 
-class _Member:
+class _OwnGroup:
     """The group of this process; a task that comes from another one has no other way to it."""
 
     group: _Group
@@ -73,7 +73,7 @@ class _Member:
 
 def run_case_together(case: SweepCase, **options: Any) -> Outcome:
     """Run a case on the group of this process, see `run_case`."""
-    return _Member.group.run(run_case, case, **options)
+    return _OwnGroup.group.run(run_case, case, **options)
 
 
 @contextmanager
@@ -92,17 +92,17 @@ def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[
     with guarded(comm):
         group = comm.Split(number // size, number)
         leaders = comm.Split(int(group.Get_rank() > 0), number)
-        _Member.group = _Group(group)
+        _OwnGroup.group = _Group(group)
         if group.Get_rank() > 0:
             if prepare is not None:
                 prepare()
-            _Member.group.serve()
+            _OwnGroup.group.serve()
             yield None
             return
         kind = f"group{'s' * (count > size)} of {size} MPI ranks"
         with alone() if count == size else ranks(leaders, prepare) as pool:
             yield pool and replace(pool, kind=kind)
-        _Member.group.send(None)
+        _OwnGroup.group.send(None)
 
 
 # Cases that several ranks cannot compute together are refused before any work, with the key and why.
@@ -122,7 +122,7 @@ def input_errors_together(config: Config, ranks_per_case: int) -> Iterable[tuple
     """Check the cases for several ranks, and by these ranks their numbers and input files."""
     config = with_shared_solver(config)
     errors = [error for case in Cases(config).sample() for error in _errors(case.config, ranks_per_case)]
-    return list(dict.fromkeys(errors)) or _Member.group.run(_input_errors, config)
+    return list(dict.fromkeys(errors)) or _OwnGroup.group.run(_input_errors, config)
 
 
 def refuse_other_ranks(folder: Folder, begun: Sequence[int], ranks_per_case: int) -> None:
