@@ -56,6 +56,12 @@ SCALARS = np.dtype(
 )
 
 
+@kernel(inner=True)
+def reach_of(line: int) -> tuple[int, int]:
+    """`ContactSet.reach` for lines of so many points."""
+    return max(_REACH, line // 64), line
+
+
 def make_contact(shape: tuple[int, ...]) -> ContactSet:
     """An empty contact set on a surface of a shape."""
     size, line = prod(shape), shape[-1]
@@ -64,7 +70,7 @@ def make_contact(shape: tuple[int, ...]) -> ContactSet:
         runs=np.zeros((size // 2 + 1, 2), dtype=np.int64),
         near=np.zeros((size // 2 + 1, 2), dtype=np.int64),
         counts=np.zeros(1, dtype=COUNTS),
-        reach=(max(_REACH, line // 64), line),
+        reach=reach_of.py_func(line),
         close=np.empty(0 if line == size else size),
     )
 
