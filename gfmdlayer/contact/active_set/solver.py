@@ -143,7 +143,8 @@ class ActiveSet:
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system, left, arrays = self._system_of(problem), min(_LIMIT, limit), self.arrays
-        state = SurfaceState(*(np.empty(start.size) for _ in range(3)), np.empty_like(problem.intercept))
+        u, p, gap = np.empty((3, start.size))
+        state = SurfaceState(u, p, gap, np.empty_like(problem.intercept))
         near = self._in_windows(problem, system, start, tolerance, left, state)
         half_pair = arrays.known["half_pair"]
         if near.within:

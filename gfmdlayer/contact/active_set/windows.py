@@ -22,13 +22,13 @@ import numpy.typing as npt
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.contact.active_set.loop import (
+    REACH,
     ContactSet,
     LoopArrays,
     iterate,
     list_runs,
     make_contact,
     make_work,
-    reach_of,
 )
 from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, SurfaceState, System
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
@@ -454,7 +454,7 @@ def _window_of(
             contact.runs[:runs],
             contact.near[:runs],
             contact.counts,
-            reach_of(points),
+            (max(REACH, points // 64), points),
             contact.close[: size if rows > 1 else 0],
         ),
         LoopArrays(
