@@ -173,7 +173,7 @@ def _with_halo(field: NDArray[Any], rows: int, grid: Grid) -> NDArray[Any]:
     return np.concatenate((before.ravel(), field.ravel(), after.ravel()))
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _edge(
     touching: BoolArray,
     pressure: FloatArray,
@@ -222,7 +222,7 @@ def _edge(
     return t if t < 1.0 else 0.5
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _run(touching: BoolArray, start: int, span: int, many: int, place: int, step: int, farthest: int) -> int:
     """Points along a line from one on that are all in contact or all out of it, as many as are measured."""
     state, length = touching[start + place * span], 0
@@ -233,7 +233,7 @@ def _run(touching: BoolArray, start: int, span: int, many: int, place: int, step
     return length
 
 
-@kernel
+@kernel(borrows=True)
 def _length(touching: BoolArray, pressure: FloatArray, gap: FloatArray) -> float:
     """Length of the contact of a line, in spacings: one for each point, and the edges beyond their halves."""
     n, length = touching.size, 0.0
