@@ -26,9 +26,10 @@ from gfmdlayer.contact.active_set.solver import ActiveSet, SolverArrays, StepRes
 from gfmdlayer.contact.active_set.windows import WholeSurface
 from gfmdlayer.contact.prediction import RING, PressurePrediction, Ring, predict, remember
 from gfmdlayer.contact.pressure_form import SurfaceState
-from gfmdlayer.contact.residual import ResidualFloor, scales_of
+from gfmdlayer.contact.residual import ResidualFloor, mark_contact, scales_of
 from gfmdlayer.contact.problem import DEPTH_FLOOR
 from gfmdlayer.kernels import filled, kernel
+from gfmdlayer.observables.contact_statistics import line_extent
 from gfmdlayer.step import Fields
 from gfmdlayer.time_functions import RampHold, Table
 
@@ -245,7 +246,8 @@ def _measure(
     p, gap = ring.p[place], ring.gap[place]
     floor = ResidualFloor(_smallest(surface.problem_stiffness), constants.least_depth, 0.0, np.inf)
     pressure_scale, depth_scale = scales_of(p, surface.u, floor)
-    points, between, error = measure_line(p, gap, 1.0 / pressure_scale, 1.0 / depth_scale, surface.touching)
+    mark_contact(p, gap, 1.0 / pressure_scale, 1.0 / depth_scale, surface.touching)
+    points, between, error = line_extent(surface.touching, p, gap)
     now.most = max(now.most, points)
     energies, curve = now.stored + now.dissipated, now.curve
     if now.points == 0:

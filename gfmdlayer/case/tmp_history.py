@@ -12,7 +12,6 @@ from gfmdlayer.history.modes import (
 )
 from gfmdlayer.history.errors import _stress_norm, _displacement_error
 from gfmdlayer.grid.sums import _products
-from gfmdlayer.observables.contact_statistics import _length
 from gfmdlayer.kernels import kernel
 import numba as nb
 
@@ -254,20 +253,3 @@ def accepts(control, history, surface_spectrum, b, instant, depth, response):
     return accepted
 
 
-@kernel(inner=True, borrows=True)
-def measure_line(p, gap, per_pressure, per_gap, touching):
-    size = p.size
-    number, crossings = 0, 0
-    for i in range(size):
-        touching[i] = p[i] * per_pressure > gap[i] * per_gap
-        number += touching[i]
-    for i in range(size):
-        crossings += touching[i] != touching[i + 1 if i + 1 < size else 0]
-    between = number / size
-    if 0 < number < size:
-        between = max(_length(touching, p, gap), 0.0) / size
-    off = 0.0
-    if crossings and between > 0:
-        offset = max(0.35 / (2 * between * size / crossings), 0.02)
-        off = crossings * min(offset, 0.5) / size
-    return number, between, off

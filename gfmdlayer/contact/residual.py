@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum
 
@@ -115,6 +115,15 @@ def _extrema_part(pressure: FloatArray, u: FloatArray) -> tuple[float, float, fl
 def residual_scales(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
     """Scales (P, D) of the residual of a state: pressure and displacement, one value a point."""
     return scales_of(pressure, u, floor)
+
+
+@kernel(borrows=True)
+def mark_contact(
+    pressure: FloatArray, gap: FloatArray, per_pressure: float, per_gap: float, touching: BoolArray
+) -> None:
+    """Mark the points in contact: pressure larger than gap, each in its scale, from 1/P and 1/D."""
+    for i in range(touching.size):
+        touching[i] = pressure[i] * per_pressure > gap[i] * per_gap
 
 
 @kernel(inner=True, borrows=True)
