@@ -200,7 +200,7 @@ class Drives:
         return times or ()
 
     @cached_property
-    def landings(self) -> list[Instant]:
+    def landings(self) -> Sequence[Instant]:
         """Times on which the steps land, with the length of fixed steps to each of them."""
         time, snapshots = self.config.time, self.config.output.snapshot_times
         if isinstance(time.step, str):
