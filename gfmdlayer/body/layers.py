@@ -231,8 +231,8 @@ class Layers(Solid):
 
     # Properties for configurations, see `Solid`.
 
-    @property
-    def laws(self) -> tuple[Law, ...]:
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:  # type: ignore[override]
         """The laws of the layers from the surface down, and of the halfspace where it has one."""
         base = self._base.material
         return (*(layer.material for layer in self._above), *(() if base is None else (base,)))

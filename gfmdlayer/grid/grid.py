@@ -95,6 +95,11 @@ class Grid:
         return self.waves.magnitude
 
     @cached_property
+    def largest_wavenumber_x(self) -> float:
+        """Largest wavenumber along x."""
+        return float(np.abs(self.wavevectors[0]).max())
+
+    @cached_property
     def wavenumbers_x(self) -> FloatArray:
         """Wavenumbers along x of the two waves that each mode is the mean of, shape (2, *spectral_shape)."""
         # The two are equal, but for the largest wavenumber of an even grid, where +q and -q share one mode.
