@@ -200,27 +200,3 @@ def parts(shape: tuple[int, ...]) -> tuple[int, ...]:
             break
         divisors.append(part)
     return tuple(divisors)
-
-
-# Where on a periodic surface the pressure is: the shortest intervals of its axes that hold all of it.
-
-Stretch = tuple[int, int]  # first point, which may be late on the periodic axis, and number of points
-
-NOWHERE: tuple[Stretch, Stretch] = ((0, 0), (0, 0))
-
-
-def periodic_extent(pressure: FloatArray, shape: tuple[int, int]) -> tuple[Stretch, Stretch]:
-    """Shortest periodic intervals of rows and of columns that hold all points with pressure > 0."""
-    # `pressure` has the shape (rows * columns,), and `shape` is (rows, columns); a line has one row. Without
-    # pressure the intervals are `NOWHERE`.
-    pressed = pressure.reshape(shape) > 0.0
-    return _shortest_interval(pressed.any(axis=1)), _shortest_interval(pressed.any(axis=0))
-
-
-def _shortest_interval(occupied: Any) -> Stretch:
-    places = np.flatnonzero(occupied)
-    if not places.size:
-        return 0, 0
-    before = np.diff(places, prepend=places[-1] - occupied.size)  # from the last point; one more than free
-    widest = int(before.argmax())
-    return int(places[widest]), int(occupied.size - before[widest]) + 1

@@ -15,7 +15,7 @@ from gfmdlayer.grid.transforms import Plans, Transforms, backward
 from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum, summed
 
 _LINES = 2  # on either side that are close to a contact on a surface
-_REACH = 16  # points at least on either side of the contact where the gap is kept up to date
+REACH = 16  # points at least on either side of the contact where the gap is kept up to date
 _BLOCK = 256  # points that are passed over at once where nothing is in contact
 
 
@@ -64,7 +64,7 @@ def make_contact(shape: tuple[int, ...]) -> ContactSet:
         runs=np.zeros((size // 2 + 1, 2), dtype=np.int64),
         near=np.zeros((size // 2 + 1, 2), dtype=np.int64),
         counts=np.zeros(1, dtype=COUNTS),
-        reach=(max(_REACH, line // 64), line),
+        reach=(max(REACH, line // 64), line),
         close=np.empty(0 if line == size else size),
     )
 
