@@ -232,7 +232,7 @@ class Layers(Solid):
     # Properties for configurations, see `Solid`.
 
     @cached_property
-    def laws(self) -> tuple[Law, ...]:  # type: ignore[override]
+    def laws(self) -> tuple[Law, ...]:
         """The laws of the layers from the surface down, and of the halfspace where it has one."""
         base = self._base.material
         return (*(layer.material for layer in self._above), *(() if base is None else (base,)))
