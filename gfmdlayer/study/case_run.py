@@ -78,6 +78,11 @@ class Checkpoints:
         self._warned = ""
         self._time, self._unsaved = 0.0, False
 
+    @property
+    def stepwise(self) -> bool:
+        """Whether it looks at each step."""
+        return self._interval == 0 or bool(self._stem)
+
     def recording(self, columns: Iterable[str], grid: Grid | None = None) -> Recording:
         """Return the recording of the case, which holds the rows and snapshots up to its checkpoint."""
         self._found = self._find()
@@ -344,6 +349,8 @@ class CaseRun:
         config, ranks = self.case.config, self.ranks
         model = model_of(config, self.threads, ranks, self.case.drives)
         recording = checkpoints.recording((column.name for column in model.columns), model.grid)
+        # A checkpoint after every step, or at the last one that does not depend on the end, needs each of them.
+        model.stepwise = checkpoints.stepwise
         warnings = model.run(recording, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):
             claim.confirm()
