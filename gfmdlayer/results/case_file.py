@@ -164,7 +164,9 @@ def labelled(
     )
     known = tuple((name, variables[name][1].tobytes()) for name in coords)
     data = {name: values for name, (_, values, _) in variables.items() if name not in coords}
-    return _without_values(form, known).copy(data=data).assign_attrs(attributes)
+    dataset = _without_values(form, known).copy(data=data)
+    dataset.attrs.update(attributes)
+    return dataset
 
 
 @made_once(_size)
