@@ -13,7 +13,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
@@ -22,8 +22,9 @@ import numpy as np
 from llvmlite import ir
 from numba._dispatcher import compute_fingerprint
 from numba.core import cgutils
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
 from gfmdlayer.files.cache import is_writable, user_cache
@@ -71,9 +72,7 @@ def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
         options |= {"fastmath": FASTMATH, "error_model": "numpy"}
     dispatcher = nb.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
-        _choose_place()
-        with suppress(RuntimeError):  # there is no place: each process compiles
-            dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined]  # as cache=True does
+        dispatcher._cache = _LateCache(function)  # type: ignore[attr-defined]  # as cache=True does
     return dispatcher
 
 
@@ -82,6 +81,24 @@ def _choose_place() -> None:
     """Keep compiled code beside the sources, or among the user's caches where it cannot be kept there."""
     if not (nb.config.CACHE_DIR or is_writable(_PACKAGE / "__pycache__")):  # type: ignore[attr-defined]
         nb.config.CACHE_DIR = str(user_cache() / "kernels")  # type: ignore[attr-defined]
+
+
+class _LateCache:
+    """The cache of a kernel, made at its first call: a process calls few of the kernels that it imports."""
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+    @cached_property
+    def _cache(self) -> Any:
+        _choose_place()
+        try:
+            return _SourceCache(self._function)
+        except RuntimeError:  # there is no place: each process compiles
+            return NullCache()  # type: ignore[no-untyped-call]
 
 
 class _SourceCache(FunctionCache):
@@ -94,6 +111,12 @@ class _SourceCache(FunctionCache):
         self._cache_file = IndexDataCacheFile(*place, stamp)  # type: ignore[no-untyped-call]
         # Compared before the index is read, which may name types that are gone from the sources.
         self._cache_file._version = f"{nb.__version__} {stamp}"
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load a compiled kernel, without all that Numba imports to compile one: a fifth of a second."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 
 @contextmanager
