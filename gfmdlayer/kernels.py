@@ -11,6 +11,7 @@ import fcntl
 import hashlib
 import inspect
 import re
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, cached_property
@@ -39,6 +40,7 @@ FASTMATH = {"reassoc", "contract"}
 LANES = 256
 
 _PACKAGE = Path(__file__).parent
+_BEGUN = time.time()
 _IMPORT = re.compile(rb"^from gfmdlayer((?:\.\w+)*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -96,7 +98,7 @@ class _LateCache:
         _choose_place()
         try:
             return _SourceCache(self._function)
-        except RuntimeError:  # there is no place: each process compiles
+        except RuntimeError:  # there is no place, or the sources have changed: each process compiles
             return NullCache()  # type: ignore[no-untyped-call]
 
 
@@ -122,6 +124,7 @@ class _SourceCache(FunctionCache):
 def compiling() -> Iterator[None]:
     """Let one process at a time compile; those that wait then find the kernels in the cache."""
     with ExitStack() as stack:
+        _choose_place()
         with suppress(OSError):  # on a file system without locks all may compile
             place = Path(nb.config.CACHE_DIR or _PACKAGE / "__pycache__")  # type: ignore[attr-defined]
             file = stack.enter_context((place / "compiling.lock").open("w"))
@@ -147,6 +150,8 @@ def source_digest(module: Path) -> str:
 
 @cache
 def _contents(path: Path) -> bytes:
+    if path.stat().st_mtime > _BEGUN:  # this process may have imported what it contained before
+        raise RuntimeError(f"{path} has changed")
     return path.read_bytes()
 
 
