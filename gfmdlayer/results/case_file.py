@@ -15,12 +15,12 @@ A case in two dimensions has a description for ParaView beside it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import h5py
 import numpy as np
@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.files.locks import write_new
 from gfmdlayer.files.whole import unfinished
+from gfmdlayer.made_once import made_once
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.results.names import BELOW, FIELDS, VARIABLES, described_key, dimension_names, labels
 from gfmdlayer.results.netcdf import (
@@ -53,6 +54,11 @@ if TYPE_CHECKING:
 CHUNK_ROWS = 128  # a chunk is written whole, and most of what a case of few steps takes on the disk
 BLOCK = 2**20  # points of a snapshot in a chunk
 CHECKED = PACKED | {"fletcher32": True}
+
+
+def _size(dataset: xarray.Dataset) -> int:
+    """Return the bytes of the coordinates of a dataset."""
+    return sum(coordinate.nbytes for coordinate in dataset.coords.values())
 
 
 class Form(NamedTuple):
@@ -133,15 +139,51 @@ class CaseContents(NamedTuple):
 
     def dataset(self) -> xarray.Dataset:
         """Return the case as `open_case` gives it."""
-        import xarray
-
-        held: dict[str, Any] = {
-            name: (self.about(name)[0], variable.values, self.about(name)[1])
+        held: dict[str, Labelled] = {
+            name: (variable.form.dimensions, variable.values, variable.form.described)
             for name, variable in self.variables.items()
         }
         beside = {name for variable in self.variables.values() for name in variable.form.beside}
-        coords = {name for name, (axes, *_) in held.items() if name in beside or axes in ((name,), ())}
-        return xarray.Dataset(held, attrs=self.attributes).set_coords(coords)
+        coords = [name for name, (axes, *_) in held.items() if name in beside or axes in ((name,), ())]
+        return labelled(held, coords, self.attributes)
+
+
+# Dimensions, values and attributes of a variable.
+Labelled: TypeAlias = tuple[tuple[str, ...], NDArray[Any], tuple[tuple[str, str], ...]]
+
+
+def labelled(
+    variables: Mapping[str, Labelled], coords: Collection[str], attributes: Mapping[str, Attribute]
+) -> xarray.Dataset:
+    """Return variables as a dataset, in which some are coordinates."""
+    # Xarray aligns and merges the variables of each new dataset, which takes longer than a small contact. Of
+    # the same form and coordinates as one before, a dataset is a copy with other values.
+    form = tuple(
+        (name, axes, about, values.shape, values.dtype.str)
+        for name, (axes, values, about) in variables.items()
+    )
+    known = tuple((name, variables[name][1].tobytes()) for name in coords)
+    data = {name: values for name, (_, values, _) in variables.items() if name not in coords}
+    dataset = _without_values(form, known).copy(data=data)
+    dataset.attrs.update(attributes)
+    return dataset
+
+
+@made_once(_size)
+def _without_values(
+    form: tuple[tuple[str, tuple[str, ...], tuple[tuple[str, str], ...], tuple[int, ...], str], ...],
+    coords: tuple[tuple[str, bytes], ...],
+) -> xarray.Dataset:
+    """Return a dataset of a form whose coordinates alone have values."""
+    import xarray
+
+    values = dict(coords)
+    held: dict[str, Any] = {}
+    for name, axes, about, shape, dtype in form:
+        nothing = np.broadcast_to(np.zeros((), dtype), shape)
+        own = np.frombuffer(values[name], dtype).reshape(shape) if name in values else nothing
+        held[name] = axes, own, dict(about)
+    return xarray.Dataset(held).set_coords(list(values))
 
 
 def case_contents(

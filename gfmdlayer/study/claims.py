@@ -34,7 +34,7 @@ from pydantic.dataclasses import dataclass as pydantic_dataclass
 from gfmdlayer.files.locks import born, no_link, read_json, try_lock, write_new
 from gfmdlayer.files.whole import unfinished_path, write_text
 from gfmdlayer.study.folder import Folder, FolderError
-from gfmdlayer.study.interrupts import Stopped, stop_requested
+from gfmdlayer.study.interrupts import Listener, Stopped, stop_requested
 
 WRITE_INTERVAL = 1.0  # seconds between two states of a case
 RENEWAL = 20.0  # seconds between two signs of a claim during a long step
@@ -214,6 +214,30 @@ class Running:
         except PermissionError:
             pass
         return self.born in ("", born(self.pid))  # not another one, with the number of a dead one
+
+
+class AtWork(Listener):
+    """Stands in for the claim on a case in memory: its progress, for a display of this process."""
+
+    def __init__(self, index: int, end: float, label: str) -> None:
+        self.index, self._end, self._label, self._started = index, end, label, time.time()
+        self._steps, self._time, self._since = 0, 0.0, (math.nan, math.nan)
+
+    def advance(self, simulated_time: float) -> None:
+        """Record the time reached; `Stopped` after a signal."""
+        super().advance(simulated_time)
+        self._steps, self._time = self._steps + 1, float(simulated_time)
+        if self._steps == 1:
+            self._since = time.time(), self._time
+
+    @property
+    def running(self) -> Running:
+        """The status of the case."""
+        status: dict[str, Any] = {
+            "host": socket.gethostname(), "pid": os.getpid(), "label": self._label, "started": self._started,
+            "since": self._since[0], "since_time": self._since[1], "updated": time.time(),
+        }  # fmt: skip
+        return Running(self.index, **status, simulated_time=self._time, end=self._end, steps=self._steps)
 
 
 def read_claim(path: Path) -> Running | None:
