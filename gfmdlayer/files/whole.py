@@ -115,6 +115,11 @@ def seal(file: BinaryIO) -> None:
     file.write(_FORM % checksum)
 
 
+def sealed(contents: bytes) -> bytes:
+    """Return the contents of a file with its seal."""
+    return contents + _FORM % zlib.crc32(contents)
+
+
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:
     """Whether the bytes of a file are those that were sealed; None without a seal, or above `most` bytes."""
     with open(path, "rb", opener=regular) as file:

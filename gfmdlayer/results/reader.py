@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
+from h5py import h5ds
 
 from gfmdlayer.config import ConfigError, load
 from gfmdlayer.config.sweeps import combinations
@@ -93,10 +94,19 @@ def replay(path: Path, until: float, recording: Recording) -> None:
 
 def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], dict[str, h5py.Dataset]]:
     """Return the columns of rows, and time and fields of the snapshots, by name."""
-    columns = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
-    # Earlier versions wrote no gap, and the hard wall has no traction.
-    fields = {name: columns.pop(name) for name in ("snapshot", *SNAPSHOT_FIELDS) if name in columns}
-    return columns, fields
+    variables = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.shape}
+    scales = {name for name, variable in variables.items() if h5ds.is_scale(variable.id)}
+
+    def along(dimension: str) -> dict[str, h5py.Dataset]:
+        if dimension not in scales:
+            return {}
+        beside = {n: d for n, d in variables.items() if n not in scales}
+        first = variables[dimension].id
+        return {dimension: variables[dimension]} | {
+            name: variable for name, variable in beside.items() if h5ds.is_attached(variable.id, first, 0)
+        }
+
+    return along("time"), along("snapshot")
 
 
 def _length(dataset: h5py.Dataset, *, read: bool) -> int:
