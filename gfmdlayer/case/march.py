@@ -327,8 +327,8 @@ ATTEMPTS = 256  # between two looks at signals, at most
 class BlockRecorder(Recorder, Protocol):
     """A recorder that takes many rows at once."""
 
-    def extend(self, columns: Mapping[str, FloatArray]) -> None:
-        """Record rows by their columns."""
+    def extend(self, widths: Mapping[str, int], rows: FloatArray) -> None:
+        """Record rows, whose columns have these widths."""
 
 
 class March:
@@ -455,7 +455,7 @@ class March:
         """Record the rows of a stretch."""
         count = int(self._now["rows"][0])
         if count:
-            recorder.extend(dict(zip(COLUMNS, self._rows[:count].T, strict=True)))
+            recorder.extend(dict.fromkeys(COLUMNS, 1), self._rows[:count])
             self._rows, self._now["rows"] = np.empty_like(self._rows), 0
 
     def _snapshot(self) -> Mapping[str, FloatArray]:

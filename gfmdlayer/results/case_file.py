@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.solid import LayerDepth
     from gfmdlayer.results.recording import Recording
 
-ROWS_AS_BYTES = 1 << 24  # bytes of rows, above which HDF5 writes them
+ROWS_AS_BYTES = 1 << 20  # bytes of rows, of which a file is made in memory; HDF5 writes more
 CHUNK_ROWS = 128
 BLOCK = 2**20  # points of a snapshot in a chunk
 CHECKED = PACKED | {"fletcher32": True}
@@ -177,10 +177,10 @@ def case_contents(
         known = ", ".join(sorted(declared))
         raise KeyError(f"no variable {min(unknown)!r} is declared; known: {known}")
     variables: dict[str, Variable] = {}
+    unit = cache(unit)
 
     def add(column: Column, axes: tuple[str, ...], *parts: NDArray[Any] | None, **form: Any) -> None:
-        described = tuple(column.in_units(unit).described.items())
-        variables[column.name] = Variable(Form(axes, described, column.dtype, **form), parts)
+        variables[column.name] = Variable(_form(column, unit(column.units), axes, **form), parts)
 
     # Dimensions come before the variables along them: time, points, bins, snapshots.
     others = [declared[name] for name in recording.widths if name != "time"]
@@ -214,6 +214,19 @@ def case_contents(
     }
     counts = {"rows": recording.count, "snapshots": len(recording.times), "complete": 1}
     return CaseContents(variables, {**provenance(), **ended, **attributes, **recording.noted, **counts})
+
+
+@lru_cache(maxsize=256)
+def _form(
+    column: Column,
+    unit: str,
+    axes: tuple[str, ...],
+    inner: tuple[int, ...] = (),
+    beside: tuple[str, ...] = (),
+) -> Form:
+    """Return the form of a column in its unit."""
+    described = replace(column, units=unit).described
+    return Form(axes, tuple(described.items()), column.dtype, inner, beside)
 
 
 def _add_fields(

@@ -81,7 +81,9 @@ def replay(path: Path, until: float, recording: Recording) -> None:
         rows = int(np.searchsorted(h5["time"][:], until, side="right"))
         for start in range(0, rows, _ROWS_READ):
             part = slice(start, min(start + _ROWS_READ, rows))
-            recording.extend({name: dataset[part] for name, dataset in columns.items()})
+            every = [dataset[part].reshape(part.stop - start, -1) for dataset in columns.values()]
+            widths = {name: values.shape[1] for name, values in zip(columns, every, strict=True)}
+            recording.extend(widths, np.hstack(every, dtype=np.float64))
         times = fields.pop("snapshot")[:].tolist()
         for i, time in enumerate(t for t in times if t <= until):
             held = {name: field[i] for name, field in fields.items()}
