@@ -41,6 +41,9 @@ if TYPE_CHECKING:
     from gfmdlayer.resumable import CompositeState
 
 
+# Seconds of a case from which on its file is on the disk before it has its name. Others are brought there
+# together, before sweep.h5 is written: waiting takes longer than some of them do.
+AWAITED = 1.0
 _PART = 0.02  # of the time that checkpoints take, at most, unless one is asked for after every step
 
 
@@ -364,7 +367,8 @@ class CaseRun:
         case = self.case
         described = attributes(model, case.given, surfaces=self.ranks.count == 1) | {"digest": self._digest}
         about = described, model.columns, case.config.unit, case.values, model.places
-        write_case(self.folder.case(case.index), case_contents(recording, model.coordinates, *about))
+        contents = case_contents(recording, model.coordinates, *about)
+        write_case(self.folder.case(case.index), contents, durable=recording.elapsed >= AWAITED)
         if ended := str(recording.noted.get("ended", "")):
             _record(self.folder.case(case.index, "ended"), case.values, ended)
 
