@@ -36,7 +36,7 @@ from gfmdlayer.resumable import Resumable
 
 # Depths count as at least this part of the range of the punch's heights: less is rounding of h - u.
 # A surface that heals under a flat punch at depth zero stops there.
-_DEPTH_FLOOR = 1e-14
+DEPTH_FLOOR = 1e-14
 _OF_SUMS = 1e-12  # relative, of the sum of a stress and a traction
 
 
@@ -78,7 +78,7 @@ class Problem:
     @property
     def least_depth(self) -> float:
         """The smallest depth that rounding of the heights lets count."""
-        return _DEPTH_FLOOR * self.height
+        return DEPTH_FLOOR * self.height
 
     @property
     def residual_floor(self) -> ResidualFloor:

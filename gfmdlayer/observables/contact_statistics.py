@@ -158,7 +158,7 @@ def _with_halo(field: NDArray[Any], rows: int, grid: Grid) -> NDArray[Any]:
     return np.concatenate((before.ravel(), field.ravel(), after.ravel()))
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _edge(
     pressure: FloatArray,
     gap: FloatArray,
@@ -203,7 +203,7 @@ def _edge(
     return t if t < 1.0 else 0.5
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _run(marks: BoolArray, place: int, step: int) -> int:
     """Points of a line from one on that are all in contact or all out of it, as many as are measured."""
     n, state, length, slowly = marks.size, marks[place], 0, 0
@@ -275,7 +275,7 @@ def _extent(
     return number, part, crossings * min(offset, 0.5) / size
 
 
-@kernel
+@kernel(borrows=True)
 def line_extent(touching: BoolArray, pressure: FloatArray, gap: FloatArray) -> tuple[int, float, float]:
     """Measure the contact of a line as `ContactExtent`."""
     # Its length in spacings is one for each point, and the edges beyond their halves.
@@ -299,13 +299,13 @@ def line_extent(touching: BoolArray, pressure: FloatArray, gap: FloatArray) -> t
     return _extent(number, length, crossings, n, 1)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _alike(marks: BoolArray) -> bool:
     """Whether the points of a stretch are all in contact or all out of it."""
     return not _differ(marks[1:], marks)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _differ(marks: BoolArray, others: BoolArray) -> bool:
     """Whether some points are in contact in only one of two stretches."""
     found = False
@@ -314,7 +314,7 @@ def _differ(marks: BoolArray, others: BoolArray) -> bool:
     return found
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _enlarged(area: float, cells: int) -> float:
     """Return an area with some whole cells added, rounded as if one were added after the other."""
     # Below 2^50 only an addition that passes a power of two is rounded; cells <= area pass one at most.
@@ -393,7 +393,7 @@ def _area(
     return float(number), area, float(crossings)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _polygon(corners: BoolArray, t: FloatArray, count: int) -> float:
     """Part of a cell inside the contact, from the places of the edge along its sides."""
     area = 1.0 if count == 3 else 0.0

@@ -32,28 +32,51 @@ convex problem.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+import math
+from collections.abc import Sequence
+from math import prod
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.active_set.loop import begin, iterate, make_contact, make_work, set_guess
-from gfmdlayer.contact.active_set.windows import Windows
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.active_set.loop import (
+    ContactSet,
+    LoopArrays,
+    begin,
+    iterate,
+    make_contact,
+    make_work,
+    set_guess,
+)
+from gfmdlayer.contact.active_set.windows import (
+    WholeSurface,
+    WindowResult,
+    WindowsOfSurface,
+    make_kernel,
+    make_windows,
+    solve_in_windows,
+)
 from gfmdlayer.contact.bounded import safeguard
 from gfmdlayer.contact.pressure_form import (
     AIM,
     CLOSE,
+    FLAT,
     Iterate,
+    SurfaceState,
     System,
     compile_failure,
     feasible_solution,
-    per_point,
+    has_room,
     trivial_solution,
     unconverged,
+    write_feasible,
 )
-from gfmdlayer.contact.problem import Problem, Solution
-from gfmdlayer.contact.residual import ResidualFloor, residual_scales
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.contact.problem import Problem, Solution, make_solution
+from gfmdlayer.contact.residual import ResidualFloor, residual_scales, scales_of
+from gfmdlayer.grid.transforms import Plans, Transforms
+from gfmdlayer.kernels import address_of, by_address, kernel
 from gfmdlayer.resumable import State
 
 _ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
@@ -61,6 +84,150 @@ _LIMIT = 1000  # iterations of conjugate gradients
 # Between two looks at signals: points times iterations of conjugate gradients, and these at least, since the
 # next portion begins without the directions of the last.
 WORK, FEWEST = 1 << 29, 30
+
+
+KNOWN = np.dtype(
+    [
+        ("stiffness", np.bool_),  # whether there is one
+        ("load_given", np.bool_),
+        ("half_pair", np.float64),  # of a transform that is counted with the next step
+    ]
+)
+
+
+class SolverCalls(NamedTuple):
+    """Addresses of kernels."""
+
+    begin: int
+    iterate: int
+    in_windows: int
+    feasible: int
+
+
+_begin, _iterate, _in_windows, _write_feasible = (
+    by_address(called) for called in (begin, iterate, solve_in_windows, write_feasible)
+)
+
+
+class SolverArrays(NamedTuple):
+    """The arrays of the solver of one run."""
+
+    plans: Plans
+    stiffness: FloatArray  # of the last step
+    compliance: FloatArray  # per point, as in `System`
+    shared: FloatArray  # the stiffness per point
+    gap0: FloatArray
+    free: ComplexArray  # transform of the surface without pressure, per point
+    at: Iterate
+    contact: ContactSet
+    work: LoopArrays
+    windows: WindowsOfSurface
+    known: npt.NDArray[Any]  # one record of `KNOWN`
+    calls: SolverCalls
+
+
+@kernel(borrows=True)
+def set_stiffness(arrays: SolverArrays, stiffness: FloatArray, load_given: bool) -> None:
+    """Take over the stiffness of a step; compliance and windows are made anew only where it has changed."""
+    known, size = arrays.known[0], arrays.at.p.size
+    same = known.stiffness and known.load_given == load_given
+    if same:
+        for k in range(stiffness.size):
+            same = same and stiffness[k] == arrays.stiffness[k]
+    if same:
+        return
+    known.stiffness, known.load_given = True, load_given
+    arrays.windows.known[0].kernel, arrays.windows.known[0].windows = False, 0
+    for k in range(stiffness.size):
+        arrays.stiffness[k] = stiffness[k]
+        arrays.compliance[k] = 1.0 / (size * stiffness[k]) if stiffness[k] != 0.0 else 0.0
+        arrays.shared[k] = stiffness[k] / size
+
+
+class StepResult(NamedTuple):
+    """A step that is solved, or left to `ActiveSet.solve`."""
+
+    solved: bool
+    pairs: int  # of transforms
+    iterations: int
+    assessment: tuple[float, float, float, float]  # of `assess`
+
+
+_LEFT = np.nan, 0.0, 0.0, 0.0  # assessment of a step that is left
+
+
+@kernel(inner=True, borrows=True)
+def solve_step(
+    arrays: SolverArrays,
+    stiffness: FloatArray,
+    surface: WholeSurface,
+    floor: ResidualFloor,
+    load_given: bool,
+    load: float,
+    height: float,
+    start: FloatArray,
+    tolerance: float,
+    limit: int,
+    state: SurfaceState,
+) -> StepResult:
+    """`ActiveSet.solve` for compiled loops; leaves rare problems, and the solver is then as before."""
+    if _is_rare(stiffness, surface.h, floor, load_given, load, height):
+        return StepResult(False, 0, 0, _LEFT)
+    set_stiffness(arrays, stiffness, load_given)
+    known, windows, left = arrays.known[0], arrays.windows.known[0], min(_LIMIT, limit)
+    kernel_before, windows_before = windows.kernel, windows.windows
+    near = _in_windows(
+        arrays.calls.in_windows,
+        (arrays.windows, surface, arrays.shared, floor, load_given, load, start, tolerance, _ROUNDS, left,
+         state),
+    )  # fmt: skip
+    transforms, iterations, assessment, solved = (
+        near.transforms,
+        near.iterations,
+        near.assessment,
+        near.within,
+    )
+    if not solved:
+        system = System(
+            arrays.compliance, arrays.shared, arrays.gap0, surface.h, floor, load_given, arrays.compliance[0]
+        )
+        at, contact, work = arrays.at, arrays.contact, arrays.work
+        guess = arrays.windows.trial if near.guess_known else start
+        begun = arrays.plans, system, surface.b, arrays.free, at, contact, work, guess, load
+        _begin(arrays.calls.begin, begun)
+        transforms += 1.0
+        shift, within, left = 0.0, CLOSE * tolerance, max(left - iterations, 1)
+        for _ in range(2):
+            settled, more, done = _iterate(
+                arrays.calls.iterate,
+                (arrays.plans, system, at, contact, work, shift, within, _ROUNDS, left, False),
+            )
+            transforms, iterations = transforms + more, iterations + done
+            if not settled:
+                break
+            clear, assessment = _write_feasible(arrays.calls.feasible, (system, arrays.free, at, state))
+            solved = clear and assessment[0] <= tolerance
+            left = min(_LIMIT, limit - iterations)
+            if solved or left <= 0:
+                break
+            within = AIM * tolerance
+            shift = within * scales_of(state.p, state.u, floor)[1]
+    if not solved:
+        windows.kernel, windows.windows = kernel_before, windows_before
+        return StepResult(False, 0, 0, _LEFT)
+    pairs = math.floor((transforms + known.half_pair) / 2.0)
+    known.half_pair = transforms + known.half_pair - 2.0 * pairs
+    return StepResult(True, int(pairs), iterations, assessment)
+
+
+@kernel(inner=True, borrows=True)
+def _is_rare(
+    stiffness: FloatArray, h: FloatArray, floor: ResidualFloor, load_given: bool, load: float, height: float
+) -> bool:
+    """Whether a problem may have one of the `trivial_solution`s."""
+    if load_given:
+        return load == 0.0 or height * floor.stiffness < FLAT * load
+    return stiffness[0] == 0.0 and not has_room(h)
 
 
 class ActiveSet:
@@ -72,12 +239,7 @@ class ActiveSet:
         # With `windows`, small contacts are solved in windows; after `rounds` changes of the contact set
         # `bounded.safeguard` takes over.
         self._transforms, self._rounds = transforms, rounds
-        field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        self._at, self._free, self._gap0 = Iterate(field(), field(), spectrum()), spectrum(), field()
-        self._contact, self._work = make_contact(transforms.shape), make_work(transforms)
-        self._windows = Windows(transforms, self._work, used=windows)
-        self._stiffness: FloatArray | None = None
-        self._half_pair = 0.0  # of a transform that is counted with the next step
+        self.arrays, self._kept = make_arrays(transforms, windows=windows)
 
     def solve(
         self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
@@ -85,15 +247,21 @@ class ActiveSet:
         """Solve from a first guess of the pressure, one value a point."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
-        system = self._system_of(problem)
-        left = min(_LIMIT, limit)
-        near = self._windows.solve(problem, start, tolerance, self._rounds, left)
+        system, left, arrays = self._system_of(problem), min(_LIMIT, limit), self.arrays
+        u, p, gap = np.empty((3, start.size))
+        state = SurfaceState(u, p, gap, np.empty_like(problem.intercept))
+        near = self._in_windows(problem, system, start, tolerance, left, state)
+        half_pair = arrays.known["half_pair"]
         if near.within:
-            pairs, self._half_pair = divmod(near.transforms + self._half_pair, 2)
-            return near.solution(problem, tolerance, int(pairs))
+            pairs, half_pair[0] = divmod(near.transforms + half_pair[0], 2)
+            return make_solution(
+                problem, state.u, state.p, state.spectrum, gap=state.gap,
+                spent=(int(pairs), near.iterations), within=tolerance, assessment=near.assessment,
+            )  # fmt: skip
+        guess = arrays.windows.trial if near.guess_known else start
         begin(
-            self._transforms.plans, system, problem.intercept, self._free, self._at, self._contact,
-            self._work, near.guess(start), problem.applied_pressure,
+            arrays.plans, system, problem.intercept, arrays.free, arrays.at, arrays.contact, arrays.work,
+            guess, problem.applied_pressure,
         )  # fmt: skip
         transforms, iterations = near.transforms + 1, near.iterations
         shift, within = 0.0, CLOSE * tolerance
@@ -104,56 +272,85 @@ class ActiveSet:
             if not solved:
                 more, done = self._save(system, problem, shift, within, limit - iterations)
                 transforms, iterations = transforms + more, iterations + done
-            pairs, half = divmod(transforms + self._half_pair, 2)
+            pairs, half = divmod(transforms + half_pair[0], 2)
             solution = feasible_solution(
-                problem, system, self._free, self._at, tolerance, transforms=int(pairs), iterations=iterations
+                problem,
+                system,
+                arrays.free,
+                arrays.at,
+                tolerance,
+                transforms=int(pairs),
+                iterations=iterations,
             )
             if solution.converged:
-                self._half_pair = half
+                half_pair[0] = half
                 return solution
             within, left = AIM * tolerance, min(_LIMIT, limit - iterations)
             shift = within * residual_scales(solution.pressure, solution.displacement, system.floor)[1]
             if left <= 0:
                 break
-        return unconverged(problem, system, self._at, self._transforms, solution)
+        return unconverged(problem, system, arrays.at, self._transforms, solution)
+
+    def _in_windows(
+        self,
+        problem: Problem,
+        system: System,
+        start: FloatArray,
+        tolerance: float,
+        limit: int,
+        state: SurfaceState,
+    ) -> WindowResult:
+        """Solve in windows, if there are any for the contact."""
+        arrays = self.arrays
+        surface = WholeSurface(
+            arrays.plans, arrays.compliance, problem.obstacle, problem.intercept, arrays.work.spectrum,
+            arrays.work.z,
+        )  # fmt: skip
+        result: WindowResult = solve_in_windows(
+            arrays.windows, surface, arrays.shared, system.floor, system.load_given, problem.applied_pressure,
+            start, tolerance, self._rounds, limit, state,
+        )  # fmt: skip
+        return result
 
     def state(self) -> State:
         """Return the stiffness whose kernel is known, and the count of half a pair."""
-        if self._stiffness is None:
+        known = self.arrays.known[0]
+        if not known["stiffness"]:
             return {}
         return {
-            "stiffness": self._stiffness,
-            "floor": np.array(self._system.floor),
-            "load_given": self._system.load_given,
-            "kernel": self._windows.kernel_is_known,
-            "half_pair": self._half_pair,
+            "stiffness": self.arrays.stiffness,
+            "load_given": known["load_given"],
+            "kernel": self.arrays.windows.known["kernel"][0],
+            "half_pair": known["half_pair"],
         }
 
     def restore(self, state: State) -> None:
         """Continue from a state."""
         if "stiffness" not in state:
             return
-        self._half_pair = float(state["half_pair"])
-        floor = ResidualFloor(*state["floor"].tolist())
-        self._set_stiffness(state["stiffness"], floor, load_given=bool(state["load_given"]))
-        if state["kernel"]:  # whose transform is counted already
-            self._windows.make_kernel()
+        arrays = self.arrays
+        arrays.known["half_pair"] = state["half_pair"]
+        set_stiffness(arrays, np.ascontiguousarray(state["stiffness"]), bool(state["load_given"]))
+        if state["kernel"]:
+            make_kernel(arrays.windows, arrays.plans, arrays.compliance, arrays.work.spectrum)
 
     def compile(self) -> None:
         """Compile the kernels of the whole surface and of failed solves, rare in ordinary steps."""
-        plans, at = self._transforms.plans, self._at
+        arrays = self.arrays
+        at, free = arrays.at, arrays.free
         system = compile_failure(at, self._transforms)
-        begin(plans, system, self._free, self._free, at, self._contact, self._work, at.gap, 0.0)
+        begin(arrays.plans, system, free, free, at, arrays.contact, arrays.work, at.gap, 0.0)
         self._iterate(system, 0.0, 0.0, 1)
 
     def _iterate(self, system: System, shift: float, within: float, limit: int) -> tuple[bool, int, int]:
         """`iterate` in portions, between which a signal is noticed."""
-        portion_size, transforms, iterations = max(WORK // self._at.p.size, FEWEST), 0, 0
+        arrays = self.arrays
+        portion_size, transforms, iterations = max(WORK // self.arrays.at.p.size, FEWEST), 0, 0
         while True:
             portion = min(portion_size, limit - iterations)
             solved, more, done = iterate(
-                self._transforms.plans, system, self._at, self._contact, self._work, shift, within,
-                self._rounds, portion, False,
+                arrays.plans, system, arrays.at, arrays.contact, arrays.work, shift, within, self._rounds,
+                portion, False,
             )  # fmt: skip
             transforms, iterations = transforms + more, iterations + done
             if solved or done + 1 < portion or limit - iterations <= 1:
@@ -163,28 +360,53 @@ class ActiveSet:
         self, system: System, problem: Problem, shift: float, within: float, limit: int
     ) -> tuple[int, int]:
         """Leave the problem to `safeguard`; return the transforms and iterations that it takes."""
-        _, transforms, done = safeguard(self._transforms, system, problem, self._at, shift, within, limit)
-        set_guess(system, self._at, self._contact, self._at.p, problem.applied_pressure)
-        self._work.now["exact"] = False  # the safeguard does not keep the mean from which depths count
+        at = self.arrays.at
+        _, transforms, done = safeguard(self._transforms, system, problem, at, shift, within, limit)
+        set_guess(system, at, self.arrays.contact, at.p, problem.applied_pressure)
+        self.arrays.work.now["exact"] = False  # the safeguard does not keep the mean from which depths count
         return transforms, done
 
     def _system_of(self, problem: Problem) -> System:
-        """The problem in pressures; stiffness and compliance are made anew only where they have changed."""
-        load_given = problem.mean_pressure is not None
-        same = (
-            self._stiffness is not None
-            and load_given == self._system.load_given
-            and problem.least_depth == self._system.floor.depth
-            and (problem.stiffness is self._stiffness or np.array_equal(problem.stiffness, self._stiffness))
-        )
-        if not same:
-            self._set_stiffness(problem.stiffness, problem.residual_floor, load_given=load_given)
-        self._stiffness = problem.stiffness
-        return self._system._replace(h=problem.obstacle)
+        """The problem in pressures."""
+        arrays, load_given = self.arrays, problem.mean_pressure is not None
+        set_stiffness(arrays, problem.stiffness, load_given)
+        mean = float(arrays.compliance[0])
+        return System(
+            arrays.compliance, arrays.shared, arrays.gap0, problem.obstacle, problem.residual_floor,
+            load_given, mean,
+        )  # fmt: skip
 
-    def _set_stiffness(self, stiffness: FloatArray, floor: ResidualFloor, *, load_given: bool) -> None:
-        self._stiffness = stiffness
-        compliance, shared = per_point(stiffness, self._at.p.size)
-        mean = float(compliance[0])
-        self._system = System(compliance, shared, self._gap0, self._gap0, floor, load_given, mean)
-        self._windows.set_system(self._system)
+
+def make_arrays(transforms: Transforms, *, windows: bool = True) -> tuple[SolverArrays, Sequence[Transforms]]:
+    """Return the arrays of a solver, with `windows` or without, and the transforms to keep with them."""
+    field, spectrum = transforms.empty_field, transforms.empty_spectrum
+    modes, none = prod(transforms.spectral_shape), np.zeros(0)
+    at, contact = Iterate(field(), field(), spectrum()), make_contact(transforms.shape)
+    work, plans, free = make_work(transforms), transforms.plans, spectrum()
+    # Arguments by whose types kernels are compiled.
+    floor, state = ResidualFloor(1.0, 0.0), SurfaceState(none, none, none, at.spectrum)
+    system = System(none, none, none, none, floor, False, 0.0)
+    iterate_at = address_of(iterate, plans, system, at, contact, work, 0.0, 0.0, 0, 0, False)
+    of_surface, kept = make_windows(transforms, iterate_at, used=windows)
+    surface = WholeSurface(plans, none, none, free, at.spectrum, none)
+    calls = SolverCalls(
+        address_of(begin, plans, system, free, free, at, contact, work, none, 0.0),
+        iterate_at,
+        address_of(solve_in_windows, of_surface, surface, none, floor, False, 0.0, none, 0.0, 0, 0, state),
+        address_of(write_feasible, system, free, at, state),
+    )
+    arrays = SolverArrays(
+        plans=plans,
+        stiffness=np.zeros(modes),
+        compliance=np.zeros(modes),
+        shared=np.zeros(modes),
+        gap0=field(),
+        free=free,
+        at=at,
+        contact=contact,
+        work=work,
+        windows=of_surface,
+        known=np.zeros(1, dtype=KNOWN),
+        calls=calls,
+    )
+    return arrays, (transforms, *kept)

@@ -15,12 +15,14 @@ every second, fourth ... of the stiffnesses of the modes.
 from __future__ import annotations
 
 from math import prod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.contact.active_set.loop import (
+    REACH,
     ContactSet,
     LoopArrays,
     iterate,
@@ -29,14 +31,13 @@ from gfmdlayer.contact.active_set.loop import (
     make_work,
 )
 from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, SurfaceState, System
-from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
-from gfmdlayer.grid.grid import NOWHERE, Stretch, parts, periodic_extent
+from gfmdlayer.grid.grid import parts
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, filled, kernel, minimum
+from gfmdlayer.kernels import LANES, by_address, filled, kernel, minimum
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def extend_to_surface(
     window: Window, origin: Pair, surface: WholeSurface, state: SurfaceState
 ) -> tuple[float, tuple[float, float, float, float]]:
@@ -63,7 +64,7 @@ def extend_to_surface(
     return overlap / depth, (worst if finite else np.nan, touching / size, total / size, gaps / size)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]:
     """Write the pressure, where it is not zero; return its maximum and its sum."""
     largest, total = 0.0, 0.0
@@ -79,7 +80,7 @@ def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]
     return largest, total
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _deform(surface: WholeSurface, spectrum: ComplexArray) -> None:
     """Write the transform of the displacement, per point and unnormalised, from the pressure's."""
     size = surface.z.size
@@ -89,7 +90,7 @@ def _deform(surface: WholeSurface, spectrum: ComplexArray) -> None:
         spectrum[k] = size * u
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _clamp(surface: WholeSurface, rigid_shift: float, state: SurfaceState) -> tuple[float, float, float]:
     """Write displacement and gap without overlap; return the overlap, the lowest u, and the sum of gaps."""
     overlap, lowest, gaps = filled(LANES, 0.0), filled(LANES, np.inf), 0.0
@@ -110,7 +111,7 @@ def _clamp(surface: WholeSurface, rigid_shift: float, state: SurfaceState) -> tu
     return -minimum(overlap), minimum(lowest), gaps
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _sum(x: FloatArray) -> float:
     total = 0.0
     for i in range(x.size):
@@ -119,6 +120,7 @@ def _sum(x: FloatArray) -> float:
 
 
 Pair = tuple[int, int]
+Stretch = tuple[int, int]  # first point, which may be late on the periodic axis, and number of points
 
 
 class Window(NamedTuple):
@@ -149,7 +151,7 @@ class WholeSurface(NamedTuple):
     z: FloatArray  # work array
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> tuple[int, int, int]:
     """Locate a stretch of a line of the window on the surface, which is periodic."""
     # `origin` is line and point of the surface where the window begins. Part 0 are the points before the end
@@ -164,13 +166,16 @@ def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> 
     return first + before, start + column + before - line, count - before
 
 
+_iterate = by_address(iterate)
+
 _APART = 1e150  # gap of the points that the window's transforms have beyond the window
 _WELL_WITHIN = 0.95  # part of the tolerance within which a state is handed on
 _MARGIN, _MARGIN_OF_TOLERANCE = 1e-12, 0.01  # least gap that is left, as part of depth and tolerance
 
 
-@kernel
+@kernel(inner=True, borrows=True)
 def solve(
+    iterate_at: int,
     window: Window,
     origin: Pair,
     surface: WholeSurface,
@@ -201,8 +206,9 @@ def solve(
     for attempt in range(2):
         if not solved or clear:
             break
-        solved, more, done = iterate(
-            window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
+        solved, more, done = _iterate(
+            iterate_at,
+            (window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0),
         )
         transforms, iterations = transforms + more, iterations + done
         solved = solved and (attempt > 0 or contact.counts[0].points > 0)
@@ -216,22 +222,16 @@ def solve(
     return True, 3, transforms, iterations, overlap, assessment
 
 
-@kernel(reorder=True)
-def free_surface(surface: WholeSurface) -> None:
-    """Write the surface without pressure; a transform of the whole surface."""
-    _free_surface(surface)
-
-
-@kernel
-def respond(plans: Plans, compliance: FloatArray, spectrum: ComplexArray, kernel: FloatArray) -> None:
+@kernel(inner=True, borrows=True)
+def _respond(plans: Plans, compliance: FloatArray, spectrum: ComplexArray, kernel: FloatArray) -> None:
     """Write the displacement of all points by a pressure at the first, with the sign of a gap."""
     for k in range(spectrum.size):
         spectrum[k] = compliance[k]
     backward(plans, spectrum, kernel)
 
 
-@kernel
-def restrict(window: Window, kernel: FloatArray, stiffness: FloatArray) -> None:
+@kernel(inner=True, borrows=True)
+def _restrict(window: Window, kernel: FloatArray, stiffness: FloatArray) -> None:
     """Write compliance and stiffness of the window's transforms, from kernel and stiffness of the surface."""
     (rows, line), (window_rows, length) = window.surface, window.length
     z, system, spectrum = window.work.z, window.system, window.work.spectrum
@@ -251,7 +251,7 @@ def restrict(window: Window, kernel: FloatArray, stiffness: FloatArray) -> None:
             system.stiffness[row * modes + k] = share * stiffness[first + k * part]
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _free_surface(surface: WholeSurface) -> None:
     """Write the surface without pressure."""
     for k in range(surface.b.size):
@@ -259,7 +259,7 @@ def _free_surface(surface: WholeSurface) -> None:
     backward(surface.plans, surface.spectrum, surface.z)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _gather(window: Window, origin: Pair, surface: WholeSurface, guess: FloatArray) -> float:
     """Copy problem and guess into the window; return the sum of the guess."""
     gap0, h, p, member = window.system.gap0, window.system.h, window.at.p, window.contact.member
@@ -279,7 +279,7 @@ def _gather(window: Window, origin: Pair, surface: WholeSurface, guess: FloatArr
     return carried
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _raise_clear(window: Window, tolerance: float) -> bool:
     """Raise the pressure until nothing in the window overlaps, by a little more than rounding."""
     # Under a given load the punch is shifted instead. Return whether the contact stays within the tolerance;
@@ -311,122 +311,166 @@ def _raise_clear(window: Window, tolerance: float) -> bool:
 
 _WINDOW_MARGIN = 16  # points at least on either side of the contact that belong to the window
 
+KNOWN = np.dtype(
+    [
+        ("kernel", np.bool_),  # whether the kernel is that of the present compliance
+        ("windows", np.int64),  # bits of the windows that have the present stiffness
+    ]
+)
+
+
+class WindowsOfSurface(NamedTuple):
+    """The windows of a surface: what each has of its own, and the arrays that they share."""
+
+    parts: IntArray  # the windows have 1/part of the points of each axis; ascending
+    plans: IntArray  # addresses of the plans of each, (windows, 4)
+    begin: IntArray  # place of the first mode of each
+    compliance: FloatArray  # of all windows, one after the other
+    stiffness: FloatArray
+    largest: Window  # its arrays serve the others too
+    kernel: FloatArray  # displacement of all points by a pressure at the first
+    trial: FloatArray  # work array, a guess
+    occupied: FloatArray  # work array, of rows and columns
+    known: npt.NDArray[Any]  # one record of `KNOWN`
+    iterate: int  # address of `loop.iterate`
+
 
 class WindowResult(NamedTuple):
     """Result of the windows that were tried."""
 
-    transforms: float = 0.0  # of the whole surface, or of as many points
-    iterations: int = 0
-    within: bool = False  # whether the state is a solution for the whole surface
-    state: SurfaceState | None = None  # of the whole surface
-    assessment: tuple[float, float, float, float] = (np.nan, 0.0, 0.0, 0.0)  # of `assess`
+    transforms: float  # of the whole surface, or of as many points
+    iterations: int
+    within: bool  # whether the state is a solution for the whole surface
+    guess_known: bool  # whether a guess for the whole surface is in `WindowsOfSurface.trial`
+    assessment: tuple[float, float, float, float]  # of `assess`
 
-    def solution(self, problem: Problem, tolerance: float, pairs: int) -> Solution:
-        """The state as a solution that took a number of FFT pairs."""
-        assert self.state is not None  # because `within`
-        u, pressure, gap, spectrum = self.state
-        return make_solution(
-            problem, u, pressure, spectrum, gap=gap, spent=(pairs, self.iterations),
-            within=tolerance, assessment=self.assessment,
+
+@kernel(borrows=True)
+def solve_in_windows(
+    windows: WindowsOfSurface,
+    surface: WholeSurface,
+    stiffness: FloatArray,
+    floor: ResidualFloor,
+    load_given: bool,
+    load: float,
+    start: FloatArray,
+    tolerance: float,
+    rounds: int,
+    limit: int,
+    state: SurfaceState,
+) -> WindowResult:
+    """Solve in the shortest window around a guess of the pressure; in larger ones if it is too small."""
+    # Without contact in the guess, the overlap of the surface without pressure takes its place. The result
+    # is empty where nothing overlaps, or no window is short enough. `stiffness` is per point; the state is
+    # written where the result is within.
+    known, guess, trial, lines = windows.known[0], start, windows.trial, windows.largest.surface
+    transforms, iterations, below, of_state = 0.0, 0, 0, False
+    assessment = (np.nan, 0.0, 0.0, 0.0)
+    extent = periodic_extent(guess, lines, windows.occupied)
+    if extent[1][1] == 0 and not load_given:
+        _free_surface(surface)
+        for i in range(trial.size):
+            trial[i] = max(surface.z[i] - surface.h[i], 0.0)
+        guess, transforms = trial, 1.0
+        extent = periodic_extent(guess, lines, windows.occupied)
+    while iterations < limit:
+        which = _shortest_window(windows, extent, below)
+        if which < 0:
+            break
+        below = windows.parts[which]
+        window = _window_of(windows, which, floor, load_given, surface.compliance[0])
+        if not known.windows >> which & 1:
+            if not known.kernel:
+                make_kernel(windows, surface.plans, surface.compliance, surface.spectrum)
+                transforms += 1.0
+            _restrict(window, windows.kernel, stiffness)
+            known.windows |= 1 << which
+        state.p[:] = 0.0
+        of_state, whole, inside, more, overlap, assessment = solve(
+            windows.iterate, window, _origin(extent, window), surface, guess, load, tolerance, rounds,
+            limit - iterations, state,
         )  # fmt: skip
-
-    def guess(self, start: FloatArray) -> FloatArray:
-        """The pressure, with a tiny one where it overlapped; or ``start`` where there is no state."""
-        if self.state is None:
-            return start
-        p, gap = self.state.p, self.state.gap
-        return np.where((p == 0.0) & (gap == 0.0), np.finfo(float).tiny, p)
-
-
-class Windows:
-    """The windows of the surface of one run."""
-
-    def __init__(self, transforms: Transforms, work: LoopArrays, *, used: bool = True) -> None:
-        self._transforms, self._shape = transforms, transforms.shape
-        self._parts = parts(self._shape) if used else ()
-        self._made: dict[int, tuple[Transforms, Window]] = {}
-        self._current: set[int] = set()  # parts whose window has the present stiffness
-        self._work = work
-        self._kernel = transforms.empty_field()
-        self.kernel_is_known = False  # whether it is that of the present compliance
-
-    def set_system(self, system: System) -> None:
-        """Take over stiffness and floor, which stay the same for several steps."""
-        self._system, self.kernel_is_known = system, False
-        self._current.clear()
-
-    def make_kernel(self) -> None:
-        """Make the kernel: the displacement of all points by a pressure at one. A transform."""
-        respond(self._transforms.plans, self._system.compliance, self._work.spectrum, self._kernel)
-        self.kernel_is_known = True
-
-    def solve(
-        self, problem: Problem, guess: FloatArray, tolerance: float, rounds: int, limit: int
-    ) -> WindowResult:
-        """Solve in the shortest window around a guess of the pressure; in larger ones if it is too small."""
-        # Without contact in the guess, the overlap of the surface without pressure takes its place. The
-        # result is empty where nothing overlaps, or no window is short enough.
-        surface = WholeSurface(
-            self._transforms.plans, self._system.compliance, problem.obstacle,
-            problem.intercept, self._work.spectrum, self._work.z,
-        )  # fmt: skip
-        result, part, shape = WindowResult(), 0, _two(self._shape)
-        extent = periodic_extent(guess, shape)
-        if extent == NOWHERE and not self._system.load_given:
-            free_surface(surface)
-            guess, result = np.maximum(surface.z - surface.h, 0.0), WindowResult(transforms=1)
-            extent = periodic_extent(guess, shape)
-        while result.iterations < limit and (part := self._largest_part(extent, part)):
-            spent, window = self._window(part)
-            arguments = window, _origin(extent, window), surface, guess, problem.applied_pressure
-            size = guess.size
-            state = SurfaceState(np.empty(size), np.zeros(size), np.empty(size), np.empty_like(surface.b))
-            done, whole, inside, more, overlap, assessment = solve(
-                *arguments, tolerance, rounds, limit - result.iterations, state
-            )
-            taken = result.transforms + spent + whole + inside / part ** len(self._shape)
-            result = WindowResult(taken, result.iterations + more)
-            if not done:
-                break
-            within = overlap <= CLAMPED and assessment[0] <= tolerance
-            result = result._replace(within=within, state=state, assessment=assessment)
-            if within:
-                break
-            guess = result.guess(guess)
-            extent = periodic_extent(guess, shape)
-        return result
-
-    def _largest_part(self, extent: tuple[Stretch, Stretch], below: int) -> int:
-        """The largest part whose window has room for a contact, below ``below`` unless that is 0; else 0."""
-        (_, rows), (_, points) = extent
-        if not points:
-            return 0
-        high, wide = (2 * (length + 2 * max(_WINDOW_MARGIN, length // 8)) for length in (rows, points))
-        lines, line = _two(self._shape)
-        for part in reversed(self._parts):
-            if wide * part <= line and (lines == 1 or high * part <= lines) and not 0 < below <= part:
-                return part
-        return 0
-
-    def _window(self, part: int) -> tuple[int, Window]:
-        """Return the transforms of the whole surface that this takes, and a window for a part of it."""
-        if part in self._current:
-            return 0, self._made[part][1]
-        if part not in self._made:
-            transforms = self._transforms.for_window(part)
-            self._made[part] = transforms, _make_window(transforms, _two(self._shape))
-        transforms, window = self._made[part]
-        taken = 0 if self.kernel_is_known else 1
-        if taken:
-            self.make_kernel()
-        shared = {name: getattr(self._system, name) for name in ("floor", "load_given", "mean_compliance")}
-        window = window._replace(system=window.system._replace(**shared))
-        self._made[part] = transforms, window
-        restrict(window, self._kernel, self._system.stiffness)
-        self._current.add(part)
-        return taken, window
+        transforms += whole + inside / (below * below if lines[0] > 1 else below)
+        iterations += more
+        if not of_state:
+            break
+        if overlap <= CLAMPED and assessment[0] <= tolerance:
+            return WindowResult(transforms, iterations, True, False, assessment)
+        # The pressure, with a tiny one where it overlapped.
+        for i in range(trial.size):
+            trial[i] = _TINY if state.p[i] == 0.0 and state.gap[i] == 0.0 else state.p[i]
+        guess = trial
+        extent = periodic_extent(guess, lines, windows.occupied)
+    return WindowResult(transforms, iterations, False, of_state, assessment)
 
 
+_TINY = 2.2250738585072014e-308
+
+
+@kernel(inner=True, borrows=True)
+def _shortest_window(windows: WindowsOfSurface, extent: tuple[Stretch, Stretch], below: int) -> int:
+    """Return the shortest window with room for a contact, of a part below ``below`` unless that is 0."""
+    (_, rows), (_, points) = extent
+    if points == 0:
+        return -1
+    high, wide = (
+        2 * (rows + 2 * max(_WINDOW_MARGIN, rows // 8)),
+        2 * (points + 2 * max(_WINDOW_MARGIN, points // 8)),
+    )
+    lines, line = windows.largest.surface
+    for which in range(windows.parts.size - 1, -1, -1):
+        part = windows.parts[which]
+        if wide * part <= line and (lines == 1 or high * part <= lines) and (below == 0 or part < below):
+            return which
+    return -1
+
+
+@kernel(inner=True, borrows=True)
+def _window_of(
+    windows: WindowsOfSurface, which: int, floor: ResidualFloor, load_given: bool, mean_compliance: float
+) -> Window:
+    """Return a window, whose arrays are the beginning of those of the largest."""
+    whole, part, plans = windows.largest, windows.parts[which], windows.plans
+    (lines, line), at, contact, work = whole.surface, whole.at, whole.contact, whole.work
+    rows, points = lines // part if lines > 1 else 1, line // part
+    size, modes, first = rows * points, rows * (points // 2 + 1), windows.begin[which]
+    runs = size // 2 + 1
+    return Window(
+        Plans(plans[which, 0], plans[which, 1], plans[which, 2], plans[which, 3]),
+        System(
+            windows.compliance[first : first + modes],
+            windows.stiffness[first : first + modes],
+            whole.system.gap0[:size],
+            whole.system.h[:size],
+            floor,
+            load_given,
+            mean_compliance,
+        ),
+        Iterate(at.p[:size], at.gap[:size], at.spectrum[:modes]),
+        ContactSet(
+            contact.member[:size],
+            contact.runs[:runs],
+            contact.near[:runs],
+            contact.counts,
+            (max(REACH, points // 64), points),
+            contact.close[: size if rows > 1 else 0],
+        ),
+        LoopArrays(
+            work.z[:size],
+            work.spectrum[:modes],
+            work.direction[:size],
+            work.change[:size],
+            work.pressure[:size],
+            work.pressure_change[:size],
+            work.now,
+        ),
+        (rows, points),
+        ((rows + 1) // 2, points // 2),
+        whole.surface,
+    )
+
+
+@kernel(inner=True, borrows=True)
 def _origin(extent: tuple[Stretch, Stretch], window: Window) -> Pair:
     """Line and point where a window begins that has a contact in its middle."""
     (first_row, rows), (first, points) = extent
@@ -436,14 +480,86 @@ def _origin(extent: tuple[Stretch, Stretch], window: Window) -> Pair:
     )
 
 
+@kernel(borrows=True)
+def periodic_extent(pressure: FloatArray, shape: Pair, occupied: FloatArray) -> tuple[Stretch, Stretch]:
+    """Shortest periodic intervals of rows and of columns that hold all points with pressure > 0."""
+    # `pressure` has the shape (rows * columns,), and `shape` is (rows, columns); a line has one row. Without
+    # pressure the intervals are (0, 0). `occupied` is a work array of rows + columns numbers.
+    rows, columns = shape
+    if rows == 1:
+        points = _shortest_interval(pressure)
+        return (0, 1 if points[1] else 0), points
+    of_rows, of_columns = occupied[:rows], occupied[rows : rows + columns]
+    of_columns[:] = 0.0
+    for row in range(rows):
+        line, some = pressure[row * columns : (row + 1) * columns], 0.0
+        for i in range(columns):
+            some += 1.0 if line[i] > 0.0 else 0.0
+        of_rows[row] = some
+        if some > 0.0:
+            for i in range(columns):
+                of_columns[i] += 1.0 if line[i] > 0.0 else 0.0
+    return _shortest_interval(of_rows), _shortest_interval(of_columns)
+
+
+@kernel(inner=True, borrows=True)
+def _shortest_interval(values: FloatArray) -> Stretch:
+    """First place and length of the shortest periodic interval with all values above zero."""
+    first, last, widest, begin = -1, -1, 0, 0
+    for i in range(values.size):
+        if values[i] > 0.0:
+            if last < 0:
+                first = i
+            elif i - last > widest:
+                widest, begin = i - last, i
+            last = i
+    if last < 0:
+        return 0, 0
+    if first - last + values.size >= widest:  # across the ends
+        widest, begin = first - last + values.size, first
+    return begin, values.size - widest + 1
+
+
+@kernel(borrows=True)
+def make_kernel(
+    windows: WindowsOfSurface, plans: Plans, compliance: FloatArray, spectrum: ComplexArray
+) -> None:
+    """Make the kernel: the displacement of all points by a pressure at one. A transform."""
+    _respond(plans, compliance, spectrum, windows.kernel)
+    windows.known[0].kernel = True
+
+
+def make_windows(
+    transforms: Transforms, iterate_at: int, *, used: bool = True
+) -> tuple[WindowsOfSurface, list[Transforms]]:
+    """Return the windows of a surface, none unless they are `used`, and the transforms to keep with them."""
+    shape = transforms.shape
+    every = parts(shape) if used else ()
+    kept = [transforms.for_window(part) for part in every]
+    modes = [prod(held.spectral_shape) for held in kept]
+    windows = WindowsOfSurface(
+        parts=np.array(every, dtype=np.int64),
+        plans=np.array([held.plans for held in kept], dtype=np.int64).reshape(-1, 4),
+        begin=np.cumsum([0, *modes])[:-1] if kept else np.zeros(0, np.int64),
+        compliance=np.zeros(sum(modes)),
+        stiffness=np.zeros(sum(modes)),
+        largest=_make_window(kept[0] if kept else transforms.of_shape((1,) * len(shape)), _two(shape)),
+        kernel=transforms.empty_field(),
+        trial=transforms.empty_field(),
+        occupied=np.zeros(sum(shape)),
+        known=np.zeros(1, dtype=KNOWN),
+        iterate=iterate_at,
+    )
+    return windows, kept
+
+
 def _make_window(transforms: Transforms, surface: Pair) -> Window:
     """A window for some transforms, without a problem."""
-    spectral, length = prod(transforms.spectral_shape), _two(transforms.shape)
     gap0, h, p, gap = (transforms.empty_field() for _ in range(4))
-    floor = ResidualFloor(1.0, 0.0)
+    none, floor, length = np.zeros(0), ResidualFloor(1.0, 0.0), _two(transforms.shape)
     return Window(
         plans=transforms.plans,
-        system=System(np.zeros(spectral), np.zeros(spectral), gap0, h, floor, False, 0.0),
+        system=System(none, none, gap0, h, floor, False, 0.0),
         at=Iterate(p, gap, transforms.empty_spectrum()),
         contact=make_contact(transforms.shape),
         work=make_work(transforms),
