@@ -200,7 +200,7 @@ class Drives:
         return times or ()
 
     @cached_property
-    def landings(self) -> list[Instant]:
+    def landings(self) -> Sequence[Instant]:
         """Times on which the steps land, with the length of fixed steps to each of them."""
         time, snapshots = self.config.time, self.config.output.snapshot_times
         if isinstance(time.step, str):
@@ -258,13 +258,11 @@ class Drives:
         pressure by no more than that. A moving punch also drives the shortest wave of the grid along x, with
         `wavenumber` [1/length]. With a temperature these are reduced times, at any time of the run.
         """
-        import numpy as np
-
         time = self.config.time
         if isinstance(time.step, str):
             inner = sorted(each for each in set(self.breakpoints) if 0 < each < time.end)
             assert time.tolerance is not None
-            shortest = time.tolerance * min(map(float, np.diff([0.0, *inner, time.end])))
+            shortest = time.tolerance * min(after - t for t, after in pairwise((0.0, *inner, time.end)))
         else:
             shortest = time.step
         if self.velocity is not None and (fastest := _fastest(self.velocity) * wavenumber):

@@ -19,8 +19,11 @@ from typing import Any, TypeVar, overload
 
 import numba as nb
 import numpy as np
+from llvmlite import ir
+from numba.core import cgutils
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
+from numba.extending import intrinsic
 
 from gfmdlayer.files.cache import is_writable, user_cache
 
@@ -43,22 +46,26 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 @overload
 def kernel(function: Function) -> Function: ...
 @overload
-def kernel(*, reorder: bool = False, inner: bool = False) -> Callable[[Function], Function]: ...
-def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False) -> Any:
+def kernel(
+    *, reorder: bool = False, inner: bool = False, borrows: bool = False
+) -> Callable[[Function], Function]: ...
+def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False, borrows: bool = False) -> Any:
     """Compile a function by Numba at its first call, without the interpreter's lock, cached on the disk.
 
     `reorder` allows to reorder sums (`FASTMATH`), as vector units need it, and gives a division by zero its
     limit, as the check of each would keep loops from them. An `inner` kernel is called only by other kernels:
     it has no entry for Python, which takes longer to compile than a short kernel where many arrays come in
-    groups.
+    groups. One that `borrows` makes no array, and returns none to a kernel that does not: references to its
+    arrays are not counted, which would take a third of a small step.
     """
     if function is None:
-        return lambda decorated: _compiled(decorated, reorder, inner)
-    return _compiled(function, reorder, inner)
+        return lambda decorated: _compiled(decorated, reorder, inner, borrows)
+    return _compiled(function, reorder, inner, borrows)
 
 
-def _compiled(function: Any, reorder: bool, inner: bool) -> Any:
+def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
     options: dict[str, Any] = {"nogil": True, "no_cpython_wrapper": inner, "no_cfunc_wrapper": True}
+    options["_nrt"] = not borrows
     if reorder:
         options |= {"fastmath": FASTMATH, "error_model": "numpy"}
     dispatcher = nb.njit(**options)(function)
@@ -131,16 +138,68 @@ def _imported(path: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
-@kernel(inner=True)
-def filled(count: int, value: float) -> Any:
-    """Return a number of copies of a value; Numba's `full` takes half a second to compile."""
-    row = np.empty(count)
-    for i in range(count):
-        row[i] = value
-    return row
+def by_address(called: Any) -> Any:
+    """Return a function, for kernels, that calls a kernel at an address with a tuple of arguments.
+
+    Numba would compile the code of a called kernel once more as a part of each caller. `address_of` gives the
+    address.
+    """
+
+    @intrinsic
+    def call(context: Any, _address: Any, arguments: Any) -> tuple[Any, Any]:
+        kinds = tuple(map(nb.types.unliteral, arguments))
+        if kinds not in called.overloads:
+            raise nb.TypingError(f"no address was taken of {called.__name__} for the types {kinds}")
+        result = called.overloads[kinds].signature.return_type
+
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            own = (context.cast(builder, value, *pair) for value, pair in zip(
+                cgutils.unpack_tuple(builder, values[1], len(kinds)), zip(arguments, kinds, strict=True),
+                strict=True))  # fmt: skip
+            convention = context.call_conv
+            function = builder.inttoptr(values[0], convention.get_function_type(result, kinds).as_pointer())
+            status, returned = convention.call_function(builder, function, result, kinds, [*own])
+            with cgutils.if_unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return returned
+
+        return result(nb.types.int64, arguments), generate
+
+    return call
 
 
-@kernel(inner=True)
+def address_of(called: Any, *arguments: Any) -> int:
+    """Return the address of a kernel for arguments of these types, compiled or from the cache."""
+    kinds = tuple(map(nb.typeof, arguments))
+    called.compile(kinds)
+    overload = called.overloads[kinds]
+    return int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+
+
+_ROW = nb.types.Array(nb.types.float64, 1, "C")
+
+
+def _filled(_context: Any, count: Any, value: Any) -> tuple[Any, Any]:
+    """Return a number of copies of a value on the stack of the kernel; the number is a constant."""
+
+    def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        from numba.np.arrayobj import make_array, populate_array  # loads all that Numba knows of arrays
+
+        size, width = (ir.Constant(ir.IntType(64), number) for number in (count.literal_value, 8))
+        place = cgutils.alloca_once(builder, ir.DoubleType(), size=size)
+        with cgutils.for_range(builder, size) as loop:
+            builder.store(values[1], builder.gep(place, [loop.index]))
+        row = make_array(_ROW)(context, builder)
+        populate_array(row, data=place, shape=[size], strides=[width], itemsize=width, meminfo=None)
+        return row._getvalue()
+
+    return _ROW(count, nb.types.float64), generate
+
+
+filled: Any = intrinsic(prefer_literal=True)(_filled)
+
+
+@kernel(inner=True, borrows=True)
 def summed(x: Any) -> Any:
     """Sum of an array in its order; Numba's own method takes a fifth of a second to compile."""
     total = 0.0
@@ -149,7 +208,7 @@ def summed(x: Any) -> Any:
     return total
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def maximum(lanes: Any) -> Any:
     """Largest number of an array without NaN; Numba's own method takes most of a second to compile."""
     found = lanes[0]
@@ -158,7 +217,7 @@ def maximum(lanes: Any) -> Any:
     return found
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def minimum(lanes: Any) -> Any:
     """Smallest number of an array without NaN."""
     found = lanes[0]

@@ -48,6 +48,7 @@ from numpy.typing import ArrayLike, NDArray
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Material
 from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, distinct_branches, retardation_spectrum
+from gfmdlayer.kernels import kernel
 from gfmdlayer.validation.problems import ConfigError
 
 # exp(-2x) is zero in double precision from x = 373 on: a layer as thick as this, or thicker, is a halfspace.
@@ -60,7 +61,7 @@ _DEEP = 50.0
 _THIN = math.log(2.0)
 
 # 2 (sinh y - y)/y^3 = sum_k 2 y^2k/(2k + 3)!, whose first term left out is 2e-18 of the sum at y = 2.
-_SINH_TAIL = [2 / math.factorial(2 * k + 3) for k in range(11)]
+_SERIES, _SINH_TAIL = 2.0, tuple(2 / math.factorial(2 * k + 3) for k in range(11))
 
 
 class Quadratics(NamedTuple):
@@ -132,12 +133,12 @@ class LayeredHalfspace:
             `mean_stiffness` times G: zero, except in a compressible layer on a rigid base.
         """
         q, G = np.asarray(q, dtype=float), np.asarray(G)
-        N, D = self._numerator_and_denominator(np.where(q > 0, q, 1.0), G)
-        return np.where(q > 0, q * (G / (1 - self.poisson)) * (N / D), self.mean_stiffness * G)
+        return self._stiffness(q, G, self._coefficients(np.where(q > 0, q, 1.0)))
 
     def layer_factor(self, q: ArrayLike, G: ArrayLike) -> NDArray[Any]:
         """S(q) of Eq. (11), q > 0: compliance relative to a halfspace of the layer's material."""
-        N, D = self._numerator_and_denominator(np.asarray(q, dtype=float), np.asarray(G))
+        q, G = np.asarray(q, dtype=float), np.asarray(G)
+        N, D = self._numerator_and_denominator(q, G, self._coefficients(q))
         return np.asarray(D / N)
 
     @property
@@ -155,17 +156,11 @@ class LayeredHalfspace:
     def quadratics(self, q: ArrayLike) -> Quadratics:
         """Coefficients of the quadratics N and D for wavenumbers q > 0, each of shape ``(3, *q.shape)``."""
         x = self.depths(q)
-        # e - 1 and c - 1 are formed first: near nu = 1/2 they are exact, and e and c have lost their digits.
-        e_1, c_1 = 2 * (1 - 2 * self.poisson), 2 * (1 - 2 * self.bulk_poisson)
-        e, c = 1 + e_1, 1 + c_1
-        r, rho, r4 = np.exp(-2 * x), -np.expm1(-2 * x), -np.expm1(-4 * x)
-        N2 = c * sinh_minus(x) * (rho + 2 * x * np.exp(-x))
-        N1 = rho * (1 + e * c + r * (c + e)) + 4 * x * x * r * c_1
-        N0 = r * (1 + e) ** 2 + e * rho**2 + 4 * x * x * r
-        D2 = c * (r4 + 4 * x * r)
-        D1 = 1 + e * c - 4 * x * r * c_1 + r * r * (c + e)
-        D0 = e_1 * r4 + sinh_minus(2 * x)
-        return Quadratics(np.stack((N0, N1, N2)), np.stack((D0, D1, D2)))
+        N, D = np.empty((3, *x.shape)), np.empty((3, *x.shape))
+        e = 1 + 2 * (1 - 2 * self.poisson)
+        of_body, rows = (self.poisson, self.bulk_poisson, (1 + e) ** 2), (C.reshape(3, -1) for C in (N, D))
+        _quadratics(_exponentials(np.ravel(x)), of_body, *rows)
+        return Quadratics(N, D)
 
     def depths(self, q: ArrayLike) -> FloatArray:
         """Thickness x = q d in units of 1/q, limited where thicker layers are equal in double precision."""
@@ -174,12 +169,23 @@ class LayeredHalfspace:
             return np.full(q.shape, HALFSPACE_DEPTH)
         return np.minimum(q * self.thickness, HALFSPACE_DEPTH)
 
-    def _numerator_and_denominator(self, q: FloatArray, G: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    def _coefficients(self, q: FloatArray) -> Quadratics | None:
+        """`quadratics` where they count: None for a halfspace of the layer's material."""
+        return None if math.isinf(self.thickness) else self.quadratics(q)
+
+    def _stiffness(self, q: FloatArray, G: NDArray[Any], of: Quadratics | None) -> NDArray[Any]:
+        """`stiffness` from the coefficients."""
+        N, D = self._numerator_and_denominator(q, G, of)
+        return np.where(q > 0, q * (G / (1 - self.poisson)) * (N / D), self.mean_stiffness * G)
+
+    def _numerator_and_denominator(
+        self, q: FloatArray, G: NDArray[Any], of: Quadratics | None
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
         """N and D at the modulus G, up to a common factor."""
-        if math.isinf(self.thickness):  # a halfspace of the layer's material
+        if of is None:
             one = np.ones(np.broadcast_shapes(q.shape, G.shape))
             return one, one
-        N, D = self.quadratics(q)
+        N, D = of
         if self.bulk_modulus == 0:
             return N[2], D[2]
         if math.isinf(self.bulk_modulus):
@@ -214,64 +220,140 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
     array([2.])
     """
     q = np.asarray(q, dtype=float)
-    relaxed = layer.stiffness(q, material.relaxed)
     moduli, times = distinct_branches(material)
+    of = layer._coefficients(np.where(q > 0, q, 1.0))
+    relaxed = layer._stiffness(q, np.asarray(material.relaxed), of)
     if layer.thickness == 0 or moduli.size == 0:
         return Spectrum(relaxed, np.empty((0, *q.shape)), np.empty((0, *q.shape)))
-
-    proportional, poles, strengths = _partial_fractions(layer, q.ravel())
+    alone = layer if layer.bulk_modulus in {0, math.inf} else replace(layer, bulk_modulus=0.0)
+    proportional = alone._stiffness(q, np.asarray(1.0), of)
+    # The rows of modes, three for each branch.
     negligible = NEGLIGIBLE / (3 * moduli.size) * relaxed.ravel()
     weights = np.zeros((3, moduli.size, q.size))
-    thetas = np.broadcast_to(times[:, np.newaxis], weights.shape).copy()
-    weights[0] = moduli[:, np.newaxis] * proportional
-    for i in range(2):
-        A, Ainf = poles[i] + material.relaxed, poles[i] + material.glassy
-        heavy = strengths[i] * (material.glassy - material.relaxed) > negligible * A * Ainf
-        compliances, thetas[1 + i][:, heavy] = retardation_spectrum(moduli, times, A[heavy])
-        weights[1 + i][:, heavy] = strengths[i][heavy] * compliances
+    thetas = np.empty(weights.shape)
+    thetas[:] = times[:, np.newaxis]
+    np.multiply(moduli[:, np.newaxis], proportional.ravel(), out=weights[0])
+    if alone is not layer and of is not None:
+        poles, strengths = _partial_fractions(layer, q.ravel(), of)
+        for i in range(2):
+            A, Ainf = poles[i] + material.relaxed, poles[i] + material.glassy
+            heavy = strengths[i] * (material.glassy - material.relaxed) > negligible * A * Ainf
+            compliances, thetas[1 + i][:, heavy] = retardation_spectrum(moduli, times, A[heavy])
+            weights[1 + i][:, heavy] = strengths[i][heavy] * compliances
     weights[weights <= negligible] = 0.0
     kept = weights.any(axis=-1)
     return Spectrum(relaxed, weights[kept].reshape(-1, *q.shape), thetas[kept].reshape(-1, *q.shape))
 
 
-def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K(q, G) = proportional G + const - sum_i strengths_i/(poles_i + G): shapes (nq,), (2, nq), (2, nq)."""
-    # Returns factor, poles and strengths, for q of shape (nq,) and a thickness above zero. With g = G/G_bulk
-    # and the quadratics N and D, K = q G_bulk/(1 - nu) g N/D. The discriminant of D is a sum of
-    # squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with
+def _partial_fractions(
+    layer: LayeredHalfspace, q: FloatArray, of: Quadratics
+) -> tuple[FloatArray, FloatArray]:
+    """Poles and strengths in K(q, G) = a G + b - sum_i strengths_i/(poles_i + G): (2, nq)."""
+    poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
+    x, N, D = layer.depths(q), *(C.reshape(3, -1) for C in of)
+    moduli = layer.bulk_modulus, layer.bulk_modulus**2
+    _fractions(q, x, np.exp(-2 * x), layer.poisson, layer.bulk_poisson, moduli, N, D, poles, strengths)
+    return poles, strengths
+
+
+@kernel
+def _fractions(
+    q: FloatArray,
+    depths: FloatArray,
+    decay: FloatArray,
+    poisson: float,
+    bulk_poisson: float,
+    bulk_moduli: tuple[float, float],
+    N: FloatArray,
+    D: FloatArray,
+    poles: FloatArray,
+    strengths: FloatArray,
+) -> None:
+    """Write poles and strengths at the waves that feel the base, from N, D, exp(-2x), G_bulk, G_bulk^2."""
+    # With g = G/G_bulk and the quadratics N and D, K = q G_bulk/(1 - nu) g N/D. The discriminant of D is a
+    # sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with
     #
     #     A = (g - 1)(1 + c g),    B = (c g - e)(g + e),    C = (g - 1)(c g - e).
     #
     # So the roots of D, their distance and N at the roots are found without cancellation.
-    poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
-    if layer.bulk_modulus in (0, math.inf):
-        return layer.stiffness(q, 1.0), poles, strengths
-
-    near = np.flatnonzero((q > 0) & (layer.depths(q) < _DEEP))
-    x = layer.depths(q[near])
-    r = np.exp(-2 * x)
-    e_1, c_1 = 2 * (1 - 2 * layer.poisson), 2 * (1 - 2 * layer.bulk_poisson)
+    e_1, c_1 = 2 * (1 - 2 * poisson), 2 * (1 - 2 * bulk_poisson)
     e, c, ec_1 = 1 + e_1, 1 + c_1, e_1 + c_1 + e_1 * c_1
-    (N0, N1, N2), (D0, D1, D2) = layer.quadratics(q[near])
+    for k in range(q.size):
+        x, r = depths[k], decay[k]
+        if not (q[k] > 0 and x < _DEEP):
+            continue
+        gap = math.hypot(4 * x * r * (1 + c) + r * r * (e_1 - c_1) - ec_1, 2 * math.sqrt(c) * (1 + e) * r)
+        # 1 + c g at the two roots g = -p, themselves the roots of a quadratic with a negative product.
+        middle = ec_1 - 4 * x * r * (1 + c) + r * r * (2 + c + e)
+        far = (abs(middle) + gap) / (2 * D[2, k] / c)
+        close = r * r * (1 + c) * (1 + e) / (D[2, k] / c) / far
+        scale = q[k] * bulk_moduli[1] / (1 - poisson)
+        for i in range(2):
+            if i == 0:
+                p, delta = 2 * D[0, k] / (D[1, k] + gap), close if middle > 0 else far
+            else:
+                p, delta = (D[1, k] + gap) / (2 * D[2, k]), -far if middle > 0 else -close
+            if x < _THIN:
+                found = N[0, k] - p * (N[1, k] - p * N[2, k])
+            else:
+                A, B = -(p + 1) * delta, (delta - 1 - e) * (delta + ec_1) / c
+                C = -(p + 1) * (delta - 1 - e)
+                deep = 1 + 2 * x
+                found = -r * (deep * deep * A + B - 2 * r * C)
+            poles[i, k] = p * bulk_moduli[0]
+            strengths[i, k] = scale * p * found / (gap if i == 0 else -gap)
 
-    gap = np.hypot(4 * x * r * (1 + c) + r * r * (e_1 - c_1) - ec_1, 2 * math.sqrt(c) * (1 + e) * r)
-    p = np.stack((2 * D0 / (D1 + gap), (D1 + gap) / (2 * D2)))
-    # 1 + c g at the two roots g = -p, themselves the roots of a quadratic with a negative product.
-    middle = ec_1 - 4 * x * r * (1 + c) + r * r * (2 + c + e)
-    far = (np.abs(middle) + gap) / (2 * D2 / c)
-    close = r * r * (1 + c) * (1 + e) / (D2 / c) / far
-    delta = np.where(middle > 0, (close, -far), (far, -close))
-    A, B, C = -(p + 1) * delta, (delta - 1 - e) * (delta + ec_1) / c, -(p + 1) * (delta - 1 - e)
-    N = np.where(x < _THIN, N0 - p * (N1 - p * N2), -r * ((1 + 2 * x) ** 2 * A + B - 2 * r * C))
 
-    poles[:, near] = p * layer.bulk_modulus
-    scale = q[near] * layer.bulk_modulus**2 / (1 - layer.poisson)
-    strengths[:, near] = scale * p * N / (gap * np.array([[1.0], [-1.0]]))
-    return replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths
+class _Exponentials(NamedTuple):
+    """Functions of x = q d, one value a wave."""
+
+    x: FloatArray
+    once: FloatArray  # exp(-x)
+    twice: FloatArray  # exp(-2x)
+    rho: FloatArray  # 1 - exp(-2x)
+    rho_twice: FloatArray  # 1 - exp(-4x)
+    cube: FloatArray  # x^3, where x < 2
+    cube_twice: FloatArray  # 8 x^3, where 2x < 2
+
+
+def _exponentials(x: FloatArray) -> _Exponentials:
+    """Return the exponentials by NumPy, whose vector units take several waves at once."""
+    y = 2 * x
+    cubes = np.minimum(x, _SERIES) ** 3, np.minimum(y, _SERIES) ** 3
+    return _Exponentials(x, np.exp(-x), np.exp(-y), -np.expm1(-y), -np.expm1(-4 * x), *cubes)
+
+
+@kernel
+def _quadratics(of: _Exponentials, of_body: tuple[float, float, float], N: FloatArray, D: FloatArray) -> None:
+    """Write the coefficients of N and D for nu, nu_bulk and (1 + e)^2."""
+    # e - 1 and c - 1 are formed first: near nu = 1/2 they are exact, and e and c have lost their digits.
+    poisson, bulk_poisson, square = of_body
+    e_1, c_1 = 2 * (1 - 2 * poisson), 2 * (1 - 2 * bulk_poisson)
+    e, c = 1 + e_1, 1 + c_1
+    for k in range(of.x.size):
+        x, r, rho, r4 = of.x[k], of.twice[k], of.rho[k], of.rho_twice[k]
+        thin = _sinh_minus(x, of.once[k], rho, of.cube[k])
+        N[2, k] = c * thin * (rho + 2 * x * of.once[k])
+        N[1, k] = rho * (1 + e * c + r * (c + e)) + 4 * x * x * r * c_1
+        N[0, k] = r * square + e * (rho * rho) + 4 * x * x * r
+        D[2, k] = c * (r4 + 4 * x * r)
+        D[1, k] = 1 + e * c - 4 * x * r * c_1 + r * r * (c + e)
+        D[0, k] = e_1 * r4 + _sinh_minus(2 * x, r, r4, of.cube_twice[k])
+
+
+@kernel(inner=True)
+def _sinh_minus(y: float, decay: float, rho: float, cube: float) -> float:
+    """`sinh_minus` from exp(-y), 1 - exp(-2y) and, where y < 2, y^3."""
+    if y >= _SERIES:
+        return rho - 2 * y * decay
+    square, total = y * y, _SINH_TAIL[-1]
+    for k in range(len(_SINH_TAIL) - 2, -1, -1):
+        total = _SINH_TAIL[k] + total * square
+    return decay * cube * total
 
 
 def sinh_minus(y: FloatArray) -> FloatArray:
     """2 exp(-y) (sinh y - y) without cancellation or overflow."""
-    thin = np.minimum(y, 2.0)
+    thin = np.minimum(y, _SERIES)
     series = np.exp(-thin) * thin**3 * np.polynomial.polynomial.polyval(thin * thin, _SINH_TAIL)
-    return np.where(y < 2, series, -np.expm1(-2 * y) - 2 * y * np.exp(-y))
+    return np.where(y < _SERIES, series, -np.expm1(-2 * y) - 2 * y * np.exp(-y))

@@ -231,7 +231,7 @@ class Layers(Solid):
 
     # Properties for configurations, see `Solid`.
 
-    @property
+    @cached_property
     def laws(self) -> tuple[Law, ...]:
         """The laws of the layers from the surface down, and of the halfspace where it has one."""
         base = self._base.material

@@ -58,5 +58,6 @@ class Wavevectors:
         return self.magnitude.shape
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """Return the magnitudes."""
-        return np.array(self.magnitude, dtype=dtype) if copy else np.asarray(self.magnitude, dtype=dtype)
+        """Return the magnitudes; of waves that cases share, a copy that may be changed."""
+        copied = copy or (copy is None and not self.magnitude.flags.writeable)
+        return (np.array if copied else np.asarray)(self.magnitude, dtype=dtype)

@@ -14,9 +14,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
@@ -91,6 +92,26 @@ class PressurePrediction(DisplacementPrediction):
         super().remember(time, pressure, gap, at_breakpoint=at_breakpoint)
         self._gaps.append(gap)
 
+    def into(self, ring: Ring) -> None:
+        """Write the state into a ring."""
+        now, count = ring.now[0], len(self._times)
+        now["count"], now["last"], now["mu"] = count, max(count - 1, 0), self._mu
+        now["moves"], now["contact"] = self._moves, self._contact
+        for place in range(count):
+            now["times"][place] = self._times[place]
+            ring.p[place], ring.gap[place] = self._fields[place], self._gaps[place]
+
+    def out_of(self, ring: Ring) -> None:
+        """Take over the state of a ring."""
+        now = ring.now[0]
+        last, count = int(now["last"]), int(now["count"])
+        places = [(last + 2) % 3, last][2 - count :]
+        for kept, values in ((self._times, now["times"]), (self._fields, ring.p), (self._gaps, ring.gap)):
+            kept.clear()
+            kept.extend(values[place].copy() for place in places)
+        self._mu, self._moves = float(now["mu"]), int(now["moves"])
+        self._contact = int(now["contact"][0]), int(now["contact"][1])
+
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
         if not self._times:
@@ -102,6 +123,77 @@ class PressurePrediction(DisplacementPrediction):
         weights, guess = _weights(self._times, time), np.zeros(size)
         _extrapolate(weights, pressures, gaps, self._mu, self._moves > 1, near, guess)
         return guess
+
+
+# The same for compiled loops, which keep pressures and gaps in a ring of three.
+
+RING = np.dtype(
+    [
+        ("count", np.int64),  # of accepted steps that are kept, at most two
+        ("last", np.int64),  # place of the last one
+        ("times", np.float64, 3),
+        ("mu", np.float64),
+        ("moves", np.int64),
+        ("contact", np.int64, 2),
+    ]
+)
+
+
+class Ring(NamedTuple):
+    """The last two accepted steps, and room for the next one."""
+
+    p: FloatArray  # (3, points)
+    gap: FloatArray  # (3, points)
+    now: npt.NDArray[Any]  # one record of `RING`
+
+
+@kernel(inner=True, borrows=True)
+def predict(ring: Ring, time: float, guess: FloatArray) -> None:
+    """`PressurePrediction.at`."""
+    now, size = ring.now[0], guess.size
+    guess[:] = 0.0
+    if now.count == 0:
+        return
+    first, end = now.contact[0], now.contact[1]
+    reach, near = max(size // _REACH, (end - first) // 2), (0, size)
+    if first >= reach and end + reach <= size:
+        near = (first - reach, end + reach)
+    one, last = _places(ring)
+    pressures, gaps = (ring.p[one], ring.p[last]), (ring.gap[one], ring.gap[last])
+    _extrapolate(_weights_at(ring, time), pressures, gaps, now.mu, now.moves > 1, near, guess)
+
+
+@kernel(inner=True, borrows=True)
+def remember(ring: Ring, place: int, time: float, at_breakpoint: bool) -> None:
+    """`PressurePrediction.remember` for the step that is at a place of the ring."""
+    now = ring.now[0]
+    if now.count > 0:
+        one, last = _places(ring)
+        squares, predicted, moved, first, end = _learn(
+            _weights_at(ring, time), (ring.gap[one], ring.gap[last]), ring.p[last], ring.p[place],
+            (now.contact[0], now.contact[1]),
+        )  # fmt: skip
+        now.mu = squares / predicted if predicted > 0.0 else now.mu
+        now.contact[0], now.contact[1] = first, end
+        now.moves = now.moves + 1 if moved != 0.0 else 0
+    now.count = 1 if at_breakpoint else min(now.count + 1, 2)
+    now.last, now.times[place] = place, time
+
+
+@kernel(inner=True, borrows=True)
+def _places(ring: Ring) -> tuple[int, int]:
+    last = ring.now[0].last
+    return (last + 2) % 3 if ring.now[0].count > 1 else last, last
+
+
+@kernel(inner=True, borrows=True)
+def _weights_at(ring: Ring, time: float) -> Weights:
+    if ring.now[0].count == 1:
+        return 0.0, 1.0
+    one, last = _places(ring)
+    times = ring.now[0].times
+    part = (time - times[one]) / (times[last] - times[one])
+    return 1.0 - part, part
 
 
 def _weights(times: Sequence[float], time: float) -> Weights:
@@ -117,7 +209,7 @@ def _last_two(fields: Sequence[FloatArray]) -> LastTwo:
     return fields[0], fields[-1]
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def _learn(
     w: Weights, gaps: LastTwo, last: FloatArray, now: FloatArray, contact: tuple[int, int]
 ) -> tuple[float, float, float, int, int]:
@@ -149,7 +241,7 @@ def _learn(
     return squares, predicted, moved, min(before, after), after
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def _extrapolate(
     w: Weights, p: LastTwo, gaps: LastTwo, mu: float, moving: bool, near: tuple[int, int],
     guess: FloatArray,
@@ -166,7 +258,7 @@ def _extrapolate(
                 guess[first + i] = _extrapolated(w, (p0[i], p1[i]), (gap0[i], gap1[i]), mu, moving)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _extrapolated(w: Weights, p: Weights, gap: Weights, mu: float, moving: bool) -> float:
     """Pressure at one point, from those of two steps and the gaps."""
     pressed = p[0] > 0.0 and p[1] > 0.0
@@ -188,7 +280,7 @@ def _combined(w: Weights, fields: LastTwo) -> FloatArray:
     return field
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _two_thirds(gap: float) -> float:
     return float(np.cbrt(gap * gap))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
-from gfmdlayer.contact.residual import ResidualFloor, residual_scales, scales_of, violation
+from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, scales_of, violation
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, filled, kernel, minimum
@@ -21,7 +21,7 @@ from gfmdlayer.kernels import LANES, filled, kernel, minimum
 _ROUNDING = 1e-12  # part of the height of the punch
 # Heights, as part of the depth at which the lowest mode carries the load, that no tolerance above 1e-8 tells
 # from the rounding of the gap, 1e-16 of that depth.
-_FLAT = 1e-8
+FLAT = 1e-8
 CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
 HEIGHT_ROUNDING = 0.01  # likewise, of the least depth that counts, which is 1e-14 of the heights
 # Part of the tolerance within which a solve ends; lifting the surface clear of the punch may add the rest.
@@ -59,7 +59,7 @@ class SurfaceState(NamedTuple):
     spectrum: ComplexArray  # of u, unnormalised
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def apply_to(
     plans: Plans,
     factors: FloatArray,
@@ -114,7 +114,7 @@ def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | Non
     if problem.mean_pressure == 0.0 and not problem.interface.attracts:
         return _free_surface(problem, transforms)
     load = problem.applied_pressure
-    if load > 0.0 and problem.height * problem.kappa_1 < _FLAT * load and not problem.interface.attracts:
+    if load > 0.0 and problem.height * problem.kappa_1 < FLAT * load and not problem.interface.attracts:
         return _full_contact(problem, transforms)
     if not problem.mean_is_fixed or _has_room(h, problem.ranks):
         return None
@@ -141,7 +141,14 @@ def _has_room(h: FloatArray, ranks: Ranks) -> bool:
     return not total <= _ROUNDING * size  # NaN is for the solver to find
 
 
-@kernel(reorder=True)
+@kernel(inner=True, borrows=True)
+def has_room(h: FloatArray) -> bool:
+    """`_has_room` for kernels."""
+    total, size = _height(h)
+    return not total <= _ROUNDING * size
+
+
+@kernel(reorder=True, borrows=True)
 def _height(h: FloatArray) -> tuple[float, float]:
     """Sums of the heights and of their magnitudes."""
     total, size = 0.0, 0.0
@@ -178,19 +185,13 @@ def feasible_solution(
     """Raise the pressure until the surface overlaps the punch nowhere, and assess that state."""
     # Pressure and gap of `at` are an exact pair; `free` is the transform of u0, per point. Not converged
     # where overlap remains.
-    n = at.p.size
-    u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
-    overlap = _write_state(system, at, free, u, pressure, spectrum)
-    depth = residual_scales(pressure, u, system.floor)[1]
-    clear = overlap == 0.0 or overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * system.floor.depth)
+    u, pressure, gap = np.empty((3, at.p.size))
+    state = SurfaceState(u, pressure, gap, np.empty_like(free))
+    clear, assessment = write_feasible(system, free, at, state)
     return make_solution(
-        problem,
-        u,
-        pressure,
-        spectrum,
-        spent=(transforms, iterations),
-        within=tolerance if clear else -1.0,
-    )
+        problem, u, pressure, state.spectrum, gap=gap, assessment=assessment,
+        spent=(transforms, iterations), within=tolerance if clear else -1.0,
+    )  # fmt: skip
 
 
 def unconverged(
@@ -253,7 +254,7 @@ def _solution_of(
     return make_solution(problem, u, pressure, spectrum, spent=(transforms_spent, iterations), within=within)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray) -> tuple[float, float]:
     """Write pressure and displacement of a state that overlaps nowhere; return lift and clamped overlap."""
     # Under a given load the punch is shifted, elsewhere the pressure grows by the factor 1 + lift.
@@ -291,7 +292,7 @@ def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArra
     return lift, -minimum(clamped)
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def satisfies_kkt(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
     """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
     pressure_scale, depth = scales_of(p, system.h - gap, system.floor)
@@ -303,7 +304,20 @@ def satisfies_kkt(system: System, p: FloatArray, gap: FloatArray, shift: float, 
     return off == 0.0
 
 
-@kernel(reorder=True)
+@kernel(borrows=True)
+def write_feasible(
+    system: System, free: ComplexArray, at: Iterate, state: SurfaceState
+) -> tuple[bool, tuple[float, float, float, float]]:
+    """Write a state without overlap; return whether what was clamped is rounding, and `assess` it."""
+    overlap = _write_state(system, at, free, state.u, state.p, state.spectrum)
+    for i in range(state.gap.size):
+        state.gap[i] = system.h[i] - state.u[i]
+    depth = scales_of(state.p, state.u, system.floor)[1]
+    clear = overlap == 0.0 or overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * system.floor.depth)
+    return clear, assess(state.p, state.u, system.h, system.floor)
+
+
+@kernel(reorder=True, inner=True, borrows=True)
 def _write_state(
     system: System,
     at: Iterate,

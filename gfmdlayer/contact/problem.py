@@ -28,7 +28,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
-from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over, scales_over
+from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over, mark_contact, scales_over
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.kernels import kernel
@@ -36,7 +36,7 @@ from gfmdlayer.resumable import Resumable
 
 # Depths count as at least this part of the range of the punch's heights: less is rounding of h - u.
 # A surface that heals under a flat punch at depth zero stops there.
-_DEPTH_FLOOR = 1e-14
+DEPTH_FLOOR = 1e-14
 _OF_SUMS = 1e-12  # relative, of the sum of a stress and a traction
 
 
@@ -78,7 +78,7 @@ class Problem:
     @property
     def least_depth(self) -> float:
         """The smallest depth that rounding of the heights lets count."""
-        return _DEPTH_FLOOR * self.height
+        return DEPTH_FLOOR * self.height
 
     @property
     def residual_floor(self) -> ResidualFloor:
@@ -131,9 +131,10 @@ class Solution:
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Whether each point is in contact: pressure larger than gap, each in the scale of the residual."""
     wall = problem.wall_pressure(solution.pressure, solution.gap)
-    floor = problem.residual_floor
-    pressure_scale, depth = scales_over(problem.ranks, wall, solution.displacement, floor)
-    return np.asarray(wall * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
+    scales = scales_over(problem.ranks, wall, solution.displacement, problem.residual_floor)
+    touching = np.empty(wall.size, bool)
+    mark_contact(wall, solution.gap, 1.0 / scales[0], 1.0 / scales[1], touching)
+    return touching
 
 
 class Solver(Resumable, Protocol):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum
 
@@ -63,7 +63,7 @@ def scales(largest_pressure: float, deepest: float, floor: ResidualFloor) -> tup
     return max(pressure, 1e-300), min(depth, floor.range)  # not zero, where the depth is not a number
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _extrema(pressure: FloatArray, u: FloatArray) -> tuple[float, float, float]:
     """Largest pressure and lowest displacement of a state without NaN, and the sum of the displacement."""
     largest, lowest, total = filled(LANES, 0.0), filled(LANES, np.inf), 0.0
@@ -105,19 +105,28 @@ def assess_over(
     return worst if finite else np.nan, touching / size, total / size, gaps / size
 
 
-@kernel
+@kernel(borrows=True)
 def _extrema_part(pressure: FloatArray, u: FloatArray) -> tuple[float, float, float]:
     """`_extrema` of the part of a rank."""
     return _extrema(pressure, u)
 
 
-@kernel
+@kernel(borrows=True)
 def residual_scales(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
     """Scales (P, D) of the residual of a state: pressure and displacement, one value a point."""
     return scales_of(pressure, u, floor)
 
 
-@kernel(inner=True)
+@kernel(borrows=True)
+def mark_contact(
+    pressure: FloatArray, gap: FloatArray, per_pressure: float, per_gap: float, touching: BoolArray
+) -> None:
+    """Mark the points in contact: pressure larger than gap, each in its scale, from 1/P and 1/D."""
+    for i in range(touching.size):
+        touching[i] = pressure[i] * per_pressure > gap[i] * per_gap
+
+
+@kernel(inner=True, borrows=True)
 def scales_of(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
     """`residual_scales` for kernels."""
     # Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
@@ -144,7 +153,7 @@ def _violations(
     return maximum(worst), touching, total, gaps
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def assess(
     pressure: FloatArray, u: FloatArray, h: FloatArray, floor: ResidualFloor
 ) -> tuple[float, float, float, float]:
@@ -158,7 +167,7 @@ def assess(
     return worst if finite else np.nan, touching / u.size, total / u.size, gaps / u.size
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def _assess_part(
     pressure: FloatArray, u: FloatArray, h: FloatArray, per_pressure: float, per_gap: float
 ) -> tuple[float, float, float, float]:

@@ -19,9 +19,11 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import Completion, Sums
+from gfmdlayer.made_once import made_once
 
 COARSEST = 64  # points of an axis of the coarsest of nested grids, at least
 _SHORTEST = 64  # points of an axis of the smallest windows
+_FIELDS = 3  # that a grid may make of its waves and their weights
 
 
 @dataclass(frozen=True)
@@ -85,12 +87,17 @@ class Grid:
     @property
     def waves(self) -> Wavevectors:
         """Wavevector of each mode that this process holds, of shape ``spectral_shape``."""
-        return Wavevectors.of_components(*self.wavevectors)
+        return _waves(self)
 
     @property
     def wavenumbers(self) -> FloatArray:
         """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
         return self.waves.magnitude
+
+    @cached_property
+    def largest_wavenumber_x(self) -> float:
+        """Largest wavenumber along x."""
+        return float(np.abs(self.wavevectors[0]).max())
 
     @cached_property
     def wavenumbers_x(self) -> FloatArray:
@@ -107,7 +114,9 @@ class Grid:
         waves[0] = 1.0
         if self.points[-1] % 2 == 0:
             waves[-1] = 1.0
-        return np.broadcast_to(waves[self.columns] / self.size**2, self.spectral_shape).copy()
+        weights = np.broadcast_to(waves[self.columns] / self.size**2, self.spectral_shape).copy()
+        weights.flags.writeable = False
+        return weights
 
     @cached_property
     def sums(self) -> Sums:
@@ -164,6 +173,20 @@ class Grid:
         along = 2 * np.pi * np.fft.rfftfreq(self.points[-1], self.period[-1] / self.points[-1])
         axes.append(along[self.columns])
         return list(np.meshgrid(*axes, indexing="ij", sparse=True))
+
+
+@made_once(lambda grid: _FIELDS * 8 * grid.size)
+def shared_grid(points: tuple[int, ...], period: tuple[float, ...]) -> Grid:
+    """Return a grid of one process with what it has made of its points, its waves and their weights."""
+    return Grid(points, period)
+
+
+@made_once(lambda waves: 3 * waves.magnitude.nbytes)
+def _waves(grid: Grid) -> Wavevectors:
+    waves = Wavevectors.of_components(*grid.wavevectors)
+    for values in (waves.qx, waves.qy, waves.magnitude):
+        values.flags.writeable = False
+    return waves
 
 
 def parts(shape: tuple[int, ...]) -> tuple[int, ...]:

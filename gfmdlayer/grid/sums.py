@@ -73,7 +73,7 @@ class Sums:
         return np.repeat(self.weights, 2)
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def _products(weights: FloatArray, v: FloatArray, f: FloatArray, g: FloatArray) -> tuple[float, float, float]:
     """Sums of weights v f, weights v g and weights v v; not left to BLAS, whose threads cost more here."""
     with_f, with_g, squares = 0.0, 0.0, 0.0

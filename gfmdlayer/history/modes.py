@@ -130,7 +130,7 @@ def exponential(x: FloatArray) -> Factors:
     return Factors(f[0], f[1], f[2], f[3], f[4], f[5], f[6])
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def intercepts(
     branches: BranchModes, local: LocalModes, terms: StepTerms, u: FloatArray, b: FloatArray
 ) -> None:
@@ -151,7 +151,7 @@ def intercepts(
             b[2 * local.position[i] + part_] -= terms.local_decay[i] * local.stretch[i, part_]
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def advance(
     branches: BranchModes,
     branch_factors: Factors,

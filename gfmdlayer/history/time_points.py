@@ -6,14 +6,17 @@ import hashlib
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import islice, pairwise, repeat
 from typing import Any
 
+from gfmdlayer.made_once import made_once
 from gfmdlayer.resumable import Saving
 from gfmdlayer.step import Instant
 
 # Times closer than this part of the run are the same: output times are rounded decimals and sums.
 SAME_TIME = 1e-10
+
+_BYTES = 200  # of a stop, with the times from which it is found
 
 
 @dataclass(frozen=True)
@@ -136,8 +139,15 @@ def number_of_steps(stops: Sequence[Instant]) -> int:
 
 def stops(
     end: float, snapshots: Iterable[float], breakpoints: Iterable[float], times: Iterable[float] = ()
-) -> list[Instant]:
+) -> Sequence[Instant]:
     """Return start, end and all times to land on between them, in order, without the lengths of the steps."""
+    return _stops(end, *map(tuple, (snapshots, breakpoints, times)))
+
+
+@made_once(lambda stops: _BYTES * len(stops))
+def _stops(
+    end: float, snapshots: Sequence[float], breakpoints: Sequence[float], times: Sequence[float]
+) -> Sequence[Instant]:
     # Times that differ by rounding are one. Start and end are no breakpoints.
     same = SAME_TIME * end
     landings = [0.0]
@@ -153,4 +163,4 @@ def stops(
             at_breakpoint.append(False)
         at_snapshot[-1] |= reason == "snapshot"
         at_breakpoint[-1] |= reason == "breakpoint"
-    return [Instant(t, 0.0, *marks) for t, *marks in zip(landings, at_snapshot, at_breakpoint, strict=True)]
+    return tuple(map(Instant, landings, repeat(0.0), at_snapshot, at_breakpoint))

@@ -37,7 +37,7 @@ from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.observables import totals
 from gfmdlayer.observables.contact import FEWEST, UPSIDE_DOWN
-from gfmdlayer.observables.contact_statistics import area_error, interpolated_area, is_upside_down
+from gfmdlayer.observables.contact_statistics import contact_extent, is_upside_down
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import fitting, numbers, outward_heights
 from gfmdlayer.time_functions import Constant
@@ -360,8 +360,8 @@ def _dataset(
     """Return fields and scalars of a solution; an isolated contact has a `reach`."""
     touching = in_contact(problem, solution)
     imprint = {} if solution.flow is None else {"imprint": solution.flow}
-    wall = problem.wall_pressure(solution.pressure, solution.gap).reshape(grid.shape)
-    area = interpolated_area(touching.reshape(grid.shape), wall, solution.gap.reshape(grid.shape), grid)
+    wall = problem.wall_pressure(solution.pressure, solution.gap)
+    extent = contact_extent(touching, wall, solution.gap, grid)
     fields = {
         "displacement": surface.displacement,
         "pressure": solution.pressure,
@@ -372,8 +372,8 @@ def _dataset(
     }
     scalars = {
         "contact_area": solution.contact_area,
-        "contact_area_interpolated": area,
-        "contact_area_error": area_error(touching.reshape(grid.shape), area, grid),
+        "contact_area_interpolated": extent.area,
+        "contact_area_error": extent.error,
         "mean_pressure": solution.mean_pressure,
         "force": solution.mean_pressure * math.prod(grid.period),
         "depth": surface.depth,
@@ -504,11 +504,8 @@ def _taken_from(
 def _frictional_dataset(grid: Grid, solution: FrictionSolution, moved: FloatArray) -> xarray.Dataset:
     """Return fields and scalars of a solution."""
     area, touching = math.prod(grid.period), solution.contact
-    pressed, gap = (
-        solution.pressure.reshape(grid.shape),
-        np.where(touching, 0.0, np.maximum(solution.gap, 0.0)),
-    )
-    interpolated = interpolated_area(touching.reshape(grid.shape), pressed, gap.reshape(grid.shape), grid)
+    gap = np.where(touching, 0.0, np.maximum(solution.gap, 0.0))
+    extent = contact_extent(touching, solution.pressure, gap, grid)
     fields = {
         "pressure": solution.stress,
         "displacement": -solution.displacement[0],
@@ -518,8 +515,8 @@ def _frictional_dataset(grid: Grid, solution: FrictionSolution, moved: FloatArra
     }
     scalars = {
         "contact_area": touching.mean(),
-        "contact_area_interpolated": interpolated,
-        "contact_area_error": area_error(touching.reshape(grid.shape), interpolated, grid),
+        "contact_area_interpolated": extent.area,
+        "contact_area_error": extent.error,
         "stick_area": solution.stick.mean(),
         "mean_pressure": solution.stress.mean(),
         "force": solution.stress.mean() * area,

@@ -103,14 +103,12 @@ class Resolution(Observable):
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the area, and remember the number of points."""
-        from gfmdlayer.observables.contact_statistics import area_error, interpolated_area
+        from gfmdlayer.observables.contact_statistics import contact_extent
 
-        names, shape = ("touching", "wall_pressure", "distance"), self._grid.shape
-        touching, pressure, distance = (step.fields[name].reshape(shape) for name in names)
-        self._most = max(self._most, self._grid.ranks.total(int(touching.sum())))
-        area = interpolated_area(touching, pressure, distance, self._grid)
-        error = area_error(touching, area, self._grid)
-        return {"contact_area_interpolated": area, "contact_area_error": error}
+        touching, pressure, gap = (step.fields[name] for name in ("touching", "wall_pressure", "distance"))
+        extent = contact_extent(touching, pressure, gap, self._grid)
+        self._most = max(self._most, extent.points)
+        return {"contact_area_interpolated": extent.area, "contact_area_error": extent.error}
 
 
 class Yielding(Observable):

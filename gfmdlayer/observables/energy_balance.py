@@ -148,6 +148,8 @@ class EnergyBalance(Observable):
     def restore(self, state: State) -> None:
         """Continue from the work and the points of another run."""
         super().restore(state)
+        self._rows.clear()
+        self._tangential.clear()
         self._rows.extend(PathPoint(*values) for values in state["normal"].tolist())
         self._tangential.extend(tuple(map(tuple, points)) for points in state["tangential"].tolist())
         if "field_time" in state:

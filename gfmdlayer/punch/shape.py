@@ -12,6 +12,7 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+from gfmdlayer.made_once import made_once
 from gfmdlayer.validation.problems import Mistake, shown
 from gfmdlayer.validation.sections import Kind
 
@@ -91,12 +92,7 @@ class Analytic(Shape):
     def heights(self, grid: Grid, counts: tuple[int, ...] = (1,)) -> FloatArray:
         """Heights of the grid's shape; `counts` copies fill the cell along each axis."""
         # The last number also stands for the axes that follow.
-        import numpy as np
-
-        counts = counts + counts[-1:] * (len(grid.shape) - len(counts))
-        axes = map(_from_apex, grid.coordinates, grid.period, counts)
-        sparse = np.meshgrid(*axes, indexing="ij", sparse=True)
-        return np.array(np.broadcast_to(self.height(list(sparse)), grid.shape))
+        return _heights(self, grid, counts + counts[-1:] * (len(grid.shape) - len(counts)))
 
     def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Mistake]:
         """Yield the first reason for which the punch does not fit, as one of `counts` along each axis."""
@@ -121,6 +117,17 @@ class Analytic(Shape):
                 message = f"got {shown(value)}, which makes the punch flat; one must be > 0 and finite"
                 return Mistake((key,), message)
         return None
+
+
+@made_once(lambda heights: heights.nbytes)
+def _heights(shape: Analytic, grid: Grid, counts: tuple[int, ...]) -> FloatArray:
+    import numpy as np
+
+    axes = map(_from_apex, grid.coordinates, grid.period, counts)
+    sparse = np.meshgrid(*axes, indexing="ij", sparse=True)
+    heights = np.array(np.broadcast_to(shape.height(list(sparse)), grid.shape))
+    heights.flags.writeable = False
+    return heights
 
 
 def distance(axes: Axes) -> FloatArray:

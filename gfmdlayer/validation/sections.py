@@ -319,7 +319,7 @@ def files_named(section: Section) -> dict[str, Path]:
         dotted((*at, key)): value
         for at, part in sections_in(section)
         for key, value in vars(part).items()
-        if isinstance(value, Path)
+        if value.__class__ not in _PLAIN and isinstance(value, Path)
     }
 
 

@@ -6,20 +6,18 @@ and dates are words. Nothing here knows which keys a configuration has.
 
 from __future__ import annotations
 
+import json
 import math
 import re
-import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from io import StringIO
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
-from ruamel.yaml.representer import SafeRepresenter
 
 from gfmdlayer.files.tables import NumberList, shortened
 from gfmdlayer.validation.problems import Location, colon_without_space, dotted
@@ -214,42 +212,50 @@ class _Builder:
         self.document.problems.append((self.place(node), f"{dotted(at)}: {message}" if at else message))
 
 
-class _Representer(SafeRepresenter):
-    """Plain data as nodes: mappings in blocks, lists in one line, other words than names in double quotes."""
+# The text of a configuration is part of each result. For a case, YAML's general writer would take a
+# millisecond and a half.
 
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
-        return True
-
-    def words(self, data: object) -> Node:
-        text = str(data)
-        is_plain = _PLAIN.fullmatch(text) and text.lower() not in _RESERVED
-        return self.represent_scalar("tag:yaml.org,2002:str", text, style=None if is_plain else '"')
-
-    def items(self, data: Sequence[object]) -> Node:
-        has_sections = any(isinstance(item, Mapping) for item in data)
-        node = self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=not has_sections)
-        for item in node.value if has_sections else ():
-            item.flow_style = True
-        return node
-
-    def section(self, data: Mapping[str, object]) -> Node:
-        return self.represent_mapping("tag:yaml.org,2002:map", data.items(), flow_style=not data)
-
-
-_Representer.add_representer(str, _Representer.words)
-_Representer.add_multi_representer(object, _Representer.words)  # paths
-for _kind in (list, tuple):
-    _Representer.add_representer(_kind, _Representer.items)
-_Representer.add_representer(dict, _Representer.section)
+_UNPRINTABLE = re.compile(r"[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
 
 
 def written(data: Mapping[str, Any]) -> str:
     """Return nested mappings as YAML: a line for each key, and for each mapping in a list."""
-    yaml = YAML(typ="safe", pure=True)
-    yaml.Representer = _Representer
-    yaml.default_flow_style = False
-    yaml.width = sys.maxsize
-    yaml.indent(mapping=2, sequence=4, offset=2)
-    stream = StringIO()
-    yaml.dump(data, stream)
-    return stream.getvalue()
+    return "".join(_lines(data, "")) or "{}\n"
+
+
+def _lines(data: Mapping[str, Any], indent: str) -> Iterator[str]:
+    for key, value in data.items():
+        head = f"{indent}{_word(key)}:"
+        if isinstance(value, Mapping) and value:
+            yield f"{head}\n"
+            yield from _lines(value, f"{indent}  ")
+        elif isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):
+            yield f"{head}\n"
+            yield from (f"{indent}  - {_in_line(item)}\n" for item in value)
+        else:
+            yield f"{head} {_in_line(value)}\n"
+
+
+def _in_line(value: object) -> str:
+    """Return a value in one line."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return repr(value).replace("inf", ".inf").replace("nan", ".nan")
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_word(key)}: {_in_line(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_in_line, value))}]"
+    return _word(value)
+
+
+def _word(value: object) -> str:
+    """Return a word, in double quotes where it is no plain name."""
+    text = str(value)
+    if _PLAIN.fullmatch(text) and text.lower() not in _RESERVED:
+        return text
+    return _UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", json.dumps(text, ensure_ascii=False))

@@ -21,7 +21,8 @@ from tests.recordings import Kept
 
 def interpolated_area(touching, pressure, gap):
     grid = Grid(touching.shape, (1.0,) * touching.ndim)
-    return contact_statistics.interpolated_area(touching, pressure, gap, grid)
+    fields = (field.ravel() for field in (touching, pressure, gap))
+    return contact_statistics.contact_extent(*fields, grid).area
 
 
 def pressed(punch, load):
@@ -104,6 +105,33 @@ def test_the_area_does_not_depend_on_place_or_direction():
         [np.ascontiguousarray(each[::-1]) for each in fields],
     ):
         assert interpolated_area(*moved) == pytest.approx(whole, rel=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(1000,), (70, 150)])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_wide_contacts_and_gaps_count_at_every_place(shape, seed):
+    """Stretches without an edge are passed over; wherever they begin, points, area and error are the same."""
+    grid, rng = Grid(shape, (1.0,) * len(shape)), np.random.default_rng(seed)
+    edges = np.sort(rng.permutation(shape[-1])[:6])
+    heights = np.where(np.searchsorted(edges, np.arange(shape[-1])) % 2, -1.0, 1.0) + np.zeros(shape)
+    if len(shape) == 2:
+        heights[:50] *= -1
+    heights *= 1 + rng.random(shape)
+
+    def extent(values):
+        fields = values > 0, np.sqrt(np.maximum(values, 0)), np.maximum(-values, 0) ** 1.5
+        return contact_statistics.contact_extent(*(field.ravel() for field in fields), grid)
+
+    first = extent(heights)
+    crossings = sum(
+        np.count_nonzero((heights > 0) != (np.roll(heights, 1, k) > 0)) for k in range(len(shape))
+    )
+    assert first.points == np.count_nonzero(heights > 0)
+    assert abs(first.area * heights.size - first.points) < 0.7 * crossings
+    for shift in (1, 37, 64, 65, 101):
+        moved = extent(np.roll(heights, shift, axis=-1))
+        assert moved.points == first.points
+        assert moved[1:] == pytest.approx(first[1:], rel=1e-12)
 
 
 @pytest.mark.parametrize("shape", [(9,), (8, 9)])

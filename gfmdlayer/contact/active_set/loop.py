@@ -76,14 +76,14 @@ def make_work(transforms: Transforms) -> LoopArrays:
     return LoopArrays(z, transforms.empty_spectrum(), direction, change, pressure, pressure_change, now)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def list_runs(contact: ContactSet) -> None:
     """Write down the stretches of the contact set."""
     counts = contact.counts[0]
     counts.runs, counts.points = _stretches(contact.member, contact.runs)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def list_near(contact: ContactSet) -> None:
     """Write down the stretches close to the contact set; the gap must be known at all of them."""
     runs, near, close, size = contact.runs, contact.near, contact.close, contact.member.size
@@ -112,13 +112,13 @@ def list_near(contact: ContactSet) -> None:
     counts.near = count
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _stretches(member: FloatArray, runs: IntArray) -> tuple[int, int]:
     """Write down the stretches of ones; return their number and the number of their points."""
     count, points, inside = 0, 0, False
     for first in range(0, member.size, _BLOCK):
         block = member[first : first + _BLOCK]
-        total = summed(block)
+        total = _ones(block)
         points += int(total)
         if total == (block.size if inside else 0.0):
             continue
@@ -136,7 +136,16 @@ def _stretches(member: FloatArray, runs: IntArray) -> tuple[int, int]:
     return count, points
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
+def _ones(member: FloatArray) -> float:
+    """Sum of zeros and ones, which is exact in any order."""
+    total = 0.0
+    for i in range(member.size):
+        total += member[i]
+    return total
+
+
+@kernel(reorder=True, inner=True, borrows=True)
 def dot(contact: ContactSet, x: FloatArray, y: FloatArray) -> float:
     """Sum of x y over the contact."""
     total = 0.0
@@ -148,7 +157,7 @@ def dot(contact: ContactSet, x: FloatArray, y: FloatArray) -> float:
     return total
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def mean(contact: ContactSet, x: FloatArray) -> float:
     """Mean of x over the contact."""
     total = 0.0
@@ -159,7 +168,7 @@ def mean(contact: ContactSet, x: FloatArray) -> float:
     return float(total / contact.counts[0].points)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def add(runs: IntArray, count: int, factor: float, x: FloatArray, y: FloatArray) -> None:
     """Add a multiple of x to y, over the contact or near it."""
     for k in range(count):
@@ -176,7 +185,7 @@ _SETTLED = 0.3
 _FAR = 1e300  # added to the gaps in the contact where only the others count
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def begin(  # groups of arrays; one call takes less time than two
     plans: Plans,
     system: System,
@@ -203,13 +212,13 @@ def begin(  # groups of arrays; one call takes less time than two
     now.exact = False
 
 
-@kernel
+@kernel(borrows=True)
 def set_guess(system: System, at: Iterate, contact: ContactSet, guess: FloatArray, load: float) -> None:
     """`_set_guess` for Python."""
     _set_guess(system, at, contact, guess, load)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _set_guess(system: System, at: Iterate, contact: ContactSet, guess: FloatArray, load: float) -> None:
     """Take over a guess of the pressure, which may be anything, and the contact set where it is positive."""
     p, total = at.p, 0.0
@@ -232,7 +241,7 @@ def _set_guess(system: System, at: Iterate, contact: ContactSet, guess: FloatArr
     list_runs(contact)
 
 
-@kernel
+@kernel(borrows=True)
 def iterate(  # groups of arrays, and the limits of one call
     plans: Plans,
     system: System,
@@ -252,7 +261,8 @@ def iterate(  # groups of arrays, and the limits of one call
     # one stretch, near which the gap is known, then needs no evaluation here.
     #
     # Returns whether set and pressure were found, the transforms and the iterations.
-    transforms, carried, now = 0, summed(at.p), work.now[0]
+    transforms, now = 0, work.now[0]
+    carried = summed(at.p) if system.load_given else 0.0
     if not now.exact:
         _evaluate(plans, system, at, work)
         transforms += 2
@@ -313,7 +323,7 @@ def iterate(  # groups of arrays, and the limits of one call
     return False, transforms, iteration
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _evaluate(plans: Plans, system: System, at: Iterate, work: LoopArrays) -> None:
     """Gap of the pressure at every point, and the mean displacement; two transforms."""
     now = work.now[0]
@@ -324,7 +334,7 @@ def _evaluate(plans: Plans, system: System, at: Iterate, work: LoopArrays) -> No
     now.rigid_shift, now.exact = 0.0, True
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _restore_load(system: System, at: Iterate, contact: ContactSet, carried: float) -> None:
     """Scale the pressure to a given load, which points that have left and rounding have changed."""
     if system.load_given:
@@ -335,7 +345,7 @@ def _restore_load(system: System, at: Iterate, contact: ContactSet, carried: flo
                 at.p[i] *= factor
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: float, everywhere: bool) -> bool:
     """Let points under tension leave and overlapping ones join; return whether the pressure changed."""
     # The gap is known ``everywhere``, or near the contact.
@@ -354,7 +364,7 @@ def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: floa
     return changed
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: LoopArrays, shift: float) -> bool:
     """Scale the pressure to the least energy, and keep it for conjugacy; return whether this is done."""
     # It needs no transform. Under a given load the pressure cannot be scaled.
@@ -378,7 +388,7 @@ def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: Loop
     return True
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _precondition(
     plans: Plans, system: System, at: Iterate, contact: ContactSet, work: LoopArrays, shift: float
 ) -> None:
@@ -392,7 +402,7 @@ def _precondition(
     apply_to(plans, system.stiffness, work.z, work.spectrum, work.spectrum, work.z)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _next_direction(
     system: System, at: Iterate, contact: ContactSet, work: LoopArrays, shift: float, memory: float
 ) -> tuple[float, float]:
@@ -416,14 +426,14 @@ def _next_direction(
     return product, _along_residual(at, contact, d, shift)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _step(at: Iterate, contact: ContactSet, work: LoopArrays, length: float) -> None:
     """Go along the direction; the gap follows in the contact and near it."""
     add(contact.runs, contact.counts[0].runs, length, work.direction, at.p)
     add(contact.near, contact.counts[0].near, length, work.change, at.gap)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _largest_on_line(contact: ContactSet, direction: FloatArray) -> float:
     """Largest entry of a direction on a line; zero on a surface in two directions."""
     largest = 0.0
@@ -433,7 +443,7 @@ def _largest_on_line(contact: ContactSet, direction: FloatArray) -> float:
     return largest
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _along_residual(at: Iterate, contact: ContactSet, x: FloatArray, shift: float) -> float:
     """Sum of x (shift - gap) over the contact."""
     total = 0.0
@@ -445,7 +455,7 @@ def _along_residual(at: Iterate, contact: ContactSet, x: FloatArray, shift: floa
     return total
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _violations(
     system: System, at: Iterate, contact: ContactSet, work: LoopArrays, shift: float
 ) -> tuple[float, float, float]:
@@ -483,7 +493,7 @@ def _violations(
     return (highest - deepest) / now.depth_scale, -lowest / now.pressure_scale, -overlap / now.depth_scale
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _outside(system: System, at: Iterate, contact: ContactSet, shift: float) -> tuple[float, float]:
     """Overlap outside the contact, as a gap, and deepest point."""
     overlap, below = filled(LANES, 0.0), filled(LANES, -_FAR)

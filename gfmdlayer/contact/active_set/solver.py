@@ -32,6 +32,7 @@ convex problem.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from math import prod
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -61,18 +62,21 @@ from gfmdlayer.contact.bounded import safeguard
 from gfmdlayer.contact.pressure_form import (
     AIM,
     CLOSE,
+    FLAT,
     Iterate,
     SurfaceState,
     System,
     compile_failure,
     feasible_solution,
+    has_room,
     trivial_solution,
     unconverged,
+    write_feasible,
 )
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
-from gfmdlayer.contact.residual import residual_scales
+from gfmdlayer.contact.residual import ResidualFloor, residual_scales, scales_of
 from gfmdlayer.grid.transforms import Plans, Transforms
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import address_of, by_address, kernel
 from gfmdlayer.resumable import State
 
 _ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
@@ -91,6 +95,20 @@ KNOWN = np.dtype(
 )
 
 
+class SolverCalls(NamedTuple):
+    """Addresses of kernels."""
+
+    begin: int
+    iterate: int
+    in_windows: int
+    feasible: int
+
+
+_begin, _iterate, _in_windows, _write_feasible = (
+    by_address(called) for called in (begin, iterate, solve_in_windows, write_feasible)
+)
+
+
 class SolverArrays(NamedTuple):
     """The arrays of the solver of one run."""
 
@@ -105,9 +123,10 @@ class SolverArrays(NamedTuple):
     work: LoopArrays
     windows: WindowsOfSurface
     known: npt.NDArray[Any]  # one record of `KNOWN`
+    calls: SolverCalls
 
 
-@kernel
+@kernel(borrows=True)
 def set_stiffness(arrays: SolverArrays, stiffness: FloatArray, load_given: bool) -> None:
     """Take over the stiffness of a step; compliance and windows are made anew only where it has changed."""
     known, size = arrays.known[0], arrays.at.p.size
@@ -123,6 +142,92 @@ def set_stiffness(arrays: SolverArrays, stiffness: FloatArray, load_given: bool)
         arrays.stiffness[k] = stiffness[k]
         arrays.compliance[k] = 1.0 / (size * stiffness[k]) if stiffness[k] != 0.0 else 0.0
         arrays.shared[k] = stiffness[k] / size
+
+
+class StepResult(NamedTuple):
+    """A step that is solved, or left to `ActiveSet.solve`."""
+
+    solved: bool
+    pairs: int  # of transforms
+    iterations: int
+    assessment: tuple[float, float, float, float]  # of `assess`
+
+
+_LEFT = np.nan, 0.0, 0.0, 0.0  # assessment of a step that is left
+
+
+@kernel(inner=True, borrows=True)
+def solve_step(
+    arrays: SolverArrays,
+    stiffness: FloatArray,
+    surface: WholeSurface,
+    floor: ResidualFloor,
+    load_given: bool,
+    load: float,
+    height: float,
+    start: FloatArray,
+    tolerance: float,
+    limit: int,
+    state: SurfaceState,
+) -> StepResult:
+    """`ActiveSet.solve` for compiled loops; leaves rare problems, and the solver is then as before."""
+    if _is_rare(stiffness, surface.h, floor, load_given, load, height):
+        return StepResult(False, 0, 0, _LEFT)
+    set_stiffness(arrays, stiffness, load_given)
+    known, windows, left = arrays.known[0], arrays.windows.known[0], min(_LIMIT, limit)
+    kernel_before, windows_before = windows.kernel, windows.windows
+    near = _in_windows(
+        arrays.calls.in_windows,
+        (arrays.windows, surface, arrays.shared, floor, load_given, load, start, tolerance, _ROUNDS, left,
+         state),
+    )  # fmt: skip
+    transforms, iterations, assessment, solved = (
+        near.transforms,
+        near.iterations,
+        near.assessment,
+        near.within,
+    )
+    if not solved:
+        system = System(
+            arrays.compliance, arrays.shared, arrays.gap0, surface.h, floor, load_given, arrays.compliance[0]
+        )
+        at, contact, work = arrays.at, arrays.contact, arrays.work
+        guess = arrays.windows.trial if near.guess_known else start
+        begun = arrays.plans, system, surface.b, arrays.free, at, contact, work, guess, load
+        _begin(arrays.calls.begin, begun)
+        transforms += 1.0
+        shift, within, left = 0.0, CLOSE * tolerance, max(left - iterations, 1)
+        for _ in range(2):
+            settled, more, done = _iterate(
+                arrays.calls.iterate,
+                (arrays.plans, system, at, contact, work, shift, within, _ROUNDS, left, False),
+            )
+            transforms, iterations = transforms + more, iterations + done
+            if not settled:
+                break
+            clear, assessment = _write_feasible(arrays.calls.feasible, (system, arrays.free, at, state))
+            solved = clear and assessment[0] <= tolerance
+            left = min(_LIMIT, limit - iterations)
+            if solved or left <= 0:
+                break
+            within = AIM * tolerance
+            shift = within * scales_of(state.p, state.u, floor)[1]
+    if not solved:
+        windows.kernel, windows.windows = kernel_before, windows_before
+        return StepResult(False, 0, 0, _LEFT)
+    pairs = math.floor((transforms + known.half_pair) / 2.0)
+    known.half_pair = transforms + known.half_pair - 2.0 * pairs
+    return StepResult(True, int(pairs), iterations, assessment)
+
+
+@kernel(inner=True, borrows=True)
+def _is_rare(
+    stiffness: FloatArray, h: FloatArray, floor: ResidualFloor, load_given: bool, load: float, height: float
+) -> bool:
+    """Whether a problem may have one of the `trivial_solution`s."""
+    if load_given:
+        return load == 0.0 or height * floor.stiffness < FLAT * load
+    return stiffness[0] == 0.0 and not has_room(h)
 
 
 class ActiveSet:
@@ -275,19 +380,33 @@ class ActiveSet:
 def make_arrays(transforms: Transforms, *, windows: bool = True) -> tuple[SolverArrays, Sequence[Transforms]]:
     """Return the arrays of a solver, with `windows` or without, and the transforms to keep with them."""
     field, spectrum = transforms.empty_field, transforms.empty_spectrum
-    of_surface, kept = make_windows(transforms, used=windows)
-    modes = prod(transforms.spectral_shape)
+    modes, none = prod(transforms.spectral_shape), np.zeros(0)
+    at, contact = Iterate(field(), field(), spectrum()), make_contact(transforms.shape)
+    work, plans, free = make_work(transforms), transforms.plans, spectrum()
+    # Arguments by whose types kernels are compiled.
+    floor, state = ResidualFloor(1.0, 0.0), SurfaceState(none, none, none, at.spectrum)
+    system = System(none, none, none, none, floor, False, 0.0)
+    iterate_at = address_of(iterate, plans, system, at, contact, work, 0.0, 0.0, 0, 0, False)
+    of_surface, kept = make_windows(transforms, iterate_at, used=windows)
+    surface = WholeSurface(plans, none, none, free, at.spectrum, none)
+    calls = SolverCalls(
+        address_of(begin, plans, system, free, free, at, contact, work, none, 0.0),
+        iterate_at,
+        address_of(solve_in_windows, of_surface, surface, none, floor, False, 0.0, none, 0.0, 0, 0, state),
+        address_of(write_feasible, system, free, at, state),
+    )
     arrays = SolverArrays(
-        plans=transforms.plans,
+        plans=plans,
         stiffness=np.zeros(modes),
         compliance=np.zeros(modes),
         shared=np.zeros(modes),
         gap0=field(),
-        free=spectrum(),
-        at=Iterate(field(), field(), spectrum()),
-        contact=make_contact(transforms.shape),
-        work=make_work(transforms),
+        free=free,
+        at=at,
+        contact=contact,
+        work=work,
         windows=of_surface,
         known=np.zeros(1, dtype=KNOWN),
+        calls=calls,
     )
     return arrays, (transforms, *kept)

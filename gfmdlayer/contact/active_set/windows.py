@@ -34,10 +34,10 @@ from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, Surfac
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.grid import parts
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, filled, kernel, minimum
+from gfmdlayer.kernels import LANES, by_address, filled, kernel, minimum
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def extend_to_surface(
     window: Window, origin: Pair, surface: WholeSurface, state: SurfaceState
 ) -> tuple[float, tuple[float, float, float, float]]:
@@ -64,7 +64,7 @@ def extend_to_surface(
     return overlap / depth, (worst if finite else np.nan, touching / size, total / size, gaps / size)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]:
     """Write the pressure, where it is not zero; return its maximum and its sum."""
     largest, total = 0.0, 0.0
@@ -80,7 +80,7 @@ def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]
     return largest, total
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _deform(surface: WholeSurface, spectrum: ComplexArray) -> None:
     """Write the transform of the displacement, per point and unnormalised, from the pressure's."""
     size = surface.z.size
@@ -90,7 +90,7 @@ def _deform(surface: WholeSurface, spectrum: ComplexArray) -> None:
         spectrum[k] = size * u
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _clamp(surface: WholeSurface, rigid_shift: float, state: SurfaceState) -> tuple[float, float, float]:
     """Write displacement and gap without overlap; return the overlap, the lowest u, and the sum of gaps."""
     overlap, lowest, gaps = filled(LANES, 0.0), filled(LANES, np.inf), 0.0
@@ -111,7 +111,7 @@ def _clamp(surface: WholeSurface, rigid_shift: float, state: SurfaceState) -> tu
     return -minimum(overlap), minimum(lowest), gaps
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _sum(x: FloatArray) -> float:
     total = 0.0
     for i in range(x.size):
@@ -151,7 +151,7 @@ class WholeSurface(NamedTuple):
     z: FloatArray  # work array
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> tuple[int, int, int]:
     """Locate a stretch of a line of the window on the surface, which is periodic."""
     # `origin` is line and point of the surface where the window begins. Part 0 are the points before the end
@@ -166,13 +166,16 @@ def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> 
     return first + before, start + column + before - line, count - before
 
 
+_iterate = by_address(iterate)
+
 _APART = 1e150  # gap of the points that the window's transforms have beyond the window
 _WELL_WITHIN = 0.95  # part of the tolerance within which a state is handed on
 _MARGIN, _MARGIN_OF_TOLERANCE = 1e-12, 0.01  # least gap that is left, as part of depth and tolerance
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def solve(
+    iterate_at: int,
     window: Window,
     origin: Pair,
     surface: WholeSurface,
@@ -203,8 +206,9 @@ def solve(
     for attempt in range(2):
         if not solved or clear:
             break
-        solved, more, done = iterate(
-            window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
+        solved, more, done = _iterate(
+            iterate_at,
+            (window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0),
         )
         transforms, iterations = transforms + more, iterations + done
         solved = solved and (attempt > 0 or contact.counts[0].points > 0)
@@ -218,7 +222,7 @@ def solve(
     return True, 3, transforms, iterations, overlap, assessment
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _respond(plans: Plans, compliance: FloatArray, spectrum: ComplexArray, kernel: FloatArray) -> None:
     """Write the displacement of all points by a pressure at the first, with the sign of a gap."""
     for k in range(spectrum.size):
@@ -226,7 +230,7 @@ def _respond(plans: Plans, compliance: FloatArray, spectrum: ComplexArray, kerne
     backward(plans, spectrum, kernel)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _restrict(window: Window, kernel: FloatArray, stiffness: FloatArray) -> None:
     """Write compliance and stiffness of the window's transforms, from kernel and stiffness of the surface."""
     (rows, line), (window_rows, length) = window.surface, window.length
@@ -247,7 +251,7 @@ def _restrict(window: Window, kernel: FloatArray, stiffness: FloatArray) -> None
             system.stiffness[row * modes + k] = share * stiffness[first + k * part]
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _free_surface(surface: WholeSurface) -> None:
     """Write the surface without pressure."""
     for k in range(surface.b.size):
@@ -255,7 +259,7 @@ def _free_surface(surface: WholeSurface) -> None:
     backward(surface.plans, surface.spectrum, surface.z)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _gather(window: Window, origin: Pair, surface: WholeSurface, guess: FloatArray) -> float:
     """Copy problem and guess into the window; return the sum of the guess."""
     gap0, h, p, member = window.system.gap0, window.system.h, window.at.p, window.contact.member
@@ -275,7 +279,7 @@ def _gather(window: Window, origin: Pair, surface: WholeSurface, guess: FloatArr
     return carried
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _raise_clear(window: Window, tolerance: float) -> bool:
     """Raise the pressure until nothing in the window overlaps, by a little more than rounding."""
     # Under a given load the punch is shifted instead. Return whether the contact stays within the tolerance;
@@ -328,19 +332,20 @@ class WindowsOfSurface(NamedTuple):
     trial: FloatArray  # work array, a guess
     occupied: FloatArray  # work array, of rows and columns
     known: npt.NDArray[Any]  # one record of `KNOWN`
+    iterate: int  # address of `loop.iterate`
 
 
 class WindowResult(NamedTuple):
     """Result of the windows that were tried."""
 
-    transforms: float = 0.0  # of the whole surface, or of as many points
-    iterations: int = 0
-    within: bool = False  # whether the state is a solution for the whole surface
-    guess_known: bool = False  # whether a guess for the whole surface is in `WindowsOfSurface.trial`
-    assessment: tuple[float, float, float, float] = (np.nan, 0.0, 0.0, 0.0)  # of `assess`
+    transforms: float  # of the whole surface, or of as many points
+    iterations: int
+    within: bool  # whether the state is a solution for the whole surface
+    guess_known: bool  # whether a guess for the whole surface is in `WindowsOfSurface.trial`
+    assessment: tuple[float, float, float, float]  # of `assess`
 
 
-@kernel
+@kernel(borrows=True)
 def solve_in_windows(
     windows: WindowsOfSurface,
     surface: WholeSurface,
@@ -382,16 +387,9 @@ def solve_in_windows(
             known.windows |= 1 << which
         state.p[:] = 0.0
         of_state, whole, inside, more, overlap, assessment = solve(
-            window,
-            _origin(extent, window),
-            surface,
-            guess,
-            load,
-            tolerance,
-            rounds,
-            limit - iterations,
-            state,
-        )
+            windows.iterate, window, _origin(extent, window), surface, guess, load, tolerance, rounds,
+            limit - iterations, state,
+        )  # fmt: skip
         transforms += whole + inside / (below * below if lines[0] > 1 else below)
         iterations += more
         if not of_state:
@@ -409,7 +407,7 @@ def solve_in_windows(
 _TINY = 2.2250738585072014e-308
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _shortest_window(windows: WindowsOfSurface, extent: tuple[Stretch, Stretch], below: int) -> int:
     """Return the shortest window with room for a contact, of a part below ``below`` unless that is 0."""
     (_, rows), (_, points) = extent
@@ -427,7 +425,7 @@ def _shortest_window(windows: WindowsOfSurface, extent: tuple[Stretch, Stretch],
     return -1
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _window_of(
     windows: WindowsOfSurface, which: int, floor: ResidualFloor, load_given: bool, mean_compliance: float
 ) -> Window:
@@ -472,7 +470,7 @@ def _window_of(
     )
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _origin(extent: tuple[Stretch, Stretch], window: Window) -> Pair:
     """Line and point where a window begins that has a contact in its middle."""
     (first_row, rows), (first, points) = extent
@@ -482,7 +480,7 @@ def _origin(extent: tuple[Stretch, Stretch], window: Window) -> Pair:
     )
 
 
-@kernel
+@kernel(borrows=True)
 def periodic_extent(pressure: FloatArray, shape: Pair, occupied: FloatArray) -> tuple[Stretch, Stretch]:
     """Shortest periodic intervals of rows and of columns that hold all points with pressure > 0."""
     # `pressure` has the shape (rows * columns,), and `shape` is (rows, columns); a line has one row. Without
@@ -504,7 +502,7 @@ def periodic_extent(pressure: FloatArray, shape: Pair, occupied: FloatArray) -> 
     return _shortest_interval(of_rows), _shortest_interval(of_columns)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _shortest_interval(values: FloatArray) -> Stretch:
     """First place and length of the shortest periodic interval with all values above zero."""
     first, last, widest, begin = -1, -1, 0, 0
@@ -522,7 +520,7 @@ def _shortest_interval(values: FloatArray) -> Stretch:
     return begin, values.size - widest + 1
 
 
-@kernel
+@kernel(borrows=True)
 def make_kernel(
     windows: WindowsOfSurface, plans: Plans, compliance: FloatArray, spectrum: ComplexArray
 ) -> None:
@@ -531,7 +529,9 @@ def make_kernel(
     windows.known[0].kernel = True
 
 
-def make_windows(transforms: Transforms, *, used: bool = True) -> tuple[WindowsOfSurface, list[Transforms]]:
+def make_windows(
+    transforms: Transforms, iterate_at: int, *, used: bool = True
+) -> tuple[WindowsOfSurface, list[Transforms]]:
     """Return the windows of a surface, none unless they are `used`, and the transforms to keep with them."""
     shape = transforms.shape
     every = parts(shape) if used else ()
@@ -548,6 +548,7 @@ def make_windows(transforms: Transforms, *, used: bool = True) -> tuple[WindowsO
         trial=transforms.empty_field(),
         occupied=np.zeros(sum(shape)),
         known=np.zeros(1, dtype=KNOWN),
+        iterate=iterate_at,
     )
     return windows, kept
 
