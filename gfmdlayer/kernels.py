@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numba as nb
-import numpy as np
 from llvmlite import ir
 from numba.core import cgutils
 from numba.core.caching import FunctionCache, IndexDataCacheFile
@@ -146,19 +145,19 @@ def by_address(called: Any) -> Any:
     """
 
     @intrinsic
-    def call(context: Any, _address: Any, arguments: Any) -> tuple[Any, Any]:
+    def call(_context: Any, _address: Any, arguments: Any) -> tuple[Any, Any]:
         kinds = tuple(map(nb.types.unliteral, arguments))
         if kinds not in called.overloads:
             raise nb.TypingError(f"no address was taken of {called.__name__} for the types {kinds}")
         result = called.overloads[kinds].signature.return_type
 
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            own = (context.cast(builder, value, *pair) for value, pair in zip(
-                cgutils.unpack_tuple(builder, values[1], len(kinds)), zip(arguments, kinds, strict=True),
-                strict=True))  # fmt: skip
+        def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+            own = cgutils.unpack_tuple(builder, values[1], len(kinds))
+            every = zip(own, arguments, kinds, strict=True)
+            own = [context.cast(builder, value, given, wanted) for value, given, wanted in every]
             convention = context.call_conv
             function = builder.inttoptr(values[0], convention.get_function_type(result, kinds).as_pointer())
-            status, returned = convention.call_function(builder, function, result, kinds, [*own])
+            status, returned = convention.call_function(builder, function, result, kinds, own)
             with cgutils.if_unlikely(builder, status.is_error):
                 convention.return_status_propagate(builder, status)
             return returned
@@ -179,7 +178,7 @@ def address_of(called: Any, *arguments: Any) -> int:
 _ROW = nb.types.Array(nb.types.float64, 1, "C")
 
 
-def _filled(_context: Any, count: Any, value: Any) -> tuple[Any, Any]:
+def _filled(_context: Any, count: Any, _value: Any) -> tuple[Any, Any]:
     """Return a number of copies of a value on the stack of the kernel; the number is a constant."""
 
     def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:

@@ -9,7 +9,8 @@ step. `March` moves the state of the parts of the case into the arrays of the lo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -18,25 +19,40 @@ import numpy.typing as npt
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from gfmdlayer.case.model import Recorder
 from gfmdlayer.case.normal import NormalContact
-from gfmdlayer.case.tmp_history import *
-from gfmdlayer.contact.loading import Loading
-from gfmdlayer.history.modes import Modes
-from gfmdlayer.case.tmp_history import CONTROL, STEP
 from gfmdlayer.contact.active_set.solver import ActiveSet, SolverArrays, StepResult, solve_step
 from gfmdlayer.contact.active_set.windows import WholeSurface
+from gfmdlayer.contact.loading import Loading
 from gfmdlayer.contact.prediction import RING, PressurePrediction, Ring, predict, remember
 from gfmdlayer.contact.pressure_form import SurfaceState
-from gfmdlayer.contact.residual import ResidualFloor, mark_contact, scales_of
 from gfmdlayer.contact.problem import DEPTH_FLOOR
+from gfmdlayer.contact.residual import ResidualFloor, mark_contact, scales_of
+from gfmdlayer.history.adaptive_steps import (
+    BREAKPOINT,
+    RETRACTED,
+    SNAPSHOT,
+    STEP_STATE,
+    AdaptiveSteps,
+    Point,
+    StepControl,
+    judge,
+    next_point,
+    relative_error,
+    scales,
+)
+from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
+from gfmdlayer.history.modes import ModeArrays, Modes
 from gfmdlayer.kernels import filled, kernel
 from gfmdlayer.observables.contact_statistics import line_extent
-from gfmdlayer.step import Fields
+from gfmdlayer.step import Fields, Instant
 from gfmdlayer.time_functions import RampHold, Table
 
 if TYPE_CHECKING:
     from gfmdlayer.case.case import Case
     from gfmdlayer.case.model import Progress
-DONE, GO_ON, FULL, RARE, SNAPSHOT = range(5)
+
+# Why the loop comes back: no further point in time, so many attempts, no room for rows, a step that is not
+# ordinary, a snapshot.
+DONE, GO_ON, FULL, RARE, PICTURE = range(5)
 
 COLUMNS = (
     "time", "contact_area", "mean_pressure", "depth", "residual", "mean_stress", "force",
@@ -51,6 +67,7 @@ class Constants(NamedTuple):
     by_depth: bool
     ramp: bool  # whether the drive is a ramp and a hold, else it is a table
     adaptive: bool
+    every: bool  # whether each step is a snapshot
     limit: int  # of the solver's iterations
     tolerance: float  # of the solver
     least_depth: float  # of `ResidualFloor`
@@ -76,17 +93,24 @@ class Surface(NamedTuple):
     drive_values: FloatArray
 
 
+class FixedPoints(NamedTuple):
+    """The next points in time of fixed steps."""
+
+    times: FloatArray
+    steps: FloatArray
+    marks: IntArray
+
+
 NOW = np.dtype(
     [
         ("time", np.float64),  # of the last attempt
+        ("point", np.int64),  # number of the next one of `FixedPoints`
         ("rows", np.int64),
         ("transforms", np.int64),  # since the last row
         ("iterations", np.int64),
         ("attempts", np.int64),
         ("most", np.int64),  # points in contact
         ("shift", np.float64),  # height at which the solver has found the surface under a load
-        ("stored", np.float64),
-        ("dissipated", np.float64),
         ("work", np.float64),
         ("energies", np.float64),
         ("points", np.int64),  # of the curve of mean pressure over depth that are known, at most two
@@ -99,30 +123,32 @@ NOW = np.dtype(
 def march(
     solver: SolverArrays,
     surface: Surface,
-    history: HistoryArrays,
+    modes: ModeArrays,
+    errors: ErrorArrays,
     ring: Ring,
     constants: Constants,
-    control: ControlArrays,
+    control: StepControl,
+    fixed: FixedPoints,
     record: npt.NDArray[Any],
     rows: FloatArray,
     most: int,
 ) -> int:
     """Take at most so many attempts at steps; return why it comes back."""
-    now = record[0]
+    now, adaptive = record[0], constants.adaptive
     for _ in range(most):
-        if is_over(control):
+        if (control.now[0].next_stop == control.stops.size) if adaptive else now.point == fixed.times.size:
             return DONE
         if now.rows == len(rows):
             return FULL
-        instant = next_instant(control)
-        now.time = instant.time
-        if instant.fresh:
-            history.control[0].has_velocity = False
-        terms(history, instant.step, surface.b)  # 5, 6
-        prescribed = _value_at(constants.ramp, surface.drive_times, surface.drive_values, instant.time)
+        point = next_point(control) if adaptive else _fixed_point(fixed, now.point)
+        now.time = point.time
+        if point.fresh:
+            errors.now[0].has_velocity = False
+        set_terms(modes, errors, point.step, surface.b.view(np.float64))  # 5, 6
+        prescribed = _value_at(constants.ramp, surface.drive_times, surface.drive_values, point.time)
         place = (ring.now[0].last + 1) % 3
-        predict(ring, instant.time, surface.guess)
-        result = _solved(solver, surface, history, ring, constants, prescribed, place)  # 7
+        predict(ring, point.time, surface.guess)
+        result = _solved(solver, surface, modes, ring, constants, prescribed, place)  # 7
         if not result.solved:
             return RARE
         now.transforms += result.pairs
@@ -131,21 +157,48 @@ def march(
         _, _, pressure, _ = result.assessment
         depth, response = prescribed, pressure
         if not constants.by_depth:
-            depth = response = _depth_under_load(surface, history, constants, record, prescribed)
-        if constants.adaptive and not accepts(
-            control, history, surface.spectrum, surface.b, instant, depth, response
-        ):
+            depth = response = _depth_under_load(surface, modes, constants, record, prescribed)
+        if adaptive and not _accepted(control, modes, errors, surface, point, response, depth):
             continue  # a shorter one follows
-        advance(history, surface.spectrum, constants.adaptive)  # 8, 9
-        remember(ring, place, instant.time, instant.breakpoint)
-        now.stored, now.dissipated = history.control[0].stored, history.control[0].dissipated
-        _measure(
-            surface, history, ring, constants, record, rows[now.rows], result, instant.time, depth, place
-        )
+        advance(modes, errors, surface.spectrum.view(np.float64), adaptive)  # 8, 9
+        remember(ring, place, point.time, (point.marks & BREAKPOINT) != 0)
+        if adaptive:
+            control.now[0] = control.behind[0]
+        else:
+            now.point += 1
+        _measure(surface, errors, ring, constants, record, rows[now.rows], result, depth, place)
         now.rows += 1
-        if instant.snapshot:
-            return SNAPSHOT
+        if constants.every or (point.marks & SNAPSHOT) != 0:
+            return PICTURE
     return GO_ON
+
+
+@kernel(inner=True, borrows=True)
+def _fixed_point(fixed: FixedPoints, i: int) -> Point:
+    return Point(fixed.times[i], fixed.steps[i], fixed.marks[i], False, False)
+
+
+@kernel(inner=True, borrows=True)
+def _accepted(
+    control: StepControl,
+    modes: ModeArrays,
+    errors: ErrorArrays,
+    surface: Surface,
+    point: Point,
+    response: float,
+    depth: float,
+) -> bool:
+    """`AdaptiveSteps.accepts`."""
+    u, error, deforms = surface.spectrum.view(np.float64), 0.0, False
+    if point.step != 0.0:
+        moving = depth != control.now[0].depth
+        deep = depth >= RETRACTED * scales(control, response, depth)[1]
+        relative, displacement = estimate(modes, errors, u, surface.b.view(np.float64), moving, deep)
+        error = relative_error(control, response, depth, relative, displacement)
+    else:
+        for i in range(u.size):
+            deforms = deforms or u[i] != 0.0
+    return judge(control, point, response, depth, deforms, error, (False, 0.0, 0.0))
 
 
 @kernel(inner=True, borrows=True)
@@ -175,7 +228,7 @@ def _value_at(ramp: bool, times: FloatArray, values: FloatArray, time: float) ->
 def _solved(
     solver: SolverArrays,
     surface: Surface,
-    history: HistoryArrays,
+    modes: ModeArrays,
     ring: Ring,
     constants: Constants,
     prescribed: float,
@@ -190,7 +243,7 @@ def _solved(
     else:
         for k in range(surface.b.size):
             surface.problem_b[k] = surface.b[k]
-            surface.problem_stiffness[k] = history.stiffness[k]
+            surface.problem_stiffness[k] = modes.stiffness[k]
         surface.problem_b[0] = surface.problem_stiffness[0] = 0.0
     stiffness = surface.problem_stiffness
     floor = ResidualFloor(_smallest(stiffness), constants.least_depth, 0.0, np.inf)
@@ -215,12 +268,12 @@ def _smallest(stiffness: FloatArray) -> float:
 
 @kernel(inner=True, borrows=True)
 def _depth_under_load(
-    surface: Surface, history: HistoryArrays, constants: Constants, record: npt.NDArray[Any], load: float
+    surface: Surface, modes: ModeArrays, constants: Constants, record: npt.NDArray[Any], load: float
 ) -> float:
     """Give the surface the mean that a load gives it; return the depth (`Loading.surface`)."""
     size, height = surface.u.size, 0.0
-    if history.stiffness[0] > 0.0:
-        height = (surface.b[0].real / size - load) / history.stiffness[0]
+    if modes.stiffness[0] > 0.0:
+        height = (surface.b[0].real / size - load) / modes.stiffness[0]
     shift = pairwise_sum(surface.u) / size - height
     surface.spectrum[0] = height * size
     record[0].shift = shift
@@ -230,13 +283,12 @@ def _depth_under_load(
 @kernel(inner=True, borrows=True)
 def _measure(
     surface: Surface,
-    history: HistoryArrays,
+    errors: ErrorArrays,
     ring: Ring,
     constants: Constants,
     record: npt.NDArray[Any],
     row: FloatArray,
     result: StepResult,
-    time: float,
     depth: float,
     place: int,
 ) -> None:
@@ -249,7 +301,8 @@ def _measure(
     mark_contact(p, gap, 1.0 / pressure_scale, 1.0 / depth_scale, surface.touching)
     points, between, error = line_extent(surface.touching, p, gap)
     now.most = max(now.most, points)
-    energies, curve = now.stored + now.dissipated, now.curve
+    stored, dissipated, curve = errors.now[0].stored, errors.now[0].dissipated, now.curve
+    energies = stored + dissipated
     if now.points == 0:
         now.work += energies - now.energies
     else:
@@ -257,12 +310,12 @@ def _measure(
     now.energies, now.points = energies, min(now.points + 1, 2)
     for i in range(3):
         curve[0, i] = curve[1, i]
-    curve[1, 0], curve[1, 1], curve[1, 2] = time, depth, pressure
-    row[0], row[1], row[2], row[3], row[4] = time, area, pressure / constants.unit, depth, residual
+    curve[1, 0], curve[1, 1], curve[1, 2] = now.time, depth, pressure
+    row[0], row[1], row[2], row[3], row[4] = now.time, area, pressure / constants.unit, depth, residual
     row[5], row[6], row[7], row[8] = pressure, pressure * constants.cell, between, error
     row[9], row[10], row[11] = now.transforms, now.iterations, now.attempts - 1
-    row[12], row[13], row[14] = now.work, now.stored, now.dissipated
-    row[15], row[16] = now.work - now.stored - now.dissipated, mean_gap
+    row[12], row[13], row[14] = now.work, stored, dissipated
+    row[15], row[16] = now.work - stored - dissipated, mean_gap
     now.transforms = now.iterations = now.attempts = 0
 
 
@@ -342,19 +395,20 @@ class March:
 
     def __init__(self, case: Case) -> None:
         contact, loading, config = case.contact, case.parts.loading, case.config
-        self._case, self._contact, self._steps = case, contact, case.steps
-        self._observables, self._transforms = case.observables, case.transforms
-        size, modes = case.punch.size, contact.history.u.size
-        spectrum, field = case.transforms.empty_spectrum, case.transforms.empty_field
+        self._contact, self._steps, self._observables = contact, case.steps, case.observables
+        self._modes, self._instants = contact.history, iter(case.steps)
+        self._left: list[Instant] = []  # fixed steps that are not taken yet
+        transforms, sums, size = case.transforms, case.grid.sums, case.punch.size
+        spectrum, field, count = transforms.empty_spectrum, transforms.empty_field, self._modes.u.size
         drive, by_depth, b = loading.trajectory, loading.by_depth, spectrum()
         ramp = isinstance(drive, RampHold)
         times, values = ((drive.ramp_time,), (drive.target,)) if ramp else (drive.times, drive.values)
         self._surface = Surface(
-            obstacle=loading.punch if by_depth else loading.obstacle,
-            h=field() if by_depth else loading.obstacle,
+            obstacle=loading.punch.copy(),  # arrays of a sweep are read-only, for which kernels differ
+            h=field() if by_depth else loading.obstacle.copy(),
             b=b,
             problem_b=b if by_depth else spectrum(),
-            problem_stiffness=np.empty(modes),
+            problem_stiffness=np.empty(count),
             u=field(),
             spectrum=spectrum(),
             guess=field(),
@@ -363,100 +417,94 @@ class March:
             drive_values=np.array(values, dtype=np.float64),
         )
         self._ring = Ring(np.empty((3, size)), np.empty((3, size)), np.zeros(1, RING))
+        adaptive = isinstance(case.steps, AdaptiveSteps)
         self._constants = Constants(
             by_depth=by_depth,
             ramp=ramp,
-            adaptive=contact.control is not None,
+            adaptive=adaptive,
+            every=config.output.snapshots == "every",
             limit=config.solver.max_iterations,
-            tolerance=contact.finer_tolerance,
+            tolerance=config.solver.tolerance,
             least_depth=DEPTH_FLOOR * loading.height,
             height=loading.height,
             lowest=loading.lowest,
             unit=2 * config.solid.unit,
             cell=math.prod(case.grid.period),
         )
+        work = [np.empty(2 * count if adaptive else 0) for _ in range(5)]
+        weights = sums.weights, sums.weights_twice
+        self._errors = ErrorArrays(*weights, *work, now=np.zeros(1, ERROR_STATE))
+        self._control = case.steps.control if adaptive else _NO_CONTROL
+        self._fixed = _NO_POINTS
         self._now, self._rows = np.zeros(1, NOW), np.empty((FEWEST_ROWS, len(COLUMNS)))
-        m = contact.history
-        self._m = m
-        twice, loc, cnt = 2 * modes, m._local.position.size, m._times.size
-        self._history = HistoryArrays(
-            m._branches,
-            m._local,
-            m._springs,
-            m._times,
-            m.relaxed,
-            np.zeros((7, cnt)),
-            StepTerms(np.zeros(twice), np.zeros(cnt - loc), np.zeros(loc)),
-            self._surface.problem_stiffness if by_depth else np.empty(modes),
-            m.u,
-            np.zeros(twice),
-            np.zeros(twice),
-            np.zeros(twice),
-            np.zeros(twice),
-            np.zeros(twice),
-            np.zeros(loc),
-            case.grid.sums.weights,
-            case.grid.sums._weights_twice,
-            np.zeros(1, CONTROL),
-        )
-        land = case.drives.landings
-        self._control = ControlArrays(
-            np.array([i.time for i in land]),
-            np.array([i.breakpoint + 2 * i.snapshot for i in land]),
-            config.time.tolerance,
-            m.shortest_time,
-            np.zeros(1, STEP),
-        )
         self._attempts = max(1, min(ATTEMPTS, POINTS // size))
 
     @classmethod
     def suits(cls, case: Case) -> bool:
         """Whether a case is ordinary."""
-        contact = case.contact
-        if type(contact) is not NormalContact or tuple(c.name for c in case.columns) != COLUMNS:
+        contact, config = case.contact, case.config
+        if type(contact) is not NormalContact or tuple(column.name for column in case.columns) != COLUMNS:
             return False
-        loading, kinds = contact.loading, (ActiveSet, Modes, PressurePrediction, Loading)
+        loading, drives = contact.loading, case.drives
         parts = contact.solver, contact.history, contact.guess, loading
-        drives, config = case.drives, case.config
         return (
-            [type(part) for part in parts] == [*kinds]
+            [*map(type, parts)] == [ActiveSet, Modes, PressurePrediction, Loading]
             and isinstance(loading.trajectory, RampHold | Table)
-            and case.grid.ranks.count == 1
             and len(case.grid.points) == 1
+            and case.grid.ranks.count == 1
             and not loading.interface.attracts
             and not contact.imprint.yields
             and contact.reach is None
             and drives.reduced_time is None
             and case.interior is None
             and contact.finer_tolerance == config.solver.tolerance
-            and contact.control is not None
         )
 
-    def run(self, recorder: BlockRecorder, progress: Progress) -> bool:
+    def left_over(self, recorder: BlockRecorder, progress: Progress) -> Iterator[Instant]:
+        """Take the steps; yield the instants of those that are not ordinary."""
+        while not self._run(recorder, progress):
+            yield self._left.pop(0) if self._left else next(self._instants)
+
+    def _run(self, recorder: BlockRecorder, progress: Progress) -> bool:
         """Take the steps up to one that is not ordinary; return whether the run is over."""
         self._take()
-        arrays = (
-            self._contact.solver.arrays, self._surface, self._history, self._ring, self._constants,
-            self._control, self._now,
-        )  # fmt: skip
         while True:
-            reason = march(*arrays, self._rows, self._attempts)
+            if not self._constants.adaptive:
+                self._left += islice(self._instants, self._attempts - len(self._left))
+                self._fixed = _points(self._left)
+            modes, surface = self._modes.arrays, self._surface
+            if self._constants.by_depth:
+                surface = surface._replace(problem_stiffness=modes.stiffness)
+            reason = march(
+                self._contact.solver.arrays, surface, modes,
+                self._errors, self._ring, self._constants, self._control, self._fixed, self._now, self._rows,
+                self._attempts,
+            )  # fmt: skip
             self._record(recorder)
-            if reason != FULL:
-                self._give_back()
-            if reason == SNAPSHOT:
+            if reason == FULL:
+                continue
+            self._give_back()
+            if reason == PICTURE:
                 recorder.snapshot(float(self._now["time"][0]), self._snapshot())
-            if reason in (DONE, RARE):
+            if reason == RARE or (reason == DONE and not self._left and self._constants.adaptive):
                 return reason == DONE
-            if progress is not None and reason != FULL:
+            if progress is not None:
                 progress(float(self._now["time"][0]))
+            if reason == DONE and not self._left:
+                self._left += islice(self._instants, 1)
+                if not self._left:
+                    return True
 
     def _record(self, recorder: BlockRecorder) -> None:
         """Record the rows of a stretch."""
-        count = int(self._now["rows"][0])
+        count, taken = int(self._now["rows"][0]), int(self._now["point"][0])
         if count:
             recorder.extend(dict(zip(COLUMNS, self._rows[:count].T, strict=True)))
             self._rows, self._now["rows"] = np.empty_like(self._rows), 0
+        if taken:
+            self._steps.advance(taken)
+            del self._left[:taken]
+            self._now["point"] = 0
 
     def _snapshot(self) -> Mapping[str, FloatArray]:
         """Return the fields of the last step."""
@@ -472,23 +520,32 @@ class March:
 
     def _take(self) -> None:
         """Take over the state of the parts."""
-        now, parts = self._now[0], self._observables
+        now, of_errors, parts = self._now[0], self._errors.now[0], self._observables
         self._contact.guess.into(self._ring)
+        if self._contact.control is not None:
+            self._contact.control.into(self._errors)
+        of_errors["step"] = np.nan
+        of_errors["stored"], of_errors["dissipated"] = self._modes.stored, self._modes.dissipated
         effort, energy = parts["effort"].state(), parts["energy"].state()
         for name in ("transforms", "iterations", "attempts"):
             now[name] = effort[name]
-        now["work"], now["energies"] = energy["work"], energy["energies"]
-        curve = energy["normal"]
+        now["work"], now["energies"], curve = energy["work"], energy["energies"], energy["normal"]
         now["points"] = len(curve)
-        for place, row in enumerate(curve):
-            now["curve"][place + 2 - len(curve)] = row[:3]
+        for place, row in enumerate(curve, 2 - len(curve)):
+            now["curve"][place] = row[:3]
         now["most"] = parts["resolution"].state()["most"]
-        self._take_history()
 
     def _give_back(self) -> None:
         """Give the state back to the parts."""
-        now, parts = self._now[0], self._observables
+        now, of_errors, parts = self._now[0], self._errors.now[0], self._observables
         self._contact.guess.out_of(self._ring)
+        if self._contact.control is not None:
+            self._contact.control.out_of(self._errors)
+        self._modes.step = np.nan  # its arrays are those of another step
+        self._modes.stored, self._modes.dissipated = (
+            float(of_errors["stored"]),
+            float(of_errors["dissipated"]),
+        )
         parts["effort"].restore({name: now[name] for name in ("transforms", "iterations", "attempts")})
         parts["resolution"].restore({"most": now["most"]})
         count = int(now["points"])
@@ -503,48 +560,20 @@ class March:
                 "tangential": np.zeros((count, 1, 2)),
             }
         )
-        self._give_back_history()
 
-    def _take_history(self):
-        H, c, m = self._history, self._contact.control, self._m
-        now = H.control[0]
-        now["step"] = np.nan
-        now["stored"], now["dissipated"] = m.stored, m.dissipated
-        now["has_velocity"] = c._velocity is not None
-        now["has_motion"] = c._contact_motion is not None
-        if c._velocity is not None:
-            H.velocity[:] = c._velocity.view(float)
-        if c._contact_motion is not None:
-            H.motion[:] = c._contact_motion.view(float)
-        now["last_step"] = c._last_step
-        s, p = self._control.now[0], self._steps._position
-        s["time"], s["next_step"], s["largest_response"], s["largest_depth"], s["depth"] = (
-            p.time,
-            p.next_step,
-            p.largest_response,
-            p.largest_depth,
-            p.depth,
-        )
-        s["next_stop"], s["after_breakpoint"], s["since"] = (
-            p.next_stop,
-            p.after_breakpoint,
-            p.steps_since_breakpoint,
-        )
 
-    def _give_back_history(self):
-        H, c, m = self._history, self._contact.control, self._m
-        now = H.control[0]
-        m.step = np.nan
-        m.stored, m.dissipated = float(now["stored"]), float(now["dissipated"])
-        c._velocity = H.velocity.view(complex).copy() if now["has_velocity"] else None
-        c._contact_motion = H.motion.view(complex).copy() if now["has_motion"] else None
-        c._last_step = float(now["last_step"])
-        s, p = self._control.now[0], self._steps._position
-        p.time, p.next_step, p.largest_response, p.largest_depth, p.depth = (
-            float(s[n]) for n in ("time", "next_step", "largest_response", "largest_depth", "depth")
-        )
-        p.next_stop, p.after_breakpoint, p.steps_since_breakpoint = (
-            int(s["next_stop"]),
-            bool(s["after_breakpoint"]),
-            int(s["since"]),
-        )
+def _points(instants: list[Instant]) -> FixedPoints:
+    """Return instants as arrays."""
+    return FixedPoints(
+        np.array([instant.time for instant in instants]),
+        np.array([instant.step for instant in instants]),
+        np.array(
+            [BREAKPOINT * instant.breakpoint + SNAPSHOT * instant.snapshot for instant in instants], np.int64
+        ),
+    )
+
+
+_NO_POINTS = _points([])
+_NO_CONTROL = StepControl(
+    _NO_POINTS.times, _NO_POINTS.marks, 0.0, 0.0, 0.0, 0.0, False, *np.zeros((2, 1), STEP_STATE)
+)

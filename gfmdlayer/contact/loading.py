@@ -118,7 +118,7 @@ class Loading(Saving):
     @cached_property
     def obstacle(self) -> FloatArray:
         """Height above the lowest point of the grid, beside which first depths are not lost to rounding."""
-        return self.punch - self.lowest if self.lowest else self.punch
+        return self.punch - self.lowest  # a new array: kernels are compiled anew for read-only ones
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float) -> Surface:
         """Return the surface as the solver found it, or with the mean that the load gives it."""

@@ -292,7 +292,7 @@ def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArra
     return lift, -minimum(clamped)
 
 
-@kernel(reorder=True, borrows=True)
+@kernel(reorder=True)
 def satisfies_kkt(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
     """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
     pressure_scale, depth = scales_of(p, system.h - gap, system.floor)

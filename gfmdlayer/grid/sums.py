@@ -65,16 +65,16 @@ class Sums:
     def spectral_means(self, v: ComplexArray, f: ComplexArray, g: ComplexArray) -> tuple[float, ...]:
         """Means <v f>, <v g> and <v v> over the surface, from the transforms."""
         numbers = (spectrum.view(np.float64) for spectrum in (v, f, g))
-        return tuple(self.total(np.array(_products(self._weights_twice, *numbers))).tolist())
+        return tuple(self.total(np.array(products(self.weights_twice, *numbers))).tolist())
 
     @cached_property
-    def _weights_twice(self) -> FloatArray:
+    def weights_twice(self) -> FloatArray:
         """Weights of alternating real and imaginary parts."""
         return np.repeat(self.weights, 2)
 
 
 @kernel(reorder=True, borrows=True)
-def _products(weights: FloatArray, v: FloatArray, f: FloatArray, g: FloatArray) -> tuple[float, float, float]:
+def products(weights: FloatArray, v: FloatArray, f: FloatArray, g: FloatArray) -> tuple[float, float, float]:
     """Sums of weights v f, weights v g and weights v v; not left to BLAS, whose threads cost more here."""
     with_f, with_g, squares = 0.0, 0.0, 0.0
     for i in range(weights.size):

@@ -28,12 +28,14 @@ steps start as after a breakpoint.
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from typing import Any, NamedTuple
 
-from gfmdlayer.arrays import FloatArray
+import numpy as np
+import numpy.typing as npt
+
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.time_points import SAME_TIME, Course, FixedSteps, fingerprint
 from gfmdlayer.interface.law import Interaction
@@ -51,7 +53,7 @@ _FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # the same for the first steps after the s
 _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
 _ROUNDING = 4 * sys.float_info.epsilon  # of a time: steps shorter than this part of it are not divided
 _AFTER_BREAKPOINT = 0.3  # first step after a breakpoint, in steps before it
-_RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
+RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
 _FROM_REST = 30.0  # first step without contact, in units of tolerance times the shortest relaxation time
 # Separation up to which a step is resolved at a tolerance of 1e-4 (measured: the pull-off of a cylinder, at
 # rates from relaxed to glassy), and the largest at any tolerance.
@@ -103,25 +105,172 @@ def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
     return maximum(most)  # type: ignore[no-any-return]
 
 
-@dataclass
-class StepState:
-    """Position of the run in time, and the quantities that set the length of the next step."""
+# Position of the run in time, and the quantities that set the length of the next step.
+STEP_STATE = np.dtype(
+    [
+        ("time", np.float64),
+        ("next_stop", np.int64),
+        ("next_step", np.float64),
+        ("after_breakpoint", np.bool_),
+        ("steps_since_breakpoint", np.int64),
+        ("largest_response", np.float64),
+        ("largest_depth", np.float64),
+        ("depth", np.float64),
+        ("reach", np.float64),  # a next stop before this time would have shortened a step since the last stop
+        ("bound", np.bool_),  # whether a step was shortened because the run ends
+        ("response", np.float64),
+        ("after_jump", np.bool_),
+        ("last_step", np.float64),  # length of the last step, 0 after a breakpoint
+        ("jump_by", np.float64),  # a step to this time was rejected for an instability
+        ("over_jump", np.float64),  # length of a step over the instability that will be accepted
+    ]
+)
 
-    time: float = 0.0
-    next_stop: int = 0
-    next_step: float = 0.0
-    after_breakpoint: bool = False
-    steps_since_breakpoint: int = 0
-    largest_response: float = 0.0
-    largest_depth: float = 0.0
-    depth: float = 0.0
-    reach: float = 0.0  # a next stop before this time would have shortened a step since the last stop
-    bound: bool = False  # whether a step was shortened because the run ends
-    response: float = 0.0
-    after_jump: bool = False
-    last_step: float = 0.0  # length of the last step, 0 after a breakpoint
-    jump_by: float = 0.0  # a step to this time was rejected for an instability
-    over_jump: float = 0.0  # length of a step over the instability that will be accepted
+
+class StepControl(NamedTuple):
+    """The stops, the limits of the steps and the state of their control."""
+
+    stops: FloatArray  # times on which steps land, from the start to the end
+    marks: IntArray  # of the stops: `BREAKPOINT` and `SNAPSHOT`
+    tolerance: float
+    separation: float  # largest one that is resolved
+    shortest_time: float  # relaxation time
+    shortest: float  # step: times closer than this are the same
+    attracted: bool
+    now: npt.NDArray[Any]  # one record of `STEP_STATE`
+    behind: npt.NDArray[Any]  # the same behind the last step, if it is accepted
+
+
+BREAKPOINT, SNAPSHOT = 1, 2
+
+
+class Point(NamedTuple):
+    """The end of a step."""
+
+    time: float
+    step: float
+    marks: int  # of the stop on which it lands
+    lands: bool
+    fresh: bool
+
+
+@kernel(borrows=True)
+def next_point(control: StepControl) -> Point:
+    """Return the end of the next step."""
+    now, stops = control.now[0], control.stops
+    fresh = now.after_breakpoint or now.after_jump
+    if now.after_breakpoint:
+        now.next_step, now.last_step = _AFTER_BREAKPOINT * now.next_step, 0.0
+        now.steps_since_breakpoint, now.after_breakpoint = 0, False
+    if now.after_jump:
+        now.steps_since_breakpoint, now.after_jump = 0, False
+    if now.jump_by - now.time > control.shortest:
+        # Half of the way to an instability, or the whole way if a step over it will be accepted.
+        left = now.jump_by - now.time
+        now.next_step = min(now.next_step, left if left <= now.over_jump else max(left / 2.0, now.over_jump))
+    now.bound = now.bound or _ends(control, now.next_step)
+    now.reach = max(now.reach, now.time + 2.0 * now.next_step)
+    left = stops[now.next_stop] - now.time
+    # Two halves rather than a step and a much shorter one before the stop.
+    step = left if now.next_step >= left else min(now.next_step, left / 2.0)
+    lands = step == left
+    time = stops[now.next_stop] if lands else now.time + step
+    return Point(time, step, control.marks[now.next_stop] if lands else 0, lands, fresh)
+
+
+@kernel(borrows=True)
+def _ends(control: StepControl, step: float) -> bool:
+    """Whether the end shortens a step."""
+    now, last = control.now[0], control.stops.size - 1
+    return now.next_stop == last and step > (control.stops[last] - now.time) / 2.0
+
+
+@kernel(borrows=True)
+def scales(control: StepControl, response: float, depth: float) -> tuple[float, float]:
+    """Scales of the errors of response and displacement."""
+    now = control.now[0]
+    return max(now.largest_response, abs(response)), max(now.largest_depth, depth)
+
+
+@kernel(borrows=True)
+def relative_error(
+    control: StepControl, response: float, depth: float, relative: float, displacement: float
+) -> float:
+    """Error of a step relative to the scales, from that of the response and of the displacement."""
+    response_scale, depth_scale = scales(control, response, depth)
+    if control.attracted:
+        return max(relative, displacement / depth_scale)
+    of_response = relative * abs(response) / response_scale if response_scale > 0.0 else 0.0
+    return max(of_response, displacement / depth_scale if depth_scale > 0.0 else 0.0)
+
+
+@kernel(borrows=True)
+def judge(
+    control: StepControl,
+    point: Point,
+    response: float,
+    depth: float,
+    deforms: bool,
+    estimate: float,
+    changes: tuple[bool, float, float],
+) -> bool:
+    """Accept a step if its error is within the tolerance; set the length of the next one."""
+    # `changes` are those of a `Change`, zero under a hard wall. An accepted position is `behind`.
+    control.behind[0] = control.now[0]
+    now, before, step, tolerance = control.behind[0], control.now[0], point.step, control.tolerance
+    response_scale, depth_scale = scales(control, response, depth)
+    jumps, separation, drive = changes
+    accepted = True
+    if step == 0.0:
+        # The depth at rest may differ from zero: it counts from the lowest point of the grid.
+        first = _AFTER_JUMP if depth_scale > 0.0 and deforms else _FROM_REST * tolerance
+        now.next_step = control.shortest_time * first
+    elif jumps or separation > control.separation:
+        jump = abs(response - before.response) / response_scale if response_scale > 0.0 else 0.0
+        accepted = _accepts_abrupt(control, point, max(estimate, drive * jump), jumps, separation)
+    else:
+        accepted = estimate <= tolerance
+        if not accepted and step <= _ROUNDING * point.time:
+            accepted, estimate = True, tolerance  # there is no shorter step
+        widest = _SAFETY * control.separation / separation if separation > 0.0 else np.inf
+        _set_next_step(control, step, _SAFETY * tolerance / max(estimate, 1e-300), accepted, widest)
+    if accepted:
+        now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, depth
+        now.response, now.last_step, now.time = response, step, point.time
+        now.after_breakpoint = (point.marks & BREAKPOINT) != 0
+        if point.lands:
+            now.next_stop, now.reach = now.next_stop + 1, 0.0
+    else:
+        control.now[0] = control.behind[0]
+    return accepted
+
+
+@kernel(inner=True, borrows=True)
+def _accepts_abrupt(control: StepControl, point: Point, error: float, jumps: bool, separation: float) -> bool:
+    """Accept or reject a step over an instability or a fast separation, and set the next."""
+    now, step = control.behind[0], point.step
+    accepted = error <= control.tolerance or step <= control.shortest
+    room = _SAFETY * control.tolerance / max(error, 1e-300)
+    if accepted:
+        now.after_jump, now.next_step = True, min(max(room, 1.0), _FIRST_GROWTH) * step
+    elif jumps and step <= _FIRST_GROWTH * now.last_step:
+        now.jump_by, now.over_jump, now.next_step = point.time, min(room, 0.5) * step, step
+    else:  # a step much longer than the last one may end on a branch that shorter steps do not reach
+        now.next_step = min(max(_SAFETY * control.separation / separation, _SHRINK[0]), 0.5) * step
+    return accepted
+
+
+@kernel(inner=True, borrows=True)
+def _set_next_step(control: StepControl, step: float, room: float, accepted: bool, widest: float) -> None:
+    """Set the next step: `room` is the largest factor on its error, `widest` on its length."""
+    now, factor = control.behind[0], min(room ** (1 / 3), widest)
+    if accepted:
+        growth = _FIRST_GROWTH if now.steps_since_breakpoint < _FIRST_STEPS else _GROWTH
+        # A step that was cut to land on a stop does not shorten the next ones.
+        now.next_step = max(min(now.next_step, factor * step), min(growth, factor) * step)
+        now.steps_since_breakpoint += 1
+    else:
+        now.next_step = min(max(factor, _SHRINK[0]), _SHRINK[1]) * step
 
 
 class AdaptiveSteps:
@@ -139,142 +288,62 @@ class AdaptiveSteps:
         # end. `shortest_time` is the shortest relevant relaxation time at the start. `least` has the smallest
         # scales of response and depth; the scale of the depth is the range of an interface that attracts, and
         # zero for a hard wall.
-        self._tolerance, self._stops, self._shortest_time = tolerance, stops, shortest_time
-        self._attracted = least[1] > 0
-        self._separation = min(_SEPARATION * (tolerance / 1e-4) ** (1 / 3), _WIDEST_SEPARATION)
-        self._position = StepState(largest_response=least[0], largest_depth=least[1])
-        self._behind = self._position  # the last step, if it is accepted
+        self._stops = stops
+        self.control = StepControl(
+            stops=np.array([stop.time for stop in stops]),
+            marks=np.array([BREAKPOINT * stop.breakpoint + SNAPSHOT * stop.snapshot for stop in stops]),
+            tolerance=tolerance,
+            separation=min(_SEPARATION * (tolerance / 1e-4) ** (1 / 3), _WIDEST_SEPARATION),
+            shortest_time=shortest_time,
+            shortest=SAME_TIME * stops[-1].time,
+            attracted=least[1] > 0,
+            now=np.zeros(1, STEP_STATE),
+            behind=np.zeros(1, STEP_STATE),
+        )
+        now = self.control.now[0]
+        now["largest_response"], now["largest_depth"] = least
 
     def __iter__(self) -> Iterator[Instant]:
         """Yield the time points in order; a shorter step follows a rejected one."""
-        while self._position.next_stop < len(self._stops):
-            now = self._position
-            fresh = now.after_breakpoint or now.after_jump
-            if now.after_breakpoint:
-                now.next_step, now.last_step = _AFTER_BREAKPOINT * now.next_step, 0.0
-                now.steps_since_breakpoint, now.after_breakpoint = 0, False
-            if now.after_jump:
-                now.steps_since_breakpoint, now.after_jump = 0, False
-            if now.jump_by - now.time > self._shortest:
-                now.next_step = min(now.next_step, self._towards_jump())
-            stop = self._stops[now.next_stop]
-            left = stop.time - now.time
-            now.bound = now.bound or self._ends(now.next_step)
-            now.reach = max(now.reach, now.time + 2 * now.next_step)
-            # Two halves rather than a step and a much shorter one before the stop.
-            step = left if now.next_step >= left else min(now.next_step, left / 2)
-            self._lands = step == left
-            time = stop.time if self._lands else now.time + step
-            marks = self._lands and stop.snapshot, self._lands and stop.breakpoint
-            self._given = Instant(time, step, *marks, fresh)
-            yield self._given
+        while self.control.now["next_stop"][0] < len(self._stops):
+            self._point = point = next_point(self.control)
+            marks = point.marks
+            yield Instant(
+                point.time, point.step, bool(marks & SNAPSHOT), bool(marks & BREAKPOINT), point.fresh
+            )
 
     def accepts(self, step: Step, error: Error) -> bool:
         """Accept the last step if its error is within the tolerance; set the length of the next one."""
-        now, change = replace(self._position), step.change
-        response_scale = max(now.largest_response, abs(step.response))
-        depth_scale = max(now.largest_depth, step.depth)
-        if self._given.step == 0:
-            accepted = True
-            # The depth at rest may differ from zero: it counts from the lowest point of the grid.
-            first = _AFTER_JUMP if depth_scale > 0 and step.deforms else _FROM_REST * self._tolerance
-            now.next_step = self._shortest_time * first
-        else:
-            estimate = self._error(step, error, (response_scale, depth_scale))
-            if change is not None and (change.jumps or change.separation > self._separation):
-                jump = change.drive * _ratio(abs(step.response - now.response), response_scale)
-                accepted = self._accepts_abrupt(now, max(estimate, jump), change)
-            else:
-                accepted = estimate <= self._tolerance
-                if not accepted and self._given.step <= _ROUNDING * self._given.time:
-                    accepted, estimate = True, self._tolerance  # there is no shorter step
-                widest = math.inf
-                if change is not None and change.separation > 0:
-                    widest = _SAFETY * self._separation / change.separation
-                self._set_next_step(now, _SAFETY * self._tolerance / max(estimate, 1e-300), accepted, widest)
-        if accepted:
-            self._behind = now
-            now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, step.depth
-            now.response, now.last_step = step.response, self._given.step
-            now.time = self._given.time
-            now.after_breakpoint = self._given.breakpoint
-            now.next_stop += self._lands
-            now.reach = 0.0 if self._lands else now.reach
-        else:
-            self._position = now
-        return accepted
+        control, change, estimate = self.control, step.change, 0.0
+        if self._point.step:
+            _, depth_scale = scales(control, step.response, step.depth)
+            moving = bool(step.depth != control.now["depth"][0])
+            errors = error(step, moving=moving, deep=step.depth >= RETRACTED * depth_scale)
+            estimate = relative_error(control, step.response, step.depth, *errors)
+        changes = (False, 0.0, 0.0) if change is None else (change.jumps, change.separation, change.drive)
+        return bool(judge(control, self._point, step.response, step.depth, step.deforms, estimate, changes))
 
     def advance(self) -> None:
         """Go on behind the last step, which was accepted."""
-        self._position = self._behind
+        self.control.now[0] = self.control.behind[0]
 
     def course(self) -> Course | None:
         """Return the course if the next step is the first that depends on the end."""
-        now = self._position
-        following = now.next_step * (_AFTER_BREAKPOINT if now.after_breakpoint else 1.0)
-        if now.bound or now.time == 0 or not self._ends(following):
+        now = self.control.now[0]
+        following = now["next_step"] * (_AFTER_BREAKPOINT if now["after_breakpoint"] else 1.0)
+        if now["bound"] or now["time"] == 0 or not _ends(self.control, following):
             return None
-        return Course(now.time, now.next_stop, fingerprint(self._stops[: now.next_stop]), now.reach)
-
-    def _ends(self, step: float) -> bool:
-        """Whether the end shortens a step."""
-        now = self._position
-        return now.next_stop == len(self._stops) - 1 and step > (self._stops[-1].time - now.time) / 2
+        passed = int(now["next_stop"])
+        return Course(float(now["time"]), passed, fingerprint(self._stops[:passed]), float(now["reach"]))
 
     def state(self) -> State:
         """Return the position."""
-        return asdict(self._position)
+        return {name: self.control.now[name][0] for name in STEP_STATE.names or ()}
 
     def restore(self, state: State) -> None:
         """Continue from a position."""
-        self._position = StepState(**{name: state[name].item() for name in asdict(self._position)})
-
-    @property
-    def _shortest(self) -> float:
-        """Shortest step: times closer than this are the same."""
-        return SAME_TIME * self._stops[-1].time
-
-    def _error(self, step: Step, error: Error, scales: tuple[float, float]) -> float:
-        """Estimate the error of a step, relative to the scales of response and depth."""
-        moving, deep = step.depth != self._position.depth, step.depth >= _RETRACTED * scales[1]
-        relative, displacement = error(step, moving=moving, deep=deep)
-        if self._attracted:
-            return max(relative, displacement / scales[1])
-        return max(_ratio(relative * abs(step.response), scales[0]), _ratio(displacement, scales[1]))
-
-    def _accepts_abrupt(self, now: StepState, error: float, change: Change) -> bool:
-        """Accept or reject a step over an instability or a fast separation, and set the next."""
-        step = self._given.step
-        accepted = error <= self._tolerance or step <= self._shortest
-        room = _SAFETY * self._tolerance / max(error, 1e-300)
-        if accepted:
-            now.after_jump, now.next_step = True, min(max(room, 1.0), _FIRST_GROWTH) * step
-        elif change.jumps and step <= _FIRST_GROWTH * now.last_step:
-            now.jump_by, now.over_jump, now.next_step = self._given.time, min(room, 0.5) * step, step
-        else:  # a step much longer than the last one may end on a branch that shorter steps do not reach
-            now.next_step = min(max(_SAFETY * self._separation / change.separation, _SHRINK[0]), 0.5) * step
-        return accepted
-
-    def _towards_jump(self) -> float:
-        """Half of the way to an instability, or the whole way if a step over it will be accepted."""
-        now = self._position
-        left = now.jump_by - now.time
-        return left if left <= now.over_jump else max(left / 2, now.over_jump)
-
-    def _set_next_step(self, now: StepState, room: float, accepted: bool, widest: float) -> None:
-        """Set the next step: `room` is the largest factor on its error, `widest` on its length."""
-        factor, step = min(room ** (1 / 3), widest), self._given.step
-        if accepted:
-            growth = _FIRST_GROWTH if now.steps_since_breakpoint < _FIRST_STEPS else _GROWTH
-            # A step that was cut to land on a stop does not shorten the next ones.
-            now.next_step = max(min(now.next_step, factor * step), min(growth, factor) * step)
-            now.steps_since_breakpoint += 1
-        else:
-            now.next_step = min(max(factor, _SHRINK[0]), _SHRINK[1]) * step
-
-
-def _ratio(value: float, scale: float) -> float:
-    return value / scale if scale > 0 else 0.0
+        for name in STEP_STATE.names or ():
+            self.control.now[name] = state[name]
 
 
 Steps = FixedSteps | AdaptiveSteps

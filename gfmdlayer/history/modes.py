@@ -105,10 +105,24 @@ class Factors(NamedTuple):
     curvature_loss: FloatArray
 
 
-@kernel
-def exponential(x: FloatArray) -> Factors:
-    """Factors of the exponential step, u linear in time, for x = dt/theta >= 0."""
-    f = np.empty((7, x.size))
+class ModeArrays(NamedTuple):
+    """The modes of a body with their state, and what belongs to the length of a step."""
+
+    branches: BranchModes
+    local: LocalModes
+    times: FloatArray  # relaxation times, of the branch modes and of the local ones
+    relaxed: FloatArray  # (nq,), K_0
+    springs: FloatArray  # (2 nq,), K_0 times Parseval's weights
+    u: FloatArray  # (2 nq,), the displacement after the last step
+    factors: FloatArray  # (7, modes), in the order of `Factors`
+    terms: StepTerms
+    stiffness: FloatArray  # (nq,), kappa
+    implicit: bool  # whether the scheme is backward Euler
+
+
+@kernel(borrows=True)
+def set_exponential(x: FloatArray, f: FloatArray) -> None:
+    """Write factors of the exponential step, u linear in time, for x = dt/theta >= 0, see `Factors`."""
     for i in range(x.size):
         some = x[i]
         decay, gain, lead = math.exp(-some), 1.0, 0.5
@@ -127,14 +141,65 @@ def exponential(x: FloatArray) -> Factors:
             curvature_loss = 1 / (3 * some) - curvature_gain * ((some + 2) / some**2 + curvature_gain / 2)
         f[0, i], f[1, i], f[2, i], f[3, i] = decay, gain, -math.expm1(-2 * some) / 2, lead
         f[4, i], f[5, i], f[6, i] = remainder, curvature_gain, curvature_loss
-    return Factors(f[0], f[1], f[2], f[3], f[4], f[5], f[6])
+
+
+@kernel(borrows=True)
+def set_backward_euler(x: FloatArray, f: FloatArray) -> None:
+    """Write factors of the backward Euler step, for x = dt/theta >= 0, see `Factors`."""
+    for i in range(x.size):
+        some = x[i]
+        decay = 1.0 / (1.0 + some)
+        f[0, i], f[1, i], f[2, i], f[3, i] = decay, decay, some * (decay * decay), 1.0
+        f[4, i] = f[5, i] = f[6, i] = 0.0
+
+
+@kernel(borrows=True)
+def prepare(modes: ModeArrays, step: float) -> None:
+    """Write factors, terms and stiffness for the length of a step."""
+    branches, local, terms, factors = modes.branches, modes.local, modes.terms, modes.factors
+    count = branches.moduli.size
+    x = factors[6]  # of each mode it is read before it is written
+    for i in range(x.size):
+        x[i] = step / modes.times[i]
+    if modes.implicit:
+        set_backward_euler(x, factors)
+    else:
+        set_exponential(x, factors)
+    total = weighted(branches.moduli, factors[1])
+    for j in range(count):
+        terms.branch_decay[j] = branches.moduli[j] * factors[0, j]
+    for k in range(modes.relaxed.size):
+        terms.gain[2 * k] = branches.shape[2 * k] * total
+    for i in range(local.position.size):
+        terms.gain[2 * local.position[i]] += local.weights[i] * factors[1, count + i]
+        terms.local_decay[i] = local.weights[i] * factors[0, count + i]
+    for k in range(modes.relaxed.size):
+        terms.gain[2 * k + 1] = terms.gain[2 * k]
+        modes.stiffness[k] = modes.relaxed[k] + terms.gain[2 * k]
 
 
 @kernel(reorder=True, borrows=True)
-def intercepts(
-    branches: BranchModes, local: LocalModes, terms: StepTerms, u: FloatArray, b: FloatArray
-) -> None:
+def weighted(moduli: FloatArray, factors: FloatArray) -> float:
+    """Sum of moduli times factors over the branch modes."""
+    total = 0.0
+    for j in range(moduli.size):
+        total += moduli[j] * factors[j]
+    return total
+
+
+@kernel(inner=True, borrows=True)
+def rows(f: FloatArray, first: int, end: int) -> Factors:
+    """Factors of some modes."""
+    return Factors(
+        f[0][first:end], f[1][first:end], f[2][first:end], f[3][first:end], f[4][first:end],
+        f[5][first:end], f[6][first:end],
+    )  # fmt: skip
+
+
+@kernel(reorder=True, borrows=True)
+def intercepts(modes: ModeArrays, b: FloatArray) -> None:
     """Set b to sum_j w_j (gain_j u - decay_j y_j)."""
+    branches, local, terms, u = modes.branches, modes.local, modes.terms, modes.u
     for start in range(0, b.size, _BLOCK):
         part = slice(start, min(start + _BLOCK, b.size))
         total = b[part]
@@ -152,20 +217,13 @@ def intercepts(
 
 
 @kernel(reorder=True, borrows=True)
-def advance(
-    branches: BranchModes,
-    branch_factors: Factors,
-    local: LocalModes,
-    local_factors: Factors,
-    springs: FloatArray,
-    u: FloatArray,
-    new_u: FloatArray,
-    curvature: FloatArray,
-) -> tuple[float, float]:
+def advance(modes: ModeArrays, new_u: FloatArray, curvature: FloatArray) -> tuple[float, float]:
     """Advance stretches and displacement by a step; return twice the stored energy, and the heat."""
-    # `springs` is K_0 times Parseval's weights; the array `curvature` is empty where u is linear.
-    index, stretch, f, weights = local.position, local.stretch, local_factors, local.energy_weights
-    moduli, factors = branches.moduli, branch_factors
+    # The array `curvature` is empty where u is linear.
+    branches, local, springs, u = modes.branches, modes.local, modes.springs, modes.u
+    index, stretch, weights = local.position, local.stretch, local.energy_weights
+    moduli, count = branches.moduli, branches.moduli.size
+    factors, f = rows(modes.factors, 0, count), rows(modes.factors, count, modes.times.size)
     twice, heat, remainder, curvature_loss = 0.0, 0.0, 0.0, 0.0
     for i in range(index.size):
         for part in range(2):
@@ -223,28 +281,24 @@ def advance(
     return twice, heat
 
 
-@kernel(reorder=True)
-def curvature_stress(
-    gain: float, shape: FloatArray, index: IntArray, local_gains: FloatArray, curvature: FloatArray
-) -> FloatArray:
-    """Return sum_j w_j curvature_gain_j c; `gain` is summed over the branch modes."""
-    total = np.empty(curvature.size)
-    for i in range(total.size):
-        total[i] = gain * shape[i] * curvature[i]
+@kernel(reorder=True, borrows=True)
+def set_curvature_stress(modes: ModeArrays, gain: float, curvature: FloatArray, stress: FloatArray) -> None:
+    """Write sum_j w_j curvature_gain_j c; `gain` is summed over the branch modes."""
+    shape, index, count = modes.branches.shape, modes.local.position, modes.branches.moduli.size
+    for i in range(stress.size):
+        stress[i] = gain * shape[i] * curvature[i]
     for i in range(index.size):
+        local_gain = modes.local.weights[i] * modes.factors[5, count + i]
         for k in range(2 * index[i], 2 * index[i] + 2):
-            total[k] += local_gains[i] * curvature[k]
-    return total
+            stress[k] += local_gain * curvature[k]
 
 
-@kernel(reorder=True)
-def force(stiffness: FloatArray, u: FloatArray, b: FloatArray) -> FloatArray:
-    """Return -sigma = stiffness u - b."""
-    total = np.empty(b.size)
+@kernel(reorder=True, borrows=True)
+def set_force(stiffness: FloatArray, u: FloatArray, b: FloatArray, force: FloatArray) -> None:
+    """Write -sigma = stiffness u - b."""
     for k in range(stiffness.size):
-        total[2 * k] = stiffness[k] * u[2 * k] - b[2 * k]
-        total[2 * k + 1] = stiffness[k] * u[2 * k + 1] - b[2 * k + 1]
-    return total
+        force[2 * k] = stiffness[k] * u[2 * k] - b[2 * k]
+        force[2 * k + 1] = stiffness[k] * u[2 * k + 1] - b[2 * k + 1]
 
 
 # Relative to the relaxed stiffness, the rounding up to which weights are products of a modulus and a shape.
@@ -258,10 +312,18 @@ _NO_CURVATURE = np.empty(0, dtype=np.complex128)
 Scheme = Callable[[FloatArray], Factors]
 
 
+def exponential(x: FloatArray) -> Factors:
+    """Factors of the exponential step, u linear in time, for x = dt/theta >= 0."""
+    factors = np.empty((7, x.size))
+    set_exponential(x, factors)
+    return Factors(*factors)
+
+
 def backward_euler(x: FloatArray) -> Factors:
     """Factors of the backward Euler step, x = dt/theta >= 0."""
-    decay, one, zero = 1 / (1 + x), np.ones_like(x), np.zeros_like(x)
-    return Factors(decay, decay, x * decay**2, one, zero, zero, zero)
+    factors = np.empty((7, x.size))
+    set_backward_euler(x, factors)
+    return Factors(*factors)
 
 
 SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": exponential}
@@ -287,11 +349,9 @@ class Modes(Saving):
         missing = self._sums.maximum(len(weights)) - len(weights)  # modes without weight on this rank
         weights = np.concatenate((weights, np.zeros((missing, size)))) if missing else weights
         times = np.concatenate((times, np.ones((missing, size)))) if missing else times
-        self._scheme = scheme
         self.step = np.nan
-        self.u = np.zeros(size, dtype=np.complex128)
+        self._u = np.zeros(size, dtype=np.complex128)
         self.stored = self.dissipated = 0.0
-        self._springs = np.repeat(self.relaxed * self._sums.weights, 2)
 
         of_branch = _branch_modes(weights, times, self.relaxed, self._sums)
         total = self._sums.total(float(weights[of_branch].sum()))
@@ -311,25 +371,39 @@ class Modes(Saving):
         energy_weights = local_weights * self._sums.weights[index]
         self._local = LocalModes(index, local_weights, energy_weights, np.zeros((index.size, 2)))
         self._times = np.concatenate((branch_times, times[local > 0]))
+        self.arrays = ModeArrays(
+            branches=self._branches,
+            local=self._local,
+            times=self._times,
+            relaxed=self.relaxed,
+            springs=np.repeat(self.relaxed * self._sums.weights, 2),
+            u=_numbers(self.u),
+            factors=np.empty((7, self._times.size)),
+            terms=StepTerms(np.empty(2 * size), np.empty(branch_times.size), np.empty(index.size)),
+            stiffness=np.empty(size),
+            implicit=scheme is backward_euler,
+        )
+
+    @property
+    def u(self) -> ComplexArray:
+        """The displacement after the last step, which changes in place."""
+        return self._u
+
+    @u.setter
+    def u(self, array: ComplexArray) -> None:
+        self._u, self.arrays = array, self.arrays._replace(u=_numbers(array))
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b, each of shape (nq,), at the end of a step (lines 5 and 6)."""
         self.prepare(step)
         self._b = np.empty_like(self.u)
-        intercepts(self._branches, self._local, self._terms, _numbers(self.u), _numbers(self._b))
+        intercepts(self.arrays, _numbers(self._b))
         return self.stiffness, self._b
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms` (lines 8 and 9)."""
         c = _NO_CURVATURE if curvature is None else curvature
-        twice, heat = advance(
-            self._branches,
-            self._factors,
-            self._local,
-            self._local_factors,
-            self._springs,
-            *(_numbers(values) for values in (self.u, spectrum, c)),
-        )
+        twice, heat = advance(self.arrays, _numbers(spectrum), _numbers(c))
         self.stored = self._sums.total(twice) / 2
         self.dissipated += self._sums.total(heat)
 
@@ -355,7 +429,7 @@ class Modes(Saving):
     @property
     def past(self) -> ComplexArray:
         """The displacement after the last step."""
-        return self.u
+        return self._u
 
     def slowest(self, tolerance: float) -> float:
         """Return a bound on the time in which a body that rests in the frame of the contact creeps."""
@@ -374,15 +448,15 @@ class Modes(Saving):
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms` for this displacement."""
-        return force(self.stiffness, _numbers(spectrum), _numbers(self._b)).view(np.complex128)
+        total = np.empty_like(self._b)
+        set_force(self.stiffness, _numbers(spectrum), _numbers(self._b), _numbers(total))
+        return total
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Part of the stress -sigma at the end of the step that is due to dt^2 u''/2."""
-        gain = float(self._branches.moduli @ self._factors.curvature_gain)
-        local_gains = self._local.weights * self._local_factors.curvature_gain
-        shape, index = self._branches.shape, self._local.position
-        stress = curvature_stress(gain, shape, index, local_gains, _numbers(curvature))
-        return np.asarray(stress.view(np.complex128))
+        stress, gain = np.empty_like(curvature), weighted(self._branches.moduli, self.arrays.factors[5])
+        set_curvature_stress(self.arrays, gain, _numbers(curvature), _numbers(stress))
+        return stress
 
     def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:  # noqa: ARG002
         """Part of -sigma that `force` leaves out: for modes at rest only the curvature of u(t)."""
@@ -392,16 +466,10 @@ class Modes(Saving):
         """Compute the stiffness and the factors for the length of a step."""
         if step == self.step:
             return
-        self.step = step
-        factors, count = self._scheme(step / self._times), self._branches.moduli.size
-        self._factors = Factors(*(factor[:count] for factor in factors))
-        self._local_factors = Factors(*(factor[count:] for factor in factors))
-        gain = self._branches.shape[::2] * float(self._branches.moduli @ self._factors.gain)
-        np.add.at(gain, self._local.position, self._local.weights * self._local_factors.gain)
-        self.stiffness = self.relaxed + gain
-        branch_decay = self._branches.moduli * self._factors.decay
-        local_decay = self._local.weights * self._local_factors.decay
-        self._terms = StepTerms(np.repeat(gain, 2), branch_decay, local_decay)
+        # A new array of the stiffness: who has that of the last length may compare.
+        self.step, self.arrays = step, self.arrays._replace(stiffness=np.empty_like(self.relaxed))
+        prepare(self.arrays, step)
+        self.stiffness = self.arrays.stiffness
 
 
 def shortest_time(spectrum: Spectrum, sums: Sums) -> float:

@@ -68,9 +68,9 @@ class FixedSteps(Saving):
         """Accept every step."""
         return True
 
-    def advance(self) -> None:
-        """Go on behind the last step."""
-        self._count += 1
+    def advance(self, steps: int = 1) -> None:
+        """Go on behind the last steps."""
+        self._count += steps
 
     def course(self) -> Course | None:
         """Return the course, see `AdaptiveSteps.course`, before the last step at the latest."""
