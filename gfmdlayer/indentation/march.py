@@ -1168,13 +1168,12 @@ def _keep_fields(a: float, run: MarchRun, chi: FloatArray, local: FloatArray, sp
 
 
 @kernel
-def march(  # noqa: C901
+def march(
     body: Compliance, branches: Branches, profile: Revolution, nodes: MarchNodes, drive: MarchDrive
 ) -> Marched:
     """Follow an indentation of a body at rest over given times, on nodes in x for its largest contact."""
     nt, run = drive.time.size, _begin(body, branches, profile, nodes, drive)
-    state, surface, work, stop = run.state, run.state.surface, run.work, run.stop
-    size, kept = work.far.size, 0
+    size, kept = run.work.far.size, 0
     for is_kept in drive.snapshots:
         kept += is_kept
     out = Marched(
@@ -1182,6 +1181,19 @@ def march(  # noqa: C901
         np.full(nt, np.nan), np.zeros(nt), np.zeros(nt),
         np.zeros((kept, size)), np.zeros((kept, size)), np.zeros((kept, body.q.size)), 0, COMPLETE, nt,
     )  # fmt: skip
+    taken, status, stopped = _follow(run, out)
+    return Marched(
+        out.force, out.depth, out.radius, out.stored, out.dissipated, out.parted, out.lost, out.last_force,
+        out.rise,
+        out.chi, out.local, out.spectrum, taken + run.trials[0], status, stopped,
+    )  # fmt: skip
+
+
+@kernel(inner=True, borrows=True)
+def _follow(run: MarchRun, out: Marched) -> tuple[int, int, int]:  # noqa: C901
+    """Write columns and fields of the steps; return the solutions, the status, and the step at the end."""
+    body, nodes, drive, nt = run.body, run.nodes, run.drive, run.drive.time.size
+    state, surface, work, stop = run.state, run.state.surface, run.work, run.stop
     a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
     bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
     adhesive, parted, release, before_force = drive.law.work > 0, 0.0, 0.0, 0.0
@@ -1271,13 +1283,15 @@ def march(  # noqa: C901
             state.points.edge[0] = new
             for k in range(body.local_times.size if contact.a == 0 and a_old > 0 else 0):
                 _transform_of(state.surface.memory[k], 0.0, run)
-                state.zeta[k - body.local_times.size] = work.transform
+                for j in range(work.transform.size):
+                    state.zeta[k - body.local_times.size, j] = work.transform[j]
             if new >= 0:
                 if contact.rests and new == edge:
                     _press(-1, _under(new, contact.depth, run), run.step.near, run.branches, surface)
                 else:
-                    surface.memory[:, -1], surface.sunk[-1] = surface.memory[:, new], surface.sunk[new]
-                    surface.sunk[-1] -= _jump(contact.a, contact.release, run)
+                    for k in range(surface.memory.shape[0]):
+                        surface.memory[k, -1] = surface.memory[k, new]
+                    surface.sunk[-1] = surface.sunk[new] - _jump(contact.a, contact.release, run)
                     _change_form(-1, run.branches.of_retarded, surface.memory, work.variables)
                 stays = (stays if contact.rests else bent[new]) or begins
                 bent[new] = True
@@ -1307,8 +1321,4 @@ def march(  # noqa: C901
         if drive.snapshots[at]:
             _keep_fields(a_old, run, out.chi[snapshot], out.local[snapshot], out.spectrum[snapshot])
             snapshot += 1
-    return Marched(
-        out.force, out.depth, out.radius, out.stored, out.dissipated, out.parted, out.lost, out.last_force,
-        out.rise,
-        out.chi, out.local, out.spectrum, taken + run.trials[0], status, stopped,
-    )  # fmt: skip
+    return taken, status, stopped
