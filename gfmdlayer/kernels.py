@@ -211,24 +211,24 @@ def address_of(called: Any, *arguments: Any) -> int:
 _addresses: dict[tuple[Any, bytes], int] = {}
 
 
-_ROW = nb.types.Array(nb.types.float64, 1, "C")
-
-
-def _filled(_context: Any, count: Any, _value: Any) -> tuple[Any, Any]:
+def _filled(_context: Any, count: Any, value: Any) -> tuple[Any, Any]:
     """Return a number of copies of a value on the stack of the kernel; the number is a constant."""
+    of_row = nb.types.Array(value, 1, "C")
 
     def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         from numba.np.arrayobj import make_array, populate_array  # loads all that Numba knows of arrays
 
-        size, width = (ir.Constant(ir.IntType(64), number) for number in (count.literal_value, 8))
-        place = cgutils.alloca_once(builder, ir.DoubleType(), size=size)
+        size, width = (
+            ir.Constant(ir.IntType(64), number) for number in (count.literal_value, value.bitwidth // 8)
+        )
+        place = cgutils.alloca_once(builder, values[1].type, size=size)
         with cgutils.for_range(builder, size) as loop:
             builder.store(values[1], builder.gep(place, [loop.index]))
-        row = make_array(_ROW)(context, builder)
+        row = make_array(of_row)(context, builder)
         populate_array(row, data=place, shape=[size], strides=[width], itemsize=width, meminfo=None)
         return row._getvalue()
 
-    return _ROW(count, nb.types.float64), generate
+    return of_row(count, value), generate
 
 
 filled: Any = intrinsic(prefer_literal=True)(_filled)

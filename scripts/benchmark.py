@@ -6,6 +6,7 @@ All results are counts, or ratios of times of tasks that run in turns; so they h
     python scripts/benchmark.py --quick             small grids: about a minute
     python scripts/benchmark.py --only pairs whole_run --points 16384
     python scripts/benchmark.py --only overhead --cases 10000
+    python scripts/benchmark.py --only sweep --against ../other-checkout
     python scripts/benchmark.py --json all.json --markdown all.md
 """
 
@@ -32,6 +33,7 @@ NAMES = (
     "pairs",
     "whole_run",
     "overhead",
+    "sweep",
     "first_use",
     "ranks",
     "slabs",
@@ -92,14 +94,17 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--steps", type=_positive, metavar="N", help="time steps, or simulated cases (default: the section's)"
     )
-    add("--cases", type=_positive, metavar="N", help="cases of the sweep for the overhead")
+    add("--cases", type=_positive, metavar="N", help="cases of a sweep (default: the section's)")
     add("--repetitions", type=_positive, metavar="N", help="repetitions of each measured time")
+    add("--against", type=Path, metavar="PATH", help="another checkout, which takes turns (for sweep)")
     add("--json", type=Path, metavar="FILE", help="write the tables and a description of the machine")
     add("--markdown", type=Path, metavar="FILE", help="write the tables")
     options = parser.parse_args(arguments)
     for file in (options.json, options.markdown):
         if file and not file.parent.is_dir():
             parser.error(f"{file}: no folder {file.parent}")
+    if options.against and not (options.against / "gfmdlayer" / "__init__.py").is_file():
+        parser.error(f"--against {options.against}: no checkout of gfmdlayer")
     return options
 
 
@@ -117,7 +122,9 @@ def _positive(text: str) -> int:
 def _effort(name: str, options: argparse.Namespace) -> Effort:
     section = SECTIONS[name]
     effort: Effort = section.QUICK if options.quick else section.EFFORT
-    given = {key: value for key in ("steps", "repetitions", "cases") if (value := getattr(options, key))}
+    given = {
+        key: value for key in ("steps", "repetitions", "cases", "against") if (value := getattr(options, key))
+    }
     points = tuple(options.points or effort.points)
     if options.large and name == "pairs":
         points += (section.LARGE,)

@@ -1,6 +1,9 @@
-"""What the tests ask of recordings; case files of rows and snapshots that a test makes up."""
+"""What the tests ask of recordings: rows, bits, runs in parts; case files of made-up rows and snapshots."""
 
+import io
 from contextlib import contextmanager
+
+import numpy as np
 
 from gfmdlayer.results.case_file import case_contents, write_case
 from gfmdlayer.results.recording import Recording
@@ -39,3 +42,55 @@ def case_file(path, *about, **more):
     recording = Recording()
     yield recording
     write_case(path, case_contents(recording, *about, **more))
+
+
+def bits_of(recording):
+    """Return the bits of all that a recording holds."""
+    columns = {name: recording[name].tobytes() for name in recording.widths}
+    fields = {name: [each.tobytes() for each in every] for name, every in recording.fields.items()}
+    return columns, recording.times, fields, repr(recording.noted)
+
+
+class Stop(Exception):  # noqa: N818 - asked for
+    """Ends a part of a run."""
+
+
+class InParts:
+    """A run with stops after these numbers of calls of its `progress`; its state goes through a file.
+
+    `run` runs the same case anew, with recorder, progress and resume like `gfmdlayer.simulate`.
+    """
+
+    def __init__(self, run, lengths):
+        self._lengths, self._left, self._kept = lengths, 0, None
+        self.recording, self.parts = Recording(), 0
+        while not self._ended(run):
+            self.parts += 1
+
+    def _ended(self, run):
+        self._left = next(self._lengths)
+        try:
+            run(self.recording, self._advance, resume=self._resume)
+        except Stop:
+            return False
+        return True
+
+    def _resume(self, memory):
+        self._memory = memory
+        if self._kept is not None:
+            memory.restore(self._kept)
+
+    def _advance(self, _time):
+        self._left -= 1
+        if self._left == 0:
+            self._kept = through_a_file(self._memory.state())
+            raise Stop
+
+
+def through_a_file(state):
+    """Write a state to a file, and return what is read from it."""
+    file = io.BytesIO()
+    np.savez(file, **state)
+    file.seek(0)
+    with np.load(file) as loaded:
+        return dict(loaded)

@@ -380,8 +380,8 @@ ATTEMPTS = 256  # between two looks at signals, at most
 class BlockRecorder(Recorder, Protocol):
     """A recorder that takes many rows at once."""
 
-    def extend(self, columns: Mapping[str, FloatArray]) -> None:
-        """Record rows by their columns."""
+    def extend(self, widths: Mapping[str, int], rows: FloatArray) -> None:
+        """Record rows, whose columns have these widths."""
 
 
 class March:
@@ -499,7 +499,7 @@ class March:
         """Record the rows of a stretch."""
         count, taken = int(self._now["rows"][0]), int(self._now["point"][0])
         if count:
-            recorder.extend(dict(zip(COLUMNS, self._rows[:count].T, strict=True)))
+            recorder.extend(dict.fromkeys(COLUMNS, 1), self._rows[:count])
             self._rows, self._now["rows"] = np.empty_like(self._rows), 0
         if taken:
             self._steps.advance(taken)

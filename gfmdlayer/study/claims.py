@@ -68,10 +68,10 @@ class Claim:
     ) -> None:
         self._path = folder.case(index, "running")
         self._stop, self._together = folder.stop, together
-        self._written = -WRITE_INTERVAL
+        self._written = self._looked = -math.inf  # when the claim was written, and when it was still this one
         self._token = secrets.token_hex(8)
-        me = {"host": socket.gethostname(), "pid": os.getpid(), "born": born(), "started": time.time()}
-        self._fixed: dict[str, object] = me | {"end": end, "label": label, "expected": expected}
+        case = {"started": time.time(), "end": end, "label": label, "expected": expected}
+        self._fixed: dict[str, object] = _process(os.getpid()) | case
         self._steps = -1  # the call on entering is not a step
 
     def __enter__(self) -> Self:
@@ -91,7 +91,7 @@ class Claim:
     def __exit__(self, *details: object) -> None:
         _claims.discard(self)
         with suppress(OSError):
-            if self._is_own():
+            if time.monotonic() - self._looked < WRITE_INTERVAL or self._is_own():
                 self._path.unlink(missing_ok=True)
 
     def advance(self, simulated_time: float) -> None:
@@ -104,7 +104,7 @@ class Claim:
         if due:
             self.confirm()
         with suppress(OSError):  # the folder may be unreadable for a while
-            if stop_requested() or (due and self._stop.exists()):
+            if stop_requested() or ((due or not self._steps) and self._stop.exists()):
                 raise Stopped
         if due:
             self._written = now
@@ -129,7 +129,9 @@ class Claim:
     def _is_own(self) -> bool:
         """Whether the claim is that of this process, or nobody's."""
         claim = read_json(self._path)
-        return claim is None or claim.get("token") == self._token
+        own = claim is None or claim.get("token") == self._token
+        self._looked = time.monotonic() if own else -math.inf
+        return own
 
     def _take(self) -> None:
         part = unfinished_path(self._path)
@@ -144,6 +146,12 @@ class Claim:
             self.confirm()
         finally:
             part.unlink(missing_ok=True)
+        self._written = time.monotonic()
+
+
+@cache
+def _process(pid: int) -> dict[str, object]:
+    return {"host": socket.gethostname(), "pid": pid, "born": born()}
 
 
 _claims: set[Claim] = set()  # of this process

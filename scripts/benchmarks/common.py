@@ -63,6 +63,7 @@ class Effort:
     steps: int = 400  # of 0.005 tau
     repetitions: int = 5  # of each measured time; the median counts
     cases: int = 1  # of a sweep
+    against: Path | None = None  # another checkout
 
 
 def _text(cell: Cell) -> str:

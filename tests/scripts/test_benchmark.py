@@ -108,12 +108,43 @@ def test_overhead_counts_every_case_on_one_rank_and_two(tables):
         assert row["solves / case [ms]"] > 0
 
 
+def test_a_sweep_is_run_by_both_time_loops_and_in_two_processes(tables):
+    found = tables("--only sweep --cases 2 --points 256 --repetitions 1")
+    compiled, in_python = found["sweep-loops"]
+    for row in (compiled, in_python):
+        assert 200 <= row["rows"] <= row["attempts"] < row["FFT pairs"]
+        assert row["a case [ms]"] > 0
+    assert compiled["bytes"] == in_python["bytes"] > 200 * 17 * 8  # numbers of 8 bytes
+    assert compiled["Python calls"] < in_python["Python calls"] / 4
+    assert in_python["over the loop in Python"] == 1
+    ways = [row[""] for row in found["sweep-processes"]]
+    assert ways == ["one process", "jobs=2", "two ranks"][: len(ways)]
+    assert [row["contact"] for row in found["sweep-runs"]] == ["line 256", "smooth 64 x 64", "rough 64 x 64"]
+    assert all(row["run / bare pairs"] > 1 for row in found["sweep-runs"])
+    assert "sweep-against" not in found
+
+
+@pytest.mark.slow  # two processes begin, and all tasks run
+def test_a_sweep_is_compared_with_another_checkout(tables):
+    root = Path(__file__).parents[2]
+    rows = tables(f"--only sweep --cases 2 --points 256 --repetitions 1 --against {root}")["sweep-against"]
+    assert [row["task"] for row in rows][:5] == [
+        "sweep 2",
+        "run, 29 rows",
+        "run, 1 step",
+        "solve 256",
+        "solve 64 x 64",
+    ]
+    assert all(row["ratio"] == pytest.approx(row["clock [ms]"] / row["before [ms]"]) for row in rows)
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
         ("--only speed", "invalid choice: 'speed'"),
         ("--points 0", "0: must be 1 or more"),
         ("--json nowhere/found.json", "no folder nowhere"),
+        ("--against nowhere", "--against nowhere: no checkout of gfmdlayer"),
     ],
 )
 def test_bad_arguments_are_refused_before_anything_is_measured(arguments, complaint, benchmark, capsys):

@@ -1,6 +1,6 @@
 """A run that is stopped and resumed gives the bits of one that never was."""
 
-import io
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.results.recording import Recording
+from tests.recordings import InParts, bits_of
 
 SMALL = {"grid.points": 64, "time.end": 1.6, "trajectory.ramp_time": 0.8, "output.snapshots": [0.4, 0.8, 1.6]}
 STEPS = {
@@ -118,53 +119,6 @@ RUNS += [("heated", "adaptive", "active_set"), ("heated", "exponential", "active
 RUNS += [("isolated", "paper", "auto"), ("isolated", "exponential", "auto")]
 
 
-def bits(found):
-    columns = {name: found[name].tobytes() for name in found.widths}
-    fields = {name: [each.tobytes() for each in every] for name, every in found.fields.items()}
-    return columns, found.times, fields, repr(found.noted)
-
-
-class Stop(Exception):  # noqa: N818 - asked for
-    """Ends a part of a run."""
-
-
-class InParts:
-    """Runs a case with stops after the given numbers of attempts at a step; its state goes through a file."""
-
-    def __init__(self, config, lengths):
-        self._lengths, self._left, self._kept = lengths, 0, None
-        self.recording, self.parts = Recording(), 0
-        while not self._ended(config):
-            self.parts += 1
-
-    def _ended(self, config):
-        self._left = next(self._lengths)
-        try:
-            simulate(config, self.recording, self._advance, resume=self._resume)
-        except Stop:
-            return False
-        return True
-
-    def _resume(self, memory):
-        self._memory = memory
-        if self._kept is not None:
-            memory.restore(self._kept)
-
-    def _advance(self, _time):
-        self._left -= 1
-        if self._left == 0:
-            self._kept = through_a_file(self._memory.state())
-            raise Stop
-
-
-def through_a_file(state):
-    file = io.BytesIO()
-    np.savez(file, **state)
-    file.seek(0)
-    with np.load(file) as loaded:
-        return dict(loaded)
-
-
 @pytest.mark.parametrize(("body", "steps", "method"), RUNS)
 def test_a_run_in_parts_has_the_bits_of_one_without_a_stop(body, steps, method):
     Path("rise.txt").write_text("0 18\n0.4 18\n1.2 30\n2 30\n")
@@ -172,9 +126,9 @@ def test_a_run_in_parts_has_the_bits_of_one_without_a_stop(body, steps, method):
     whole = Recording()
     simulate(config, whole)
     rng = np.random.default_rng([ord(letter) for letter in body + steps + method])
-    parts = InParts(config, iter(lambda: int(rng.integers(1, 7)), None))
+    parts = InParts(partial(simulate, config), iter(lambda: int(rng.integers(1, 7)), None))
     assert parts.parts > 1
-    assert bits(parts.recording) == bits(whole)
+    assert bits_of(parts.recording) == bits_of(whole)
 
 
 @pytest.mark.parametrize(("steps", "method"), [("adaptive", "fire"), *((s, "active_set") for s in STEPS)])
@@ -186,7 +140,7 @@ def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps, method
     whole = Recording()
     simulate(config, whole)
     assert bool(whole["rejected"].any()) == (steps == "adaptive")
-    assert bits(InParts(config, iter(lambda: 1, None)).recording) == bits(whole)
+    assert bits_of(InParts(partial(simulate, config), iter(lambda: 1, None)).recording) == bits_of(whole)
 
 
 def test_a_state_of_another_body_or_grid_is_refused_in_words():
