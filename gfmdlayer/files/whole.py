@@ -115,9 +115,9 @@ def seal(file: BinaryIO) -> None:
     file.write(_FORM % checksum)
 
 
-def sealed(contents: bytes) -> bytes:
+def sealed(contents: bytes | bytearray) -> bytes:
     """Return the contents of a file with its seal."""
-    return contents + _FORM % zlib.crc32(contents)
+    return bytes(contents) + _FORM % zlib.crc32(contents)
 
 
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:
