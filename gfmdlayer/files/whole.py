@@ -115,9 +115,10 @@ def seal(file: BinaryIO) -> None:
     file.write(_FORM % checksum)
 
 
-def sealed(contents: bytes) -> bytes:
-    """Return the contents of a file with its seal."""
-    return contents + _FORM % zlib.crc32(contents)
+def sealed(contents: bytearray) -> bytearray:
+    """Append the seal to the contents of a file in memory, and return them."""
+    contents += _FORM % zlib.crc32(contents)
+    return contents
 
 
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:

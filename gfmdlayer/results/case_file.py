@@ -366,7 +366,6 @@ def _template(
     plain: bool,
 ) -> Template:
     """Return the template of files with variables of these forms."""
-
     placed = [name for name, form in forms if _grows(form) and plain and not form.inner]
 
     def lay_out(h5: h5py.File) -> None:

@@ -21,7 +21,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5o
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import Attribute
@@ -157,4 +156,8 @@ def _collected(file: bytearray, texts: Iterable[tuple[int, str]]) -> bytes:
     # Behind the texts, object 0 is the space that is left.
     left = max(16, _LEAST_COLLECTION - 16 - len(contents))
     size = 16 + len(contents) + left
-    return struct.pack("<4sB3xQ", b"GCOL", 1, size) + contents + struct.pack("<HHIQ", 0, 0, 0, left).ljust(left, b"\0")
+    return (
+        struct.pack("<4sB3xQ", b"GCOL", 1, size)
+        + contents
+        + struct.pack("<HHIQ", 0, 0, 0, left).ljust(left, b"\0")
+    )
