@@ -121,6 +121,12 @@ def sealed(contents: bytearray) -> bytearray:
     return contents
 
 
+def is_sealed(contents: bytes) -> bool | None:
+    """Whether the contents of a file are those that were sealed; None without a seal."""
+    seal = _SEAL.fullmatch(contents, max(0, len(contents) - _LENGTH))
+    return None if seal is None else int(seal[1], 16) == zlib.crc32(memoryview(contents)[:-_LENGTH])
+
+
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:
     """Whether the bytes of a file are those that were sealed; None without a seal, or above `most` bytes."""
     with open(path, "rb", opener=regular) as file:

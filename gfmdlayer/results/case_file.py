@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.solid import LayerDepth
     from gfmdlayer.results.recording import Recording
 
-ROWS_AS_BYTES = 1 << 20  # bytes of rows, of which a file is made in memory; HDF5 writes more
+SMALL = 1 << 20  # bytes of a case, of which a file is made in memory; HDF5 writes more
 CHUNK_ROWS = 128
 BLOCK = 2**20  # points of a snapshot in a chunk
 CHECKED = PACKED | {"fletcher32": True}
@@ -307,11 +307,11 @@ def write_case(path: str | Path, case: CaseContents, *, durable: bool = True) ->
     if swept := [name for name, variable in case.variables.items() if not variable.form.dimensions]:
         attributes["coordinates"] = " ".join(swept)
     growing = {name for name, variable in case.variables.items() if _grows(variable.form)}
-    filled = [variable for variable in map(case.variables.get, growing) if variable and variable.shape[0]]
-    plain = not any(variable.form.inner for variable in filled)
-    plain = plain and sum(8 * variable.shape[0] for variable in filled) <= ROWS_AS_BYTES
+    shapes = {name: variable.shape for name, variable in case.variables.items()}
+    plain = not any(len(shapes[name]) > 1 and shapes[name][0] for name in growing)
+    plain = plain and 8 * sum(map(math.prod, shapes.values())) <= SMALL
     forms = tuple(
-        (name, variable.form if name in growing else variable.form._replace(inner=variable.shape))
+        (name, variable.form if name in growing else variable.form._replace(inner=shapes[name]))
         for name, variable in case.variables.items()
     )
     template = _template(forms, tuple((name, _like(value)) for name, value in attributes.items()), plain)

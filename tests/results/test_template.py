@@ -128,7 +128,7 @@ def test_a_case_without_rows_has_a_file(tmp_path):
 def test_more_rows_than_a_file_in_memory_may_have_are_written_alike(tmp_path, monkeypatch):
     case = contents(100)
     write_case(tmp_path / "made.h5", case)
-    monkeypatch.setattr(case_file, "ROWS_AS_BYTES", 100)
+    monkeypatch.setattr(case_file, "SMALL", 100)
     write_case(tmp_path / "written.h5", case)
     assert plainly(tmp_path / "made.h5") == plainly(tmp_path / "written.h5")
     assert (tmp_path / "made.h5").stat().st_size < (tmp_path / "written.h5").stat().st_size
