@@ -166,19 +166,19 @@ def _imported(path: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def by_address(called: Any) -> Any:
+def by_address(called: Any, *results: Any) -> Any:
     """Return a function, for kernels, that calls a kernel at an address with a tuple of arguments.
 
     Numba would compile the code of a called kernel once more as a part of each caller. `address_of` gives the
-    address.
+    address. Where the types of its `results` are given, other kernels of these types may be called too.
     """
 
     @intrinsic
     def call(_context: Any, _address: Any, arguments: Any) -> tuple[Any, Any]:
         kinds = tuple(map(nb.types.unliteral, arguments))
-        if kinds not in called.overloads:
+        if not (results or kinds in called.overloads):
             raise nb.TypingError(f"no address was taken of {called.__name__} for the types {kinds}")
-        result = called.overloads[kinds].signature.return_type
+        result = nb.types.Tuple(results) if results else called.overloads[kinds].signature.return_type
 
         def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
             own = cgutils.unpack_tuple(builder, values[1], len(kinds))

@@ -149,6 +149,23 @@ def contact_extent(touching: BoolArray, pressure: FloatArray, gap: FloatArray, g
     return ContactExtent(*_extent.py_func(int(number), area, crossings, grid.size, 2))
 
 
+@kernel(borrows=True)
+def extent_of_line(
+    touching: BoolArray, pressure: FloatArray, gap: FloatArray, _shape: tuple[int, int]
+) -> tuple[int, float, float]:
+    """`contact_extent` of a line for compiled loops."""
+    return line_extent(touching, pressure, gap)
+
+
+@kernel
+def extent_of_surface(
+    touching: BoolArray, pressure: FloatArray, gap: FloatArray, shape: tuple[int, int]
+) -> tuple[int, float, float]:
+    """`contact_extent` of a surface in two directions for compiled loops."""
+    number, area, crossings = _area(touching, pressure, gap, (0, 0), shape, shape[0])
+    return _extent(int(number), area, crossings, touching.size, 2)
+
+
 def _with_halo(field: NDArray[Any], rows: int, grid: Grid) -> NDArray[Any]:
     """Return a field, flat, with some rows of the neighbours before and after those of this rank."""
     if not rows:

@@ -107,20 +107,20 @@ def _counts(config: Config) -> tuple[int, int, float]:
 
 def _case(loop: str, config: Config) -> Case:
     case = Case(config)
-    case.compiled = LOOPS[loop]
+    case.stepwise = not LOOPS[loop]
     return case
 
 
 def _spent(loop: str, configs: list[Config]) -> Spent:
     with TemporaryDirectory() as name:
         out = Path(name) / "out"
-        Case.compiled = LOOPS[loop]
+        Case.stepwise = not LOOPS[loop]
         try:
             with assemble() as pool:
                 assert pool is not None
                 study = cpu_seconds(lambda: _run_sweep(len(configs), out, pool))
         finally:
-            Case.compiled = True
+            Case.stepwise = False
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     making, steps = np.sum([_in_memory(loop, config) for config in configs], axis=0)
     return Spent(study, making, steps, size)

@@ -162,7 +162,7 @@ class Drawn:
 
 def run(case, loop, recorder, progress=None, resume=None):
     """Run a case; return its warnings."""
-    case.compiled = LOOPS[loop]
+    case.stepwise = not LOOPS[loop]
     return case.run(recorder, progress, resume)
 
 
