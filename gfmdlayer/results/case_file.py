@@ -7,8 +7,9 @@
     z(z), layer(z); displacement_x, stress_xx and others                  (snapshot, z, x[, y])
     spring_strain, spring_force, from which these follow at any depth     (snapshot, spring, x[, y])
 
-The variables are views of a recording, so that a long run is not in memory twice. In the file, chunks carry
-checksums: damaged data are refused when they are read. The file ends with a seal, the checksum of all of it.
+The variables are views of a recording, so that a long run is not in memory twice. The file ends with a seal,
+the checksum of all of it; in a large one, or one with snapshots, chunks carry checksums too, so that damaged
+data are refused when they are read. A small file without snapshots is made of a `Template`.
 A case in two dimensions has a description for ParaView beside it.
 """
 
@@ -320,9 +321,10 @@ def write_case(path: str | Path, case: CaseContents, *, durable: bool = True) ->
     }
     contents = template.filled(values, attributes)
     if plain:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with naming(path), unfinished(path, durable=durable) as part:
-            write_new(part, sealed(contents))
+        with naming(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with unfinished(path, durable=durable) as part:
+                write_new(part, sealed(contents))
         return
     with new_file(path) as file:
         h5 = file.begin(contents)
@@ -359,7 +361,7 @@ def _like(value: Attribute) -> str | float | tuple[str, tuple[int, ...]]:
     return "" if isinstance(value, str) else 0 if isinstance(value, int) else 0.5
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def _template(
     forms: tuple[tuple[str, Form], ...],
     kinds: tuple[tuple[str, str | float | tuple[str, tuple[int, ...]]], ...],

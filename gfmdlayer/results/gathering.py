@@ -179,7 +179,7 @@ class _CaseBytes:
 
     def values(self, name: str) -> FloatArray:
         """Return the values of a variable."""
-        return self._template.values(self._bytes, name).astype(np.float64, copy=False)
+        return np.array(self._template.values(self._bytes, name), dtype=np.float64)
 
     def about(self, name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
         """Return dimensions and attributes of a variable, none of one without dimensions."""

@@ -34,7 +34,7 @@ _TEXT = 16  # bytes of the mark of a text
 _NONE = 2**64 - 1  # address of nothing
 _NULL = bytes(16)  # the reference to an empty text
 _LEAST_COLLECTION = 4096  # bytes
-
+_ODD = "surrogateescape"  # bytes of names of files that are no text, as h5py writes them
 
 _made: WeakSet[Template] = WeakSet()  # in this process
 
@@ -72,16 +72,17 @@ class Template:
         with h5py.File(memory, "w", libver="earliest") as h5:
             lay_out(h5)
             set_attributes(h5, marks)
-            words = [name for name in fixed if h5[name].dtype.kind == "O"]
+            words = {name: _mark(f"/{name}", "") for name in fixed if h5[name].dtype.kind == "O"}
             for name in fixed:
-                h5[name][...] = _mark(name, "") if name in words else 0
+                h5[name][...] = words.get(name, 0)
         self._bytes = bytearray(memory.getvalue())
         with h5py.File(memory, "r") as h5:
             self.names, self.noted = tuple(h5), tuple(h5.attrs)
             self._fixed = {name: (h5[name].id.get_offset(), h5[name].dtype, h5[name].shape) for name in fixed}
+            self._empty = {name: np.empty(h5[name].shape) for name in h5 if 0 in h5[name].shape}
             self._growing = {name: (*self._length_and_place(h5[name]), h5[name].dtype) for name in grows}
-        for name in words:
-            self._fixed[name] = self._reference(_mark(name, "")), None, ()
+        for name, mark in words.items():
+            self._fixed[name] = self._reference(mark), None, ()
         self._attributes = {name: self._place(mark) for name, mark in marks.items()}
         size = len(self._bytes)
         self._end = self._only(struct.pack("<QQQQ", 0, _NONE, size, _NONE)) + 16
@@ -136,6 +137,8 @@ class Template:
         """Return the values of a variable in a file."""
         if name in self._fixed:
             return np.asarray(self._held(file, *self._fixed[name]))
+        if name in self._empty:
+            return self._empty[name]
         length, place, dtype = self._growing[name]
         (count,), (address,) = struct.unpack_from("<Q", file, length), struct.unpack_from("<Q", file, place)
         return np.frombuffer(file, dtype, count, address if count else 0)
@@ -147,13 +150,13 @@ class Template:
         at = address + 16
         for _ in range(index - 1):
             at += 16 + -(-struct.unpack_from("<Q", file, at + 8)[0] // 8) * 8
-        return file[at + 16 : at + 16 + size].decode()
+        return file[at + 16 : at + 16 + size].decode(errors=_ODD)
 
     # Places in the bytes.
 
-    def _only(self, mark: bytes, start: int = 0) -> int:
+    def _only(self, mark: bytes) -> int:
         """Return the place of bytes that are there once."""
-        place = self._bytes.index(mark, start)
+        place = self._bytes.index(mark)
         assert self._bytes.find(mark, place + 1) < 0
         return place
 
@@ -193,7 +196,7 @@ def _collected(file: bytearray, texts: Iterable[tuple[int, str]]) -> bytes:
     """Return the collection of texts that follows the file, after setting the references to them."""
     parts, address = [], len(file)
     for index, (place, text) in enumerate(texts, start=1):
-        held = text.encode()
+        held = text.encode(errors=_ODD)
         reference = struct.pack("<IQI", len(held), address, index) if held else _NULL
         file[place : place + len(reference)] = reference
         parts.append(struct.pack("<HHIQ", index, 1, 0, len(held)) + held + bytes(-len(held) % 8))

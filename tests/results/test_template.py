@@ -9,6 +9,7 @@ from gfmdlayer.observables import Column
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import case_file
 from gfmdlayer.results.case_file import case_contents, write_case
+from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.reader import is_complete
 from gfmdlayer.results.recording import Recording
 from tests.recordings import named
@@ -37,6 +38,7 @@ def contents(rows, snapshots=0, text="x", numbers=(1.5, 2), bins=False, points=1
         recording.snapshot(float(i), named(x + i, x - i, x * i))
     about = {
         "name": text,
+        "control": "depth",
         "tau": numbers[0],
         "count": numbers[1],
         "depths": np.array(numbers),
@@ -110,12 +112,12 @@ def test_files_of_one_layout_have_what_hdf5_writes(tmp_path, snapshots, bins):
 
 @pytest.mark.parametrize("words", TEXTS[1:])
 def test_a_swept_word_is_a_text(tmp_path, words):
-    case = contents(3, swept={"punch.shape": words, "layer.thickness": 0.1})
+    case = contents(3, swept={"trajectory.control": words, "layer.thickness": 0.1})
     write_case(tmp_path / "ours.h5", case)
     written_by_hdf5(tmp_path / "theirs.h5", case)
     assert plainly(tmp_path / "ours.h5") == plainly(tmp_path / "theirs.h5")
     with xr.open_dataset(tmp_path / "ours.h5", engine="h5netcdf") as data:
-        assert data["shape"].item() == words
+        assert data["control"].item() == words
 
 
 def test_a_case_without_rows_has_a_file(tmp_path):
@@ -149,3 +151,32 @@ def test_other_programs_may_change_the_file(tmp_path):
             del h5["mine"], h5.attrs["note"]
             assert h5["depth"][:].tolist() == [i] * 50
             assert h5["time"][:].tolist() == list(range(50))
+
+
+def test_a_sweep_is_collected_alike_from_files_of_a_template_and_of_hdf5(tmp_path):
+    """With and without the templates of this process; a flipped bit of a column is noticed in both."""
+    keys = ["layer.thickness"]
+    every = [contents(5, text=f"{i}", bins=False, swept={keys[0]: 0.1 * i}) for i in range(4)]
+    sweeps = []
+    for write in write_case, written_by_hdf5:
+        folder = tmp_path / write.__name__
+        records = [CaseRecord(i, folder / f"{i}.h5", {keys[0]: 0.1 * i}) for i in range(4)]
+        folder.mkdir()
+        for record, case in zip(records, every, strict=True):
+            write(record.source, case)
+        sweeps.append(plainly(collect(folder, records, Swept(keys))))
+    assert sweeps[0] == sweeps[1]
+    spoiled = bytearray(records_of(tmp_path / "write_case")[2].read_bytes())
+    place = bytes(spoiled).index(every[2].values("depth").tobytes())
+    spoiled[place + 3] ^= 1
+    records_of(tmp_path / "write_case")[2].write_bytes(spoiled)
+    records = [
+        CaseRecord(i, p, {keys[0]: 0.1 * i}) for i, p in enumerate(records_of(tmp_path / "write_case"))
+    ]
+    with h5py.File(collect(tmp_path / "write_case", records, Swept(keys))) as h5:
+        assert h5.attrs["failed"] == "0002: no complete result file"
+
+
+def records_of(folder):
+    """Return the files of the cases."""
+    return sorted(folder.glob("[0-9].h5"))
