@@ -73,7 +73,7 @@ def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
         options |= {"fastmath": FASTMATH, "error_model": "numpy"}
     dispatcher = nb.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
-        dispatcher._cache = _LateCache(function)  # as cache=True does
+        dispatcher._cache = _LateCache(function)  # type: ignore[attr-defined]  # as cache=True does
     return dispatcher
 
 
@@ -99,7 +99,7 @@ class _LateCache:
         try:
             return _SourceCache(self._function)
         except RuntimeError:  # there is no place, or the sources have changed: each process compiles
-            return NullCache()  # type: ignore[no-untyped-call]
+            return NullCache()
 
 
 class _SourceCache(FunctionCache):
@@ -109,14 +109,14 @@ class _SourceCache(FunctionCache):
         super().__init__(function)  # type: ignore[no-untyped-call]
         stamp = source_digest(Path(inspect.getfile(function)))
         place = self._cache_path, self._impl.filename_base
-        self._cache_file = IndexDataCacheFile(*place, stamp)
+        self._cache_file = IndexDataCacheFile(*place, stamp)  # type: ignore[no-untyped-call]
         # Compared before the index is read, which may name types that are gone from the sources.
         self._cache_file._version = f"{nb.__version__} {stamp}"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load a compiled kernel, without all that Numba imports to compile one: a fifth of a second."""
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
+        with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 

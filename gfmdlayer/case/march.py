@@ -67,7 +67,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class Constants(NamedTuple):
+class LoopConstants(NamedTuple):
     """Numbers that stay the same for a run."""
 
     by_depth: bool
@@ -85,7 +85,7 @@ class Constants(NamedTuple):
     extent: int  # address of `contact_statistics.extent_of_line` or `extent_of_surface`
 
 
-class Surface(NamedTuple):
+class PressedSurface(NamedTuple):
     """The surface under the punch: one value a point, or a mode."""
 
     obstacle: FloatArray  # surface of the punch at depth zero
@@ -130,11 +130,11 @@ NOW = np.dtype(
 @kernel(borrows=True)
 def march(
     solver: SolverArrays,
-    surface: Surface,
+    surface: PressedSurface,
     modes: ModeArrays,
     errors: ErrorArrays,
     ring: Ring,
-    constants: Constants,
+    constants: LoopConstants,
     control: StepControl,
     fixed: FixedPoints,
     record: npt.NDArray[Any],
@@ -191,7 +191,7 @@ def _accepted(
     control: StepControl,
     modes: ModeArrays,
     errors: ErrorArrays,
-    surface: Surface,
+    surface: PressedSurface,
     point: Point,
     response: float,
     depth: float,
@@ -235,10 +235,10 @@ def _value_at(ramp: bool, times: FloatArray, values: FloatArray, time: float) ->
 @kernel(inner=True, borrows=True)
 def _solved(
     solver: SolverArrays,
-    surface: Surface,
+    surface: PressedSurface,
     modes: ModeArrays,
     ring: Ring,
-    constants: Constants,
+    constants: LoopConstants,
     prescribed: float,
     place: int,
 ) -> StepResult:
@@ -276,7 +276,11 @@ def _smallest(stiffness: FloatArray) -> float:
 
 @kernel(inner=True, borrows=True)
 def _depth_under_load(
-    surface: Surface, modes: ModeArrays, constants: Constants, record: npt.NDArray[Any], load: float
+    surface: PressedSurface,
+    modes: ModeArrays,
+    constants: LoopConstants,
+    record: npt.NDArray[Any],
+    load: float,
 ) -> float:
     """Give the surface the mean that a load gives it; return the depth (`Loading.surface`)."""
     size, height = surface.u.size, 0.0
@@ -293,10 +297,10 @@ _extent = by_address(extent_of_line, nb.int64, nb.float64, nb.float64)
 
 @kernel(inner=True, borrows=True)
 def _measure(
-    surface: Surface,
+    surface: PressedSurface,
     errors: ErrorArrays,
     ring: Ring,
-    constants: Constants,
+    constants: LoopConstants,
     record: npt.NDArray[Any],
     row: FloatArray,
     result: StepResult,
@@ -422,7 +426,7 @@ class March:
             times, values = (drive.ramp_time,), (drive.target,)
         else:
             times, values = drive.times, drive.values
-        self._surface = Surface(
+        self._surface = PressedSurface(
             obstacle=loading.punch.copy(),  # arrays of a sweep are read-only, for which kernels differ
             h=field() if by_depth else loading.obstacle.copy(),
             b=b,
@@ -439,7 +443,7 @@ class March:
         measured = extent_of_line if rows == 1 else extent_of_surface
         self._ring = Ring(np.empty((3, size)), np.empty((3, size)), np.zeros(1, RING))
         adaptive = isinstance(steps, AdaptiveSteps)
-        self._constants = Constants(
+        self._constants = LoopConstants(
             by_depth=by_depth,
             ramp=isinstance(drive, RampHold),
             adaptive=adaptive,

@@ -276,7 +276,7 @@ class Recording:
         if columns.keys() != self.widths.keys():
             raise ValueError(f"row has columns {sorted(columns)}, the first had {sorted(self.widths)}")
 
-    def _must_follow(self, instant: float) -> None:
+    def _must_follow(self, instant: Any) -> None:
         if not instant > self._last_time:
             raise ValueError(f"row at time {instant} follows one at {self._last_time}")
 
