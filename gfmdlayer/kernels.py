@@ -11,17 +11,20 @@ import fcntl
 import hashlib
 import inspect
 import re
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numba as nb
 from llvmlite import ir
+from numba._dispatcher import compute_fingerprint
 from numba.core import cgutils
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
 from gfmdlayer.files.cache import is_writable, user_cache
@@ -37,6 +40,7 @@ FASTMATH = {"reassoc", "contract"}
 LANES = 256
 
 _PACKAGE = Path(__file__).parent
+_BEGUN = time.time()
 _IMPORT = re.compile(rb"^from gfmdlayer((?:\.\w+)*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -69,9 +73,7 @@ def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
         options |= {"fastmath": FASTMATH, "error_model": "numpy"}
     dispatcher = nb.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
-        _choose_place()
-        with suppress(RuntimeError):  # there is no place: each process compiles
-            dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined]  # as cache=True does
+        dispatcher._cache = _LateCache(function)  # type: ignore[attr-defined]  # as cache=True does
     return dispatcher
 
 
@@ -80,6 +82,24 @@ def _choose_place() -> None:
     """Keep compiled code beside the sources, or among the user's caches where it cannot be kept there."""
     if not (nb.config.CACHE_DIR or is_writable(_PACKAGE / "__pycache__")):  # type: ignore[attr-defined]
         nb.config.CACHE_DIR = str(user_cache() / "kernels")  # type: ignore[attr-defined]
+
+
+class _LateCache:
+    """The cache of a kernel, made at its first call: a process calls few of the kernels that it imports."""
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+    @cached_property
+    def _cache(self) -> Any:
+        _choose_place()
+        try:
+            return _SourceCache(self._function)
+        except RuntimeError:  # there is no place, or the sources have changed: each process compiles
+            return NullCache()  # type: ignore[no-untyped-call]
 
 
 class _SourceCache(FunctionCache):
@@ -93,11 +113,18 @@ class _SourceCache(FunctionCache):
         # Compared before the index is read, which may name types that are gone from the sources.
         self._cache_file._version = f"{nb.__version__} {stamp}"
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load a compiled kernel, without all that Numba imports to compile one: a fifth of a second."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+
 
 @contextmanager
 def compiling() -> Iterator[None]:
     """Let one process at a time compile; those that wait then find the kernels in the cache."""
     with ExitStack() as stack:
+        _choose_place()
         with suppress(OSError):  # on a file system without locks all may compile
             place = Path(nb.config.CACHE_DIR or _PACKAGE / "__pycache__")  # type: ignore[attr-defined]
             file = stack.enter_context((place / "compiling.lock").open("w"))
@@ -123,6 +150,8 @@ def source_digest(module: Path) -> str:
 
 @cache
 def _contents(path: Path) -> bytes:
+    if path.stat().st_mtime > _BEGUN:  # this process may have imported what it contained before
+        raise RuntimeError(f"{path} has changed")
     return path.read_bytes()
 
 
@@ -137,19 +166,19 @@ def _imported(path: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def by_address(called: Any) -> Any:
+def by_address(called: Any, *results: Any) -> Any:
     """Return a function, for kernels, that calls a kernel at an address with a tuple of arguments.
 
     Numba would compile the code of a called kernel once more as a part of each caller. `address_of` gives the
-    address.
+    address. Where the types of its `results` are given, other kernels of these types may be called too.
     """
 
     @intrinsic
     def call(_context: Any, _address: Any, arguments: Any) -> tuple[Any, Any]:
         kinds = tuple(map(nb.types.unliteral, arguments))
-        if kinds not in called.overloads:
+        if not (results or kinds in called.overloads):
             raise nb.TypingError(f"no address was taken of {called.__name__} for the types {kinds}")
-        result = called.overloads[kinds].signature.return_type
+        result = nb.types.Tuple(results) if results else called.overloads[kinds].signature.return_type
 
         def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
             own = cgutils.unpack_tuple(builder, values[1], len(kinds))
@@ -169,30 +198,37 @@ def by_address(called: Any) -> Any:
 
 def address_of(called: Any, *arguments: Any) -> int:
     """Return the address of a kernel for arguments of these types, compiled or from the cache."""
-    kinds = tuple(map(nb.typeof, arguments))
-    called.compile(kinds)
-    overload = called.overloads[kinds]
-    return int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+    # Numba's own short form of the types, which takes a hundredth of the time of the types themselves.
+    key = called, compute_fingerprint(arguments)
+    if key not in _addresses:
+        kinds = tuple(map(nb.typeof, arguments))
+        called.compile(kinds)
+        overload = called.overloads[kinds]
+        _addresses[key] = int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+    return _addresses[key]
 
 
-_ROW = nb.types.Array(nb.types.float64, 1, "C")
+_addresses: dict[tuple[Any, bytes], int] = {}
 
 
-def _filled(_context: Any, count: Any, _value: Any) -> tuple[Any, Any]:
+def _filled(_context: Any, count: Any, value: Any) -> tuple[Any, Any]:
     """Return a number of copies of a value on the stack of the kernel; the number is a constant."""
+    of_row = nb.types.Array(value, 1, "C")
 
     def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         from numba.np.arrayobj import make_array, populate_array  # loads all that Numba knows of arrays
 
-        size, width = (ir.Constant(ir.IntType(64), number) for number in (count.literal_value, 8))
-        place = cgutils.alloca_once(builder, ir.DoubleType(), size=size)
+        size, width = (
+            ir.Constant(ir.IntType(64), number) for number in (count.literal_value, value.bitwidth // 8)
+        )
+        place = cgutils.alloca_once(builder, values[1].type, size=size)
         with cgutils.for_range(builder, size) as loop:
             builder.store(values[1], builder.gep(place, [loop.index]))
-        row = make_array(_ROW)(context, builder)
+        row = make_array(of_row)(context, builder)
         populate_array(row, data=place, shape=[size], strides=[width], itemsize=width, meminfo=None)
         return row._getvalue()
 
-    return _ROW(count, nb.types.float64), generate
+    return of_row(count, value), generate
 
 
 filled: Any = intrinsic(prefer_literal=True)(_filled)

@@ -47,6 +47,32 @@ def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_module_has
     assert printed(PROGRAM, tmp_path, NUMBA_CACHE_DIR=str(kept)) == "True"
 
 
+EDITED = """
+from pathlib import Path
+import gfmdlayer
+from gfmdlayer.contact import residual
+file = Path(residual.__file__)
+file.write_text(file.read_text().replace("return abs(pressure if", "return 0.0 * abs(pressure if"))
+"""
+
+
+def test_a_process_whose_sources_change_after_their_import_keeps_no_kernel(tmp_path):
+    """Its kernels are those of the earlier sources, and would be taken for those of the present ones."""
+    copied(tmp_path)
+    kept = tmp_path / "cache"
+    assert printed(EDITED + PROGRAM, tmp_path, NUMBA_CACHE_DIR=str(kept)) == "False"
+    assert not list(kept.rglob("*satisfies_kkt*.nbc"))
+    assert printed(PROGRAM, tmp_path, NUMBA_CACHE_DIR=str(kept)) == "True"
+
+
+def test_kernels_from_the_cache_need_nothing_that_only_the_compiler_needs(tmp_path):
+    program = (
+        PROGRAM + "import sys; print({'scipy.linalg', 'numba.np.arraymath'} & {*sys.modules} or 'nothing')"
+    )
+    printed(PROGRAM, PACKAGE.parent, NUMBA_CACHE_DIR=str(tmp_path))
+    assert printed(program, PACKAGE.parent, NUMBA_CACHE_DIR=str(tmp_path)).split() == ["False", "nothing"]
+
+
 HOMELESS = """
 import pwd
 def unknown(_):

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import numba as nb
 import numpy as np
 import numpy.typing as npt
 
@@ -41,8 +42,8 @@ from gfmdlayer.history.adaptive_steps import (
 )
 from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
 from gfmdlayer.history.modes import ModeArrays, Modes
-from gfmdlayer.kernels import filled, kernel
-from gfmdlayer.observables.contact_statistics import line_extent
+from gfmdlayer.kernels import address_of, by_address, filled, kernel
+from gfmdlayer.observables.contact_statistics import extent_of_line, extent_of_surface
 from gfmdlayer.step import Fields, Instant
 from gfmdlayer.time_functions import RampHold, Table
 
@@ -75,6 +76,8 @@ class Constants(NamedTuple):
     lowest: float  # height of the lowest point of the grid
     unit: float  # of mean_pressure
     cell: float  # area of the cell, of a line its length
+    shape: tuple[int, int]  # rows and columns; a line has one row
+    extent: int  # address of `contact_statistics.extent_of_line` or `extent_of_surface`
 
 
 class Surface(NamedTuple):
@@ -280,6 +283,9 @@ def _depth_under_load(
     return shift + constants.lowest
 
 
+_extent = by_address(extent_of_line, nb.int64, nb.float64, nb.float64)
+
+
 @kernel(inner=True, borrows=True)
 def _measure(
     surface: Surface,
@@ -299,7 +305,7 @@ def _measure(
     floor = ResidualFloor(_smallest(surface.problem_stiffness), constants.least_depth, 0.0, np.inf)
     pressure_scale, depth_scale = scales_of(p, surface.u, floor)
     mark_contact(p, gap, 1.0 / pressure_scale, 1.0 / depth_scale, surface.touching)
-    points, between, error = line_extent(surface.touching, p, gap)
+    points, between, error = _extent(constants.extent, (surface.touching, p, gap, constants.shape))
     now.most = max(now.most, points)
     stored, dissipated, curve = errors.now[0].stored, errors.now[0].dissipated, now.curve
     energies = stored + dissipated
@@ -373,6 +379,7 @@ def _sum_of_block(x: FloatArray, first: int, count: int) -> float:
 
 
 FEWEST_ROWS = 256
+MOST_POINTS = 1 << 16  # beyond, copies of the fields cost more than Python's part of a step
 POINTS = 1 << 18  # points times attempts between two looks at signals
 ATTEMPTS = 256  # between two looks at signals, at most
 
@@ -380,8 +387,8 @@ ATTEMPTS = 256  # between two looks at signals, at most
 class BlockRecorder(Recorder, Protocol):
     """A recorder that takes many rows at once."""
 
-    def extend(self, columns: Mapping[str, FloatArray]) -> None:
-        """Record rows by their columns."""
+    def extend(self, widths: Mapping[str, int], rows: FloatArray) -> None:
+        """Record rows, whose columns have these widths."""
 
 
 class March:
@@ -416,6 +423,8 @@ class March:
             drive_times=np.array(times, dtype=np.float64),
             drive_values=np.array(values, dtype=np.float64),
         )
+        shape = (1, *case.grid.points)[-2:]
+        measured = extent_of_line if shape[0] == 1 else extent_of_surface
         self._ring = Ring(np.empty((3, size)), np.empty((3, size)), np.zeros(1, RING))
         adaptive = isinstance(case.steps, AdaptiveSteps)
         self._constants = Constants(
@@ -430,6 +439,8 @@ class March:
             lowest=loading.lowest,
             unit=2 * config.solid.unit,
             cell=math.prod(case.grid.period),
+            shape=shape,
+            extent=address_of(measured, *_MEASURED),
         )
         work = [np.empty(2 * count if adaptive else 0) for _ in range(5)]
         weights = sums.weights, sums.weights_twice
@@ -450,8 +461,8 @@ class March:
         return (
             [*map(type, parts)] == [ActiveSet, Modes, PressurePrediction, Loading]
             and isinstance(loading.trajectory, RampHold | Table)
-            and len(case.grid.points) == 1
             and case.grid.ranks.count == 1
+            and case.grid.size <= MOST_POINTS
             and not loading.interface.attracts
             and not contact.imprint.yields
             and contact.reach is None
@@ -499,7 +510,7 @@ class March:
         """Record the rows of a stretch."""
         count, taken = int(self._now["rows"][0]), int(self._now["point"][0])
         if count:
-            recorder.extend(dict(zip(COLUMNS, self._rows[:count].T, strict=True)))
+            recorder.extend(dict.fromkeys(COLUMNS, 1), self._rows[:count])
             self._rows, self._now["rows"] = np.empty_like(self._rows), 0
         if taken:
             self._steps.advance(taken)
@@ -573,6 +584,7 @@ def _points(instants: list[Instant]) -> FixedPoints:
     )
 
 
+_MEASURED = np.zeros(0, np.bool_), np.zeros(0), np.zeros(0), (1, 1)  # arguments, for their types
 _NO_POINTS = _points([])
 _NO_CONTROL = StepControl(
     _NO_POINTS.times, _NO_POINTS.marks, 0.0, 0.0, 0.0, 0.0, False, *np.zeros((2, 1), STEP_STATE)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numba as nb
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
@@ -74,7 +75,7 @@ def _symbols(grid: Grid) -> Callable[[int, int, IntArray], FloatArray]:
     return symbol
 
 
-@kernel(inner=True)
+@nb.njit(inline="always")
 def _row(k: int, rows: Any, before: Any, after: Any) -> Any:
     """A row of a field, or one of those beside it."""
     if k < 0:
@@ -82,7 +83,7 @@ def _row(k: int, rows: Any, before: Any, after: Any) -> Any:
     return rows[k] if k < rows.shape[0] else after[k - rows.shape[0]]
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, result: Any, work: Any) -> None:
     """Write row i of the stencil applied to a periodic field, shape (rows, columns)."""
     # `before` and `after` are the two rows on either side of those of this process (`Grid.halo`); `work` is

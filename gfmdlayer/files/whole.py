@@ -42,7 +42,7 @@ def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) 
     Without `replace` an earlier file stays, and FileExistsError says so.
     """
     if durable:
-        _synchronise(part)
+        synchronise(part)
     if replace:
         part.replace(path)
     else:
@@ -58,7 +58,7 @@ def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) 
             part.unlink()
     if durable:
         with suppress(OSError):  # some network file systems refuse; the file is whole all the same
-            _synchronise(path.parent)
+            synchronise(path.parent)
 
 
 @contextmanager
@@ -86,7 +86,7 @@ def cannot_be_written(error: OSError) -> str:
     return f"cannot be written ({error.strerror or error}{named})"
 
 
-def _synchronise(path: Path) -> None:
+def synchronise(path: Path) -> None:
     """Wait until a file or folder is on the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
@@ -113,6 +113,11 @@ def seal(file: BinaryIO) -> None:
     checksum = _checksum(file, size)
     file.seek(size)
     file.write(_FORM % checksum)
+
+
+def sealed(contents: bytes) -> bytes:
+    """Return the contents of a file with its seal."""
+    return contents + _FORM % zlib.crc32(contents)
 
 
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:

@@ -14,7 +14,7 @@ import ctypes
 import math
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import find_spec
@@ -80,6 +80,22 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "forget_wisdom": (None, []),
 }
 C: Any = _library()
+
+
+# Fields are made anew in each step. Memory of some megabytes would go back to the system each time, and come
+# again page by page, empty: a seventh of a step of 512 x 512 points. The options stand in malloc.h.
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = (-1, 1 << 28), (-3, 1 << 25)  # bytes; the second is the largest allowed
+
+
+def _keep_freed_memory() -> None:
+    """Let the C library keep freed memory for the next step, where it can."""
+    with suppress(AttributeError):
+        set_option = ctypes.CDLL(None).mallopt
+        for option, size in (_TRIM_THRESHOLD, _MMAP_THRESHOLD):
+            set_option(option, size)
+
+
+_keep_freed_memory()
 
 
 def _functions(prefix: str) -> Any:

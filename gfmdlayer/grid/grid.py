@@ -140,6 +140,8 @@ class Grid:
     def halo(self, rows: NDArray[Any], before: int, after: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return rows of the periodic surface before and after those held, of shape (rows, columns)."""
         held = len(rows)
+        if max(before, after) <= held:
+            return rows[held - before :], rows[:after]
         return rows[np.arange(-before, 0) % held], rows[np.arange(after) % held]
 
     def coarser(self, fewest: int) -> Grid | None:

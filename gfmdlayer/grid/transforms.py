@@ -21,8 +21,9 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.fftw import DOUBLE, SINGLE, address, aligned, call, column_plans, row_plans, whole_plans
+from gfmdlayer.grid.fftw import DOUBLE, SINGLE, address, aligned, column_plans, row_plans, whole_plans
 from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.kernels import kernel
 
 
 class Plans(NamedTuple):
@@ -54,6 +55,12 @@ def execute(
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, source, target), codegen
+
+
+@kernel(borrows=True)
+def _execute(function: int, plan: int, source: Any, target: Any) -> None:
+    """`execute` for Python: a tenth of the time of a call through ctypes."""
+    execute(function, plan, source, target)  # type: ignore[call-arg]
 
 
 @nb.njit(inline="always")
@@ -192,11 +199,11 @@ class Transforms:
 
     def transform(self, field: Any, spectrum: Any) -> None:
         """Write the transform of a field; both flat, from `empty_field` and `empty_spectrum`."""
-        call(self.plans.execute_forward, self.plans.forward_plan, field.ctypes.data, spectrum.ctypes.data)
+        _execute(self.plans.execute_forward, self.plans.forward_plan, field, spectrum)
 
     def transform_back(self, spectrum: Any, field: Any) -> None:
         """Write the inverse transform of a spectrum, which is destroyed; both flat."""
-        call(self.plans.execute_backward, self.plans.backward_plan, spectrum.ctypes.data, field.ctypes.data)
+        _execute(self.plans.execute_backward, self.plans.backward_plan, spectrum, field)
 
     def truncated(self, spectrum: npt.NDArray[Any], coarser: Transforms) -> npt.NDArray[Any]:
         """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.results.case_file import Labelled, labelled
 from gfmdlayer.results.names import VARIABLES
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.validation.units import Units
@@ -99,12 +100,9 @@ def dataset(
     meanings: Mapping[str, Mapping[str, str]] = MEANINGS,
 ) -> xarray.Dataset:
     """Return fields on the grid, of any shape with its points in order, and numbers of the contact."""
-    import xarray
-
     axes = dict(zip("xy", grid.coordinates, strict=False))
-    held: dict[str, Any] = {
-        name: (tuple(axes), values.reshape(grid.shape), meanings[name]) for name, values in fields.items()
-    }
-    held |= {name: ((), value, meanings[name]) for name, value in scalars.items()}
-    coords = {name: ((name,), x, meanings[name]) for name, x in axes.items()}
-    return xarray.Dataset(held, coords, provenance())
+    about = {name: tuple(entry.items()) for name, entry in meanings.items()}
+    held: dict[str, Labelled] = {name: ((name,), x, about[name]) for name, x in axes.items()}
+    held |= {name: (tuple(axes), field.reshape(grid.shape), about[name]) for name, field in fields.items()}
+    held |= {name: ((), np.asarray(value), about[name]) for name, value in scalars.items()}
+    return labelled(held, axes, provenance())

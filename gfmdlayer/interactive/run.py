@@ -15,7 +15,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from multiprocessing import current_process, parent_process
 from pathlib import Path
@@ -42,7 +42,7 @@ from gfmdlayer.results.reader import open_results
 from gfmdlayer.results.recording import Recording
 from gfmdlayer.study import case_run, interrupts, workers
 from gfmdlayer.study.cases import Cases, SweepCase, checked, label
-from gfmdlayer.study.claims import Claim, running
+from gfmdlayer.study.claims import AtWork, Claim
 from gfmdlayer.study.folder import Folder, name_of_run, read_config
 from gfmdlayer.study.progress import PREPARATION, Display, Progress, Reporter, make_display
 from gfmdlayer.study.run import RunOptions, run_study
@@ -222,8 +222,8 @@ class Result(NamedTuple):
     said: Sequence[str] = ()
 
 
-def _compute(case: SweepCase, folder: Folder, threads: int) -> Outcome:
-    """Run a case in memory, with its claim in a folder."""
+def _compute(case: SweepCase, threads: int, claim: Claim | AtWork) -> Outcome:
+    """Run a case in memory."""
     begun, config = time.monotonic(), case.config
     try:
         model = model_of(config, threads, drives=case.drives)
@@ -233,7 +233,7 @@ def _compute(case: SweepCase, folder: Folder, threads: int) -> Outcome:
             about = described, model.columns, config.unit, case.values, model.places
             return case_contents(recording, model.coordinates, *about)
 
-        with Claim(folder, case.index, config.time.end, label(case.values)) as claim:
+        with claim:
             try:
                 said = model.run(recording, claim.advance)
             except ConvergenceError as error:
@@ -251,25 +251,13 @@ def _compute(case: SweepCase, folder: Folder, threads: int) -> Outcome:
 
 
 def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int) -> xarray.Dataset:
-    """Run the cases on a pool of processes, this one among them; return their data."""
+    """Run the cases on a number of processes, this one among them; return their data."""
     config, every, display = cases.config, list(cases), chosen_display(progress)
     _warn(notes(case.config for case in every), 4)
-    show = None if display is None else lambda: display
-    outcomes: dict[int, Outcome] = {}
-    with (
-        _scratch() as folder,
-        pool_of(min(jobs, len(every))) as pool,
-        Reporter(folder, range(len(every)), 0, show) as reporter,
-        _silence(folder, reporter),
-    ):
-        if not pool.alone:  # before several processes do
-            _warn(case_run.warm_up(every), 4)
-        task = partial(_compute, folder=folder, threads=threads)
-        schedule = Schedule(pool, task, folder, reporter.ended)
-        reporter.at_work = schedule.at_work
-        for outcome in schedule.run(every):
-            outcomes[outcome.index] = outcome
-    results = [outcomes[case.index] for case in every]
+    if min(jobs, len(every)) == 1:
+        results = _one_after_the_other(every, display, threads)
+    else:
+        results = _side_by_side(every, display, min(jobs, len(every)), threads)
     if any(outcome.state == "stopped" for outcome in results):
         raise KeyboardInterrupt
     if not config.sweep:
@@ -280,6 +268,61 @@ def _run_in_memory(cases: Cases, progress: bool | None, jobs: int, threads: int)
         assert result.data is not None
         return result.data.dataset()
     return _gathered(config, every, results)
+
+
+def _one_after_the_other(every: Sequence[SweepCase], display: Display | None, threads: int) -> list[Outcome]:
+    """Run the cases in this process, without a folder."""
+    outcomes: list[Outcome] = []
+    at_work: list[AtWork] = []
+    with ExitStack() as shown:
+        reporter = None
+        if display is not None:
+            reporter = _reported(shown, Folder(Path(os.devnull), name_of_run()), every, display)
+            reporter.at_work = lambda: [case.index for case in at_work]
+            reporter.claims = lambda _: [case.running for case in at_work]
+        for case in every:
+            at_work[:] = [AtWork(case.index, case.config.time.end, label(case.values))]
+            outcomes.append(_compute(case, threads, at_work[0]))
+            at_work.clear()
+            if reporter is not None:
+                reporter.ended(outcomes[-1])
+    return outcomes
+
+
+def _side_by_side(
+    every: Sequence[SweepCase], display: Display | None, jobs: int, threads: int
+) -> list[Outcome]:
+    """Run the cases on a pool of processes, this one among them."""
+    outcomes: dict[int, Outcome] = {}
+    with _scratch() as folder, pool_of(jobs) as pool, ExitStack() as shown:
+        reporter = _reported(shown, folder, every, display or Display())
+        _warn(case_run.warm_up(every), 5)  # before several processes do
+        task = partial(_compute_claimed, folder=folder, threads=threads)
+        schedule = Schedule(pool, task, folder, reporter.ended)
+        reporter.at_work = schedule.at_work
+        for outcome in schedule.run(every):
+            outcomes[outcome.index] = outcome
+    return [outcomes[case.index] for case in every]
+
+
+def _compute_claimed(case: SweepCase, folder: Folder, threads: int) -> Outcome:
+    """Run a case in memory, with its claim in a folder."""
+    claim = Claim(folder, case.index, case.config.time.end, label(case.values))
+    return _compute(case, threads, claim)
+
+
+def _reported(shown: ExitStack, folder: Folder, every: Sequence[SweepCase], display: Display) -> Reporter:
+    """Show the progress of the cases until the end of a block; say what goes on in a long first step."""
+    reporter = shown.enter_context(Reporter(folder, range(len(every)), 0, lambda: display))
+    timer = threading.Timer(PREPARATION, _say_what_goes_on, [reporter])
+    timer.start()
+    shown.callback(timer.cancel)
+    return reporter
+
+
+def _say_what_goes_on(reporter: Reporter) -> None:
+    if all(case.steps == 0 for case in reporter.claims(None)):
+        reporter.note(_PREPARING)
 
 
 def _result(outcome: Outcome) -> Result:
@@ -300,22 +343,6 @@ def _scratch() -> Iterator[Folder]:
         folder = Folder(Path(name), name_of_run())
         folder.cases.mkdir()
         yield folder
-
-
-@contextmanager
-def _silence(folder: Folder, reporter: Reporter) -> Iterator[None]:
-    """Say what goes on where the first step takes long."""
-
-    def look() -> None:
-        if all(case.steps == 0 for case in running(folder)):
-            reporter.note(_PREPARING)
-
-    timer = threading.Timer(PREPARATION, look)
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
 
 
 def pool_of(jobs: int) -> AbstractContextManager[workers.WorkerPool]:

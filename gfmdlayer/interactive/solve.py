@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from inspect import signature
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -35,6 +37,7 @@ from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, number
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
+from gfmdlayer.made_once import made_once
 from gfmdlayer.observables import totals
 from gfmdlayer.observables.contact import FEWEST, UPSIDE_DOWN
 from gfmdlayer.observables.contact_statistics import contact_extent, is_upside_down
@@ -42,6 +45,7 @@ from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import fitting, numbers, outward_heights
 from gfmdlayer.time_functions import Constant
 from gfmdlayer.validation.problems import nearest, shown
+from gfmdlayer.validation.sections import plain
 
 if TYPE_CHECKING:
     import xarray
@@ -253,8 +257,8 @@ def solve(
 
 def _check_options(options: Mapping[str, object]) -> None:
     """Raise a ConfigError for a misspelt argument of `solve`."""
-    known = [*list(signature(solve).parameters)[2:-1], *Options.__annotations__]
     if unknown := sorted(options.keys() - Options.__annotations__.keys()):
+        known = [*list(signature(solve).parameters)[2:-1], *Options.__annotations__]
         allowed = f"unknown argument; allowed: {', '.join(known)}"
         raise ConfigError(f"{name}: {allowed}{nearest(name, known)}" for name in unknown)
 
@@ -287,11 +291,20 @@ def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
 
 def _config(grid: Mapping[str, Any], solver: Mapping[str, object], sections: Mapping[str, Any]) -> Config:
     """Return the checked configuration of grid, solver, and a punch or an interface given by its keys."""
+    data, text = {"name": "solve", "grid": grid, "solver": solver, **sections}, ""
+    if not sections:  # which may name files
+        with suppress(TypeError):  # of values that are refused
+            text = json.dumps(plain(data))
     try:
-        return from_python({"name": "solve", "grid": grid, "solver": solver, **sections})
+        return _config_of(text) if text else from_python(data)
     except ConfigError as error:
         lines = (line.removeprefix("grid.").removeprefix("solver.") for line in error.problems)
         raise ConfigError(lines) from None
+
+
+@made_once(lambda _: 1 << 10)
+def _config_of(text: str) -> Config:
+    return from_python(json.loads(text))
 
 
 def _prescribed(

@@ -121,7 +121,6 @@ T0, T1 = 0.1896, 0.0885
 U0, U1, U2 = 0.9021, -0.3620, 0.2695
 _OFF, _OFF_LINE = 0.35, 0.02  # spacings, see `_extent`
 WIDEST = 1.25  # u beyond which the gap does not vanish as beside a smooth punch; at t = -T0 it is 1.13
-Line = tuple[int, int, int, int]
 
 FARTHEST = 512  # points along which contact and gap are measured
 _BLOCK = 64  # points or cells that are passed over together where all are in contact, or none
@@ -150,6 +149,23 @@ def contact_extent(touching: BoolArray, pressure: FloatArray, gap: FloatArray, g
     return ContactExtent(*_extent.py_func(int(number), area, crossings, grid.size, 2))
 
 
+@kernel(borrows=True)
+def extent_of_line(
+    touching: BoolArray, pressure: FloatArray, gap: FloatArray, _shape: tuple[int, int]
+) -> tuple[int, float, float]:
+    """`contact_extent` of a line for compiled loops."""
+    return line_extent(touching, pressure, gap)
+
+
+@kernel
+def extent_of_surface(
+    touching: BoolArray, pressure: FloatArray, gap: FloatArray, shape: tuple[int, int]
+) -> tuple[int, float, float]:
+    """`contact_extent` of a surface in two directions for compiled loops."""
+    number, area, crossings = _area(touching, pressure, gap, (0, 0), shape, shape[0])
+    return _extent(int(number), area, crossings, touching.size, 2)
+
+
 def _with_halo(field: NDArray[Any], rows: int, grid: Grid) -> NDArray[Any]:
     """Return a field, flat, with some rows of the neighbours before and after those of this rank."""
     if not rows:
@@ -161,24 +177,20 @@ def _with_halo(field: NDArray[Any], rows: int, grid: Grid) -> NDArray[Any]:
 
 @kernel(inner=True, borrows=True)
 def _edge(
-    touching: BoolArray,
     pressure: FloatArray,
     gap: FloatArray,
-    line: Line,
-    marks: Line,
-    farthest: int,
+    line: tuple[int, int, int, int],
     step: int,
+    inside: int,
+    outside: int,
 ) -> float:
     """Place of the edge between a point in contact and the next along a line, in spacings from the point.
 
-    A line is (index of its first point, stride, number of points, place of the point on it), and periodic:
-    `line` is of pressure and gap, `marks` of `touching`. Contact and gap are measured along `farthest`
-    points; step is 1 or -1.
+    A line is (index of its first point, stride, number of points, place of the point on it), and periodic;
+    step is 1 or -1. `inside` and `outside` are the points on either side of the edge that are in contact, and
+    out of it, as many as are measured.
     """
-    start, span, many, place = marks
     first, stride, n, at = line
-    inside = _run(touching, start, span, many, place, -step, farthest)
-    outside = _run(touching, start, span, many, (place + step) % many, step, farthest)
     s0 = max(pressure[first + at * stride], 0.0) ** 2
     s1 = max(pressure[first + (at - step) % n * stride], 0.0) ** 2 if inside > 1 else 0.0
     q0 = max(gap[first + (at + step) % n * stride], 0.0) ** (2.0 / 3.0)
@@ -209,14 +221,55 @@ def _edge(
 
 
 @kernel(inner=True, borrows=True)
-def _run(touching: BoolArray, start: int, span: int, many: int, place: int, step: int, farthest: int) -> int:
-    """Points along a line from one on that are all in contact or all out of it, as many as are measured."""
-    state, length = touching[start + place * span], 0
-    while length < farthest and touching[start + place * span] == state:
-        length += 1
-        place += step
-        place = place - many if place == many else (many - 1 if place < 0 else place)
-    return length
+def _run(marks: BoolArray, place: int, step: int) -> int:
+    """Points of a line from one on that are all in contact or all out of it, as many as are measured."""
+    n, state, length, slowly = marks.size, marks[place], 0, 0
+    farthest = min(n, FARTHEST)
+    while length < farthest and marks[place] == state:
+        many, low = 1, place if step > 0 else place - _BLOCK
+        if slowly == 0:
+            many = _BLOCK if low >= 0 and low + _BLOCK < n and _alike(marks[low : low + _BLOCK + 1]) else 1
+            slowly = 0 if many > 1 else _BLOCK
+        slowly -= slowly > 0
+        length += many
+        place += many * step
+        place = place - n if place == n else (n - 1 if place < 0 else place)
+    return min(length, farthest)
+
+
+@kernel(inner=True)
+def _runs_across(marks: BoolArray, begin: int, columns: int, farthest: int) -> NDArray[np.int32]:
+    """Points above and below the places where the contact changes between a row and the next; (places, 2).
+
+    The places are in the order of the rows, from one on. Columns are periodic; `farthest` points count.
+    """
+    rows, count, skipped = marks.size // columns, 0, 0
+    runs = np.empty((marks.size, 2), np.int32)  # pages that are not written cost nothing
+    # In each column, the first place and the last: the row above it, and which it is.
+    above, which = np.empty((2, columns), np.int64), np.empty((2, columns), np.int64)
+    above[:] = -1
+    for i in range(rows):
+        skipped = count if i == begin else skipped
+        below = i + 1 if i + 1 < rows else 0
+        upper, lower = marks[i * columns :][:columns], marks[below * columns :][:columns]
+        for start in range(0, columns, _BLOCK):
+            end = min(start + _BLOCK, columns)
+            if not _differ(upper[start:end], lower[start:end]):
+                continue
+            for j in range(start, end):
+                if upper[j] == lower[j]:
+                    continue
+                if above[0, j] < 0:
+                    above[0, j], which[0, j] = i, count
+                else:
+                    runs[which[1, j], 1] = runs[count, 0] = min(i - above[1, j], farthest)
+                above[1, j], which[1, j] = i, count
+                count += 1
+    for j in range(columns):
+        if above[0, j] >= 0:
+            around = min(above[0, j] + rows - above[1, j], farthest)
+            runs[which[0, j], 0] = runs[which[1, j], 1] = around
+    return runs[skipped:]
 
 
 @nb.njit(inline="always")
@@ -254,9 +307,11 @@ def line_extent(touching: BoolArray, pressure: FloatArray, gap: FloatArray) -> t
                 if touching[at]:
                     number, length = number + 1, length + 1.0
                     for step in (-1, 1):
-                        if not touching[(at + step) % n]:
-                            line, crossings = (0, 1, n, at), crossings + 1
-                            length += _edge(touching, pressure, gap, line, line, min(n, FARTHEST), step) - 0.5
+                        beside = (at + step) % n
+                        if not touching[beside]:
+                            inside, outside = _run(touching, at, -step), _run(touching, beside, step)
+                            length += _edge(pressure, gap, (0, 1, n, at), step, inside, outside) - 0.5
+                            crossings += 1
         i += many
     return _extent(number, length, crossings, n, 1)
 
@@ -264,10 +319,16 @@ def line_extent(touching: BoolArray, pressure: FloatArray, gap: FloatArray) -> t
 @kernel(inner=True, borrows=True)
 def _alike(marks: BoolArray) -> bool:
     """Whether the points of a stretch are all in contact or all out of it."""
-    following, differ = marks[1:], False
-    for k in range(following.size):
-        differ |= following[k] != marks[k]
-    return not differ
+    return not _differ(marks[1:], marks)
+
+
+@kernel(inner=True, borrows=True)
+def _differ(marks: BoolArray, others: BoolArray) -> bool:
+    """Whether some points are in contact in only one of two stretches."""
+    found = False
+    for k in range(marks.size):
+        found |= marks[k] != others[k]
+    return found
 
 
 @kernel(inner=True, borrows=True)
@@ -300,10 +361,12 @@ def _area(
     area, t, corners = 0.0, np.empty(4), np.empty(4, np.bool_)
     (far, near), (rows, columns) = before, shape
     above = np.empty(columns)  # places of the edge along the sides that the last row of cells has below
+    runs, crossed = _runs_across(touching, far, columns, min(period, FARTHEST)), 0
     for i in range(rows):
         below = i + 1 if far or i + 1 < rows else 0
         here, there = (far + i) * columns, (far + below) * columns
         upper, lower = touching[here : here + columns], touching[there : there + columns]
+        first_place, crossed = crossed, crossed + (upper[0] != lower[0])
         for start in range(0, columns, _BLOCK):
             many, first = min(_BLOCK, columns - start), upper[start]
             if (
@@ -330,23 +393,20 @@ def _area(
                     shared = (k == 0 and i > 0) or (k == 3 and j > 0)
                     if shared or corners[k] == corners[(k + 1) & 3]:
                         continue
-                    along_row, forward = k % 2 == 0, corners[k] == (k < 2)
+                    forward = corners[k] == (k < 2)
                     step = 1 if forward else -1
-                    if along_row:
-                        row, at = i if k == 0 else below, j if forward else right
-                        line, marks = (
-                            ((near + row) * columns, 1, columns, at),
-                            ((far + row) * columns, 1, columns, at),
-                        )
-                        farthest = min(columns, FARTHEST)
+                    if k % 2 == 0:
+                        row, (at, after) = upper if k == 0 else lower, (j, right) if forward else (right, j)
+                        line = (near + (i if k == 0 else below)) * columns, 1, columns, at
+                        inside, outside = _run(row, at, -step), _run(row, after, step)
                     else:
-                        column, at = right if k == 1 else j, i if forward else below
-                        line = column, columns, rows + 2 * near, near + at
-                        marks = column, columns, rows + 2 * far, far + at
-                        farthest = min(period, FARTHEST)
-                    t[k] = _edge(touching, pressure, gap, line, marks, farthest, step)
+                        column = right if k == 1 else j
+                        line = column, columns, rows + 2 * near, near + (i if forward else below)
+                        place, crossed = (first_place, crossed) if column == 0 else (crossed, crossed + 1)
+                        inside, outside = runs[place, 1 - forward], runs[place, int(forward)]
+                    t[k] = _edge(pressure, gap, line, step, inside, outside)
                 above[j] = t[2]
-                area += _polygon(corners, t, corners.sum())
+                area += _polygon(corners, t, int(first) + int(second) + int(third) + int(other))
     return float(number), area, float(crossings)
 
 

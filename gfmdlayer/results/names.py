@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 from gfmdlayer.config import Config
@@ -168,6 +169,7 @@ def labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list
     return [as_label(key, value) for value in values]
 
 
+@cache
 def parameter(key: str) -> Parameter | None:
     """Return the meaning of a config key that may be swept; None for a key without symbol and dimension.
 

@@ -70,15 +70,17 @@ def git_commit(checkout: Path) -> str:
 
 def made_by(digest: str) -> dict[str, str]:
     """Return the input, versions and processor that fix the bits of a case."""
+    return {"format": CHECKPOINT_FORMAT, "digest": digest, **_versions_and_processor()}
+
+
+@cache
+def _versions_and_processor() -> dict[str, str]:
     from llvmlite.binding import get_host_cpu_name
 
-    known = provenance()
-    versions = {f"{name}_version": known[f"{name}_version"] for name in _DECISIVE}
+    known = _software()
     return {
-        "format": CHECKPOINT_FORMAT,
-        "digest": digest,
         # Uncommitted changes have no name of their own, and most do not change results.
         "git_commit": known["git_commit"].removesuffix("-dirty"),
         "processor": get_host_cpu_name(),
-        **versions,
+        **{f"{name}_version": known[f"{name}_version"] for name in _DECISIVE},
     }

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
+from h5py import h5ds
 
 from gfmdlayer.config import ConfigError, load
 from gfmdlayer.config.sweeps import combinations
@@ -80,7 +81,9 @@ def replay(path: Path, until: float, recording: Recording) -> None:
         rows = int(np.searchsorted(h5["time"][:], until, side="right"))
         for start in range(0, rows, _ROWS_READ):
             part = slice(start, min(start + _ROWS_READ, rows))
-            recording.extend({name: dataset[part] for name, dataset in columns.items()})
+            every = [dataset[part].reshape(part.stop - start, -1) for dataset in columns.values()]
+            widths = {name: values.shape[1] for name, values in zip(columns, every, strict=True)}
+            recording.extend(widths, np.hstack(every, dtype=np.float64))
         times = fields.pop("snapshot")[:].tolist()
         for i, time in enumerate(t for t in times if t <= until):
             held = {name: field[i] for name, field in fields.items()}
@@ -93,10 +96,19 @@ def replay(path: Path, until: float, recording: Recording) -> None:
 
 def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], dict[str, h5py.Dataset]]:
     """Return the columns of rows, and time and fields of the snapshots, by name."""
-    columns = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
-    # Earlier versions wrote no gap, and the hard wall has no traction.
-    fields = {name: columns.pop(name) for name in ("snapshot", *SNAPSHOT_FIELDS) if name in columns}
-    return columns, fields
+    variables = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.shape}
+    scales = {name for name, variable in variables.items() if h5ds.is_scale(variable.id)}
+
+    def along(dimension: str) -> dict[str, h5py.Dataset]:
+        if dimension not in scales:
+            return {}
+        beside = {n: d for n, d in variables.items() if n not in scales}
+        first = variables[dimension].id
+        return {dimension: variables[dimension]} | {
+            name: variable for name, variable in beside.items() if h5ds.is_attached(variable.id, first, 0)
+        }
+
+    return along("time"), along("snapshot")
 
 
 def _length(dataset: h5py.Dataset, *, read: bool) -> int:

@@ -15,7 +15,7 @@ import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,8 +92,7 @@ class Recording:
         if tuple(values) != self._names:
             values = self._in_order(values)
         instant = values["time"]
-        if not instant > self._last_time:
-            raise ValueError(f"row at time {instant} follows one at {self._last_time}")
+        self._must_follow(instant)
         if not self._blocks or self._filled == len(self._blocks[-1]):
             rows = min(max(self.count, FEWEST), MOST)
             self._add(np.empty((rows, sum(self.widths.values()))), 0)
@@ -238,12 +237,23 @@ class Recording:
             if not self._is_intact(self._file):
                 raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
 
-    def extend(self, columns: Mapping[str, NDArray[Any]]) -> None:
-        """Record many rows at once, by their columns."""
-        if self._keeps and (count := len(columns["time"])):
-            columns = self._in_order(columns, count)
-            self._add(np.hstack([values.reshape(count, -1) for values in columns.values()]), count)
-            self._last_time = float(columns["time"][-1])
+    def extend(self, widths: Mapping[str, int], rows: FloatArray) -> None:
+        """Record many rows at once, one after the other in an array whose columns have these widths.
+
+        The array becomes a part of the recording: it must not change after that.
+        """
+        if not (self._keeps and len(rows)):
+            return
+        if not self._names:
+            self._set_columns(widths)
+        self._must_have(widths)
+        if tuple(widths) != self._names:
+            places = _places(widths)
+            rows = np.hstack([rows[:, slice(*places[name])] for name in self._names])
+        times = rows[:, self._bounds["time"][0]]
+        self._must_follow(times[0])
+        self._add(rows, len(rows))
+        self._last_time = float(times[-1])
 
     def close(self) -> None:
         """Close the file without removing it."""
@@ -253,20 +263,25 @@ class Recording:
 
     # Rows.
 
-    def _in_order(self, values: Mapping[str, Any], count: int = 1) -> dict[str, Any]:
-        """Return the values of so many rows in the order of the columns, which are those of the first row."""
+    def _in_order(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of a row in the order of the columns, which are those of the first row."""
         if "time" not in values:
             raise ValueError("a row needs its time")
         if not self._names:
-            self._set_columns({name: np.size(value) // count for name, value in values.items()})
-        if values.keys() != self.widths.keys():
-            raise ValueError(f"row has columns {sorted(values)}, the first had {sorted(self.widths)}")
+            self._set_columns({name: np.size(value) for name, value in values.items()})
+        self._must_have(values)
         return {name: values[name] for name in self._names}
 
+    def _must_have(self, columns: Mapping[str, Any]) -> None:
+        if columns.keys() != self.widths.keys():
+            raise ValueError(f"row has columns {sorted(columns)}, the first had {sorted(self.widths)}")
+
+    def _must_follow(self, instant: float) -> None:
+        if not instant > self._last_time:
+            raise ValueError(f"row at time {instant} follows one at {self._last_time}")
+
     def _set_columns(self, widths: Mapping[str, int]) -> None:
-        ends = np.cumsum([0, *widths.values()]).tolist()
-        self.widths, self._names = dict(widths), tuple(widths)
-        self._bounds = dict(zip(widths, pairwise(ends), strict=True))
+        self.widths, self._names, self._bounds = dict(widths), tuple(widths), _places(widths)
 
     def _add(self, block: FloatArray, filled: int) -> None:
         self._blocks = self._trimmed
@@ -356,6 +371,11 @@ class Recording:
         while left and (part := file.read(min(left, 1 << 20))):
             left, checksum = left - len(part), zlib.crc32(part, checksum)
         return not left and checksum == self._checksum
+
+
+def _places(widths: Mapping[str, int]) -> dict[str, tuple[int, int]]:
+    """Return where each column begins and ends in a row."""
+    return dict(zip(widths, pairwise(accumulate(widths.values(), initial=0)), strict=True))
 
 
 def _opened(path: Path, mode: str) -> io.FileIO:

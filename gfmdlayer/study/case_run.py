@@ -41,6 +41,9 @@ if TYPE_CHECKING:
     from gfmdlayer.resumable import CompositeState
 
 
+# Seconds of a case from which on its file is on the disk before it has its name. Others are brought there
+# together, before sweep.h5 is written: waiting takes longer than some of them do.
+AWAITED = 1.0
 _PART = 0.02  # of the time that checkpoints take, at most, unless one is asked for after every step
 
 
@@ -77,6 +80,11 @@ class Checkpoints:
         self._memory: CompositeState | None = None
         self._warned = ""
         self._time, self._unsaved = 0.0, False
+
+    @property
+    def stepwise(self) -> bool:
+        """Whether it looks at each step."""
+        return self._interval == 0 or bool(self._stem)
 
     def recording(self, columns: Iterable[str], grid: Grid | None = None) -> Recording:
         """Return the recording of the case, which holds the rows and snapshots up to its checkpoint."""
@@ -344,6 +352,8 @@ class CaseRun:
         config, ranks = self.case.config, self.ranks
         model = model_of(config, self.threads, ranks, self.case.drives)
         recording = checkpoints.recording((column.name for column in model.columns), model.grid)
+        # A checkpoint after every step, or at the last one that does not depend on the end, needs each of them.
+        model.stepwise = checkpoints.stepwise
         warnings = model.run(recording, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):
             claim.confirm()
@@ -357,7 +367,8 @@ class CaseRun:
         case = self.case
         described = attributes(model, case.given, surfaces=self.ranks.count == 1) | {"digest": self._digest}
         about = described, model.columns, case.config.unit, case.values, model.places
-        write_case(self.folder.case(case.index), case_contents(recording, model.coordinates, *about))
+        contents = case_contents(recording, model.coordinates, *about)
+        write_case(self.folder.case(case.index), contents, durable=recording.elapsed >= AWAITED)
         if ended := str(recording.noted.get("ended", "")):
             _record(self.folder.case(case.index, "ended"), case.values, ended)
 

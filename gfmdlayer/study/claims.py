@@ -34,7 +34,7 @@ from pydantic.dataclasses import dataclass as pydantic_dataclass
 from gfmdlayer.files.locks import born, no_link, read_json, try_lock, write_new
 from gfmdlayer.files.whole import unfinished_path, write_text
 from gfmdlayer.study.folder import Folder, FolderError
-from gfmdlayer.study.interrupts import Stopped, stop_requested
+from gfmdlayer.study.interrupts import Listener, Stopped, stop_requested
 
 WRITE_INTERVAL = 1.0  # seconds between two states of a case
 RENEWAL = 20.0  # seconds between two signs of a claim during a long step
@@ -68,10 +68,10 @@ class Claim:
     ) -> None:
         self._path = folder.case(index, "running")
         self._stop, self._together = folder.stop, together
-        self._written = -WRITE_INTERVAL
+        self._written = self._looked = -math.inf  # when the claim was written, and when it was still this one
         self._token = secrets.token_hex(8)
-        me = {"host": socket.gethostname(), "pid": os.getpid(), "born": born(), "started": time.time()}
-        self._fixed: dict[str, object] = me | {"end": end, "label": label, "expected": expected}
+        case = {"started": time.time(), "end": end, "label": label, "expected": expected}
+        self._fixed: dict[str, object] = _process(os.getpid()) | case
         self._steps = -1  # the call on entering is not a step
 
     def __enter__(self) -> Self:
@@ -91,7 +91,7 @@ class Claim:
     def __exit__(self, *details: object) -> None:
         _claims.discard(self)
         with suppress(OSError):
-            if self._is_own():
+            if time.monotonic() - self._looked < WRITE_INTERVAL or self._is_own():
                 self._path.unlink(missing_ok=True)
 
     def advance(self, simulated_time: float) -> None:
@@ -104,7 +104,7 @@ class Claim:
         if due:
             self.confirm()
         with suppress(OSError):  # the folder may be unreadable for a while
-            if stop_requested() or (due and self._stop.exists()):
+            if stop_requested() or ((due or not self._steps) and self._stop.exists()):
                 raise Stopped
         if due:
             self._written = now
@@ -129,7 +129,9 @@ class Claim:
     def _is_own(self) -> bool:
         """Whether the claim is that of this process, or nobody's."""
         claim = read_json(self._path)
-        return claim is None or claim.get("token") == self._token
+        own = claim is None or claim.get("token") == self._token
+        self._looked = time.monotonic() if own else -math.inf
+        return own
 
     def _take(self) -> None:
         part = unfinished_path(self._path)
@@ -144,6 +146,12 @@ class Claim:
             self.confirm()
         finally:
             part.unlink(missing_ok=True)
+        self._written = time.monotonic()
+
+
+@cache
+def _process(pid: int) -> dict[str, object]:
+    return {"host": socket.gethostname(), "pid": pid, "born": born()}
 
 
 _claims: set[Claim] = set()  # of this process
@@ -214,6 +222,30 @@ class Running:
         except PermissionError:
             pass
         return self.born in ("", born(self.pid))  # not another one, with the number of a dead one
+
+
+class AtWork(Listener):
+    """Stands in for the claim on a case in memory: its progress, for a display of this process."""
+
+    def __init__(self, index: int, end: float, label: str) -> None:
+        self.index, self._end, self._label, self._started = index, end, label, time.time()
+        self._steps, self._time, self._since = 0, 0.0, (math.nan, math.nan)
+
+    def advance(self, simulated_time: float) -> None:
+        """Record the time reached; `Stopped` after a signal."""
+        super().advance(simulated_time)
+        self._steps, self._time = self._steps + 1, float(simulated_time)
+        if self._steps == 1:
+            self._since = time.time(), self._time
+
+    @property
+    def running(self) -> Running:
+        """The status of the case."""
+        status: dict[str, Any] = {
+            "host": socket.gethostname(), "pid": os.getpid(), "label": self._label, "started": self._started,
+            "since": self._since[0], "since_time": self._since[1], "updated": time.time(),
+        }  # fmt: skip
+        return Running(self.index, **status, simulated_time=self._time, end=self._end, steps=self._steps)
 
 
 def read_claim(path: Path) -> Running | None:

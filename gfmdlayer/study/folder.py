@@ -32,6 +32,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -69,7 +70,7 @@ class Folder:
         """The configuration of the results."""
         return self.path / "config.yaml"
 
-    @property
+    @cached_property
     def cases(self) -> Path:
         """The folder of the cases' files."""
         return self.path / "cases"
@@ -79,7 +80,7 @@ class Folder:
         """All cases in one file."""
         return self.path / "sweep.h5"
 
-    @property
+    @cached_property
     def stop(self) -> Path:
         """A file that asks every process of the run to stop, whatever host it is on."""
         return self.cases / f"stop-{self.run}"

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Self, TextIO
 
 from gfmdlayer.files.locks import printable
@@ -158,7 +159,8 @@ class Reporter:
     """Watches a run and updates a display; a context manager around the run, with a thread of its own.
 
     `own` are the cases of this run, `complete` were so before; `seconds` are expected for each case, `whole`
-    for all; `workers` run at a time. `at_work` returns the numbers of the cases whose status is shown.
+    for all; `workers` run at a time. `at_work` returns the numbers of the cases whose status is shown, and
+    `claims` the status of these, or of all.
     """
 
     def __init__(
@@ -172,8 +174,9 @@ class Reporter:
         whole: float | None = None,
     ) -> None:
         self.at_work: Callable[[], Iterable[int]] = lambda: folder.numbers()["running"]
+        self.claims: Callable[[Iterable[int] | None], list[Running]] = partial(running, folder)
         self._whole = sum((seconds or {}).values()) if whole is None else whole
-        self._folder, self._own, self._total = folder, own, len(own)
+        self._own, self._total = own, len(own)
         self._seconds, self._workers, self._ended = seconds, workers, 0.0
         self._display = Display() if display is None else display()
         self._before = self._complete = complete
@@ -259,7 +262,7 @@ class Reporter:
     def _advance(self) -> None:
         try:
             shown = [number for number in self.at_work() if number in self._own]
-            at_work = running(self._folder, shown)
+            at_work = self.claims(shown)
         except OSError:  # the folder may be unreadable for a while
             return
         with self._lock:

@@ -26,6 +26,7 @@ from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.files.locks import read_json
+from gfmdlayer.files.whole import synchronise
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes, is_complete
@@ -331,6 +332,7 @@ class Study:
         reasons = {number: outcome.reason for number, outcome in self._ended.items()}
         records = _Records(self._folder, self._cases, self._numbers, reasons)
         config = self._cases.config
+        self._bring_to_the_disk()
         try:
             path = collect(
                 self._folder.path, records, Swept.of(config.sweep, config.unit, config.output.times)
@@ -342,6 +344,14 @@ class Study:
         unusable = {int(number): reason for number, _, reason in named if number.isdecimal()}
         lost = [Outcome(i, "failed", reason) for i, reason in unusable.items() if i not in reasons]
         return str(collected["notes"]).splitlines(), lost
+
+
+    def _bring_to_the_disk(self) -> None:
+        """Wait until the files of short cases are on the disk, which their processes did not."""
+        new = (self._folder.case(number) for number in self._numbers if number not in self._files["h5"])
+        for path in (*new, self._folder.cases):
+            with suppress(OSError):  # a case has failed, or the file system refuses
+                synchronise(path)
 
 
 class _Records(Sequence[CaseRecord]):

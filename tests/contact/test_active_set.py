@@ -298,10 +298,10 @@ def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeyp
     monkeypatch.setattr(active_set, "WORK", 0)
     monkeypatch.setattr(active_set, "FEWEST", 5)
     monkeypatch.setattr(active_set, "safeguard", None)  # which would help out
-    calls = []
+    calls, solver = [], ActiveSet(Transforms((n,)), windows=False)
     iterate = active_set.iterate
     monkeypatch.setattr(active_set, "iterate", lambda *given: calls.append(given[-2]) or iterate(*given))
-    parts = ActiveSet(Transforms((n,)), windows=False).solve(problem, np.zeros(n), TOLERANCE)
+    parts = solver.solve(problem, np.zeros(n), TOLERANCE)
     assert len(calls) > 2
     assert max(calls) == 5
     assert parts.converged

@@ -10,9 +10,8 @@ import pytest
 from gfmdlayer.body.closed_form import LayeredHalfspace
 from gfmdlayer.case.model import warm_up
 from gfmdlayer.config import load
-from gfmdlayer.contact.active_set import solver as active_set
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.active_set.windows import periodic_extent, solve_in_windows
+from gfmdlayer.contact.active_set.windows import periodic_extent
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid, parts
 from gfmdlayer.grid.transforms import Transforms
@@ -52,13 +51,13 @@ def problem_of(shape, condition, centre=0.0, seed=0):
 def attempts(monkeypatch):
     """What windows give."""
     given = []
-    solve = solve_in_windows
+    in_windows = ActiveSet._in_windows
 
-    def recorded(*arguments):
-        given.append(solve(*arguments))
+    def recorded(self, *arguments):
+        given.append(in_windows(self, *arguments))
         return given[-1]
 
-    monkeypatch.setattr(active_set, "solve_in_windows", recorded)
+    monkeypatch.setattr(ActiveSet, "_in_windows", recorded)
     return given
 
 

@@ -15,7 +15,7 @@ import xarray
 import gfmdlayer
 from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zener
 from gfmdlayer.config import digest
-from gfmdlayer.study.claims import Claim
+from gfmdlayer.study.claims import AtWork
 from gfmdlayer.study.folder import FolderError
 from gfmdlayer.study.interrupts import STOP_SIGNALS
 
@@ -426,14 +426,13 @@ def test_progress_grows_to_its_end(monkeypatch, sweep):
     spy = _Spy()
     monkeypatch.setattr("gfmdlayer.interactive.run.chosen_display", lambda _: spy)
     monkeypatch.setattr("gfmdlayer.study.progress.READ_INTERVAL", 0.0001)
-    monkeypatch.setattr("gfmdlayer.study.claims.WRITE_INTERVAL", 0.0)
-    advance = Claim.advance
+    advance = AtWork.advance
 
     def slowly(self, simulated_time):
         advance(self, simulated_time)
         time.sleep(0.05)
 
-    monkeypatch.setattr(Claim, "advance", slowly)
+    monkeypatch.setattr(AtWork, "advance", slowly)
     gfmdlayer.run(LINE | ({"sweep": sweep} if sweep else {}))
     assert spy.fractions == sorted(spy.fractions)
     assert spy.fractions[-1] == 1.0
@@ -475,6 +474,16 @@ def test_a_notebook_has_a_bar_of_its_own(monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython.display", display)
     gfmdlayer.run(LINE, progress=True)
     assert shown[-1] == '<progress value="1.0000" max="1"></progress> 1 of 1 complete'
+
+
+def test_a_run_in_memory_makes_no_file(monkeypatch, tmp_path):
+    def refuse(*_, **__):
+        raise AssertionError("a folder is made")
+
+    monkeypatch.setattr("gfmdlayer.interactive.run._scratch", refuse)
+    monkeypatch.setattr("gfmdlayer.interactive.run.chosen_display", lambda _: _Spy())
+    gfmdlayer.run(LINE, sweep={"layer.thickness": [0.1, 0.2]})
+    assert not list(tmp_path.iterdir())
 
 
 def test_nothing_is_said_where_nobody_watches(capfd):

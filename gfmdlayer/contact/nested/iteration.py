@@ -73,7 +73,7 @@ class Move(NamedTuple):
     per_gap: float
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def advance(
     first: int, end: int, move: Move, cap: Any, p: Any, gap: Any, gap0: Any, step: Any, change: Any, r: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
@@ -87,8 +87,8 @@ def advance(
     per_pressure, per_r = np.float32(move.per_pressure), np.float32(-move.per_gap)
     most = real(0.0 if cap is None else cap)
     load, weighted, free, inner = 0.0, 0.0, 0.0, 0.0
-    opened, below = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
-    wider, deeper = opened.copy(), below.copy()
+    opened, below = filled(LANES, _NONE), filled(LANES, _NONE)
+    wider, deeper = filled(LANES, _NONE), filled(LANES, _NONE)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         ps, gaps, rs = p[begin:stop], gap[begin:stop], r[begin:stop]
@@ -129,7 +129,7 @@ def advance(
     )
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _scale(factor: Any, p: Any, gap: Any, gap0: Any) -> Any:
     """Multiply a pressure and its deformation gap - gap0; return the sum of p gap0."""
     free, rest = p.dtype.type(0.0), p.dtype.type(1.0) - factor
@@ -150,29 +150,39 @@ def precondition(
     row, work = np.empty(columns, np.float32), np.empty(columns, np.float32)
     sums = np.zeros(8)
     for i in range(first // columns, end // columns):
-        apply_to_row(weights, i, r, before, after, row, work)
-        rs, zs, ds = r[i], z[i * columns : (i + 1) * columns], d[i * columns : (i + 1) * columns]
-        count, total, pull, along = _NONE, _NONE, _NONE, _NONE
-        for j in range(columns):
-            inside = _ONE if rs[j] != _NONE else _NONE
-            row[j] *= inside
-            count += inside
-            total += row[j]
-            pull += rs[j]
-            along += row[j] * rs[j]
-        across, last, memory, mean = _NONE, _NONE, _NONE, _NONE
-        for j in range(columns):
-            across += row[j] * zs[j]
-            last += zs[j] if rs[j] != _NONE else _NONE
-            memory += rs[j] * ds[j]
-            mean += ds[j] if rs[j] != _NONE else _NONE
-            zs[j] = row[j]
-        for k, some in enumerate((count, total, pull, along, across, last, memory, mean)):
+        of_row = _precondition_row(weights, i, r, before, after, z, d, row, work)
+        for k, some in enumerate(of_row):
             sums[k] += some
     return (sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7]), (0.0,)
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True, borrows=True)
+def _precondition_row(
+    weights: Any, i: int, r: Any, before: Any, after: Any, z: Any, d: Any, row: Any, work: Any
+) -> Any:
+    """Write z of a row; return its sums."""
+    columns = r.shape[1]
+    apply_to_row(weights, i, r, before, after, row, work)
+    rs, zs, ds = r[i], z[i * columns : (i + 1) * columns], d[i * columns : (i + 1) * columns]
+    count, total, pull, along = _NONE, _NONE, _NONE, _NONE
+    for j in range(columns):
+        inside = _ONE if rs[j] != _NONE else _NONE
+        row[j] *= inside
+        count += inside
+        total += row[j]
+        pull += rs[j]
+        along += row[j] * rs[j]
+    across, last, memory, mean = _NONE, _NONE, _NONE, _NONE
+    for j in range(columns):
+        across += row[j] * zs[j]
+        last += zs[j] if rs[j] != _NONE else _NONE
+        memory += rs[j] * ds[j]
+        mean += ds[j] if rs[j] != _NONE else _NONE
+        zs[j] = row[j]
+    return count, total, pull, along, across, last, memory, mean
+
+
+@kernel(reorder=True, borrows=True)
 def direct(
     first: int, end: int, excess: float, memory: float, length: float, shift: float, cap: Any, p: Any, r: Any,
     z: Any, d: Any, step: Any,
@@ -191,7 +201,7 @@ def direct(
     return (total, count, slope, ended), (0.0,)
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def project(
     first: int, end: int, length: float, shift: float, cap: Any, p: Any, r: Any, d: Any, step: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:
@@ -206,7 +216,7 @@ def project(
     return (total, count, slope, ended), (0.0,)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _project(
     length: float, shift: float, cap: Any, p: Any, r: Any, d: Any, step: Any
 ) -> tuple[Any, Any, Any, Any]:
@@ -230,7 +240,7 @@ def _project(
     return total, count, slope, ended
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def respond(
     first: int, end: int, cap: Any, p: Any, step: Any, change: Any
 ) -> tuple[tuple[float, float], tuple[float]]:
@@ -238,7 +248,7 @@ def respond(
     # With a cap, a pressure's distance from the cap falls too.
     none, one = p.dtype.type(0.0), p.dtype.type(1.0)
     most = p.dtype.type(0.0 if cap is None else cap)
-    curvature, across, falls, faster = 0.0, 0.0, np.zeros(LANES, p.dtype), np.zeros(LANES, p.dtype)
+    curvature, across, falls, faster = 0.0, 0.0, filled(LANES, none), filled(LANES, none)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         ps, steps, changes = p[begin:stop], step[begin:stop], change[begin:stop]
@@ -256,7 +266,7 @@ def respond(
     return (curvature, across), (float(max(maximum(falls), maximum(faster))),)
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def extent(
     first: int, end: int, per_point: float, cap: Any, h: Any, p: Any, gap: Any
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
@@ -265,8 +275,8 @@ def extent(
     # the first two sums and the largest -gap are over the pressures below it.
     load, weighted, total = 0.0, 0.0, 0.0
     largest, depth, overlap = filled(LANES, 0.0), filled(LANES, -np.inf), filled(LANES, -np.inf)
-    larger, deeper, lower = largest.copy(), depth.copy(), overlap.copy()
-    widest, wider = overlap.copy(), overlap.copy()
+    larger, deeper, lower = filled(LANES, 0.0), filled(LANES, -np.inf), filled(LANES, -np.inf)
+    widest, wider = filled(LANES, -np.inf), filled(LANES, -np.inf)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         hs, ps, gaps = h[begin:stop], p[begin:stop], gap[begin:stop]
@@ -300,7 +310,7 @@ def extent(
     )
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def comply(first: int, end: int, compliance: Any, spectrum: Any) -> None:
     """Multiply a spectrum by the compliance."""
     factors, modes = compliance[first:end], spectrum[first:end]
@@ -308,7 +318,7 @@ def comply(first: int, end: int, compliance: Any, spectrum: Any) -> None:
         modes[k] *= factors[k]
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def displace(
     first: int, end: int, stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray
 ) -> None:
@@ -321,7 +331,7 @@ def displace(
             pressure[i] = u[i]
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, borrows=True)
 def settle(
     first: int, end: int, per_pressure: float, per_gap: float, shift: float, cap: Any, h: FloatArray,
     p: FloatArray, gap: FloatArray, u: FloatArray, flow: Any,
@@ -331,7 +341,7 @@ def settle(
     # contact, sums of p, gap and u; the residual and the overlap.
     touching, load, gaps, mean = 0.0, 0.0, 0.0, 0.0
     worst, overlap = filled(LANES, 0.0), filled(LANES, 0.0)
-    worse, deeper = worst.copy(), overlap.copy()
+    worse, deeper = filled(LANES, 0.0), filled(LANES, 0.0)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         hs, ps, apart, us = h[begin:stop], p[begin:stop], gap[begin:stop], u[begin:stop]
