@@ -243,7 +243,7 @@ class Marched(NamedTuple):
     stopped: int  # the step at which it ended
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
     """Weights of the old value, chi(0) and chi(h), for chi linear over the step."""
     z = h / T
@@ -254,7 +254,7 @@ def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
     return 1 - m, f - 1 + m, 1 - f
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _loss_weights(z: float, fade: float, after: float) -> tuple[float, float, float]:
     """Return the factors of loss in `Weights` for z = h/T, with fade and after of `_linear_weights`."""
     if z < _GENTLE:
@@ -276,7 +276,7 @@ class EdgeMotion(NamedTuple):
     large: float
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _sweep(profile: Revolution, small: float, large: float) -> EdgeMotion:
     """Return how the edge moves between two radii; a flat end comes into contact at once."""
     slope = _FRONT if small > 0 else 0.0
@@ -284,7 +284,7 @@ def _sweep(profile: Revolution, small: float, large: float) -> EdgeMotion:
     return EdgeMotion(slope, H_small, abel_transform(profile, large) + slope * large)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _swept(sweep: EdgeMotion, x: float, H: float) -> float:
     """Part of the step for which a growing contact has covered x, or a shrinking one will."""
     if sweep.large == sweep.small:
@@ -293,14 +293,14 @@ def _swept(sweep: EdgeMotion, x: float, H: float) -> float:
     return float(min(max(part, 0.0), 1.0))
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _lagrange(y: float) -> tuple[float, float, float, float]:
     """Weights of the values at -1, 0, 1 and 2 for the value at y."""
     left, right = (y + 1) * y / 2, (y - 1) * (y - 2) / 2
     return -y * right / 3, (y + 1) * right, -left * (y - 2), left * (y - 1) / 3
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _cubic(f: FloatArray, s: float) -> float:
     """Value at s grid spacings, by four points, of an even function."""
     i = int(s)
@@ -309,7 +309,7 @@ def _cubic(f: FloatArray, s: float) -> float:
     return value
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _place(points: Points, x: float) -> int:
     """Return the place in order of the last point at or below x, of those that have a next one."""
     low, high = 0, points.filled[0] - 1
@@ -322,14 +322,14 @@ def _place(points: Points, x: float) -> int:
     return low
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _position(points: Points, place: int) -> float:
     """Return x at a place in the order; places below 0 are the mirror images of points."""
     x = points.x[points.order[abs(place)]]
     return float(x if place >= 0 else -x)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _further(points: Points, place: int, way: int, apart: float) -> int:
     """Return the next place that is so far apart; the same place where the past bends before it."""
     at = place
@@ -340,7 +340,7 @@ def _further(points: Points, place: int, way: int, apart: float) -> int:
     return place
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _at(x: float, f: FloatArray, points: Points) -> float:
     """Value at x of an even function, by up to four points between which it does not bend.
 
@@ -373,7 +373,7 @@ def _at(x: float, f: FloatArray, points: Points) -> float:
     return value
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _add_point(x: float, run: MarchRun) -> int:
     """Make x a point, with the past between its neighbours, unless there is one; return its number."""
     points, surface, work = run.state.points, run.state.surface, run.work
@@ -395,7 +395,7 @@ def _add_point(x: float, run: MarchRun) -> int:
     return int(new)
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _transform(n: int, nodes: MarchNodes, work: MarchArrays) -> None:
     """Cosine transform of chi at n nodes, with cosines by four points of the fixed grid."""
     out = work.transform
@@ -410,7 +410,7 @@ def _transform(n: int, nodes: MarchNodes, work: MarchArrays) -> None:
             out[j] += value * (a * w[j] + b * x[j] + c * y[j] + d * z[j])
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _multiply(matrix: FloatArray, vector: FloatArray, out: FloatArray) -> None:
     """Out = matrix vector, for as many rows as out has."""
     for i in range(out.size):
@@ -420,7 +420,7 @@ def _multiply(matrix: FloatArray, vector: FloatArray, out: FloatArray) -> None:
         out[i] = s
 
 
-@kernel(reorder=True, inner=True)
+@kernel(reorder=True, inner=True, borrows=True)
 def _solve_linear(M: FloatArray, b: FloatArray, c: FloatArray, n: int) -> bool:
     """Solve M x = b and M x = c in place by Gauss's elimination; return False if a pivot is not positive."""
     for j in range(n):
@@ -441,7 +441,7 @@ def _solve_linear(M: FloatArray, b: FloatArray, c: FloatArray, n: int) -> bool:
     return True
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _set_weights(h: float, branches: Branches, weights: Weights) -> float:
     """Set the weights of a surface in contact for a time h; return D = displacement/chi, from rest."""
     modulus = branches.glassy
@@ -454,13 +454,13 @@ def _set_weights(h: float, branches: Branches, weights: Weights) -> float:
     return 1 / modulus
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _jump(x: float, release: float, run: MarchRun) -> float:
     """Sudden change of the displacement, where the edge of an energy release rate passes x."""
     return math.sqrt(math.pi * x * release * run.body.local)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _covered(x: float, h: float, part: float, run: MarchRun) -> tuple[float, float]:
     """D of a point that the contact covers in the last part of a step, and the part of the past in D*chi."""
     body, branches, state, weights, past = run.body, run.branches, run.state, run.step.part, 0.0
@@ -479,7 +479,7 @@ def _covered(x: float, h: float, part: float, run: MarchRun) -> tuple[float, flo
     return D, past * D
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _set_step(h: float, run: MarchRun) -> float:
     """Set the weights of a step of length h; return the compliance D of the step."""
     body, step, work = run.body, run.step, run.work
@@ -507,13 +507,13 @@ def _set_step(h: float, run: MarchRun) -> float:
     return D
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _inside(x: float, a: float, stop: float) -> bool:
     """Whether a contact of radius a covers x; at and beyond a rim chi is continued."""
     return a > 0 and (x < a or a >= stop)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _place_nodes(a: float, nodes: MarchNodes, state: MarchState, work: MarchArrays) -> int:
     """Put Gauss nodes into [0, a], in parts that end where the contact has turned; return their number."""
     parts = 1
@@ -542,7 +542,7 @@ def _place_nodes(a: float, nodes: MarchNodes, state: MarchState, work: MarchArra
     return n
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _transform_of(f: FloatArray, a: float, run: MarchRun) -> None:
     """Cosine transform of an even function at the points, which may jump at the edge a of the contact."""
     nodes, work, covered = run.nodes, run.work, run.covered[0]
@@ -557,7 +557,7 @@ def _transform_of(f: FloatArray, a: float, run: MarchRun) -> None:
     _transform(n, nodes, work)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _kept_in_contact(i: int, weights: Weights, moduli: FloatArray, surface: MarchSurface) -> float:
     """Part of chi, with the sign changed, that the past of a point leaves at the end of a time in contact."""
     s = 0.0
@@ -566,7 +566,7 @@ def _kept_in_contact(i: int, weights: Weights, moduli: FloatArray, surface: Marc
     return s
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _find_past(a_old: float, D: float, run: MarchRun) -> None:
     """Find the part of the past at the end of the step: of D where the contact stays or stays away; of C."""
     body, state, step, work, moduli = run.body, run.state, run.step, run.work, run.branches.moduli
@@ -590,7 +590,7 @@ def _find_past(a_old: float, D: float, run: MarchRun) -> None:
         _multiply(run.nodes.cosines, work.transform, work.far_past)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _apex_locally(h: float, run: MarchRun, released: bool) -> float:
     """Part of D in `_apex`."""
     if released:
@@ -602,7 +602,7 @@ def _apex_locally(h: float, run: MarchRun, released: bool) -> float:
     return s
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _apex(h: float, run: MarchRun, released: bool) -> float:
     """Displacement of the surface at x = 0 after a time h without contact, or in which chi falls to 0."""
     body, state, s = run.body, run.state, _apex_locally(h, run, released)
@@ -615,7 +615,7 @@ def _apex(h: float, run: MarchRun, released: bool) -> float:
     return s + far * (2 / math.pi)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _event(h: float, start: float, end: float, by_force: bool, run: MarchRun, released: bool) -> float:
     """Return the part of a step after which contact begins, or with `released` ends.
 
@@ -643,13 +643,13 @@ def _event(h: float, start: float, end: float, by_force: bool, run: MarchRun, re
     return high
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _kernel(table: FloatArray, x: float, y: float, spacing: float) -> float:
     """Kernel of a table between x and y, and between x and -y."""
     return _cubic(table, abs(x - y) / spacing) + _cubic(table, (x + y) / spacing)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _fill(n: int, D: float, run: MarchRun) -> None:
     """Fill the matrix with C and D of the step, and with the other D of nodes that the edge sweeps."""
     work, step, spacing = run.work, run.step, run.nodes.spacing
@@ -664,7 +664,7 @@ def _fill(n: int, D: float, run: MarchRun) -> None:
             matrix[i, j] += (D - work.local[j]) * lacking
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _solve(a: float, a_old: float, h: float, D: float, run: MarchRun) -> Trial:
     """Solve the step for a trial radius."""
     body, profile, nodes, state, step, work = run.body, run.profile, run.nodes, run.state, run.step, run.work
@@ -704,7 +704,7 @@ def _solve(a: float, a_old: float, h: float, D: float, run: MarchRun) -> Trial:
     return Trial(edge, rest, unit, other, n)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _find_radius(
     h: float, target: float, by_force: bool, guess: float, a_old: float, D: float, slope: float, run: MarchRun
 ) -> Radius:
@@ -780,7 +780,7 @@ class Balance(NamedTuple):
     nodes: int  # -1 where the matrix is not positive definite
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _balance(a: float, task: EdgeTask, run: MarchRun) -> Balance:
     """Compare the jump of the displacement, or chi behind the edge, with the law of the edge.
 
@@ -803,14 +803,14 @@ def _balance(a: float, task: EdgeTask, run: MarchRun) -> Balance:
     return Balance(a, depth * edge + rest + jump, scale, depth * unit + other, depth, release, n)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _contact(at: Balance, status: int, rests: bool) -> Radius:
     """Return the contact of a trial."""
     status = status if at.nodes >= 0 else NOT_CONVERGED
     return Radius(at.a, at.force, at.depth, 0.0, at.nodes, 0, status, at.release, rests)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _highest(left: float, right: float, task: EdgeTask, run: MarchRun) -> Balance:
     """Search an interval for a positive excess by golden sections; return the last trial."""
     width = right - left
@@ -829,7 +829,7 @@ def _highest(left: float, right: float, task: EdgeTask, run: MarchRun) -> Balanc
     return at_x if at_x.excess > at_y.excess or at_x.nodes < 0 else at_y
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _balanced(near: Balance, far: Balance, task: EdgeTask, run: MarchRun) -> Radius:
     """Find the edge between two trials whose excess has different signs, by regula falsi (Illinois)."""
     base, y, a, z, last, side = near.a, near.excess, far.a, far.excess, far, 0
@@ -854,7 +854,7 @@ def _balanced(near: Balance, far: Balance, task: EdgeTask, run: MarchRun) -> Rad
     return _contact(last, NOT_CONVERGED, False)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: MarchRun) -> Radius:
     """Find the edge beyond the trial `near`, in the direction of the sign of its excess.
 
@@ -892,7 +892,7 @@ def _advance_or_recede(near: Balance, guess: float, task: EdgeTask, run: MarchRu
     return lost
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _find_edge(guess: float, task: EdgeTask, run: MarchRun) -> Radius:
     """Find the contact with adhesion at the end of a step: it advances, rests, recedes, or is lost."""
     a_old = task.before.a
@@ -910,7 +910,7 @@ def _find_edge(guess: float, task: EdgeTask, run: MarchRun) -> Radius:
     return _advance_or_recede(at, guess, task, run)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _change_form(i: int, to: FloatArray, memory: FloatArray, scratch: FloatArray) -> None:
     """Change the internal variables of a point from relaxing to retarded ones, or back."""
     for k in range(scratch.size):
@@ -921,7 +921,7 @@ def _change_form(i: int, to: FloatArray, memory: FloatArray, scratch: FloatArray
         memory[k, i] = scratch[k]
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _press(i: int, end: float, weights: Weights, branches: Branches, surface: MarchSurface) -> float:
     """Move a point in contact to a displacement; return the energy that is lost."""
     begin, chi, lost = surface.sunk[i], branches.glassy * end, 0.0
@@ -936,7 +936,7 @@ def _press(i: int, end: float, weights: Weights, branches: Branches, surface: Ma
     return lost
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _rest(i: int, free: FloatArray, modes: FloatArray, surface: MarchSurface) -> float:
     """Leave a point free, so that its variables fade; return the energy that is lost."""
     lost, sunk = 0.0, 0.0
@@ -949,7 +949,7 @@ def _rest(i: int, free: FloatArray, modes: FloatArray, surface: MarchSurface) ->
     return lost
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _pass(i: int, end: float, h: float, part: float, was_inside: bool, jump: float, run: MarchRun) -> float:
     """Advance a point that the edge passes, in contact for a part of the step; return the energy lost.
 
@@ -971,7 +971,7 @@ def _pass(i: int, end: float, h: float, part: float, was_inside: bool, jump: flo
     return lost + _press(i, end, weights, branches, surface)
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _under(i: int, depth: float, run: MarchRun) -> float:
     """Displacement D*chi of a point under the indenter at the end of the step."""
     work, points = run.work, run.state.points
@@ -981,7 +981,7 @@ def _under(i: int, depth: float, run: MarchRun) -> float:
     return float(depth - points.obstacle[i] - _cubic(work.far_past, s) - _cubic(work.far, s))
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _close(h: float, contact: Radius, a_old: float, D: float, run: MarchRun) -> float:
     """Advance the state over a step that is solved; return the energy dissipated in it."""
     body, nodes, state, step, work = run.body, run.nodes, run.state, run.step, run.work
@@ -1035,7 +1035,7 @@ def _close(h: float, contact: Radius, a_old: float, D: float, run: MarchRun) -> 
     return 4 * lost
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _stored(contact: Radius, run: MarchRun) -> float:
     """Elastic energy of the body."""
     body, branches, nodes, state, work = run.body, run.branches, run.nodes, run.state, run.work
@@ -1058,7 +1058,7 @@ def _stored(contact: Radius, run: MarchRun) -> float:
     return 2 * s
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _remember(marks: FloatArray, a: float) -> None:
     """Put the radius a in place of a close one, or else of the oldest; the last is the latest."""
     first = oldest = marks.size - _MARKS
@@ -1070,7 +1070,7 @@ def _remember(marks: FloatArray, a: float) -> None:
     marks[-1] = a
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _rise(a: float, run: MarchRun) -> float:
     """Largest increase of chi inside the contact, and largest chi outside: with neither p, gap >= 0."""
     largest, chi, spacing = 0.0, run.state.surface.chi, run.nodes.spacing
@@ -1151,7 +1151,7 @@ def _begin(
     )
 
 
-@kernel(inner=True)
+@kernel(inner=True, borrows=True)
 def _keep_fields(a: float, run: MarchRun, chi: FloatArray, local: FloatArray, spectrum: FloatArray) -> None:
     """Write the fields of a snapshot: chi, D*chi and C*X."""
     body, state = run.body, run.state
@@ -1168,13 +1168,12 @@ def _keep_fields(a: float, run: MarchRun, chi: FloatArray, local: FloatArray, sp
 
 
 @kernel
-def march(  # noqa: C901
+def march(
     body: Compliance, branches: Branches, profile: Revolution, nodes: MarchNodes, drive: MarchDrive
 ) -> Marched:
     """Follow an indentation of a body at rest over given times, on nodes in x for its largest contact."""
     nt, run = drive.time.size, _begin(body, branches, profile, nodes, drive)
-    state, surface, work, stop = run.state, run.state.surface, run.work, run.stop
-    size, kept = work.far.size, 0
+    size, kept = run.work.far.size, 0
     for is_kept in drive.snapshots:
         kept += is_kept
     out = Marched(
@@ -1182,6 +1181,19 @@ def march(  # noqa: C901
         np.full(nt, np.nan), np.zeros(nt), np.zeros(nt),
         np.zeros((kept, size)), np.zeros((kept, size)), np.zeros((kept, body.q.size)), 0, COMPLETE, nt,
     )  # fmt: skip
+    taken, status, stopped = _follow(run, out)
+    return Marched(
+        out.force, out.depth, out.radius, out.stored, out.dissipated, out.parted, out.lost, out.last_force,
+        out.rise,
+        out.chi, out.local, out.spectrum, taken + run.trials[0], status, stopped,
+    )  # fmt: skip
+
+
+@kernel(inner=True, borrows=True)
+def _follow(run: MarchRun, out: Marched) -> tuple[int, int, int]:  # noqa: C901
+    """Write columns and fields of the steps; return the solutions, the status, and the step at the end."""
+    body, nodes, drive, nt = run.body, run.nodes, run.drive, run.drive.time.size
+    state, surface, work, stop = run.state, run.state.surface, run.work, run.stop
     a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
     bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
     adhesive, parted, release, before_force = drive.law.work > 0, 0.0, 0.0, 0.0
@@ -1271,13 +1283,15 @@ def march(  # noqa: C901
             state.points.edge[0] = new
             for k in range(body.local_times.size if contact.a == 0 and a_old > 0 else 0):
                 _transform_of(state.surface.memory[k], 0.0, run)
-                state.zeta[k - body.local_times.size] = work.transform
+                for j in range(work.transform.size):
+                    state.zeta[k - body.local_times.size, j] = work.transform[j]
             if new >= 0:
                 if contact.rests and new == edge:
                     _press(-1, _under(new, contact.depth, run), run.step.near, run.branches, surface)
                 else:
-                    surface.memory[:, -1], surface.sunk[-1] = surface.memory[:, new], surface.sunk[new]
-                    surface.sunk[-1] -= _jump(contact.a, contact.release, run)
+                    for k in range(surface.memory.shape[0]):
+                        surface.memory[k, -1] = surface.memory[k, new]
+                    surface.sunk[-1] = surface.sunk[new] - _jump(contact.a, contact.release, run)
                     _change_form(-1, run.branches.of_retarded, surface.memory, work.variables)
                 stays = (stays if contact.rests else bent[new]) or begins
                 bent[new] = True
@@ -1307,8 +1321,4 @@ def march(  # noqa: C901
         if drive.snapshots[at]:
             _keep_fields(a_old, run, out.chi[snapshot], out.local[snapshot], out.spectrum[snapshot])
             snapshot += 1
-    return Marched(
-        out.force, out.depth, out.radius, out.stored, out.dissipated, out.parted, out.lost, out.last_force,
-        out.rise,
-        out.chi, out.local, out.spectrum, taken + run.trials[0], status, stopped,
-    )  # fmt: skip
+    return taken, status, stopped

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gfmdlayer.case import march
+from gfmdlayer.case.march import March
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.study.case_run import run_case
@@ -16,6 +18,15 @@ STEPS = {"fixed": {"time.step": 0.1}, "adaptive": {"time.step": "adaptive", "tim
 DEEPEST = 0.005  # half of the ramp's depth
 
 
+RAMP = 1.0
+
+
+@pytest.fixture
+def step_by_step(monkeypatch):
+    """Python's loop takes all steps."""
+    monkeypatch.setattr(March, "suits", classmethod(lambda *_: False))
+
+
 def folder_at(path):
     folder = Folder(path)
     folder.cases.mkdir(parents=True)
@@ -25,7 +36,7 @@ def folder_at(path):
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("every", [0.0, np.inf], ids=["every step", "no checkpoint"])
 def test_the_next_run_goes_on_from_the_last_accepted_step_with_the_same_bits(
-    tmp_path, monkeypatch, bits, steps, every
+    tmp_path, monkeypatch, bits, steps, every, step_by_step
 ):
     case = SweepCase(0, Config(name="fails").with_values(SMALL | STEPS[steps]), {})
     whole, folder = folder_at(tmp_path / "whole"), folder_at(tmp_path / "out")
@@ -56,7 +67,33 @@ def test_the_next_run_goes_on_from_the_last_accepted_step_with_the_same_bits(
     assert bits(folder.case(0)) == bits(whole.case(0))
 
 
-def test_a_first_step_that_fails_leaves_no_state(tmp_path, monkeypatch):
+@pytest.mark.parametrize("steps", STEPS)
+def test_a_step_that_the_compiled_loop_leaves_may_fail_too(tmp_path, monkeypatch, bits, steps):
+    case = SweepCase(0, Config(name="fails").with_values(SMALL | STEPS[steps]), {})
+    whole, folder = folder_at(tmp_path / "whole"), folder_at(tmp_path / "out")
+    assert run_case(case, whole).state == "complete"
+    compiled, solve = march.march, ActiveSet.solve
+
+    def shallow(*arguments):
+        *others, now, rows, _ = arguments
+        deep = now["time"][0] >= 0.4 * RAMP
+        return march.RARE if deep else compiled(*others, now, rows, 1)
+
+    def limited(solver, problem, *given):
+        found = solve(solver, problem, *given)
+        return replace(found, converged=found.converged and -problem.obstacle.min() < DEEPEST)
+
+    with monkeypatch.context() as once:
+        once.setattr(march, "march", shallow)
+        once.setattr(ActiveSet, "solve", limited)
+        outcome = run_case(case, folder)
+    assert outcome.state == "failed"
+    assert "; state kept at t = " in outcome.reason
+    assert run_case(case, folder).state == "complete"
+    assert bits(folder.case(0)) == bits(whole.case(0))
+
+
+def test_a_first_step_that_fails_leaves_no_state(tmp_path, monkeypatch, step_by_step):
     solve = ActiveSet.solve
     monkeypatch.setattr(ActiveSet, "solve", lambda *given: replace(solve(*given), converged=False))
     folder = folder_at(tmp_path / "out")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gfmdlayer.case import march
 from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
@@ -117,6 +118,12 @@ BODIES["isolated"] = {
 }
 RUNS += [("heated", "adaptive", "active_set"), ("heated", "exponential", "active_set")]
 RUNS += [("isolated", "paper", "auto"), ("isolated", "exponential", "auto")]
+
+
+@pytest.fixture(autouse=True)
+def one_attempt_at_a_time(monkeypatch):
+    """The compiled loop comes back after each attempt."""
+    monkeypatch.setattr(march, "ATTEMPTS", 1)
 
 
 @pytest.mark.parametrize(("body", "steps", "method"), RUNS)

@@ -372,6 +372,13 @@ def settle(
     )
 
 
+@kernel(borrows=True)
+def narrow(first: int, end: int, less: float, field: FloatArray, narrowed: Any) -> None:
+    """Write a field less a number in single precision."""
+    for i in range(first, end):
+        narrowed[i] = np.float32(field[i] - less)
+
+
 class ParallelPasses:
     """Calls kernels with stretches of the points, and completes their results over all points."""
 
@@ -564,7 +571,11 @@ class Search:
 
     def __init__(self, level: GridLevel, at: NestedFields) -> None:
         self._on, self.at = level, at
-        for field in (level.d, level.z, level.r, level.step, level.change):
+        for field in (
+            level.d,
+            level.step,
+            level.change,
+        ):  # r is written before it is read, z not used at first
             field.fill(0.0)
         self._alpha, self._shift = 1.0, 0.0
         self._product = 0.0  # z.r of the last iteration; 0 where directions begin anew

@@ -28,7 +28,15 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.loop import iterate
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.nested.iteration import FieldExtent, GridLevel, NestedFields, Search, project, settle
+from gfmdlayer.contact.nested.iteration import (
+    FieldExtent,
+    GridLevel,
+    NestedFields,
+    Search,
+    narrow,
+    project,
+    settle,
+)
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import assess, scales_over
@@ -348,8 +356,7 @@ class NestedGradient:
             self._narrow.append(fine.transforms.empty_field())
         shift = at.level if load_given else 0.0  # gaps then count from the level
         for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
-            with np.errstate(over="ignore"):  # the residual of an infinite field is not below any tolerance
-                np.subtract(field, less, out=narrowed, casting="same_kind")
+            fine.parallel.only(narrow, less, field, narrowed)
         p, gap = self._narrow[:2]
         gap0 = gap if load_given else self._narrow[2]
         now = NestedFields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)
