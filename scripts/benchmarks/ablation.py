@@ -27,7 +27,7 @@ from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import ConvergenceError, simulate, warm_up
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact import fire
-from gfmdlayer.contact.active_set import loop, solver, windows
+from gfmdlayer.contact.active_set import loop, solver
 from gfmdlayer.contact.nested import iteration
 from gfmdlayer.contact.nested import solver as nested_solver
 from gfmdlayer.contact.nested.solver import nest
@@ -324,8 +324,7 @@ def _checked_iterate(  # type: ignore[no-untyped-def]
 
 def _compiled_anew(**replaced: object) -> Patches:
     """The active set's loops, on the surface and in windows, with other functions or constants."""
-    iterate = with_globals(loop.iterate, replaced)
-    return [(solver, "iterate", iterate), *_in_windows(iterate)]
+    return [(solver, "iterate", with_globals(loop.iterate, replaced))]
 
 
 def _only_the_point(grid: Grid, stiffness: FloatArray) -> Any:
@@ -339,10 +338,6 @@ def _without_coarser_grids(*arguments: Any) -> float:
     """Take the place of the nested start: from where the punch lies lowest."""
     with patch.object(Grid, "nested", property(lambda grid: [grid])):
         return nest(*arguments)
-
-
-def _in_windows(iterate: Any) -> Patches:
-    return [(windows, "solve", with_globals(windows.solve, {"iterate": iterate}))]
 
 
 def with_globals(compiled: Any, replaced: Mapping[str, object]) -> Any:
@@ -360,7 +355,9 @@ def _solver(case: Case, kind: Any, **options: bool) -> dict[str, Any]:
 
 ACTIVE_SET = (
     _Ablation("windows", parts=lambda case: _solver(case, solver.ActiveSet, windows=False)),
-    _Ablation("a result of one stretch taken directly", patches=lambda: _in_windows(_checked_iterate)),
+    _Ablation(
+        "a result of one stretch taken directly", patches=lambda: [(solver, "iterate", _checked_iterate)]
+    ),
     _Ablation("preconditioner", patches=lambda: _compiled_anew(_precondition=_residual_itself)),
     _Ablation("conjugacy to the pressure", patches=lambda: _compiled_anew(_scale_pressure=_no_scaling)),
     _Ablation("points leave before convergence", patches=lambda: _compiled_anew(_WELL_UNDER=0.0)),

@@ -191,7 +191,9 @@ output: {snapshots: [1.0, 8.0]}
 
 
 def test_a_case_killed_at_random_moments_in_the_compiled_loop_keeps_its_bits(run_here, bits, monkeypatch):
-    assert March.suits(Case(Config(name="long").with_values({"grid.points": 16384, "time.step": "adaptive"})))
+    assert March.suits(
+        Case(Config(name="long").with_values({"grid.points": 16384, "time.step": "adaptive"})).contact
+    )
     Path("faulty.yaml").write_text(LONG)
     run_here("faulty.yaml", "whole")
     monkeypatch.setattr(case_run, "_PART", math.inf)  # a checkpoint whenever the loop comes back
