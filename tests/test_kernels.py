@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer.kernels import source_digest
+from gfmdlayer.grid.sums import pairwise_sum
+from gfmdlayer.kernels import kernel, product, quotient, source_digest
 
 PACKAGE = Path(gfmdlayer.__file__).parent
 
@@ -123,3 +125,32 @@ def test_the_digest_of_sources_is_that_of_the_module_and_of_what_it_imports(tmp_
     now = printed(program, tmp_path).split()
     assert now[0] != solver
     assert now[1] == grid
+
+
+@kernel
+def _elementwise(a, b, products, quotients):
+    for i in range(a.size):
+        products[i], quotients[i] = product(a[i], b[i]), quotient(a[i], b[i])
+
+
+def test_complex_products_and_quotients_have_the_bits_of_numpy():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, 1001)) + 1j * rng.normal(size=(2, 1001)) * 10 ** rng.uniform(-3, 3, 1001)
+    products, quotients = np.empty_like(a), np.empty_like(a)
+    _elementwise(a, b, products, quotients)
+    np.testing.assert_array_equal(products, a * b)
+    np.testing.assert_array_equal(quotients, a / b)
+
+
+@kernel
+def _summed(x, start, stride):
+    return pairwise_sum(x, start, stride)
+
+
+@pytest.mark.parametrize("size", [1, 3, 4, 7, 8, 63, 64, 65, 100, 128, 129, 257, 1000, 1024, 5003])
+def test_sums_have_the_bits_of_numpy(size):
+    rng = np.random.default_rng(size)
+    x, z = rng.normal(size=size), rng.normal(size=size) + 1j * rng.normal(size=size)
+    assert _summed(x, 0, 1) == x.sum()
+    numbers = z.view(np.float64)
+    assert complex(_summed(numbers, 0, 2), _summed(numbers, 1, 2)) == z.sum()

@@ -1,9 +1,10 @@
 """The compiled time loop: many steps of an ordinary case without Python between them.
 
 It takes the steps of the loop of `case.Case.run`, with the same bits, for a punch with a hard wall under a
-prescribed depth, load or force, over one body at rest, with the active-set solver and the columns that every
-such case has. At a step that is not ordinary it comes back, with the state before it; Python then takes this
-step. `March` moves the state of the parts of the case into the arrays of the loop and back.
+prescribed depth, load or force, over one body, at rest or along it at a constant velocity (`moving`), with
+the active-set solver and the columns that every such case has. At a step that is not ordinary it comes back,
+with the state before it; Python then takes this step. `March` moves the state of the parts of the case into
+the arrays of the loop and back.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from gfmdlayer.case.model import BlockRecorder
+from gfmdlayer.case.moving import MovingPunch, arrays_of, friction, settles, smallest_of, solve_with_loss
 from gfmdlayer.case.normal import NormalContact
 from gfmdlayer.contact.active_set.solver import (
     ActiveSet,
@@ -30,10 +32,12 @@ from gfmdlayer.contact.active_set.solver import (
 )
 from gfmdlayer.contact.active_set.windows import WholeSurface
 from gfmdlayer.contact.loading import Loading
+from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import RING, PressurePrediction, Ring, predict, remember
 from gfmdlayer.contact.pressure_form import SurfaceState
 from gfmdlayer.contact.problem import DEPTH_FLOOR
 from gfmdlayer.contact.residual import ResidualFloor, mark_contact
+from gfmdlayer.grid.sums import pairwise_sum
 from gfmdlayer.history.adaptive_steps import (
     BREAKPOINT,
     RETRACTED,
@@ -49,27 +53,33 @@ from gfmdlayer.history.adaptive_steps import (
 )
 from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
 from gfmdlayer.history.modes import ModeArrays, Modes
+from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.time_points import FixedSteps
-from gfmdlayer.kernels import address_of, by_address, filled, kernel
+from gfmdlayer.kernels import address_of, by_address, kernel
 from gfmdlayer.observables import columns
 from gfmdlayer.observables.contact_statistics import extent_of_line, extent_of_surface
 from gfmdlayer.step import Fields, Instant
-from gfmdlayer.time_functions import RampHold, Table
+from gfmdlayer.time_functions import Constant, RampHold, Table
 
 if TYPE_CHECKING:
     from gfmdlayer.case.contact import Contact
     from gfmdlayer.case.model import Progress
     from gfmdlayer.history.adaptive_steps import Steps
     from gfmdlayer.observables import Observable
+    from gfmdlayer.observables.numerics import SteadyState
 
 # Why the loop comes back: no further point in time, so many attempts, no room for rows, a step that is not
-# ordinary, a snapshot.
-DONE, GO_ON, FULL, RARE, PICTURE = range(5)
+# ordinary, a snapshot, a steady state.
+DONE, GO_ON, FULL, RARE, PICTURE, SETTLED = range(6)
 
 COLUMNS = (
     "time", "contact_area", "mean_pressure", "depth", "residual", "mean_stress", "force",
     "contact_area_interpolated", "contact_area_error", "transforms", "iterations", "rejected",
     "work", "stored", "dissipated", "energy_residual", "mean_gap",
+)  # fmt: skip
+_BEFORE = 12  # columns before those of a punch that moves
+COLUMNS_MOVING = (
+    *COLUMNS[:_BEFORE], "position", "tangential_force", "friction", "contact_centre", *COLUMNS[_BEFORE:],
 )  # fmt: skip
 
 
@@ -129,6 +139,7 @@ NOW = np.dtype(
         ("energies", np.float64),
         ("points", np.int64),  # of the curve of mean pressure over depth that are known, at most two
         ("curve", np.float64, (2, 3)),  # time, depth and mean pressure
+        ("tangential", np.float64, (2, 3)),  # time, position and tangential stress
     ]
 )
 
@@ -146,9 +157,11 @@ def march(
     record: npt.NDArray[Any],
     rows: FloatArray,
     most: int,
+    moving: MovingPunch | None,
 ) -> int:
     """Take at most so many attempts at steps; return why it comes back."""
     now, adaptive = record[0], constants.adaptive
+    sliding = None if moving is None else moving.sliding
     for _ in range(most):
         if (control.now[0].next_stop == control.stops.size) if adaptive else now.point == fixed.times.size:
             return DONE
@@ -158,11 +171,11 @@ def march(
         now.time = point.time
         if point.fresh:
             errors.now[0].has_velocity = False
-        set_terms(modes, errors, point.step, surface.b.view(np.float64))  # 5, 6
+        set_terms(modes, sliding, errors, point.step, surface.b.view(np.float64))  # 5, 6
         prescribed = _value_at(constants.ramp, surface.drive_times, surface.drive_values, point.time)
         place = (ring.now[0].last + 1) % 3
         predict(ring, point.time, surface.guess)
-        result = _solved(solver, surface, modes, ring, constants, prescribed, place)  # 7
+        result = _solved(solver, surface, modes, ring, constants, prescribed, place, moving)  # 7
         if not result.solved:
             return RARE
         now.transforms += result.pairs
@@ -172,16 +185,19 @@ def march(
         depth, response = prescribed, pressure
         if not constants.by_depth:
             depth = response = _depth_under_load(surface, modes, constants, record, prescribed)
-        if adaptive and not _accepted(control, modes, errors, surface, point, response, depth):
+        if adaptive and not _accepted(control, modes, errors, surface, point, response, depth, moving):
             continue  # a shorter one follows
-        advance(modes, errors, surface.spectrum.view(np.float64), adaptive)  # 8, 9
+        advance(modes, sliding, errors, surface.spectrum.view(np.float64), adaptive)  # 8, 9
         remember(ring, place, point.time, (point.marks & BREAKPOINT) != 0)
         if adaptive:
             control.now[0] = control.behind[0]
         else:
             now.point += 1
-        _measure(solver, surface, errors, ring, constants, record, rows[now.rows], result, depth, place)
+        row = rows[now.rows]
+        _measure(solver, surface, errors, ring, constants, record, row, result, depth, place, moving)
         now.rows += 1
+        if moving is not None and settles(moving.steady, point.time, pressure, depth, row[_BEFORE + 2]):
+            return SETTLED
         if constants.every or (point.marks & SNAPSHOT) != 0:
             return PICTURE
     return GO_ON
@@ -201,13 +217,16 @@ def _accepted(
     point: Point,
     response: float,
     depth: float,
+    moving: MovingPunch | None,
 ) -> bool:
     """`AdaptiveSteps.accepts`."""
     u, error, deforms = surface.spectrum.view(np.float64), 0.0, False
+    sliding = None if moving is None else moving.sliding
     if point.step != 0.0:
-        moving = depth != control.now[0].depth
+        moves = depth != control.now[0].depth
         deep = depth >= RETRACTED * scales(control, response, depth)[1]
-        relative, displacement = estimate(modes, errors, u, surface.b.view(np.float64), moving, deep)
+        b = surface.b.view(np.float64)
+        relative, displacement = estimate(modes, sliding, errors, u, b, moves, deep)
         error = relative_error(control, response, depth, relative, displacement)
     else:
         for i in range(u.size):
@@ -247,6 +266,7 @@ def _solved(
     constants: LoopConstants,
     prescribed: float,
     place: int,
+    moving: MovingPunch | None,
 ) -> StepResult:
     """Solve the contact problem of a step; its pressure and gap go to a place of the ring."""
     h, obstacle, load = surface.h, surface.obstacle, prescribed
@@ -260,24 +280,20 @@ def _solved(
             surface.problem_stiffness[k] = modes.stiffness[k]
         surface.problem_b[0] = surface.problem_stiffness[0] = 0.0
     stiffness = surface.problem_stiffness
-    floor = ResidualFloor(_smallest(stiffness), constants.least_depth, 0.0, np.inf)
+    floor = ResidualFloor(smallest_of(stiffness), constants.least_depth, 0.0, np.inf)
     whole = WholeSurface(
         solver.plans, solver.compliance, h, surface.problem_b, solver.work.spectrum, solver.work.z
     )
     state = SurfaceState(surface.u, ring.p[place], ring.gap[place], surface.spectrum)
+    if moving is not None:
+        return solve_with_loss(
+            solver, moving, stiffness, surface.problem_b, h, floor, not constants.by_depth, load,
+            constants.height, surface.guess, constants.tolerance, constants.limit, state,
+        )  # fmt: skip
     return solve_step(
         solver, stiffness, whole, floor, not constants.by_depth, load, constants.height, surface.guess,
         constants.tolerance, constants.limit, state,
     )  # fmt: skip
-
-
-@kernel(inner=True, borrows=True)
-def _smallest(stiffness: FloatArray) -> float:
-    """kappa_1: the smallest stiffness of a mode that is not the mean."""
-    smallest = stiffness[1]
-    for k in range(1, stiffness.size):
-        smallest = min(smallest, stiffness[k])
-    return float(smallest)
 
 
 @kernel(inner=True, borrows=True)
@@ -313,31 +329,45 @@ def _measure(
     result: StepResult,
     depth: float,
     place: int,
+    moving: MovingPunch | None,
 ) -> None:
     """Write the columns of an accepted step."""
     now = record[0]
     residual, area, pressure, mean_gap = result.assessment
     p, gap = ring.p[place], ring.gap[place]
-    floor = ResidualFloor(_smallest(surface.problem_stiffness), constants.least_depth, 0.0, np.inf)
+    floor = ResidualFloor(smallest_of(surface.problem_stiffness), constants.least_depth, 0.0, np.inf)
     pressure_scale, depth_scale = residual_scales_at(solver.calls.scales, (p, surface.u, floor))
     mark_contact(p, gap, 1.0 / pressure_scale, 1.0 / depth_scale, surface.touching)
     points, between, error = _extent(constants.extent, (surface.touching, p, gap, constants.shape))
     now.most = max(now.most, points)
     stored, dissipated, curve = errors.now[0].stored, errors.now[0].dissipated, now.curve
-    energies = stored + dissipated
+    energies, at = stored + dissipated, _BEFORE
+    if moving is not None:
+        row[at], row[at + 1], row[at + 2], row[at + 3] = friction(
+            moving, solver.plans, p, surface.spectrum, now.time
+        )
+        at += 4
     if now.points == 0:
         now.work += energies - now.energies
     else:
-        now.work += _work(curve, now.points, depth, pressure)
+        work = _work(curve, now.points, depth, pressure)
+        if moving is not None:
+            work += _work(now.tangential, now.points, row[_BEFORE], row[_BEFORE + 1])
+        now.work += work
     now.energies, now.points = energies, min(now.points + 1, 2)
     for i in range(3):
         curve[0, i] = curve[1, i]
     curve[1, 0], curve[1, 1], curve[1, 2] = now.time, depth, pressure
+    if moving is not None:
+        curve = now.tangential
+        for i in range(3):
+            curve[0, i] = curve[1, i]
+        curve[1, 0], curve[1, 1], curve[1, 2] = now.time, row[_BEFORE], row[_BEFORE + 1]
     row[0], row[1], row[2], row[3], row[4] = now.time, area, pressure / constants.unit, depth, residual
     row[5], row[6], row[7], row[8] = pressure, pressure * constants.cell, between, error
     row[9], row[10], row[11] = now.transforms, now.iterations, now.attempts - 1
-    row[12], row[13], row[14] = now.work, stored, dissipated
-    row[15], row[16] = now.work - stored - dissipated, mean_gap
+    row[at], row[at + 1], row[at + 2] = now.work, stored, dissipated
+    row[at + 3], row[at + 4] = now.work - stored - dissipated, mean_gap
     now.transforms = now.iterations = now.attempts = 0
 
 
@@ -349,49 +379,6 @@ def _work(curve: FloatArray, points: int, depth: float, pressure: float) -> floa
     if points > 1 and (x0 - x) * width > 0.0:
         slope = ((pressure - y0) / width - (y0 - y) / (x0 - x)) / (depth - x)
     return float(width * (y0 + pressure) / 2.0 - slope * math.pow(width, 3.0) / 6.0)
-
-
-_BLOCK = 128  # numbers that numpy sums one after the other, in eight lanes
-_LEVELS = 64
-
-
-@kernel(inner=True, borrows=True)
-def pairwise_sum(x: FloatArray) -> float:
-    """Sum of an array as `numpy.sum` has it, to the bit: by halves down to blocks."""
-    # Of each level the second half, and the sum of the first once it is known.
-    firsts, counts, sums = filled(_LEVELS, 0.0), filled(_LEVELS, 0.0), filled(_LEVELS, 0.0)
-    level, first, count = 0, 0, x.size
-    while True:
-        while count > _BLOCK:
-            half = count // 2
-            half -= half % 8
-            firsts[level], counts[level] = first + half, count - half
-            level, count = level + 1, half
-        total = _sum_of_block(x, first, count)
-        while level > 0 and counts[level - 1] == 0.0:
-            level -= 1
-            total = sums[level] + total
-        if level == 0:
-            return total
-        first, count = int(firsts[level - 1]), int(counts[level - 1])
-        sums[level - 1], counts[level - 1] = total, 0.0
-
-
-@kernel(inner=True, borrows=True)
-def _sum_of_block(x: FloatArray, first: int, count: int) -> float:
-    total, whole = 0.0, count - count % 8
-    if whole:
-        a, b, c, d, e, f, g, h = (
-            x[first], x[first + 1], x[first + 2], x[first + 3],
-            x[first + 4], x[first + 5], x[first + 6], x[first + 7],
-        )  # fmt: skip
-        for i in range(first + 8, first + whole, 8):
-            a, b, c, d = a + x[i], b + x[i + 1], c + x[i + 2], d + x[i + 3]
-            e, f, g, h = e + x[i + 4], f + x[i + 5], g + x[i + 6], h + x[i + 7]
-        total = ((a + b) + (c + d)) + ((e + f) + (g + h))
-    for i in range(first + whole, first + count):
-        total += x[i]
-    return total
 
 
 FEWEST_ROWS = 256
@@ -418,10 +405,8 @@ class March:
         self._contact, self._steps, self._observables = contact, steps, observables
         # Of the kinds that `suits` has found.
         self._modes, self._instants = cast("Modes", contact.history), iter(steps)
-        self._solver, self._guess = (
-            cast("ActiveSet", contact.solver),
-            cast("PressurePrediction", contact.guess),
-        )
+        solver = contact.solver.inner if isinstance(contact.solver, LossStiffnessSolver) else contact.solver
+        self._solver, self._guess = cast("ActiveSet", solver), cast("PressurePrediction", contact.guess)
         drive = cast("RampHold | Table", loading.trajectory)
         self._left: list[Instant] = []  # fixed steps that are not taken yet
         transforms, sums, size = contact.transforms, grid.sums, grid.size
@@ -470,18 +455,30 @@ class March:
         self._errors = ErrorArrays(*weights, *work, state)  # type: ignore[call-arg]
         self._control = steps.control if isinstance(steps, AdaptiveSteps) else _NO_CONTROL
         self._fixed = _NO_POINTS
-        self._now, self._rows = np.zeros(1, NOW), np.empty((FEWEST_ROWS, len(COLUMNS)))
+        self._moving: MovingPunch | None = None
+        if isinstance(self._modes, SlidingModes):
+            self._moving = arrays_of(contact, self._modes, observables)
+        self._columns = COLUMNS if self._moving is None else COLUMNS_MOVING
+        self._now, self._rows = np.zeros(1, NOW), np.empty((FEWEST_ROWS, len(self._columns)))
         self._attempts = max(1, min(ATTEMPTS, POINTS // size))
 
     @classmethod
     def suits(cls, contact: Contact) -> TypeGuard[NormalContact]:
         """Whether the case of a contact is ordinary."""
         config, loading, grid = contact.config, contact.loading, contact.grid
-        if type(contact) is not NormalContact or tuple(each.name for each in columns(config)) != COLUMNS:
+        names = tuple(column.name for column in columns(config))
+        if type(contact) is not NormalContact or names not in (COLUMNS, COLUMNS_MOVING):
             return False
-        parts = contact.solver, contact.history, contact.guess, loading
+        solver, rests = contact.solver, names == COLUMNS
+        if not rests:
+            if not (
+                isinstance(solver, LossStiffnessSolver) and isinstance(contact.drives.velocity, Constant)
+            ):
+                return False
+            solver = solver.inner
+        parts = solver, contact.history, contact.guess, loading
         return (
-            [*map(type, parts)] == [ActiveSet, Modes, PressurePrediction, Loading]
+            [*map(type, parts)] == [ActiveSet, Modes if rests else SlidingModes, PressurePrediction, Loading]
             and isinstance(loading.trajectory, RampHold | Table)
             and grid.ranks.count == 1
             and grid.size <= MOST_POINTS
@@ -513,16 +510,18 @@ class March:
             reason = march(
                 self._solver.arrays, surface, modes,
                 self._errors, self._ring, self._constants, self._control, self._fixed, self._now, self._rows,
-                self._attempts,
+                self._attempts, self._moving,
             )  # fmt: skip
             self._record(recorder)
             if reason == FULL:
                 continue
             self._give_back()
-            if reason == PICTURE:
+            if reason in (PICTURE, SETTLED):
                 recorder.snapshot(float(self._now["time"][0]), self._snapshot())
+            if reason == SETTLED:
+                return True
             if reason == RARE or (reason == DONE and self._constants.adaptive):
-                return reason == DONE
+                return bool(reason == DONE)
             if progress is not None:
                 progress(float(self._now["time"][0]))
 
@@ -530,7 +529,7 @@ class March:
         """Record the rows of a stretch."""
         count, taken = int(self._now["rows"][0]), int(self._now["point"][0])
         if count:
-            recorder.extend(dict.fromkeys(COLUMNS, 1), self._rows[:count])
+            recorder.extend(dict.fromkeys(self._columns, 1), self._rows[:count])
             self._rows, self._now["rows"] = np.empty_like(self._rows), 0
         if isinstance(self._steps, FixedSteps):
             self._steps.advance(taken)
@@ -565,6 +564,12 @@ class March:
         for place, row in enumerate(curve, 2 - len(curve)):
             now["curve"][place] = row[:3]
         now["most"] = parts["resolution"].state()["most"]
+        if self._moving is not None:
+            for place, points in enumerate(energy["tangential"], 2 - len(curve)):
+                now["tangential"][place] = 0.0, *points[0]
+            cast("SlidingModes", self._modes).into(self._moving.sliding)
+            if "steady_state" in parts:
+                cast("SteadyState", parts["steady_state"]).into(self._moving.steady)
 
     def _give_back(self) -> None:
         """Give the state back to the parts."""
@@ -588,9 +593,13 @@ class March:
                 "energies": now["energies"],
                 "torn": np.False_,
                 "normal": np.column_stack((curve, np.full(count, np.nan))),
-                "tangential": np.zeros((count, 1, 2)),
+                "tangential": now["tangential"][2 - count :, None, 1:].copy(),
             }
         )
+        if self._moving is not None:
+            cast("SlidingModes", self._modes).out_of(self._moving.sliding)
+            if "steady_state" in parts:
+                cast("SteadyState", parts["steady_state"]).out_of(self._moving.steady)
 
 
 def _points(instants: list[Instant]) -> FixedPoints:

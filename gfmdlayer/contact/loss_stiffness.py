@@ -27,7 +27,8 @@ from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, project, surface_at
 from gfmdlayer.contact.residual import scales_over
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
+from gfmdlayer.kernels import kernel, product, quotient
 
 # Contact with a large loss stiffness, by guesses of the contact set
 #
@@ -222,6 +223,16 @@ _MOST_ALONE = 100  # where no other method takes over
 _MIXED = 6  # surfaces at most
 
 
+class LossArrays(NamedTuple):
+    """Work arrays of `LossStiffnessSolver`, one value a mode, and a field."""
+
+    difference: ComplexArray  # s - kappa - i mu
+    intercept: ComplexArray  # of the problem without loss
+    first: ComplexArray  # guess of the displacement
+    left: ComplexArray
+    field: FloatArray
+
+
 class LossStiffnessSolver:
     """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance."""
 
@@ -229,38 +240,38 @@ class LossStiffnessSolver:
         # `weights` are those of each mode in the mean over the surface.
         self.starts_from = solver.starts_from
         self.compile, self.state, self.restore = solver.compile, solver.state, solver.restore
-        self._solver, self._transforms = solver, transforms
+        self.inner, self._transforms = solver, transforms
         self._weights = np.ravel(weights)
+        spectrum, field = transforms.empty_spectrum, transforms.empty_field
+        self.arrays = LossArrays(spectrum(), spectrum(), spectrum(), spectrum(), field())
 
     def solve(
         self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
     ) -> Solution:
         """Solve from a first guess of the field that the solver starts from."""
         if problem.loss_stiffness is None:
-            return self._solver.solve(problem, start, SHARE * tolerance, limit)
-        stiff = problem.stiffness > 0
-        extra = np.divide(problem.loss_stiffness**2, problem.stiffness, where=stiff, out=np.zeros(stiff.size))
-        symmetric = problem.stiffness + extra
-        difference = extra - 1j * problem.loss_stiffness
+            return self.inner.solve(problem, start, SHARE * tolerance, limit)
+        arrays, plans, symmetric = self.arrays, self._transforms.plans, np.empty_like(problem.stiffness)
+        set_symmetric(problem.stiffness, problem.loss_stiffness, symmetric, arrays.difference)
         mixture = Mixing(_MIXED, symmetric * self._weights, problem.ranks)
         last = self._guess(problem, start)
         transforms, iterations, released = 1, 0, 0.0
         # Pivoting knows neither attraction nor hardness nor ranks.
         alone = problem.interface.attracts or problem.hardness < np.inf or problem.ranks.count > 1
         for _ in range(_MOST_ALONE if alone else _MOST_PROBLEMS):
-            intercept = problem.intercept + difference * last
-            solution = self._solver.solve(
-                replace(problem, stiffness=symmetric, intercept=intercept, loss_stiffness=None),
+            set_intercept(problem.intercept, arrays.difference, last, arrays.intercept)
+            solution = self.inner.solve(
+                replace(problem, stiffness=symmetric, intercept=arrays.intercept, loss_stiffness=None),
                 start,
                 SHARE * tolerance,
                 limit,
             )
-            change = self._transforms.backward(difference * (solution.spectrum - last))
-            change /= self._transforms.size
+            pressure, size = np.empty_like(solution.pressure), float(self._transforms.size)
+            add_loss(plans, arrays, solution.spectrum, last, solution.pressure, size, pressure)
             transforms += solution.transforms + 1
             iterations += solution.iterations
             released += solution.released_energy
-            state = _with_loss(problem, solution, change, (transforms, iterations), tolerance)
+            state = _with_loss(problem, solution, pressure, (transforms, iterations), tolerance)
             if state.converged or not solution.converged:
                 break
             last = mixture.next(last, solution.spectrum)
@@ -274,7 +285,8 @@ class LossStiffnessSolver:
         if not state.converged and not alone:
             state, contact = self._by_pivoting(problem, state, contact, tolerance)
         # Out of contact, stress within the tolerance is set to zero.
-        return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
+        set_free(contact, state.pressure)
+        return state
 
     def _by_pivoting(
         self, problem: Problem, so_far: Solution, contact: BoolArray, tolerance: float
@@ -298,20 +310,21 @@ class LossStiffnessSolver:
         """Spectrum of the displacement that belongs to a first guess, but for the mean."""
         if self.starts_from == "gap":
             return self._transforms.forward(surface_at(problem, start))
-        spectrum = self._transforms.forward(start)
         if self.starts_from == "displacement":
-            return spectrum
+            return self._transforms.forward(start)
         assert problem.loss_stiffness is not None
-        stiffness = problem.stiffness + 1j * problem.loss_stiffness
-        stiff = problem.stiffness > 0
-        return np.asarray(np.where(stiff, problem.intercept - spectrum, 0) / np.where(stiff, stiffness, 1))
+        set_first(
+            self._transforms.plans, problem.stiffness, problem.loss_stiffness, problem.intercept, start,
+            self.arrays,
+        )  # fmt: skip
+        return self.arrays.first
 
 
 def _with_loss(
-    problem: Problem, solution: Solution, change: FloatArray, spent: tuple[int, int], tolerance: float
+    problem: Problem, solution: Solution, pressure: FloatArray, spent: tuple[int, int], tolerance: float
 ) -> Solution:
-    """Return the solution of a problem without loss, whose pressure changes by the loss that it has left."""
-    pressure, flow, gap, under = solution.pressure + change, solution.flow, None, problem
+    """Return the solution of a problem without loss with the pressure of `add_loss`."""
+    flow, gap, under = solution.flow, None, problem
     if flow is not None:
         gap, under = solution.gap, replace(problem, obstacle=problem.obstacle + flow)
     u, spectrum = solution.displacement, solution.spectrum
@@ -323,6 +336,71 @@ def _with_loss(
     over = np.where(problem.at_hardness(solution.pressure, solution.gap), abs(over), over)
     residual = max(state.residual, problem.ranks.maximum(float(over.max())) / scale)
     return replace(state, residual=residual, converged=residual <= tolerance)
+
+
+@kernel(borrows=True)
+def set_symmetric(
+    stiffness: FloatArray, loss_stiffness: FloatArray, symmetric: FloatArray, difference: ComplexArray
+) -> None:
+    """Write s = (kappa^2 + mu^2)/kappa and s - kappa - i mu."""
+    for k in range(stiffness.size):
+        extra = loss_stiffness[k] * loss_stiffness[k] / stiffness[k] if stiffness[k] > 0.0 else 0.0
+        symmetric[k], difference[k] = stiffness[k] + extra, complex(extra, -loss_stiffness[k])
+
+
+@kernel(borrows=True)
+def set_first(
+    plans: Plans,
+    stiffness: FloatArray,
+    loss_stiffness: FloatArray,
+    b: ComplexArray,
+    start: FloatArray,
+    arrays: LossArrays,
+) -> None:
+    """Write the displacement under a first guess of the pressure, but for the mean."""
+    first, field = arrays.first, arrays.field
+    for i in range(field.size):
+        field[i] = start[i]
+    forward(plans, field, first)
+    for k in range(first.size):
+        stiff = stiffness[k] > 0.0
+        first[k] = quotient(b[k] - first[k], complex(stiffness[k], loss_stiffness[k])) if stiff else 0.0
+
+
+@kernel(borrows=True)
+def set_intercept(
+    b: ComplexArray, difference: ComplexArray, last: ComplexArray, intercept: ComplexArray
+) -> None:
+    """Write b + (s - kappa - i mu) u_last."""
+    for k in range(b.size):
+        intercept[k] = b[k] + product(difference[k], last[k])
+
+
+@kernel(borrows=True)
+def add_loss(
+    plans: Plans,
+    arrays: LossArrays,
+    u: ComplexArray,
+    last: ComplexArray,
+    without: FloatArray,
+    size: float,
+    pressure: FloatArray,
+) -> None:
+    """Add the loss that a problem without loss has left to its pressure; one transform."""
+    left, field = arrays.left, arrays.field
+    for k in range(left.size):
+        left[k] = product(arrays.difference[k], u[k] - last[k])
+    backward(plans, left, field)
+    for i in range(pressure.size):
+        pressure[i] = without[i] + field[i] / size
+
+
+@kernel(borrows=True)
+def set_free(contact: BoolArray, pressure: FloatArray) -> None:
+    """Set tension to zero, and any pressure out of contact."""
+    for i in range(pressure.size):
+        if not contact[i] or pressure[i] < 0.0:
+            pressure[i] = 0.0
 
 
 class Mixing:
@@ -349,6 +427,8 @@ class Mixing:
         self._best = size
         self._results = [*self._results[1 - self._most :], result]
         self._steps = [*self._steps[1 - self._most :], step]
+        if len(self._steps) == 1:
+            return result
         products = np.array([[self._part(f, g) for f in self._steps] for g in self._steps])
         gram = self._ranks.total(products) / size
         shares = np.linalg.pinv(gram, rcond=1e-12, hermitian=True).sum(axis=0)

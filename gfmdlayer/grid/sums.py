@@ -17,7 +17,7 @@ from numba.cpython.unsafe.tuple import tuple_setitem
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.transforms import execute
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import filled, kernel
 
 
 class Completion(NamedTuple):
@@ -83,3 +83,65 @@ def products(weights: FloatArray, v: FloatArray, f: FloatArray, g: FloatArray) -
         with_g += part * g[i]
         squares += part * v[i]
     return with_f, with_g, squares
+
+
+# Sums with the bits of numpy's.
+
+_BLOCK = 128  # numbers that numpy sums one after the other, in eight lanes
+_LEVELS = 64
+
+
+@kernel(inner=True, borrows=True)
+def pairwise_sum(x: FloatArray, start: int = 0, stride: int = 1) -> float:
+    """Sum of an array as `numpy.sum` has it, to the bit: by halves down to blocks.
+
+    Of the real or the imaginary parts of complex numbers every second number counts: the stride is two.
+    """
+    # Of each level the second half, and the sum of the first once it is known.
+    firsts, counts, sums = filled(_LEVELS, 0.0), filled(_LEVELS, 0.0), filled(_LEVELS, 0.0)
+    level, first, count = 0, 0, x.size // stride
+    while True:
+        while count > _BLOCK // stride:
+            half = count // 2
+            half -= half % (8 // stride)
+            firsts[level], counts[level] = first + half, count - half
+            level, count = level + 1, half
+        total = _sum_of_block(x, first, count) if stride == 1 else _sum_of_parts(x, start, first, count)
+        while level > 0 and counts[level - 1] == 0.0:
+            level -= 1
+            total = sums[level] + total
+        if level == 0:
+            return total
+        first, count = int(firsts[level - 1]), int(counts[level - 1])
+        sums[level - 1], counts[level - 1] = total, 0.0
+
+
+@kernel(inner=True, borrows=True)
+def _sum_of_parts(x: FloatArray, start: int, first: int, count: int) -> float:
+    total, whole = 0.0, count - count % 4
+    if whole:
+        at = 2 * first + start
+        a, b, c, d = x[at], x[at + 2], x[at + 4], x[at + 6]
+        for i in range(at + 8, at + 2 * whole, 8):
+            a, b, c, d = a + x[i], b + x[i + 2], c + x[i + 4], d + x[i + 6]
+        total = (a + b) + (c + d)
+    for i in range(first + whole, first + count):
+        total += x[2 * i + start]
+    return float(total)
+
+
+@kernel(inner=True, borrows=True)
+def _sum_of_block(x: FloatArray, first: int, count: int) -> float:
+    total, whole = 0.0, count - count % 8
+    if whole:
+        a, b, c, d, e, f, g, h = (
+            x[first], x[first + 1], x[first + 2], x[first + 3],
+            x[first + 4], x[first + 5], x[first + 6], x[first + 7],
+        )  # fmt: skip
+        for i in range(first + 8, first + whole, 8):
+            a, b, c, d = a + x[i], b + x[i + 1], c + x[i + 2], d + x[i + 3]
+            e, f, g, h = e + x[i + 4], f + x[i + 5], g + x[i + 6], h + x[i + 7]
+        total = ((a + b) + (c + d)) + ((e + f) + (g + h))
+    for i in range(first + whole, first + count):
+        total += x[i]
+    return total

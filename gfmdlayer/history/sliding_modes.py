@@ -40,23 +40,45 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.modes import Modes, exponential, shortest_time
-from gfmdlayer.kernels import kernel
+from gfmdlayer.history.modes import Modes, exponential, set_force, shortest_time
+from gfmdlayer.kernels import address_of, by_address, kernel, product, quotient
 from gfmdlayer.time_functions import TimeFunction
 
 # phi_5 by its series where |z| < 1: the first term left out is below rounding.
-_SERIES = [(-1) ** k / math.factorial(k + 5) for k in range(18)]
+_SERIES = tuple((-1) ** k / math.factorial(k + 5) for k in range(18))
+_FACTORIALS = tuple(float(math.factorial(n)) for n in range(5))
 
 
 class Waves(NamedTuple):
-    """Pairs of a mode and one of its waves, and their factors for the length of a step."""
+    """Pairs of a mode and one of its waves, and what belongs to the length of a step."""
 
     position: IntArray  # (pairs,), of the wavenumber
-    energy_weights: FloatArray  # (pairs,), w_j times Parseval's weights
+    wavenumbers: FloatArray  # (pairs,), q along x
+    times: FloatArray  # (pairs,), theta_j
+    weights: FloatArray  # (pairs,), w_j, of two waves of a mode a half each
+    energy_weights: FloatArray  # (pairs,), the weights times Parseval's
     stretch: ComplexArray  # (pairs,), the internal variables Y_j
     steady: ComplexArray  # (pairs,), r_j
     phase: FloatArray  # (pairs,), q v dt
     phi: ComplexArray  # (6, pairs), phi_n(z)
+    decay: ComplexArray  # (pairs,), w_j exp(-z)
+    acceleration: ComplexArray  # (pairs,), -i q dv dt (phi_2 - phi_1/2)
+    change: ComplexArray  # (pairs,), of the stretches because the velocity changes; work array
+    gain: ComplexArray  # (nq,), sum_j w_j ((1 - r_j) phi_1 + r_j exp(-z))
+    curvature_gain: ComplexArray  # (nq,), sum_j w_j (1 - r_j) (2 phi_2 - phi_1)
+
+
+class SlidingArrays(NamedTuple):
+    """The modes for a compiled loop at a constant velocity."""
+
+    waves: Waves
+    loss_stiffness: FloatArray  # (nq,)
+    slope: ComplexArray  # (nq,), i q
+    still: ComplexArray  # (nq,), no curvature
+    of_u: FloatArray  # (2 nq,), work array
+    velocity: float
+    advance: int  # address of `advance`
+    time: FloatArray  # of the history, one number
 
 
 class SlidingModes(Modes):
@@ -87,17 +109,22 @@ class SlidingModes(Modes):
         repeated = two_waves[index]
         mode, at = np.append(mode, mode[repeated]), np.append(index, index[repeated])
         self._modes = len(weights), mode, np.where(two_waves[at], 0.5, 1.0)
-        self._q = np.append(first[index], second[index[repeated]])
-        self._weights = weights[mode, at] * self._modes[2]
-        self._theta = times[mode, at]
-        count = at.size
+        count, own = at.size, weights[mode, at] * self._modes[2]
         self._waves = Waves(
             position=at,
-            energy_weights=self._weights * sums.weights[at],
+            wavenumbers=np.append(first[index], second[index[repeated]]),
+            times=times[mode, at],
+            weights=own,
+            energy_weights=own * sums.weights[at],
             stretch=np.zeros(count, dtype=np.complex128),
             steady=np.zeros(count, dtype=np.complex128),
             phase=np.zeros(count),
             phi=np.zeros((6, count), dtype=np.complex128),
+            decay=np.zeros(count, dtype=np.complex128),
+            acceleration=np.zeros(count, dtype=np.complex128),
+            change=np.zeros(count, dtype=np.complex128),
+            gain=np.zeros(size, dtype=np.complex128),
+            curvature_gain=np.zeros(size, dtype=np.complex128),
         )
 
     @property
@@ -110,35 +137,27 @@ class SlidingModes(Modes):
 
     def prepare(self, step: float) -> None:
         """Compute the stiffness and the factors for the length of a step and for the velocity."""
-        super().prepare(step)
         before, after = self._velocity_at(self._time), self._velocity_at(self._time + step)
         if (step, before, after) == self._prepared_for:
             return
-        self._prepared_for, velocity = (step, before, after), (before + after) / 2
-        cycles = -1j * self._q * velocity * self._theta
-        steady, phase = cycles / (1 + cycles), self._q * velocity * step
-        phi = phi_functions(step / self._theta - 1j * phase)
-        self._waves = self._waves._replace(steady=steady, phase=phase, phi=phi)
-        gain = (1 - steady) * phi[1]
-        self._acceleration = -1j * self._q * (after - before) * step * (phi[2] - phi[1] / 2)
-        stiffness = self.relaxed + self._sum_modes(self._weights * (steady + gain))
-        self.stiffness, self.loss_stiffness = stiffness.real.copy(), stiffness.imag.copy()
-        self._gain = self._sum_modes(self._weights * (gain + steady * phi[0]))
-        self._decay = self._weights * phi[0]
+        # New arrays of the stiffness, as in `Modes.prepare`.
+        self.step, self._prepared_for = step, (step, before, after)
+        self.stiffness, self.loss_stiffness = np.empty_like(self.relaxed), np.empty_like(self.relaxed)
+        prepare(self._waves, step, before, after, self.relaxed, self.stiffness, self.loss_stiffness)
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b, sigma = -(kappa + i loss_stiffness) U + b, at the end of a step."""
         self.prepare(step)
-        self._b = self._gain * self.u
-        _subtract(self._waves.position, self._decay, self._waves.stretch, self._b)
+        self._b = np.empty_like(self.u)
+        intercepts(self._waves, self.u, self._b)
         return self.stiffness, self._b
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms`; arguments as in `Modes.advance`."""
         c = np.zeros_like(spectrum) if curvature is None else curvature
-        change = self._change_of_velocity()
-        twice, heat = _advance(self._waves, self.u, spectrum, c)
-        self._waves.stretch[:] += change
+        set_change(self._waves, self.u)
+        twice, heat = advance(self._waves, self.u, spectrum, c)
+        self._waves.stretch[:] += self._waves.change
         super().advance(spectrum)  # the springs K_0
         self.stored += self._sums.total(twice) / 2
         self.dissipated += max(self._sums.total(heat), 0.0)  # rounding can make a heat of zero negative
@@ -146,18 +165,44 @@ class SlidingModes(Modes):
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms` for this displacement."""
-        return np.asarray(super().force(spectrum) + 1j * self.loss_stiffness * spectrum)
+        force = np.empty_like(spectrum)
+        assert self.loss_stiffness is not None
+        set_force_with_loss(self.stiffness, self.loss_stiffness, spectrum, self._b, force)
+        return force
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Part of -sigma at the end of the step that is due to dt^2 U''/2."""
-        steady, phi = self._waves.steady, self._waves.phi
-        gain = self._sum_modes(self._weights * ((1 - steady) * (2 * phi[2] - phi[1])))
-        return np.asarray(gain * curvature)
+        stress = np.zeros_like(self.u)
+        add_products(self._waves.curvature_gain, curvature, stress)
+        return stress
 
-    def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:
+    def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:  # noqa: ARG002
         """Part of -sigma due to dt^2 U''/2 and to the change of the velocity over the step."""
-        change = self._sum_modes(self._weights * self._change_of_velocity())
-        return np.asarray(super().missing_stress(spectrum, curvature) + change)
+        stress = np.empty_like(self.u)
+        set_missing_stress(self._waves, self.u, curvature, stress)
+        return stress
+
+    def arrays_of_loop(self) -> SlidingArrays:
+        """Return the arrays for a compiled loop."""
+        still = np.zeros_like(self.u)
+        return SlidingArrays(
+            waves=self._waves,
+            loss_stiffness=np.empty(still.size),
+            slope=self.slope,
+            still=still,
+            of_u=np.empty(2 * still.size),
+            velocity=float(self._velocity_at(0.0)),
+            advance=address_of(advance, self._waves, still, still, still),
+            time=np.zeros(1),
+        )
+
+    def into(self, arrays: SlidingArrays) -> None:
+        """Write the time of the history into the arrays of a compiled loop."""
+        arrays.time[0] = self._time
+
+    def out_of(self, arrays: SlidingArrays) -> None:
+        """Take over the time of a compiled loop; the factors are those of another step."""
+        self._time, self._prepared_for = float(arrays.time[0]), (np.nan, np.nan, np.nan)
 
     def slowest(self, tolerance: float) -> float:
         """Return the longest time on the way to the steady state, at the last velocity."""
@@ -167,44 +212,131 @@ class SlidingModes(Modes):
         # Relaxation times with at most the part `tolerance` of the loss of the longest waves are not
         # relevant.
         velocity = abs(self._velocity_at(math.inf))
-        longest = np.abs(self._q) < 1.5 * self._longest_wave
-        cycles = (np.abs(self._q) * velocity * self._theta)[longest]
-        loss = self._waves.energy_weights[longest] * cycles / (1 + cycles**2)
+        waves = self._waves
+        longest = np.abs(waves.wavenumbers) < 1.5 * self._longest_wave
+        cycles = (np.abs(waves.wavenumbers) * velocity * waves.times)[longest]
+        loss = waves.energy_weights[longest] * cycles / (1 + cycles**2)
         relevant = loss > tolerance * self._sums.total(float(loss.sum()))
         passage = 2 * math.pi / (self._longest_wave * velocity)
-        return max(passage, self._sums.maximum(float(self._theta[longest][relevant].max(initial=0.0))))
-
-    def _change_of_velocity(self) -> ComplexArray:
-        """Change of the stretches because the velocity changes over the step."""
-        return np.asarray(self._acceleration * (self.u[self._waves.position] - self._waves.stretch))
-
-    def _sum_modes(self, values: ComplexArray) -> ComplexArray:
-        """Sum over the modes at each wavenumber."""
-        index, size = self._waves.position, self.relaxed.size
-        real, imaginary = (np.bincount(index, part, size) for part in (values.real, values.imag))
-        return np.asarray(real + 1j * imaginary)
+        return max(passage, self._sums.maximum(float(waves.times[longest][relevant].max(initial=0.0))))
 
 
 def phi_functions(z: ComplexArray) -> ComplexArray:
     """phi_n(z) = sum_k (-z)^k/(k + n)! for n = 0 ... 5 along the first axis; Re z >= 0."""
+    phi = np.empty((6, z.size), dtype=np.complex128)
+    for i in range(z.size):
+        set_phi(z[i], phi, i)
+    return phi
+
+
+# The kernels have the bits of the same expressions of numpy's arrays.
+
+
+@kernel(borrows=True)
+def set_phi(z: complex, phi: ComplexArray, i: int) -> None:
+    """Write phi_n(z) to a column."""
     # phi_0 is exp(-z), and phi_n = 1/n! - z phi_(n+1): upwards where |z| >= 1, else downwards from a series.
-    small, large = np.abs(z) < 1, np.where(np.abs(z) < 1, 1.0, z)
-    near = np.where(small, z, 0.0)
-    up, down = [np.exp(-large)], [np.polynomial.polynomial.polyval(near, _SERIES)]
-    for n in range(5):
-        up.append((1 / math.factorial(n) - up[-1]) / large)
-        down.append(1 / math.factorial(4 - n) - near * down[-1])
-    return np.where(small, np.stack(down[::-1]), np.stack(up))
+    if math.hypot(z.real, z.imag) < 1.0:
+        value = complex(_SERIES[-1], 0.0)
+        for k in range(2, len(_SERIES) + 1):
+            value = _SERIES[-k] + product(value, z)
+        phi[5, i] = value
+        for n in range(4, -1, -1):
+            value = 1.0 / _FACTORIALS[n] - product(z, value)
+            phi[n, i] = value
+    else:
+        size = math.exp(-z.real)
+        value = complex(size * math.cos(-z.imag), size * math.sin(-z.imag))
+        phi[0, i] = value
+        for n in range(5):
+            value = quotient(1.0 / _FACTORIALS[n] - value, z)
+            phi[n + 1, i] = value
 
 
-@kernel(reorder=True)
+@kernel(borrows=True)
+def prepare(
+    waves: Waves,
+    step: float,
+    before: float,
+    after: float,
+    relaxed: FloatArray,
+    stiffness: FloatArray,
+    loss_stiffness: FloatArray,
+) -> None:
+    """Write factors and stiffness for the length of a step and the velocities before and after it."""
+    velocity, phi, gain, curvature_gain = (before + after) / 2, waves.phi, waves.gain, waves.curvature_gain
+    for k in range(relaxed.size):
+        stiffness[k] = loss_stiffness[k] = 0.0
+        gain[k] = curvature_gain[k] = 0.0
+    for i in range(waves.position.size):
+        k, q, w = waves.position[i], waves.wavenumbers[i], waves.weights[i]
+        cycles, phase = -q * velocity * waves.times[i], q * velocity * step
+        r = quotient(complex(0.0, cycles), complex(1.0, cycles))
+        set_phi(complex(step / waves.times[i], 0.0 - phase), phi, i)
+        of_change, of_curvature = product(1.0 - r, phi[1, i]), product(1.0 - r, 2.0 * phi[2, i] - phi[1, i])
+        at_end, of_last = r + of_change, of_change + product(r, phi[0, i])
+        lag, factor = phi[2, i] - 0.5 * phi[1, i], -q * (after - before) * step
+        waves.steady[i], waves.phase[i], waves.decay[i] = r, phase, w * phi[0, i]
+        waves.acceleration[i] = complex(-(factor * lag.imag), factor * lag.real)
+        stiffness[k] += w * at_end.real
+        loss_stiffness[k] += w * at_end.imag
+        gain[k] += w * of_last
+        curvature_gain[k] += w * of_curvature
+    for k in range(relaxed.size):
+        stiffness[k] = relaxed[k] + stiffness[k]
+
+
+@kernel(borrows=True)
+def intercepts(waves: Waves, u: ComplexArray, b: ComplexArray) -> None:
+    """Set b to sum_j w_j (((1 - r_j) phi_1 + r_j exp(-z)) U - exp(-z) Y_j)."""
+    for k in range(b.size):
+        b[k] = product(waves.gain[k], u[k])
+    _subtract(waves.position, waves.decay, waves.stretch, b)
+
+
+@kernel(borrows=True)
+def set_force_with_loss(
+    stiffness: FloatArray, loss_stiffness: FloatArray, u: ComplexArray, b: ComplexArray, force: ComplexArray
+) -> None:
+    """Write -sigma = (stiffness + i loss_stiffness) u - b."""
+    set_force(stiffness, u.view(np.float64), b.view(np.float64), force.view(np.float64))
+    for k in range(force.size):
+        force[k] += complex(-(loss_stiffness[k] * u[k].imag), loss_stiffness[k] * u[k].real)
+
+
+@kernel(borrows=True)
+def set_missing_stress(waves: Waves, u: ComplexArray, curvature: ComplexArray, stress: ComplexArray) -> None:
+    """Write the part of -sigma due to the curvature and to the change of the velocity."""
+    for k in range(stress.size):
+        stress[k] = 0.0
+    set_change(waves, u)
+    for i in range(waves.position.size):
+        stress[waves.position[i]] += waves.weights[i] * waves.change[i]
+    add_products(waves.curvature_gain, curvature, stress)
+
+
+@kernel(borrows=True)
+def add_products(factors: ComplexArray, values: ComplexArray, total: ComplexArray) -> None:
+    """Add the product of two arrays."""
+    for k in range(total.size):
+        total[k] += product(factors[k], values[k])
+
+
+@kernel(borrows=True)
+def set_change(waves: Waves, u: ComplexArray) -> None:
+    """Write the change of the stretches because the velocity changes over the step."""
+    for i in range(waves.change.size):
+        waves.change[i] = product(waves.acceleration[i], u[waves.position[i]] - waves.stretch[i])
+
+
+@kernel(reorder=True, inner=True, borrows=True)
 def _subtract(at: IntArray, factors: ComplexArray, y: ComplexArray, b: ComplexArray) -> None:
     for i in range(at.size):
         b[at[i]] -= factors[i] * y[i]
 
 
 @kernel(reorder=True)
-def _advance(
+def advance(
     waves: Waves, u: ComplexArray, new_u: ComplexArray, curvature: ComplexArray
 ) -> tuple[float, float]:
     """Advance the stretches; return twice the energy that they store, and the heat of the step."""
@@ -230,6 +362,9 @@ def _advance(
         twice += waves.energy_weights[i] * energy
         y[i] = after
     return twice, heat
+
+
+advance_by_address = by_address(advance, nb.float64, nb.float64)
 
 
 @nb.njit(nogil=True, inline="always")

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 
 if TYPE_CHECKING:
-    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.arrays import ComplexArray, FloatArray
     from gfmdlayer.config import Config
     from gfmdlayer.step import Step
 
@@ -82,6 +82,11 @@ class FrictionColumns(Observable):
         x = np.meshgrid(*grid.coordinates, indexing="ij", sparse=True)[0]
         phase = np.exp(2j * np.pi / self._period * x)
         self._phase = np.ravel(np.broadcast_to(phase, grid.shape))
+
+    @property
+    def waves(self) -> tuple[FloatArray, ComplexArray]:
+        """Wavenumbers times Parseval's weights, and the place of each point on a circle."""
+        return self._slope, self._phase
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return position, tangential stress, friction and centre of pressure."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.body.materials import Material
 from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from gfmdlayer.config import Config
     from gfmdlayer.step import Step
 
@@ -128,10 +130,31 @@ class SteadyState(Observable):
         self._most = tuple(map(max, self._most, values))
         if step.time - self._begun >= self._window * (1 - 1e-9):
             if all(map(self._is_steady, self._least, self._most)):
-                self.finished, self.warning = True, ""
-                self.attributes = {"settled": 1, "steady_time": step.time}
+                self._settle(step.time)
             self._begin(step.time, values)
         return {}
+
+    def into(self, record: NDArray[Any]) -> None:
+        """Write tolerance and state into a record of a compiled loop."""
+        now = record[0]
+        now["asked"], now["settled"], now["rounding"] = True, math.nan, _ROUNDING
+        now["tolerance"], now["window"], now["since"] = self._tolerance, self._window, self._since
+        now["begun"] = self._begun
+        if self._least:
+            now["least"], now["most"] = self._least, self._most
+
+    def out_of(self, record: NDArray[Any]) -> None:
+        """Take over the state of a compiled loop."""
+        now = record[0]
+        if now["begun"] < math.inf:
+            self._begin(float(now["begun"]), tuple(now["least"].tolist()))
+            self._most = tuple(now["most"].tolist())
+        if not math.isnan(now["settled"]):
+            self._settle(float(now["settled"]))
+
+    def _settle(self, time: float) -> None:
+        self.finished, self.warning = True, ""
+        self.attributes = {"settled": 1, "steady_time": time}
 
     def _is_steady(self, least: float, most: float) -> bool:
         return most - least <= self._tolerance * max(abs(least), abs(most)) + _ROUNDING

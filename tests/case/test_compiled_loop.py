@@ -1,5 +1,7 @@
 """The compiled time loop has the bits of the loop in Python: random cases, whole and in parts."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -27,7 +29,11 @@ RARE = {
         "layer.material": {"model": "zener", "G0": 1.0, "Ginf": 9.0, "tau": 1.0, "shift": WLF},
         "temperature": {"value": 30.0},
     },
-    "moving punch": {"trajectory.velocity": 0.1},
+    "velocity that changes": {"trajectory.velocity_file": "velocity.txt"},
+    "rolling with friction": {
+        "trajectory": {"control": "load", "load": 0.05, "velocity": 0.1},
+        "interface": {"law": "coulomb", "coefficient": 0.3},
+    },
     "two bodies": {"counterbody": {"layer": {"thickness": 0.1}, "halfspace": {"shear_modulus": 5.0}}},
     "another solver": {"solver.method": "conjugate_gradient"},
     "rough surface": {
@@ -52,6 +58,8 @@ class Drawn:
         tree["output"] = self.output(tree["time"])
         case = Case(Config.model_validate(tree | {"trajectory": {"depth": 0.0}}), **self.parts)
         tree["trajectory"] = self.trajectory(case, tree["time"]["end"])
+        if "backward_euler" not in tree["time"].values() and self.rng.random() < 0.4:
+            self.move(tree)
         self.config = Config.model_validate(tree)
 
     def case(self):
@@ -147,6 +155,13 @@ class Drawn:
         drive |= {"approach_speed": self.choose(3, 6) * most / end, "dwell": self.choose(0.0, end / 8)}
         return drive | {"cycles": self.choose(1, 2)}
 
+    def move(self, tree):
+        """Let the punch move; some runs end in a steady state."""
+        velocity = self.choose(1, -1) * self.decades(-1.5, 1.5) * tree["grid"]["period"] / tree["time"]["end"]
+        tree["trajectory"]["velocity"] = velocity
+        if tree["time"]["step"] == "adaptive" and self.rng.random() < 0.5:
+            tree["time"]["steady"] = self.choose(1e-3, 0.1)
+
     def table(self, most, end):
         times = np.linspace(0, end, int(self.rng.integers(3, 6)))
         if self.rng.random() < 0.4:  # jumps
@@ -207,12 +222,31 @@ def test_many_random_cases_have_the_same_bits_on_both_loops(number, tmp_path, mo
 
 
 @pytest.mark.parametrize("name", RARE)
-def test_a_rare_case_has_the_same_bits_on_both_loops(name, monkeypatch):
+def test_a_rare_case_has_the_same_bits_on_both_loops(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("velocity.txt").write_text("0 0.1\n1 0.3\n2 0.2\n")
     coarse = {"grid.points": 64, "time": {"end": 2.0, "step": "adaptive", "tolerance": 1e-2}}
     config = Config(name="rare").with_values(coarse | RARE[name])
     must_agree(lambda: Case(config), 0, monkeypatch)
 
 
 def test_most_random_cases_take_the_compiled_loop(tmp_path):
-    made = (Drawn(number, tmp_path).case() for number in range(FEW))
-    assert sum(march.March.suits(case.contact) for case in made) > 0.8 * FEW
+    drawn = [Drawn(number, tmp_path) for number in range(FEW)]
+    taken = [case for case in drawn if march.March.suits(case.case().contact)]
+    moving = [case.config.time.steady for case in taken if case.config.trajectory.moves]
+    assert len(taken) > 0.8 * FEW
+    assert len(moving) >= 3
+    assert any(moving)
+
+
+@pytest.mark.parametrize("velocity", [0.03, 3.0])
+def test_rolling_settles_at_the_same_step_of_both_loops(velocity, monkeypatch):
+    drive = {"control": "load", "load": 0.02, "velocity": velocity}
+    time = {"end": 500.0, "step": "adaptive", "steady": 1e-2, "tolerance": 1e-3}
+    punch = {"shape": "cylinder", "radius": 0.5}
+    config = Config(name="rolling", grid={"points": 128}, punch=punch, trajectory=drive, time=time)
+    recording = Recording()
+    run(Case(config), "compiled", recording)
+    assert bool(recording.noted["settled"])
+    assert recording["time"][-1] < 500.0
+    must_agree(lambda: Case(config), 1, monkeypatch)

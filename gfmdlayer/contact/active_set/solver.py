@@ -108,7 +108,7 @@ class SolverCalls(NamedTuple):
 
 
 # Kernels with sums are called as they are from Python: a part of another one may have other bits.
-_begin, _iterate, _in_windows, _write_state, residual_scales_at, _assess = (
+_begin, _iterate, _in_windows, _write_state, residual_scales_at, assess_at = (
     by_address(called) for called in (begin, iterate, solve_in_windows, write_state, residual_scales, assess)
 )
 
@@ -214,7 +214,7 @@ def solve_step(
             for i in range(state.gap.size):
                 state.gap[i] = surface.h[i] - state.u[i]
             depth = residual_scales_at(arrays.calls.scales, (state.p, state.u, floor))[1]
-            assessment = _assess(arrays.calls.assess, (state.p, state.u, surface.h, floor))
+            assessment = assess_at(arrays.calls.assess, (state.p, state.u, surface.h, floor))
             solved = is_clear(overlap, depth, floor) and assessment[0] <= tolerance
             left = min(_LIMIT, limit - iterations)
             if solved or left <= 0:
