@@ -178,9 +178,9 @@ def prepare(modes: ModeArrays, step: float) -> None:
         modes.stiffness[k] = modes.relaxed[k] + terms.gain[2 * k]
 
 
-@kernel(reorder=True, borrows=True)
+@kernel(borrows=True)
 def weighted(moduli: FloatArray, factors: FloatArray) -> float:
-    """Sum of moduli times factors over the branch modes."""
+    """Sum of moduli times factors over the branch modes, in their order on any processor."""
     total = 0.0
     for j in range(moduli.size):
         total += moduli[j] * factors[j]
