@@ -24,7 +24,7 @@ from numba._dispatcher import compute_fingerprint
 from numba.core import cgutils
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic
 
 from gfmdlayer.files.cache import is_writable, user_cache
@@ -99,7 +99,7 @@ class _LateCache:
         try:
             return _SourceCache(self._function)
         except RuntimeError:  # there is no place, or the sources have changed: each process compiles
-            return NullCache()  # type: ignore[no-untyped-call]
+            return NullCache()
 
 
 class _SourceCache(FunctionCache):
@@ -116,7 +116,7 @@ class _SourceCache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load a compiled kernel, without all that Numba imports to compile one: a fifth of a second."""
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
+        with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 
@@ -178,16 +178,17 @@ def by_address(called: Any, *results: Any) -> Any:
         kinds = tuple(map(nb.types.unliteral, arguments))
         if not (results or kinds in called.overloads):
             raise nb.TypingError(f"no address was taken of {called.__name__} for the types {kinds}")
-        result = nb.types.Tuple(results) if results else called.overloads[kinds].signature.return_type
+        tuple_of: Any = nb.types.Tuple
+        result = tuple_of(results) if results else called.overloads[kinds].signature.return_type
 
         def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-            own = cgutils.unpack_tuple(builder, values[1], len(kinds))
+            own = cgutils.unpack_tuple(builder, values[1], len(kinds))  # type: ignore[no-untyped-call]
             every = zip(own, arguments, kinds, strict=True)
             own = [context.cast(builder, value, given, wanted) for value, given, wanted in every]
             convention = context.call_conv
             function = builder.inttoptr(values[0], convention.get_function_type(result, kinds).as_pointer())
             status, returned = convention.call_function(builder, function, result, kinds, own)
-            with cgutils.if_unlikely(builder, status.is_error):
+            with cgutils.if_unlikely(builder, status.is_error):  # type: ignore[no-untyped-call]
                 convention.return_status_propagate(builder, status)
             return returned
 
@@ -221,11 +222,17 @@ def _filled(_context: Any, count: Any, value: Any) -> tuple[Any, Any]:
         size, width = (
             ir.Constant(ir.IntType(64), number) for number in (count.literal_value, value.bitwidth // 8)
         )
-        place = cgutils.alloca_once(builder, values[1].type, size=size)
+        place = cgutils.alloca_once(builder, values[1].type, size=size)  # type: ignore[no-untyped-call]
+        # The compiler must not know it as memory of this kernel alone: the bits of sums are those of loops
+        # over arrays that may overlap.
+        same = ir.InlineAsm(ir.FunctionType(place.type, [place.type]), "", "=r,0", side_effect=False)
+        place = builder.call(same, [place])
         with cgutils.for_range(builder, size) as loop:
             builder.store(values[1], builder.gep(place, [loop.index]))
-        row = make_array(of_row)(context, builder)
-        populate_array(row, data=place, shape=[size], strides=[width], itemsize=width, meminfo=None)
+        row = make_array(of_row)(context, builder)  # type: ignore[no-untyped-call]
+        populate_array(  # type: ignore[no-untyped-call]
+            row, data=place, shape=[size], strides=[width], itemsize=width, meminfo=None
+        )
         return row._getvalue()
 
     return of_row(count, value), generate

@@ -11,14 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from itertools import islice
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard, cast
 
 import numba as nb
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from gfmdlayer.case.model import Recorder
+from gfmdlayer.case.model import BlockRecorder
 from gfmdlayer.case.normal import NormalContact
 from gfmdlayer.contact.active_set.solver import ActiveSet, SolverArrays, StepResult, solve_step
 from gfmdlayer.contact.active_set.windows import WholeSurface
@@ -42,14 +43,18 @@ from gfmdlayer.history.adaptive_steps import (
 )
 from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
 from gfmdlayer.history.modes import ModeArrays, Modes
+from gfmdlayer.history.time_points import FixedSteps
 from gfmdlayer.kernels import address_of, by_address, filled, kernel
+from gfmdlayer.observables import columns
 from gfmdlayer.observables.contact_statistics import extent_of_line, extent_of_surface
 from gfmdlayer.step import Fields, Instant
 from gfmdlayer.time_functions import RampHold, Table
 
 if TYPE_CHECKING:
-    from gfmdlayer.case.case import Case
+    from gfmdlayer.case.contact import Contact
     from gfmdlayer.case.model import Progress
+    from gfmdlayer.history.adaptive_steps import Steps
+    from gfmdlayer.observables import Observable
 
 # Why the loop comes back: no further point in time, so many attempts, no room for rows, a step that is not
 # ordinary, a snapshot.
@@ -62,7 +67,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class Constants(NamedTuple):
+class LoopConstants(NamedTuple):
     """Numbers that stay the same for a run."""
 
     by_depth: bool
@@ -80,7 +85,7 @@ class Constants(NamedTuple):
     extent: int  # address of `contact_statistics.extent_of_line` or `extent_of_surface`
 
 
-class Surface(NamedTuple):
+class PressedSurface(NamedTuple):
     """The surface under the punch: one value a point, or a mode."""
 
     obstacle: FloatArray  # surface of the punch at depth zero
@@ -125,11 +130,11 @@ NOW = np.dtype(
 @kernel(borrows=True)
 def march(
     solver: SolverArrays,
-    surface: Surface,
+    surface: PressedSurface,
     modes: ModeArrays,
     errors: ErrorArrays,
     ring: Ring,
-    constants: Constants,
+    constants: LoopConstants,
     control: StepControl,
     fixed: FixedPoints,
     record: npt.NDArray[Any],
@@ -186,7 +191,7 @@ def _accepted(
     control: StepControl,
     modes: ModeArrays,
     errors: ErrorArrays,
-    surface: Surface,
+    surface: PressedSurface,
     point: Point,
     response: float,
     depth: float,
@@ -208,12 +213,12 @@ def _accepted(
 def _value_at(ramp: bool, times: FloatArray, values: FloatArray, time: float) -> float:
     """Value of a `RampHold`, or of a `Table` as `numpy.interp` has it."""
     if ramp:
-        return values[0] * min(time / times[0], 1.0)
+        return float(values[0] * min(time / times[0], 1.0))
     last = times.size - 1
     if time <= times[0]:
-        return values[0]
+        return float(values[0])
     if time >= times[last]:
-        return values[last]
+        return float(values[last])
     low, high = 0, last
     while high - low > 1:
         middle = (low + high) // 2
@@ -222,18 +227,18 @@ def _value_at(ramp: bool, times: FloatArray, values: FloatArray, time: float) ->
         else:
             high = middle
     if time == times[low]:
-        return values[low]
+        return float(values[low])
     slope = (values[low + 1] - values[low]) / (times[low + 1] - times[low])
-    return slope * (time - times[low]) + values[low]
+    return float(slope * (time - times[low]) + values[low])
 
 
 @kernel(inner=True, borrows=True)
 def _solved(
     solver: SolverArrays,
-    surface: Surface,
+    surface: PressedSurface,
     modes: ModeArrays,
     ring: Ring,
-    constants: Constants,
+    constants: LoopConstants,
     prescribed: float,
     place: int,
 ) -> StepResult:
@@ -266,12 +271,16 @@ def _smallest(stiffness: FloatArray) -> float:
     smallest = stiffness[1]
     for k in range(1, stiffness.size):
         smallest = min(smallest, stiffness[k])
-    return smallest
+    return float(smallest)
 
 
 @kernel(inner=True, borrows=True)
 def _depth_under_load(
-    surface: Surface, modes: ModeArrays, constants: Constants, record: npt.NDArray[Any], load: float
+    surface: PressedSurface,
+    modes: ModeArrays,
+    constants: LoopConstants,
+    record: npt.NDArray[Any],
+    load: float,
 ) -> float:
     """Give the surface the mean that a load gives it; return the depth (`Loading.surface`)."""
     size, height = surface.u.size, 0.0
@@ -280,7 +289,7 @@ def _depth_under_load(
     shift = pairwise_sum(surface.u) / size - height
     surface.spectrum[0] = height * size
     record[0].shift = shift
-    return shift + constants.lowest
+    return float(shift + constants.lowest)
 
 
 _extent = by_address(extent_of_line, nb.int64, nb.float64, nb.float64)
@@ -288,10 +297,10 @@ _extent = by_address(extent_of_line, nb.int64, nb.float64, nb.float64)
 
 @kernel(inner=True, borrows=True)
 def _measure(
-    surface: Surface,
+    surface: PressedSurface,
     errors: ErrorArrays,
     ring: Ring,
-    constants: Constants,
+    constants: LoopConstants,
     record: npt.NDArray[Any],
     row: FloatArray,
     result: StepResult,
@@ -332,7 +341,7 @@ def _work(curve: FloatArray, points: int, depth: float, pressure: float) -> floa
     width, slope = depth - x0, 0.0
     if points > 1 and (x0 - x) * width > 0.0:
         slope = ((pressure - y0) / width - (y0 - y) / (x0 - x)) / (depth - x)
-    return width * (y0 + pressure) / 2.0 - slope * math.pow(width, 3.0) / 6.0
+    return float(width * (y0 + pressure) / 2.0 - slope * math.pow(width, 3.0) / 6.0)
 
 
 _BLOCK = 128  # numbers that numpy sums one after the other, in eight lanes
@@ -384,33 +393,40 @@ POINTS = 1 << 18  # points times attempts between two looks at signals
 ATTEMPTS = 256  # between two looks at signals, at most
 
 
-class BlockRecorder(Recorder, Protocol):
-    """A recorder that takes many rows at once."""
-
-    def extend(self, widths: Mapping[str, int], rows: FloatArray) -> None:
-        """Record rows, whose columns have these widths."""
-
-
 class March:
     """The compiled loop of a case: its arrays, and the way of the state into them and back.
 
     Parameters
     ----------
-    case : Case
-        A case that `suits`.
+    contact : NormalContact
+        The contact of a case that `suits`.
+    steps : Steps
+        Its time points.
+    observables : dict
+        Its observables.
     """
 
-    def __init__(self, case: Case) -> None:
-        contact, loading, config = case.contact, case.parts.loading, case.config
-        self._contact, self._steps, self._observables = contact, case.steps, case.observables
-        self._modes, self._instants = contact.history, iter(case.steps)
+    def __init__(self, contact: NormalContact, steps: Steps, observables: Mapping[str, Observable]) -> None:
+        loading, config, grid = contact.loading, contact.config, contact.grid
+        self._contact, self._steps, self._observables = contact, steps, observables
+        # Of the kinds that `suits` has found.
+        self._modes, self._instants = cast("Modes", contact.history), iter(steps)
+        self._solver, self._guess = (
+            cast("ActiveSet", contact.solver),
+            cast("PressurePrediction", contact.guess),
+        )
+        drive = cast("RampHold | Table", loading.trajectory)
         self._left: list[Instant] = []  # fixed steps that are not taken yet
-        transforms, sums, size = case.transforms, case.grid.sums, case.punch.size
+        transforms, sums, size = contact.transforms, grid.sums, grid.size
         spectrum, field, count = transforms.empty_spectrum, transforms.empty_field, self._modes.u.size
-        drive, by_depth, b = loading.trajectory, loading.by_depth, spectrum()
-        ramp = isinstance(drive, RampHold)
-        times, values = ((drive.ramp_time,), (drive.target,)) if ramp else (drive.times, drive.values)
-        self._surface = Surface(
+        by_depth, b = loading.by_depth, spectrum()
+        times: ArrayLike
+        values: ArrayLike
+        if isinstance(drive, RampHold):
+            times, values = (drive.ramp_time,), (drive.target,)
+        else:
+            times, values = drive.times, drive.values
+        self._surface = PressedSurface(
             obstacle=loading.punch.copy(),  # arrays of a sweep are read-only, for which kernels differ
             h=field() if by_depth else loading.obstacle.copy(),
             b=b,
@@ -423,13 +439,13 @@ class March:
             drive_times=np.array(times, dtype=np.float64),
             drive_values=np.array(values, dtype=np.float64),
         )
-        shape = (1, *case.grid.points)[-2:]
-        measured = extent_of_line if shape[0] == 1 else extent_of_surface
+        rows, line = (1, *grid.points)[-2:]
+        measured = extent_of_line if rows == 1 else extent_of_surface
         self._ring = Ring(np.empty((3, size)), np.empty((3, size)), np.zeros(1, RING))
-        adaptive = isinstance(case.steps, AdaptiveSteps)
-        self._constants = Constants(
+        adaptive = isinstance(steps, AdaptiveSteps)
+        self._constants = LoopConstants(
             by_depth=by_depth,
-            ramp=ramp,
+            ramp=isinstance(drive, RampHold),
             adaptive=adaptive,
             every=config.output.snapshots == "every",
             limit=config.solver.max_iterations,
@@ -438,36 +454,35 @@ class March:
             height=loading.height,
             lowest=loading.lowest,
             unit=2 * config.solid.unit,
-            cell=math.prod(case.grid.period),
-            shape=shape,
+            cell=math.prod(grid.period),
+            shape=(rows, line),
             extent=address_of(measured, *_MEASURED),
         )
-        work = [np.empty(2 * count if adaptive else 0) for _ in range(5)]
-        weights = sums.weights, sums.weights_twice
-        self._errors = ErrorArrays(*weights, *work, now=np.zeros(1, ERROR_STATE))
-        self._control = case.steps.control if adaptive else _NO_CONTROL
+        weights, state = (sums.weights, sums.weights_twice), np.zeros(1, ERROR_STATE)
+        work = np.empty((5, 2 * count if adaptive else 0))
+        self._errors = ErrorArrays(*weights, *work, state)  # type: ignore[call-arg]
+        self._control = steps.control if isinstance(steps, AdaptiveSteps) else _NO_CONTROL
         self._fixed = _NO_POINTS
         self._now, self._rows = np.zeros(1, NOW), np.empty((FEWEST_ROWS, len(COLUMNS)))
         self._attempts = max(1, min(ATTEMPTS, POINTS // size))
 
     @classmethod
-    def suits(cls, case: Case) -> bool:
-        """Whether a case is ordinary."""
-        contact, config = case.contact, case.config
-        if type(contact) is not NormalContact or tuple(column.name for column in case.columns) != COLUMNS:
+    def suits(cls, contact: Contact) -> TypeGuard[NormalContact]:
+        """Whether the case of a contact is ordinary."""
+        config, loading, grid = contact.config, contact.loading, contact.grid
+        if type(contact) is not NormalContact or tuple(each.name for each in columns(config)) != COLUMNS:
             return False
-        loading, drives = contact.loading, case.drives
         parts = contact.solver, contact.history, contact.guess, loading
         return (
             [*map(type, parts)] == [ActiveSet, Modes, PressurePrediction, Loading]
             and isinstance(loading.trajectory, RampHold | Table)
-            and case.grid.ranks.count == 1
-            and case.grid.size <= MOST_POINTS
+            and grid.ranks.count == 1
+            and grid.size <= MOST_POINTS
             and not loading.interface.attracts
             and not contact.imprint.yields
             and contact.reach is None
-            and drives.reduced_time is None
-            and case.interior is None
+            and contact.drives.reduced_time is None
+            and contact.parts.interior is None
             and contact.finer_tolerance == config.solver.tolerance
         )
 
@@ -487,7 +502,7 @@ class March:
             if self._constants.by_depth:
                 surface = surface._replace(problem_stiffness=modes.stiffness)
             reason = march(
-                self._contact.solver.arrays, surface, modes,
+                self._solver.arrays, surface, modes,
                 self._errors, self._ring, self._constants, self._control, self._fixed, self._now, self._rows,
                 self._attempts,
             )  # fmt: skip
@@ -512,7 +527,7 @@ class March:
         if count:
             recorder.extend(dict.fromkeys(COLUMNS, 1), self._rows[:count])
             self._rows, self._now["rows"] = np.empty_like(self._rows), 0
-        if taken:
+        if isinstance(self._steps, FixedSteps):
             self._steps.advance(taken)
             del self._left[:taken]
             self._now["point"] = 0
@@ -532,7 +547,7 @@ class March:
     def _take(self) -> None:
         """Take over the state of the parts."""
         now, of_errors, parts = self._now[0], self._errors.now[0], self._observables
-        self._contact.guess.into(self._ring)
+        self._guess.into(self._ring)
         if self._contact.control is not None:
             self._contact.control.into(self._errors)
         of_errors["step"] = np.nan
@@ -549,7 +564,7 @@ class March:
     def _give_back(self) -> None:
         """Give the state back to the parts."""
         now, of_errors, parts = self._now[0], self._errors.now[0], self._observables
-        self._contact.guess.out_of(self._ring)
+        self._guess.out_of(self._ring)
         if self._contact.control is not None:
             self._contact.control.out_of(self._errors)
         self._modes.step = np.nan  # its arrays are those of another step

@@ -29,7 +29,7 @@ def no_link(path: str, flags: int) -> int:
         raise
 
 
-def write_new(path: Path, contents: bytes) -> None:
+def write_new(path: Path, contents: bytes | bytearray) -> None:
     """Write a file that must not exist, not even as a symbolic link."""
     with open(path, "xb", opener=no_link) as file:
         file.write(contents)

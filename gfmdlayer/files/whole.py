@@ -115,9 +115,16 @@ def seal(file: BinaryIO) -> None:
     file.write(_FORM % checksum)
 
 
-def sealed(contents: bytes) -> bytes:
-    """Return the contents of a file with its seal."""
-    return contents + _FORM % zlib.crc32(contents)
+def sealed(contents: bytearray) -> bytearray:
+    """Append the seal to the contents of a file in memory, and return them."""
+    contents += _FORM % zlib.crc32(contents)
+    return contents
+
+
+def is_sealed(contents: bytes) -> bool | None:
+    """Whether the contents of a file are those that were sealed; None without a seal."""
+    seal = _SEAL.fullmatch(contents, max(0, len(contents) - _LENGTH))
+    return None if seal is None else int(seal[1], 16) == zlib.crc32(memoryview(contents)[:-_LENGTH])
 
 
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:

@@ -182,7 +182,7 @@ def next_point(control: StepControl) -> Point:
 def _ends(control: StepControl, step: float) -> bool:
     """Whether the end shortens a step."""
     now, last = control.now[0], control.stops.size - 1
-    return now.next_stop == last and step > (control.stops[last] - now.time) / 2.0
+    return bool(now.next_stop == last and step > (control.stops[last] - now.time) / 2.0)
 
 
 @kernel(borrows=True)

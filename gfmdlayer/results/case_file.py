@@ -7,8 +7,9 @@
     z(z), layer(z); displacement_x, stress_xx and others                  (snapshot, z, x[, y])
     spring_strain, spring_force, from which these follow at any depth     (snapshot, spring, x[, y])
 
-The variables are views of a recording, so that a long run is not in memory twice. In the file, chunks carry
-checksums: damaged data are refused when they are read. The file ends with a seal, the checksum of all of it.
+The variables are views of a recording, so that a long run is not in memory twice. The file ends with a seal,
+the checksum of all of it; in a large one, or one with snapshots, chunks carry checksums too, so that damaged
+data are refused when they are read. A small file without snapshots is made of a `Template`.
 A case in two dimensions has a description for ParaView beside it.
 """
 
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.solid import LayerDepth
     from gfmdlayer.results.recording import Recording
 
-ROWS_AS_BYTES = 1 << 20  # bytes of rows, of which a file is made in memory; HDF5 writes more
+SMALL = 1 << 20  # bytes of a case, of which a file is made in memory; HDF5 writes more
 CHUNK_ROWS = 128
 BLOCK = 2**20  # points of a snapshot in a chunk
 CHECKED = PACKED | {"fletcher32": True}
@@ -307,11 +308,11 @@ def write_case(path: str | Path, case: CaseContents, *, durable: bool = True) ->
     if swept := [name for name, variable in case.variables.items() if not variable.form.dimensions]:
         attributes["coordinates"] = " ".join(swept)
     growing = {name for name, variable in case.variables.items() if _grows(variable.form)}
-    filled = [variable for variable in map(case.variables.get, growing) if variable and variable.shape[0]]
-    plain = not any(variable.form.inner for variable in filled)
-    plain = plain and sum(8 * variable.shape[0] for variable in filled) <= ROWS_AS_BYTES
+    shapes = {name: variable.shape for name, variable in case.variables.items()}
+    plain = not any(len(shapes[name]) > 1 and shapes[name][0] for name in growing)
+    plain = plain and 8 * sum(map(math.prod, shapes.values())) <= SMALL
     forms = tuple(
-        (name, variable.form if name in growing else variable.form._replace(inner=variable.shape))
+        (name, variable.form if name in growing else variable.form._replace(inner=shapes[name]))
         for name, variable in case.variables.items()
     )
     template = _template(forms, tuple((name, _like(value)) for name, value in attributes.items()), plain)
@@ -320,9 +321,10 @@ def write_case(path: str | Path, case: CaseContents, *, durable: bool = True) ->
     }
     contents = template.filled(values, attributes)
     if plain:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with naming(path), unfinished(path, durable=durable) as part:
-            write_new(part, sealed(contents))
+        with naming(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with unfinished(path, durable=durable) as part:
+                write_new(part, sealed(contents))
         return
     with new_file(path) as file:
         h5 = file.begin(contents)
@@ -359,14 +361,13 @@ def _like(value: Attribute) -> str | float | tuple[str, tuple[int, ...]]:
     return "" if isinstance(value, str) else 0 if isinstance(value, int) else 0.5
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def _template(
     forms: tuple[tuple[str, Form], ...],
     kinds: tuple[tuple[str, str | float | tuple[str, tuple[int, ...]]], ...],
     plain: bool,
 ) -> Template:
     """Return the template of files with variables of these forms."""
-
     placed = [name for name, form in forms if _grows(form) and plain and not form.inner]
 
     def lay_out(h5: h5py.File) -> None:

@@ -43,6 +43,8 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
+from gfmdlayer.files.locks import regular
+from gfmdlayer.files.whole import is_intact, is_sealed
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
 from gfmdlayer.results.case_file import CaseContents
@@ -54,12 +56,14 @@ from gfmdlayer.results.names import (
     SNAPSHOT_FIELDS,
     SWEEP_FILE,
     VARIABLES,
+    ResultsError,
     described_key,
     dimension_names,
     labels,
     numbered,
 )
 from gfmdlayer.results.netcdf import PACKED, add_variable, attribute, column, new_file, opened, write_at
+from gfmdlayer.results.template import Template, template_of
 
 if TYPE_CHECKING:
     import xarray
@@ -73,6 +77,10 @@ OF_ONE_CASE = {
     "instability_energy", "instability_error", "ended",
 }  # fmt: skip
 
+SMALL, MEDIUM = (
+    1 << 18,
+    1 << 22,
+)  # bytes of a file that is read at once; and of one that is verified as a whole
 _NAMED = 5  # cases in a line of the notes
 
 
@@ -158,12 +166,44 @@ class _CaseFile:
         }
 
 
-CaseData: TypeAlias = _CaseFile | CaseContents  # with equal names, variables have equal dimensions
+class _CaseBytes:
+    """A case in a file that a template of this process has made: no need of HDF5 to read it."""
+
+    def __init__(self, path: Path, file: bytes, template: Template) -> None:
+        self._path, self._bytes, self._template = path, file, template
+        self.names, self.noted = template.names, template.noted
+
+    def attribute(self, name: str) -> object:
+        """Return an attribute, None if there is none of this name."""
+        return self._template.value(self._bytes, name) if name in self.noted else None
+
+    def values(self, name: str) -> FloatArray:
+        """Return the values of a variable."""
+        return np.array(self._template.values(self._bytes, name), dtype=np.float64)
+
+    def about(self, name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
+        """Return dimensions and attributes of a variable, none of one without dimensions."""
+        with opened(self._path) as file:
+            return _CaseFile(file).about(name)
+
+
+CaseData: TypeAlias = (
+    _CaseFile | _CaseBytes | CaseContents
+)  # with equal names, variables have equal dimensions
 
 
 @contextmanager
 def _open(record: CaseRecord) -> Iterator[CaseData]:
     if isinstance(record.source, Path):
+        contents = b""
+        if small := record.source.stat().st_size <= SMALL:
+            with open(record.source, "rb", opener=regular) as whole:
+                contents = whole.read()
+        if (is_sealed(contents) if small else is_intact(record.source, MEDIUM)) is False:
+            raise ResultsError(f"{record.source}: is damaged")
+        if template := template_of(contents):
+            yield _CaseBytes(record.source, contents, template)
+            return
         with opened(record.source) as file:
             yield _CaseFile(file)
     elif record.source is not None:
@@ -210,6 +250,11 @@ class _Times:
             asked = [asked * i for i in range(1, math.floor(self._end / asked + SAME_TIME) + 1)]
         own = np.array(asked)
         return np.sort(np.append(own, self._shared[rows_at(own, self._shared) < 0]))
+
+
+def _same(one: object, other: object) -> bool:
+    """Whether two attributes are equal: texts, numbers or arrays."""
+    return one == other if isinstance(one, str) else np.array_equal(one, other)  # type: ignore[arg-type]
 
 
 class Gathered:
@@ -268,9 +313,7 @@ class Gathered:
         if self._of_first is None:
             self._of_first, self._shared = frozenset(attributes), attributes
         else:
-            self._shared = {
-                n: value for n, value in self._shared.items() if np.array_equal(attributes[n], value)
-            }
+            self._shared = {n: value for n, value in self._shared.items() if _same(attributes[n], value)}
         return True
 
     def _columns_of(self, case: CaseData) -> frozenset[str]:

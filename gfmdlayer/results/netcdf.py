@@ -12,7 +12,7 @@ takes no lock: its name is unique.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -62,7 +62,7 @@ class NewFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._stream = _Stream(self.unfinished, "x+")
 
-    def begin(self, template: bytes = b"") -> h5py.File:
+    def begin(self, template: bytes | bytearray = b"") -> h5py.File:
         """Begin the HDF5 file, with the contents of a template if given; return its root."""
         self._stream.write(template)
         self._stream.seek(0)

@@ -92,7 +92,7 @@ class Recording:
         if tuple(values) != self._names:
             values = self._in_order(values)
         instant = values["time"]
-        self._must_follow(instant)
+        self._must_follow(float(instant))
         if not self._blocks or self._filled == len(self._blocks[-1]):
             rows = min(max(self.count, FEWEST), MOST)
             self._add(np.empty((rows, sum(self.widths.values()))), 0)
@@ -276,7 +276,7 @@ class Recording:
         if columns.keys() != self.widths.keys():
             raise ValueError(f"row has columns {sorted(columns)}, the first had {sorted(self.widths)}")
 
-    def _must_follow(self, instant: float) -> None:
+    def _must_follow(self, instant: Any) -> None:
         if not instant > self._last_time:
             raise ValueError(f"row at time {instant} follows one at {self._last_time}")
 

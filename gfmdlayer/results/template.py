@@ -14,14 +14,16 @@ of the file (II.A).
 from __future__ import annotations
 
 import io
+import math
 import random
 import struct
 from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
 from typing import Any
+from weakref import WeakSet
 
 import h5py
 import numpy as np
-from h5py import h5o
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import Attribute
@@ -32,6 +34,14 @@ _TEXT = 16  # bytes of the mark of a text
 _NONE = 2**64 - 1  # address of nothing
 _NULL = bytes(16)  # the reference to an empty text
 _LEAST_COLLECTION = 4096  # bytes
+_ODD = "surrogateescape"  # bytes of names of files that are no text, as h5py writes them
+
+_made: WeakSet[Template] = WeakSet()  # in this process
+
+
+def template_of(file: bytes) -> Template | None:
+    """Return the template of this process that a file was made from."""
+    return next((template for template in list(_made) if template.made(file)), None)
 
 
 class Template:
@@ -62,38 +72,34 @@ class Template:
         with h5py.File(memory, "w", libver="earliest") as h5:
             lay_out(h5)
             set_attributes(h5, marks)
-            words = [name for name in fixed if h5[name].dtype.kind == "O"]
+            words = {name: _mark(f"/{name}", "") for name in fixed if h5[name].dtype.kind == "O"}
             for name in fixed:
-                h5[name][...] = _mark(name, "") if name in words else 0
+                h5[name][...] = words.get(name, 0)
         self._bytes = bytearray(memory.getvalue())
         with h5py.File(memory, "r") as h5:
-            self._fixed = {name: (h5[name].id.get_offset(), h5[name].dtype) for name in fixed}
-            self._growing = {name: (self._length_and_place(h5[name]), h5[name].dtype) for name in grows}
-        for name in words:
-            self._fixed[name] = self._reference(_mark(name, "")), np.dtype(object)
-        self._attributes = {
-            name: (self._reference(mark), None) if isinstance(mark, str) else self._number(mark)
-            for name, mark in marks.items()
-            if np.size(mark)
-        }
+            self.names, self.noted = tuple(h5), tuple(h5.attrs)
+            self._fixed = {name: (h5[name].id.get_offset(), h5[name].dtype, h5[name].shape) for name in fixed}
+            self._empty = {name: np.empty(h5[name].shape) for name in h5 if 0 in h5[name].shape}
+            self._growing = {name: (*self._length_and_place(h5[name]), h5[name].dtype) for name in grows}
+        for name, mark in words.items():
+            self._fixed[name] = self._reference(mark), None, ()
+        self._attributes = {name: self._place(mark) for name, mark in marks.items()}
         size = len(self._bytes)
         self._end = self._only(struct.pack("<QQQQ", 0, _NONE, size, _NONE)) + 16
+        _made.add(self)
 
     def filled(self, values: Mapping[str, NDArray[Any]], attributes: Mapping[str, Attribute]) -> bytearray:
         """Return the file of other values, by the names of the variables, and of attributes."""
         file, texts = self._bytes.copy(), list[tuple[int, str]]()
-        for name, (place, dtype) in self._attributes.items():
+        held = ((self._attributes[name], value) for name, value in attributes.items())
+        for (place, dtype, _), value in (*held, *((at, values[name]) for name, at in self._fixed.items())):
             if dtype is None:
-                texts.append((place, str(attributes[name])))
+                texts.append((place, str(value)))
             else:
-                _put(file, place, np.asarray(attributes[name], dtype))
-        for name, (place, dtype) in self._fixed.items():
-            if dtype.kind == "O":
-                texts.append((place, str(values[name].item())))
-            else:
-                _put(file, place, values[name].astype(dtype, copy=False))
+                known = np.asarray(value, dtype)
+                file[place : place + known.nbytes] = known.tobytes()
         end, columns = len(file), []
-        for name, ((length, place), dtype) in self._growing.items():
+        for name, (length, place, dtype) in self._growing.items():
             column = np.ascontiguousarray(values[name], dtype)
             struct.pack_into("<QQ", file, length, len(column), len(column))
             struct.pack_into("<QQ", file, place, end if column.size else _NONE, column.nbytes)
@@ -104,17 +110,62 @@ class Template:
         struct.pack_into("<Q", file, self._end, len(file))
         return file
 
+    @cached_property
+    def _constant(self) -> list[slice]:
+        """The stretches that all files have in common."""
+        spans = [(self._end, 8)]
+        for place, dtype, shape in (*self._attributes.values(), *self._fixed.values()):
+            spans.append((place, _TEXT if dtype is None else dtype.itemsize * math.prod(shape)))
+        for length, place, _ in self._growing.values():
+            spans += [(length, 16), (place, 16)]
+        edges = [
+            0,
+            *(edge for place, size in sorted(spans) for edge in (place, place + size)),
+            len(self._bytes),
+        ]
+        return [slice(*edges[i : i + 2]) for i in range(0, len(edges), 2)]
+
+    def made(self, file: bytes) -> bool:
+        """Whether a file was made from this template, and nothing but its values can differ."""
+        return all(file[part] == self._bytes[part] for part in self._constant)
+
+    def value(self, file: bytes, name: str) -> Any:
+        """Return an attribute of a file, text, number or array."""
+        return self._held(file, *self._attributes[name])
+
+    def values(self, file: bytes, name: str) -> NDArray[Any]:
+        """Return the values of a variable in a file."""
+        if name in self._fixed:
+            return np.asarray(self._held(file, *self._fixed[name]))
+        if name in self._empty:
+            return self._empty[name]
+        length, place, dtype = self._growing[name]
+        (count,), (address,) = struct.unpack_from("<Q", file, length), struct.unpack_from("<Q", file, place)
+        return np.frombuffer(file, dtype, count, address if count else 0)
+
+    def _held(self, file: bytes, place: int, dtype: np.dtype[Any] | None, shape: tuple[int, ...]) -> Any:
+        if dtype is not None:
+            return np.frombuffer(file, dtype, math.prod(shape), place).reshape(shape)[()]
+        size, address, index = struct.unpack_from("<IQI", file, place)
+        at = address + 16
+        for _ in range(index - 1):
+            at += 16 + -(-struct.unpack_from("<Q", file, at + 8)[0] // 8) * 8
+        return file[at + 16 : at + 16 + size].decode(errors=_ODD)
+
     # Places in the bytes.
 
-    def _only(self, mark: bytes, start: int = 0) -> int:
+    def _only(self, mark: bytes) -> int:
         """Return the place of bytes that are there once."""
-        place = self._bytes.index(mark, start)
+        place = self._bytes.index(mark)
         assert self._bytes.find(mark, place + 1) < 0
         return place
 
-    def _number(self, mark: Any) -> tuple[int, np.dtype[Any]]:
+    def _place(self, mark: Any) -> tuple[int, np.dtype[Any] | None, tuple[int, ...]]:
+        """Return the place of an attribute, its type, none of a text, and its shape."""
+        if isinstance(mark, str):
+            return self._reference(mark), None, ()
         held = np.asarray(mark)
-        return self._only(held.tobytes()), held.dtype
+        return self._only(held.tobytes()) if held.size else 0, held.dtype, held.shape
 
     def _reference(self, mark: str) -> int:
         """Return the place of the reference to a text, whose mark is removed."""
@@ -141,15 +192,11 @@ def _mark(name: str, like: Attribute) -> Any:
     return source.getrandbits(62) if isinstance(like, int) else source.random()
 
 
-def _put(file: bytearray, place: int, values: NDArray[Any]) -> None:
-    file[place : place + values.nbytes] = values.tobytes()
-
-
 def _collected(file: bytearray, texts: Iterable[tuple[int, str]]) -> bytes:
     """Return the collection of texts that follows the file, after setting the references to them."""
     parts, address = [], len(file)
     for index, (place, text) in enumerate(texts, start=1):
-        held = text.encode()
+        held = text.encode(errors=_ODD)
         reference = struct.pack("<IQI", len(held), address, index) if held else _NULL
         file[place : place + len(reference)] = reference
         parts.append(struct.pack("<HHIQ", index, 1, 0, len(held)) + held + bytes(-len(held) % 8))
@@ -157,4 +204,8 @@ def _collected(file: bytearray, texts: Iterable[tuple[int, str]]) -> bytes:
     # Behind the texts, object 0 is the space that is left.
     left = max(16, _LEAST_COLLECTION - 16 - len(contents))
     size = 16 + len(contents) + left
-    return struct.pack("<4sB3xQ", b"GCOL", 1, size) + contents + struct.pack("<HHIQ", 0, 0, 0, left).ljust(left, b"\0")
+    return (
+        struct.pack("<4sB3xQ", b"GCOL", 1, size)
+        + contents
+        + struct.pack("<HHIQ", 0, 0, 0, left).ljust(left, b"\0")
+    )

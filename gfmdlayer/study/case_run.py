@@ -352,7 +352,7 @@ class CaseRun:
         config, ranks = self.case.config, self.ranks
         model = model_of(config, self.threads, ranks, self.case.drives)
         recording = checkpoints.recording((column.name for column in model.columns), model.grid)
-        # A checkpoint after every step, or at the last one that does not depend on the end, needs each of them.
+        # Checkpoints after every step, or at the last that does not depend on the end, need each of them.
         model.stepwise = checkpoints.stepwise
         warnings = model.run(recording, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):

@@ -345,7 +345,6 @@ class Study:
         lost = [Outcome(i, "failed", reason) for i, reason in unusable.items() if i not in reasons]
         return str(collected["notes"]).splitlines(), lost
 
-
     def _bring_to_the_disk(self) -> None:
         """Wait until the files of short cases are on the disk, which their processes did not."""
         new = (self._folder.case(number) for number in self._numbers if number not in self._files["h5"])

@@ -17,6 +17,7 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 from benchmarks.common import Cell, Effort, Table, cpu_of_a_pair, cpu_seconds, mpirun, over_ranks
@@ -27,13 +28,14 @@ from gfmdlayer.case.model import warm_up
 from gfmdlayer.config import Config
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.results.recording import Recording
+from gfmdlayer.study.case_run import Checkpoints
 from gfmdlayer.study.cases import Cases
 from gfmdlayer.study.run import RunOptions, run_study
 from gfmdlayer.study.workers import WorkerPool, assemble
 
 EFFORT = Effort(points=(1 << 10, 1 << 12, 1 << 14), repetitions=5, cases=300)
 QUICK = Effort(points=(1 << 8,), repetitions=2, cases=6)
-LOOPS = {"compiled": True, "in Python": False}
+LOOPS = {"compiled": False, "in Python": True}  # `stepwise` of a case
 WAYS = {"one process": (1, 1), "jobs=2": (1, 2), "two ranks": (2, 1)}  # ranks, jobs
 AXIS = 4  # points of an axis of a surface over the root of those of a line
 _FEW = 3  # cases before a measurement, and those whose Python calls are counted
@@ -107,20 +109,16 @@ def _counts(config: Config) -> tuple[int, int, float]:
 
 def _case(loop: str, config: Config) -> Case:
     case = Case(config)
-    case.stepwise = not LOOPS[loop]
+    case.stepwise = LOOPS[loop]
     return case
 
 
 def _spent(loop: str, configs: list[Config]) -> Spent:
-    with TemporaryDirectory() as name:
+    with TemporaryDirectory() as name, patch.object(Checkpoints, "stepwise", LOOPS[loop]):
         out = Path(name) / "out"
-        Case.stepwise = not LOOPS[loop]
-        try:
-            with assemble() as pool:
-                assert pool is not None
-                study = cpu_seconds(lambda: _run_sweep(len(configs), out, pool))
-        finally:
-            Case.stepwise = False
+        with assemble() as pool:
+            assert pool is not None
+            study = cpu_seconds(lambda: _run_sweep(len(configs), out, pool))
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     making, steps = np.sum([_in_memory(loop, config) for config in configs], axis=0)
     return Spent(study, making, steps, size)

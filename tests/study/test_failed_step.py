@@ -33,10 +33,11 @@ def folder_at(path):
     return folder
 
 
+@pytest.mark.usefixtures("step_by_step")
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("every", [0.0, np.inf], ids=["every step", "no checkpoint"])
 def test_the_next_run_goes_on_from_the_last_accepted_step_with_the_same_bits(
-    tmp_path, monkeypatch, bits, steps, every, step_by_step
+    tmp_path, monkeypatch, bits, steps, every
 ):
     case = SweepCase(0, Config(name="fails").with_values(SMALL | STEPS[steps]), {})
     whole, folder = folder_at(tmp_path / "whole"), folder_at(tmp_path / "out")
@@ -93,7 +94,8 @@ def test_a_step_that_the_compiled_loop_leaves_may_fail_too(tmp_path, monkeypatch
     assert bits(folder.case(0)) == bits(whole.case(0))
 
 
-def test_a_first_step_that_fails_leaves_no_state(tmp_path, monkeypatch, step_by_step):
+@pytest.mark.usefixtures("step_by_step")
+def test_a_first_step_that_fails_leaves_no_state(tmp_path, monkeypatch):
     solve = ActiveSet.solve
     monkeypatch.setattr(ActiveSet, "solve", lambda *given: replace(solve(*given), converged=False))
     folder = folder_at(tmp_path / "out")

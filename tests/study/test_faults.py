@@ -6,6 +6,7 @@ unreadable has a final name, and files of others are untouched.
 
 import errno
 import fcntl
+import math
 import os
 import resource
 import shutil
@@ -20,11 +21,15 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from gfmdlayer.case.case import Case
+from gfmdlayer.case.march import March
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.results.reader import attributes, is_complete
+from gfmdlayer.study import case_run
 from gfmdlayer.study.case_run import run_case
 from gfmdlayer.study.cases import SweepCase
 from gfmdlayer.study.claims import Claim, running
@@ -174,6 +179,44 @@ def test_a_run_that_a_fault_strikes_is_ended_by_the_same_command(fault, moment, 
     assert {path.name for path in Path("out/cases").iterdir()} - aside == {".lock", "0000.h5", "0001.h5"}
     if fault == "killed" and moment == "the next case is under way":
         assert "case 0001 goes on from time" in again
+
+
+LONG = """\
+name: faulty
+grid: {points: 16384}
+layer: {material: {model: zener, G0: 1.0, Ginf: 30.0, tau: 0.5}}
+time: {end: 8.0, step: adaptive, tolerance: 1.0e-6}
+output: {snapshots: [1.0, 8.0]}
+"""
+
+
+def test_a_case_killed_at_random_moments_in_the_compiled_loop_keeps_its_bits(run_here, bits, monkeypatch):
+    assert March.suits(
+        Case(Config(name="long").with_values({"grid.points": 16384, "time.step": "adaptive"})).contact
+    )
+    Path("faulty.yaml").write_text(LONG)
+    run_here("faulty.yaml", "whole")
+    monkeypatch.setattr(case_run, "_PART", math.inf)  # a checkpoint whenever the loop comes back
+    checkpoint, rng = Path("out/cases/0000.checkpoint"), np.random.default_rng(49)
+
+    def written():
+        return checkpoint.stat().st_mtime_ns if checkpoint.exists() else 0
+
+    for _ in range(4):
+        before, process = written(), os.fork()
+        if process == 0:
+            with Path("log").open("a", buffering=1) as sys.stderr:
+                os._exit(main([*RUN[:-1], "1e-9"]))
+        while written() == before:
+            assert os.waitpid(process, os.WNOHANG) == (0, 0), Path("log").read_text()
+        time.sleep(rng.uniform(0, 0.05))
+        os.kill(process, signal.SIGKILL)
+        assert os.WIFSIGNALED(os.waitpid(process, 0)[1])  # it was at work
+    assert Path("log").read_text().count("goes on from time") == 3
+    summary, log = run_here("faulty.yaml")
+    assert summary.count("complete") == 1
+    assert "case 0000 goes on from time" in log
+    assert bits("out") == bits("whole")
 
 
 def cut(path):
