@@ -1,7 +1,7 @@
-"""Time of a case without its solves: start-up, scheduling, files; on one rank and on two.
+"""Time of a case without its steps: start-up, scheduling, files; on one rank and on two.
 
-As a script, `overhead.py CONFIG DIR` is one rank of `gfmdlayer run` with a clock around every solve. It
-writes clock-PID.json: seconds in `Solver.solve`, the number of cases, and the start of the first case.
+As a script, `overhead.py CONFIG DIR` is one rank of `gfmdlayer run` with a clock around the compiled loop. It
+writes clock-PID.json: seconds in `march`, the number of cases, and the start of the first case.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -40,7 +39,7 @@ def measure(effort: Effort) -> list[Table]:
     rows = [_row(size, points, effort) for points in effort.points for size in ranks]
     title = f"Overhead of a case of {effort.steps} steps in a sweep of {effort.cases}"
     note = (
-        "Wall time x ranks minus the time in the solves, per case: start-up, configuration, set-up, "
+        "Wall time x ranks minus the time in the steps, per case: start-up, configuration, set-up, "
         "scheduling, files and disk, the sweep file. Start-up is the time before the first case, once "
         "per run. The processor time shows the load of machine and disk. The best repetition counts."
     )
@@ -69,15 +68,15 @@ def _run(ranks: int, points: int, effort: Effort) -> dict[str, Cell]:
     shares = [clock["cases"] for clock in clocks]
     if sum(shares) != effort.cases or len(shares) != ranks:
         raise RuntimeError(f"{ranks} ranks ran {shares} of {effort.cases} cases")
-    solving = sum(clock["solving"] for clock in clocks)
+    stepping = sum(clock["stepping"] for clock in clocks)
     first = min(clock["begun"] for clock in clocks if clock["begun"])
     a_case = 1e3 / effort.cases
     return {
         "of the fullest rank": max(shares),
-        "overhead / case [ms]": (wall * ranks - solving) * a_case,
-        "processor / case [ms]": (used - solving) * a_case,
+        "overhead / case [ms]": (wall * ranks - stepping) * a_case,
+        "processor / case [ms]": (used - stepping) * a_case,
         "start-up / case [ms]": (first - launched) * ranks * a_case,
-        "solves / case [ms]": solving * a_case,
+        "steps / case [ms]": stepping * a_case,
     }
 
 
@@ -88,53 +87,44 @@ def _processor_seconds() -> float:
 
 @dataclass
 class Clock:
-    """Seconds in solves, number of cases, and start of the first case, of one rank."""
+    """Seconds in steps, number of cases, and start of the first case, of one rank."""
 
-    solving: float = 0.0
+    stepping: float = 0.0
     cases: int = 0
     begun: float = 0.0
 
     def around_cases(self, write: Callable[..., Any]) -> Callable[..., Any]:
-        """Count the cases by their files; solves before the first one only compiled the solver."""
+        """Count the cases by their files; steps before the first one only compiled."""
 
         def counted(*case: Any) -> Any:
             if not self.cases:
-                self.begun, self.solving = time.time(), 0.0
+                self.begun, self.stepping = time.time(), 0.0
             self.cases += 1
             return write(*case)
 
         return counted
 
-    def around_solves(self, make_solver: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        """Add up the time of every solve."""
+    def around_steps(self, march: Callable[..., Any]) -> Callable[..., Any]:
+        """Add up the time of the compiled loop."""
 
-        def make(case: Any) -> Any:
-            solver = make_solver(case)
-            solve = solver.solve
+        def timed(*arrays: Any) -> Any:
+            begun = time.perf_counter()
+            reason = march(*arrays)
+            self.stepping += time.perf_counter() - begun
+            return reason
 
-            def timed(*problem: Any) -> Any:
-                begun = time.perf_counter()
-                solution = solve(*problem)
-                self.solving += time.perf_counter() - begun
-                return solution
-
-            solver.solve = timed
-            return solver
-
-        return make
+        return timed
 
 
 def main(config: str, directory: str) -> int:
     """Run the command line on this rank and write its clock."""
-    from gfmdlayer.case.normal import NormalContact
+    from gfmdlayer.case import march
     from gfmdlayer.cli import main
     from gfmdlayer.study import case_run
 
     clock = Clock()
     case_run.write_case = clock.around_cases(case_run.write_case)
-    made = cached_property(clock.around_solves(NormalContact.solver.func))
-    made.__set_name__(NormalContact, "solver")
-    NormalContact.solver = made  # type: ignore[misc]
+    march.march = clock.around_steps(march.march)
     status = main(["run", config, "--out", directory])
     Path(f"clock-{os.getpid()}.json").write_text(json.dumps(asdict(clock)), encoding="utf-8")
     return status
