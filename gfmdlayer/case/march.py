@@ -21,13 +21,19 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from gfmdlayer.case.model import BlockRecorder
 from gfmdlayer.case.normal import NormalContact
-from gfmdlayer.contact.active_set.solver import ActiveSet, SolverArrays, StepResult, solve_step
+from gfmdlayer.contact.active_set.solver import (
+    ActiveSet,
+    SolverArrays,
+    StepResult,
+    residual_scales_at,
+    solve_step,
+)
 from gfmdlayer.contact.active_set.windows import WholeSurface
 from gfmdlayer.contact.loading import Loading
 from gfmdlayer.contact.prediction import RING, PressurePrediction, Ring, predict, remember
 from gfmdlayer.contact.pressure_form import SurfaceState
 from gfmdlayer.contact.problem import DEPTH_FLOOR
-from gfmdlayer.contact.residual import ResidualFloor, mark_contact, scales_of
+from gfmdlayer.contact.residual import ResidualFloor, mark_contact
 from gfmdlayer.history.adaptive_steps import (
     BREAKPOINT,
     RETRACTED,
@@ -174,7 +180,7 @@ def march(
             control.now[0] = control.behind[0]
         else:
             now.point += 1
-        _measure(surface, errors, ring, constants, record, rows[now.rows], result, depth, place)
+        _measure(solver, surface, errors, ring, constants, record, rows[now.rows], result, depth, place)
         now.rows += 1
         if constants.every or (point.marks & SNAPSHOT) != 0:
             return PICTURE
@@ -297,6 +303,7 @@ _extent = by_address(extent_of_line, nb.int64, nb.float64, nb.float64)
 
 @kernel(inner=True, borrows=True)
 def _measure(
+    solver: SolverArrays,
     surface: PressedSurface,
     errors: ErrorArrays,
     ring: Ring,
@@ -312,7 +319,7 @@ def _measure(
     residual, area, pressure, mean_gap = result.assessment
     p, gap = ring.p[place], ring.gap[place]
     floor = ResidualFloor(_smallest(surface.problem_stiffness), constants.least_depth, 0.0, np.inf)
-    pressure_scale, depth_scale = scales_of(p, surface.u, floor)
+    pressure_scale, depth_scale = residual_scales_at(solver.calls.scales, (p, surface.u, floor))
     mark_contact(p, gap, 1.0 / pressure_scale, 1.0 / depth_scale, surface.touching)
     points, between, error = _extent(constants.extent, (surface.touching, p, gap, constants.shape))
     now.most = max(now.most, points)

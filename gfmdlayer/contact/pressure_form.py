@@ -13,7 +13,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
-from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, scales_of, violation
+from gfmdlayer.contact.residual import ResidualFloor, residual_scales, scales_of, violation
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, filled, kernel, minimum
@@ -185,13 +185,13 @@ def feasible_solution(
     """Raise the pressure until the surface overlaps the punch nowhere, and assess that state."""
     # Pressure and gap of `at` are an exact pair; `free` is the transform of u0, per point. Not converged
     # where overlap remains.
-    u, pressure, gap = np.empty((3, at.p.size))
-    state = SurfaceState(u, pressure, gap, np.empty_like(free))
-    clear, assessment = write_feasible(system, free, at, state)
-    return make_solution(
-        problem, u, pressure, state.spectrum, gap=gap, assessment=assessment,
-        spent=(transforms, iterations), within=tolerance if clear else -1.0,
-    )  # fmt: skip
+    n = at.p.size
+    u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
+    overlap = write_state(system, at, free, u, pressure, spectrum)
+    depth = residual_scales(pressure, u, system.floor)[1]
+    spent = transforms, iterations
+    within = tolerance if is_clear(overlap, depth, system.floor) else -1.0
+    return make_solution(problem, u, pressure, spectrum, spent=spent, within=within)
 
 
 def unconverged(
@@ -305,20 +305,13 @@ def satisfies_kkt(system: System, p: FloatArray, gap: FloatArray, shift: float, 
 
 
 @kernel(borrows=True)
-def write_feasible(
-    system: System, free: ComplexArray, at: Iterate, state: SurfaceState
-) -> tuple[bool, tuple[float, float, float, float]]:
-    """Write a state without overlap; return whether what was clamped is rounding, and `assess` it."""
-    overlap = _write_state(system, at, free, state.u, state.p, state.spectrum)
-    for i in range(state.gap.size):
-        state.gap[i] = system.h[i] - state.u[i]
-    depth = scales_of(state.p, state.u, system.floor)[1]
-    clear = overlap == 0.0 or overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * system.floor.depth)
-    return clear, assess(state.p, state.u, system.h, system.floor)
+def is_clear(overlap: float, depth: float, floor: ResidualFloor) -> bool:
+    """Whether the overlap that was clamped is rounding."""
+    return overlap == 0.0 or overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * floor.depth)
 
 
-@kernel(reorder=True, inner=True, borrows=True)
-def _write_state(
+@kernel(reorder=True, borrows=True)
+def write_state(
     system: System,
     at: Iterate,
     free: ComplexArray,

@@ -214,4 +214,5 @@ def test_a_rare_case_has_the_same_bits_on_both_loops(name, monkeypatch):
 
 
 def test_most_random_cases_take_the_compiled_loop(tmp_path):
-    assert sum(march.March.suits(Drawn(number, tmp_path).case().contact) for number in range(FEW)) > FEW / 2
+    made = (Drawn(number, tmp_path).case() for number in range(FEW))
+    assert sum(march.March.suits(case.contact) for case in made) > 0.8 * FEW

@@ -131,3 +131,32 @@ def test_a_table_that_changes_while_a_sweep_runs_is_read_once(key, run_here, bit
         run_here(config)
     assert run_here(config, restart=True)[0].count("complete") == 3
     assert bits("out") != bits("undisturbed")
+
+
+def test_all_files_are_on_the_disk_before_the_sweep_file_has_its_name(run_here, monkeypatch):
+    """Of short cases too, whose processes do not wait for it."""
+    synchronised, fsync = [], os.fsync
+
+    def noted(descriptor):
+        synchronised.append(Path(f"/proc/self/fd/{descriptor}").readlink().name.partition(".")[0])
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    run_here(small(SWEEP, output__snapshots=[]))
+    assert {"0000", "0001", "0002"} < set(synchronised[: synchronised.index("sweep")])
+    assert "cases" in synchronised[: synchronised.index("sweep")]
+
+
+def test_what_a_power_cut_leaves_of_short_cases_is_computed_again(run_here, bits):
+    """A file has its name before its bytes are on the disk: it may be empty, cut short, or have holes."""
+    run_here(small(SWEEP, output__snapshots=[]))
+    whole = [bits(f"out/cases/{number:04d}.h5") for number in range(3)]
+    for number, harm in enumerate((0, 1 << 12, None)):
+        path = Path(f"out/cases/{number:04d}.h5")
+        contents = path.read_bytes()
+        path.write_bytes(bytes(len(contents)) if harm is None else contents[:harm])
+    Path("out/sweep.h5").unlink()
+    summary, log = run_here(small(SWEEP, output__snapshots=[]))
+    assert summary.count("complete") == 3
+    assert log.count("is damaged: set aside") == 3
+    assert [bits(f"out/cases/{number:04d}.h5") for number in range(3)] == whole

@@ -69,12 +69,13 @@ from gfmdlayer.contact.pressure_form import (
     compile_failure,
     feasible_solution,
     has_room,
+    is_clear,
     trivial_solution,
     unconverged,
-    write_feasible,
+    write_state,
 )
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
-from gfmdlayer.contact.residual import ResidualFloor, residual_scales, scales_of
+from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales
 from gfmdlayer.grid.transforms import Plans, Transforms
 from gfmdlayer.kernels import address_of, by_address, kernel
 from gfmdlayer.resumable import State
@@ -101,11 +102,14 @@ class SolverCalls(NamedTuple):
     begin: int
     iterate: int
     in_windows: int
-    feasible: int
+    write_state: int
+    scales: int
+    assess: int
 
 
-_begin, _iterate, _in_windows, _write_feasible = (
-    by_address(called) for called in (begin, iterate, solve_in_windows, write_feasible)
+# Kernels with sums are called as they are from Python: a part of another one may have other bits.
+_begin, _iterate, _in_windows, _write_state, residual_scales_at, _assess = (
+    by_address(called) for called in (begin, iterate, solve_in_windows, write_state, residual_scales, assess)
 )
 
 
@@ -205,13 +209,18 @@ def solve_step(
             transforms, iterations = transforms + more, iterations + done
             if not settled:
                 break
-            clear, assessment = _write_feasible(arrays.calls.feasible, (system, arrays.free, at, state))
-            solved = clear and assessment[0] <= tolerance
+            written = system, at, arrays.free, state.u, state.p, state.spectrum
+            overlap = _write_state(arrays.calls.write_state, written)
+            for i in range(state.gap.size):
+                state.gap[i] = surface.h[i] - state.u[i]
+            depth = residual_scales_at(arrays.calls.scales, (state.p, state.u, floor))[1]
+            assessment = _assess(arrays.calls.assess, (state.p, state.u, surface.h, floor))
+            solved = is_clear(overlap, depth, floor) and assessment[0] <= tolerance
             left = min(_LIMIT, limit - iterations)
             if solved or left <= 0:
                 break
             within = AIM * tolerance
-            shift = within * scales_of(state.p, state.u, floor)[1]
+            shift = within * depth
     if not solved:
         windows.kernel, windows.windows = kernel_before, windows_before
         return StepResult(False, 0, 0, _LEFT)
@@ -393,7 +402,9 @@ def make_arrays(transforms: Transforms, *, windows: bool = True) -> tuple[Solver
         address_of(begin, plans, system, free, free, at, contact, work, none, 0.0),
         iterate_at,
         address_of(solve_in_windows, of_surface, surface, none, floor, False, 0.0, none, 0.0, 0, 0, state),
-        address_of(write_feasible, system, free, at, state),
+        address_of(write_state, system, at, free, none, none, free),
+        address_of(residual_scales, none, none, floor),
+        address_of(assess, none, none, none, floor),
     )
     arrays = SolverArrays(
         plans=plans,
