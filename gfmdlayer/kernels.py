@@ -50,37 +50,27 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def kernel(function: Function) -> Function: ...
 @overload
 def kernel(
-    *, reorder: bool = False, contract: bool = False, inner: bool = False, borrows: bool = False
+    *, reorder: bool = False, inner: bool = False, borrows: bool = False
 ) -> Callable[[Function], Function]: ...
-def kernel(
-    function: Any = None,
-    *,
-    reorder: bool = False,
-    contract: bool = False,
-    inner: bool = False,
-    borrows: bool = False,
-) -> Any:
+def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False, borrows: bool = False) -> Any:
     """Compile a function by Numba at its first call, without the interpreter's lock, cached on the disk.
 
     `reorder` allows to reorder sums (`FASTMATH`), as vector units need it, and gives a division by zero its
-    limit, as the check of each would keep loops from them. `contract` only lets products be contracted with
-    sums. An `inner` kernel is called only by other kernels:
+    limit, as the check of each would keep loops from them. An `inner` kernel is called only by other kernels:
     it has no entry for Python, which takes longer to compile than a short kernel where many arrays come in
     groups. One that `borrows` makes no array, and returns none to a kernel that does not: references to its
     arrays are not counted, which would take a third of a small step.
     """
     if function is None:
-        return lambda decorated: _compiled(decorated, reorder, contract, inner, borrows)
-    return _compiled(function, reorder, contract, inner, borrows)
+        return lambda decorated: _compiled(decorated, reorder, inner, borrows)
+    return _compiled(function, reorder, inner, borrows)
 
 
-def _compiled(function: Any, reorder: bool, contract: bool, inner: bool, borrows: bool) -> Any:
+def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
     options: dict[str, Any] = {"nogil": True, "no_cpython_wrapper": inner, "no_cfunc_wrapper": True}
     options["_nrt"] = not borrows
     if reorder:
         options |= {"fastmath": FASTMATH, "error_model": "numpy"}
-    elif contract:
-        options["fastmath"] = {"contract"}
     dispatcher = nb.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
         dispatcher._cache = _LateCache(function)  # type: ignore[attr-defined]  # as cache=True does

@@ -178,10 +178,9 @@ def prepare(modes: ModeArrays, step: float) -> None:
         modes.stiffness[k] = modes.relaxed[k] + terms.gain[2 * k]
 
 
-@kernel(contract=True, borrows=True)
+@kernel(borrows=True)
 def weighted(moduli: FloatArray, factors: FloatArray) -> float:
-    """Sum of moduli times factors over the branch modes."""
-    # With AVX-512 it has the bits of numpy's for up to 15 modes; these depend on the type of the processor.
+    """Sum of moduli times factors over the branch modes, in their order on any processor."""
     total = 0.0
     for j in range(moduli.size):
         total += moduli[j] * factors[j]
