@@ -504,6 +504,8 @@ class March:
         while True:
             if not self._constants.adaptive:
                 self._left += islice(self._instants, self._attempts - len(self._left))
+                if not self._left:
+                    return True
                 self._fixed = _points(self._left)
             modes, surface = self._modes.arrays, self._surface
             if self._constants.by_depth:
@@ -519,14 +521,10 @@ class March:
             self._give_back()
             if reason == PICTURE:
                 recorder.snapshot(float(self._now["time"][0]), self._snapshot())
-            if reason == RARE or (reason == DONE and not self._left and self._constants.adaptive):
+            if reason == RARE or (reason == DONE and self._constants.adaptive):
                 return reason == DONE
             if progress is not None:
                 progress(float(self._now["time"][0]))
-            if reason == DONE and not self._left:
-                self._left += islice(self._instants, 1)
-                if not self._left:
-                    return True
 
     def _record(self, recorder: BlockRecorder) -> None:
         """Record the rows of a stretch."""
