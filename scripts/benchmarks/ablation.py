@@ -1,8 +1,9 @@
 """Each ingredient of the solvers, the first guesses and the adaptive steps taken out, one at a time.
 
-An ingredient is taken out by a part of the `Case`, by another value of a constant, or, inside the compiled
-loop of the active set, by a loop that is compiled anew with other functions or constants. FFT pairs do not
-depend on the processor. Times are CPU times, compared with those of the full method in the same run.
+An ingredient is taken out by a part of the `Case`, by another value of a constant, or, inside kernels, by
+kernels that are compiled anew with other functions or constants. The time loop in Python calls these; the
+compiled one, which takes the same steps, would not. FFT pairs do not depend on the processor. Times are CPU
+times, compared with those of the full method in the same run.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numba as nb
 import numpy as np
 from benchmarks.common import Cell, Effort, Table
+from numba.core.dispatcher import Dispatcher
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.case.case import Case
@@ -156,8 +158,10 @@ def _run(
     for config in configs:
         case = Case(config)
         recording = Recording()
+        taken = Case(config, transforms=case.transforms, **parts(case))
+        taken.stepwise = True
         try:
-            simulate(Case(config, transforms=case.transforms, **parts(case)), recording)
+            simulate(taken, recording)
         except ConvergenceError:
             return None
         pairs += int(recording["transforms"].sum())
@@ -323,8 +327,24 @@ def _checked_iterate(  # type: ignore[no-untyped-def]
 
 
 def _compiled_anew(**replaced: object) -> Patches:
-    """The active set's loops, on the surface and in windows, with other functions or constants."""
+    """The active set's loop, on the surface and in windows, with other functions or constants."""
     return [(solver, "iterate", with_globals(loop.iterate, replaced))]
+
+
+def _with_constants(module: ModuleType, **constants: object) -> Patches:
+    """Constants of a module, and its kernels that use them, directly or not, compiled anew."""
+    kernels = {name: value for name, value in vars(module).items() if isinstance(value, Dispatcher)}
+
+    def uses(name: str) -> set[str]:
+        own = set(kernels[name].py_func.__code__.co_names) if name in kernels else {name}
+        return own & constants.keys() | {called for called in own & kernels.keys() if uses(called)}
+
+    def anew(name: str) -> Any:
+        replaced = {used: constants[used] if used in constants else anew(used) for used in uses(name)}
+        return with_globals(kernels[name], replaced)
+
+    return [*((module, name, value) for name, value in constants.items()),
+            *((module, name, anew(name)) for name in kernels if uses(name))]  # fmt: skip
 
 
 def _only_the_point(grid: Grid, stiffness: FloatArray) -> Any:
@@ -388,16 +408,21 @@ ADAPTIVE = (
     ),
     _Ablation(
         "first step from rest: as after a jump",
-        patches=lambda: [(adaptive_steps, "_FROM_REST", adaptive_steps._AFTER_JUMP / _TOLERANCE)],
+        patches=lambda: _with_constants(adaptive_steps, _FROM_REST=adaptive_steps._AFTER_JUMP / _TOLERANCE),
     ),
-    _Ablation("short step after a breakpoint", patches=lambda: [(adaptive_steps, "_AFTER_BREAKPOINT", 1.0)]),
+    _Ablation(
+        "short step after a breakpoint",
+        patches=lambda: _with_constants(adaptive_steps, _AFTER_BREAKPOINT=1.0),
+    ),
     _Ablation(
         "velocity discarded at breakpoints",
         patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
-    _Ablation("part of the unknown curvature: all", patches=lambda: [(errors, "_UNKNOWN_CURVATURE", 1.0)]),
+    _Ablation(
+        "part of the unknown curvature: all", patches=lambda: _with_constants(errors, _UNKNOWN_CURVATURE=1.0)
+    ),
     _Ablation(
         "limits of growth",
-        patches=lambda: [(adaptive_steps, name, 1e9) for name in ("_GROWTH", "_FIRST_GROWTH")],
+        patches=lambda: _with_constants(adaptive_steps, _GROWTH=1e9, _FIRST_GROWTH=1e9),
     ),
 )

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from gfmdlayer.case.case import Case
 from gfmdlayer.case.model import ConvergenceError, simulate
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import whole_steps
@@ -100,7 +101,8 @@ def test_progress_is_called_after_every_step_and_may_stop_the_run(recorder):
         if time >= 0.5:
             raise KeyboardInterrupt
 
-    found = recorder()
+    found, case = recorder(), Case(Config(name="stopped").with_values(SMALL))
+    case.stepwise = True
     with pytest.raises(KeyboardInterrupt):
-        simulate(Config(name="stopped").with_values(SMALL), found, stop)
+        simulate(case, found, stop)
     assert len(found.rows) == len(times) == 5

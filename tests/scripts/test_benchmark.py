@@ -92,6 +92,13 @@ def test_ablation_compares_each_ingredient_with_the_full_method(tables):
         assert all(without[0].keys() == row.keys() == full.keys() for row in without)
     by_name = {row["taken out"]: row for row in found["ablation-pairs"]}
     assert by_name["preconditioner"]["figure2 adaptive"] > 1
+    for name in ("ablation", "ablation-adaptive"):  # each ingredient is really taken out
+        full, *without = found[f"{name}-pairs"]
+        errors = {row["taken out"]: row for row in found.get(f"{name}-error", ())}
+        whole = errors.get("full method")
+        for row in without:
+            changed = [row[workload] != 1 for workload in full.keys() - {"taken out"}]
+            assert any(changed) or errors[row["taken out"]] != whole | {"taken out": row["taken out"]}
     uniform = found["ablation-fire-pairs"][1]
     assert uniform["n = 512"] > 1
     exact, linear, *_ = found["ablation-adaptive-error"]
