@@ -24,6 +24,7 @@ from gfmdlayer.case.model import BlockRecorder
 from gfmdlayer.case.moving import MovingPunch, arrays_of, friction, settles, smallest_of, solve_with_loss
 from gfmdlayer.case.normal import NormalContact
 from gfmdlayer.contact.active_set.solver import (
+    ROUNDS,
     ActiveSet,
     SolverArrays,
     StepResult,
@@ -56,8 +57,12 @@ from gfmdlayer.history.modes import ModeArrays, Modes
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.time_points import FixedSteps
 from gfmdlayer.kernels import address_of, by_address, kernel
-from gfmdlayer.observables import columns
+from gfmdlayer.observables import Observable, columns
+from gfmdlayer.observables.contact import ContactMeans, ContactStatistics, Force, Resolution
 from gfmdlayer.observables.contact_statistics import extent_of_line, extent_of_surface
+from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.observables.friction import FrictionColumns
+from gfmdlayer.observables.numerics import Effort, SteadyState
 from gfmdlayer.step import Fields, Instant
 from gfmdlayer.time_functions import Constant, RampHold, Table
 
@@ -65,12 +70,11 @@ if TYPE_CHECKING:
     from gfmdlayer.case.contact import Contact
     from gfmdlayer.case.model import Progress
     from gfmdlayer.history.adaptive_steps import Steps
-    from gfmdlayer.observables import Observable
     from gfmdlayer.observables.numerics import SteadyState
 
 # Why the loop comes back: no further point in time, so many attempts, no room for rows, a step that is not
 # ordinary, a snapshot, a steady state.
-DONE, GO_ON, FULL, RARE, PICTURE, SETTLED = range(6)
+DONE, GO_ON, RARE, PICTURE, SETTLED = range(5)
 
 COLUMNS = (
     "time", "contact_area", "mean_pressure", "depth", "residual", "mean_stress", "force",
@@ -144,6 +148,15 @@ NOW = np.dtype(
 )
 
 
+# The observables whose columns the loop writes.
+_MEASURED = {ContactMeans, Force, Resolution, Effort, EnergyBalance, ContactStatistics}
+
+
+def measures(observable: Observable) -> bool:
+    """Whether an observable looks at steps; others have attributes only."""
+    return type(observable).measure is not Observable.measure
+
+
 @kernel(borrows=True)
 def march(
     solver: SolverArrays,
@@ -165,8 +178,6 @@ def march(
     for _ in range(most):
         if (control.now[0].next_stop == control.stops.size) if adaptive else now.point == fixed.times.size:
             return DONE
-        if now.rows == len(rows):
-            return FULL
         point = next_point(control) if adaptive else _fixed_point(fixed, now.point)
         now.time = point.time
         if point.fresh:
@@ -381,7 +392,6 @@ def _work(curve: FloatArray, points: int, depth: float, pressure: float) -> floa
     return float(width * (y0 + pressure) / 2.0 - slope * math.pow(width, 3.0) / 6.0)
 
 
-FEWEST_ROWS = 256
 MOST_POINTS = 1 << 16  # beyond, copies of the fields cost more than Python's part of a step
 POINTS = 1 << 18  # points times attempts between two looks at signals
 ATTEMPTS = 256  # between two looks at signals, at most
@@ -448,7 +458,7 @@ class March:
             unit=2 * config.solid.unit,
             cell=math.prod(grid.period),
             shape=(rows, line),
-            extent=address_of(measured, *_MEASURED),
+            extent=address_of(measured, *_EXTENT),
         )
         weights, state = (sums.weights, sums.weights_twice), np.zeros(1, ERROR_STATE)
         work = np.empty((5, 2 * count if adaptive else 0))
@@ -458,12 +468,12 @@ class March:
         self._moving: MovingPunch | None = None
         if isinstance(self._modes, SlidingModes):
             self._moving = arrays_of(contact, self._modes, observables)
-        self._columns = COLUMNS if self._moving is None else COLUMNS_MOVING
-        self._now, self._rows = np.zeros(1, NOW), np.empty((FEWEST_ROWS, len(self._columns)))
         self._attempts = max(1, min(ATTEMPTS, POINTS // size))
+        self._columns = COLUMNS if self._moving is None else COLUMNS_MOVING
+        self._now, self._rows = np.zeros(1, NOW), np.empty((self._attempts, len(self._columns)))
 
     @classmethod
-    def suits(cls, contact: Contact) -> TypeGuard[NormalContact]:
+    def suits(cls, contact: Contact, observables: Mapping[str, Observable]) -> TypeGuard[NormalContact]:
         """Whether the case of a contact is ordinary."""
         config, loading, grid = contact.config, contact.loading, contact.grid
         names = tuple(column.name for column in columns(config))
@@ -477,9 +487,12 @@ class March:
                 return False
             solver = solver.inner
         parts = solver, contact.history, contact.guess, loading
+        measured = _MEASURED if rests else {*_MEASURED, FrictionColumns, SteadyState}
         return (
             [*map(type, parts)] == [ActiveSet, Modes if rests else SlidingModes, PressurePrediction, Loading]
-            and isinstance(loading.trajectory, RampHold | Table)
+            and type(loading.trajectory) in (RampHold, Table)
+            and cast("ActiveSet", solver).rounds == ROUNDS
+            and {type(each) for each in observables.values() if measures(each)} <= measured
             and grid.ranks.count == 1
             and grid.size <= MOST_POINTS
             and not loading.interface.attracts
@@ -512,29 +525,27 @@ class March:
                 self._errors, self._ring, self._constants, self._control, self._fixed, self._now, self._rows,
                 self._attempts, self._moving,
             )  # fmt: skip
-            self._record(recorder)
-            if reason == FULL:
-                continue
+            reached = self._record(recorder)
             self._give_back()
             if reason in (PICTURE, SETTLED):
                 recorder.snapshot(float(self._now["time"][0]), self._snapshot())
-            if reason == SETTLED:
-                return True
-            if reason == RARE or (reason == DONE and self._constants.adaptive):
-                return bool(reason == DONE)
-            if progress is not None:
-                progress(float(self._now["time"][0]))
+            if progress is not None and (reached is not None or reason == GO_ON):
+                progress(float(self._now["time"][0]) if reached is None else reached)
+            if reason in (RARE, SETTLED) or (reason == DONE and self._constants.adaptive):
+                return bool(reason != RARE)
 
-    def _record(self, recorder: BlockRecorder) -> None:
-        """Record the rows of a stretch."""
+    def _record(self, recorder: BlockRecorder) -> float | None:
+        """Record the rows of a stretch; return the time of the last one."""
         count, taken = int(self._now["rows"][0]), int(self._now["point"][0])
+        reached = float(self._rows[count - 1, 0]) if count else None
         if count:
-            recorder.extend(dict.fromkeys(self._columns, 1), self._rows[:count])
+            recorder.extend_rows(dict.fromkeys(self._columns, 1), self._rows[:count])
             self._rows, self._now["rows"] = np.empty_like(self._rows), 0
         if isinstance(self._steps, FixedSteps):
             self._steps.advance(taken)
             del self._left[:taken]
             self._now["point"] = 0
+        return reached
 
     def _snapshot(self) -> Mapping[str, FloatArray]:
         """Return the fields of the last step."""
@@ -613,7 +624,7 @@ def _points(instants: list[Instant]) -> FixedPoints:
     )
 
 
-_MEASURED = np.zeros(0, np.bool_), np.zeros(0), np.zeros(0), (1, 1)  # arguments, for their types
+_EXTENT = np.zeros(0, np.bool_), np.zeros(0), np.zeros(0), (1, 1)  # arguments, for their types
 _NO_POINTS = _points([])
 _NO_CONTROL = StepControl(
     _NO_POINTS.times, _NO_POINTS.marks, 0.0, 0.0, 0.0, 0.0, False, *np.zeros((2, 1), STEP_STATE)

@@ -88,7 +88,7 @@ def cannot_be_written(error: OSError) -> str:
 
 def synchronise(path: Path) -> None:
     """Wait until a file or folder is on the disk."""
-    descriptor = os.open(path, os.O_RDONLY)
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # no pipe is waited for
     try:
         os.fsync(descriptor)
     finally:
@@ -104,6 +104,7 @@ def synchronise(path: Path) -> None:
 _FORM = b"\ngfmdlayer seal %08x\n"
 _SEAL = re.compile(rb"\ngfmdlayer seal ([0-9a-f]{8})\n")
 _LENGTH = len(_FORM % 0)
+_HEAD = 48  # bytes of the superblock of HDF5 with the end of the file
 _BLOCK = 1 << 16  # bytes read at a time
 
 
@@ -124,18 +125,28 @@ def sealed(contents: bytearray) -> bytearray:
 def is_sealed(contents: bytes) -> bool | None:
     """Whether the contents of a file are those that were sealed; None without a seal."""
     seal = _SEAL.fullmatch(contents, max(0, len(contents) - _LENGTH))
-    return None if seal is None else int(seal[1], 16) == zlib.crc32(memoryview(contents)[:-_LENGTH])
+    if seal is None:
+        return False if _lost_seal(contents[:_HEAD], len(contents)) else None
+    return int(seal[1], 16) == zlib.crc32(memoryview(contents)[:-_LENGTH])
 
 
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:
     """Whether the bytes of a file are those that were sealed; None without a seal, or above `most` bytes."""
     with open(path, "rb", opener=regular) as file:
-        contents = file.seek(0, 2) - _LENGTH
-        if not 0 <= contents <= most:
-            return None
-        file.seek(contents)
-        seal = _SEAL.fullmatch(file.read())
-        return None if seal is None else int(seal[1], 16) == _checksum(file, contents)
+        head, size = file.read(_HEAD), file.seek(0, 2)
+        file.seek(max(0, size - _LENGTH))
+        if (seal := _SEAL.fullmatch(file.read())) is None:
+            return False if _lost_seal(head, size) else None
+        return None if size - _LENGTH > most else int(seal[1], 16) == _checksum(file, size - _LENGTH)
+
+
+def _lost_seal(head: bytes, size: int) -> bool:
+    """Whether other bytes are in the place of the seal, behind the end of the file that HDF5 knows."""
+    # A program that changes the file cuts the seal off.
+    if head[:8] != b"\x89HDF\r\n\x1a\n" or len(head) < _HEAD:
+        return False
+    place = 28 if head[8] >= 2 else 40  # of the end in the superblock
+    return size == int.from_bytes(head[place : place + 8], "little") + _LENGTH
 
 
 def _checksum(file: BinaryIO, size: int) -> int:

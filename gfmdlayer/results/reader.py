@@ -83,7 +83,7 @@ def replay(path: Path, until: float, recording: Recording) -> None:
             part = slice(start, min(start + _ROWS_READ, rows))
             every = [dataset[part].reshape(part.stop - start, -1) for dataset in columns.values()]
             widths = {name: values.shape[1] for name, values in zip(columns, every, strict=True)}
-            recording.extend(widths, np.hstack(every, dtype=np.float64))
+            recording.extend_rows(widths, np.hstack(every, dtype=np.float64))
         times = fields.pop("snapshot")[:].tolist()
         for i, time in enumerate(t for t in times if t <= until):
             held = {name: field[i] for name, field in fields.items()}

@@ -237,7 +237,7 @@ class Recording:
             if not self._is_intact(self._file):
                 raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
 
-    def extend(self, widths: Mapping[str, int], rows: FloatArray) -> None:
+    def extend_rows(self, widths: Mapping[str, int], rows: FloatArray) -> None:
         """Record many rows at once, one after the other in an array whose columns have these widths.
 
         The array becomes a part of the recording: it must not change after that.

@@ -347,8 +347,7 @@ class Study:
 
     def _bring_to_the_disk(self) -> None:
         """Wait until the files of short cases are on the disk, which their processes did not."""
-        new = (self._folder.case(number) for number in self._numbers if number not in self._files["h5"])
-        for path in (*new, self._folder.cases):
+        for path in (*map(self._folder.case, self._numbers), self._folder.cases):
             with suppress(OSError):  # a case has failed, or the file system refuses
                 synchronise(path)
 

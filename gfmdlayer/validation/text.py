@@ -245,7 +245,7 @@ def _in_line(value: object) -> str:
     if isinstance(value, int):
         return str(value)
     if isinstance(value, float):
-        return repr(value).replace("inf", ".inf").replace("nan", ".nan")
+        return repr(float(value)).replace("inf", ".inf").replace("nan", ".nan")
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_word(key)}: {_in_line(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -96,11 +96,11 @@ class Clock:
     def around_cases(self, write: Callable[..., Any]) -> Callable[..., Any]:
         """Count the cases by their files; steps before the first one only compiled."""
 
-        def counted(*case: Any) -> Any:
+        def counted(*case: Any, **options: Any) -> Any:
             if not self.cases:
                 self.begun, self.stepping = time.time(), 0.0
             self.cases += 1
-            return write(*case)
+            return write(*case, **options)
 
         return counted
 

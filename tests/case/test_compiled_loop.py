@@ -8,7 +8,10 @@ import pytest
 from gfmdlayer.case import march
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.contact.active_set.solver import ActiveSet
+from gfmdlayer.observables import OBSERVABLES, Observable
 from gfmdlayer.results.recording import Recording
+from gfmdlayer.time_functions import RampHold
 from tests.recordings import InParts, bits_of
 
 LOOPS = {"compiled": False, "in Python": True}  # `stepwise` of a case
@@ -227,12 +230,77 @@ def test_a_rare_case_has_the_same_bits_on_both_loops(name, tmp_path, monkeypatch
     Path("velocity.txt").write_text("0 0.1\n1 0.3\n2 0.2\n")
     coarse = {"grid.points": 64, "time": {"end": 2.0, "step": "adaptive", "tolerance": 1e-2}}
     config = Config(name="rare").with_values(coarse | RARE[name])
+    assert not suits(Case(config))
     must_agree(lambda: Case(config), 0, monkeypatch)
+
+
+class HalfRamp(RampHold):
+    """A drive of the user's own."""
+
+    def __call__(self, time):
+        return 0.5 * super().__call__(time)
+
+
+class Ender(Observable):
+    """Ends a run, and has no column."""
+
+    @classmethod
+    def columns(cls, _config):
+        return ()
+
+    def measure(self, step):
+        self.finished = step.time >= 0.5
+        return {}
+
+
+@pytest.mark.parametrize("what", ["drive", "solver", "observable"])
+def test_parts_of_ones_own_are_left_to_python(what, monkeypatch):
+    config = Config(name="own").with_values({"grid.points": 64, "time.step": 0.1})
+    if what == "observable":
+        monkeypatch.setitem(OBSERVABLES, "ender", Ender)
+
+    def make():
+        if what == "drive":
+            return Case(config, trajectory=HalfRamp(0.01, 1.0))
+        transforms = Case(config).transforms
+        own = {"solver": ActiveSet(transforms, rounds=1)} if what == "solver" else {}
+        return Case(config, transforms=transforms, **own)
+
+    must_agree(make, 0, monkeypatch)
+
+
+def test_a_recorder_with_rows_of_its_own_gets_each():
+    class Rows(list):
+        def row(self, **values):
+            self.append(values)
+
+        def snapshot(self, time, fields): ...
+
+        def note(self, **attributes): ...
+
+    class Counting(Recording):
+        calls = 0
+
+        def row(self, **values):
+            self.calls += 1
+            super().row(**values)
+
+    config = Config(name="own").with_values({"grid.points": 64, "time.step": 0.1})
+    rows, counting, times = Rows(), Counting(), []
+    Case(config).run(rows)
+    Case(config).run(counting)
+    assert len(rows) == counting.calls == counting.count > 1
+    Case(config.with_values({"time": {"end": 1.0, "step": "adaptive"}})).run(Recording(), times.append)
+    assert times[-1] == 1.0
+
+
+def suits(case):
+    return march.March.suits(case.contact, case.observables)
 
 
 def test_most_random_cases_take_the_compiled_loop(tmp_path):
     drawn = [Drawn(number, tmp_path) for number in range(FEW)]
-    taken = [case for case in drawn if march.March.suits(case.case().contact)]
+    taken = [case for case in drawn if suits(case.case())]
     moving = [case.config.time.steady for case in taken if case.config.trajectory.moves]
     assert len(taken) > 0.8 * FEW
     assert len(moving) >= 3

@@ -43,7 +43,7 @@ def test_the_memory_of_a_step_is_free_before_the_next_attempt():
             alive.append(weakref.ref(step.fields))
             return step
 
-        case.contact.attempt = attempted
+        case.contact.attempt, case.stepwise = attempted, True
         gc.disable()
         try:
             case.run(NoRecorder())

@@ -14,6 +14,7 @@ import xarray
 
 import gfmdlayer
 from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zener
+from gfmdlayer.case import march
 from gfmdlayer.config import digest
 from gfmdlayer.study.claims import AtWork
 from gfmdlayer.study.folder import FolderError
@@ -354,22 +355,23 @@ def test_a_dimension_is_not_named_as_an_argument_of_sel():
 INTERRUPTED = """
 import os, signal
 import gfmdlayer, gfmdlayer.study.run
-from gfmdlayer.observables.numerics import Effort
+from gfmdlayer.case import march
 
-measure, rows = Effort.measure, 0
+loop, stretches = march.march, 0
+march.ATTEMPTS = 3
 
-def interrupting(self, step):
-    global rows
-    rows += 1
-    if rows == 3:
+def interrupting(*arrays):
+    global stretches
+    stretches += 1
+    if stretches == 2:
         os.kill(os.getpid(), signal.SIGINT)
-    return measure(self, step)
+    return loop(*arrays)
 
-Effort.measure = interrupting
+march.march = interrupting
 for module in (gfmdlayer.study.run, gfmdlayer.study.case_run):
     module.warm_up = lambda *_, **__: []  # it takes steps, too
 for options in ({}, {"out": "out"}):
-    rows = 0
+    stretches = 0
     try:
         gfmdlayer.run(LINE, **options)
     except KeyboardInterrupt:
@@ -433,6 +435,7 @@ def test_progress_grows_to_its_end(monkeypatch, sweep):
         time.sleep(0.05)
 
     monkeypatch.setattr(AtWork, "advance", slowly)
+    monkeypatch.setattr(march, "ATTEMPTS", 1)
     gfmdlayer.run(LINE | ({"sweep": sweep} if sweep else {}))
     assert spy.fractions == sorted(spy.fractions)
     assert spy.fractions[-1] == 1.0

@@ -192,7 +192,8 @@ output: {snapshots: [1.0, 8.0]}
 
 def test_a_case_killed_at_random_moments_in_the_compiled_loop_keeps_its_bits(run_here, bits, monkeypatch):
     Path("faulty.yaml").write_text(LONG)
-    assert march.March.suits(Case(load("faulty.yaml")).contact)
+    case = Case(load("faulty.yaml"))
+    assert march.March.suits(case.contact, case.observables)
     run_here("faulty.yaml", "whole")
     monkeypatch.setattr(case_run, "_PART", math.inf)  # a checkpoint whenever the loop comes back, each time
     monkeypatch.setattr(march, "ATTEMPTS", 16)  # after so many of 2000 steps

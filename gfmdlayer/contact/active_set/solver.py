@@ -25,7 +25,7 @@ solve: the smallest factor 1 + eta on the pressure, eta of the order of the tole
 nowhere above the punch; or, where scaling the pressure does not do that, a gap of a quarter of the tolerance
 is aimed at.
 
-Termination: changes of the set are counted. After `_ROUNDS` of them, or where conjugate gradients fail, the
+Termination: changes of the set are counted. After `ROUNDS` of them, or where conjugate gradients fail, the
 problem goes to `bounded.safeguard`, where each step lowers the energy, and which ends on every
 convex problem.
 """
@@ -80,7 +80,7 @@ from gfmdlayer.grid.transforms import Plans, Transforms
 from gfmdlayer.kernels import address_of, by_address, kernel
 from gfmdlayer.resumable import State
 
-_ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
+ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
 _LIMIT = 1000  # iterations of conjugate gradients
 # Between two looks at signals: points times iterations of conjugate gradients, and these at least, since the
 # next portion begins without the directions of the last.
@@ -174,7 +174,7 @@ def solve_step(
     limit: int,
     state: SurfaceState,
 ) -> StepResult:
-    """`ActiveSet.solve` for compiled loops; leaves rare problems, and the solver is then as before."""
+    """`ActiveSet.solve` for compiled loops; leaves rare problems: windows and counts are then as before."""
     if _is_rare(stiffness, surface.h, floor, load_given, load, height):
         return StepResult(False, 0, 0, _LEFT)
     set_stiffness(arrays, stiffness, load_given)
@@ -182,7 +182,7 @@ def solve_step(
     kernel_before, windows_before = windows.kernel, windows.windows
     near = _in_windows(
         arrays.calls.in_windows,
-        (arrays.windows, surface, arrays.shared, floor, load_given, load, start, tolerance, _ROUNDS, left,
+        (arrays.windows, surface, arrays.shared, floor, load_given, load, start, tolerance, ROUNDS, left,
          state),
     )  # fmt: skip
     transforms, iterations, assessment, solved = (
@@ -204,7 +204,7 @@ def solve_step(
         for _ in range(2):
             settled, more, done = _iterate(
                 arrays.calls.iterate,
-                (arrays.plans, system, at, contact, work, shift, within, _ROUNDS, left, False),
+                (arrays.plans, system, at, contact, work, shift, within, ROUNDS, left, False),
             )
             transforms, iterations = transforms + more, iterations + done
             if not settled:
@@ -244,10 +244,10 @@ class ActiveSet:
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
-    def __init__(self, transforms: Transforms, *, windows: bool = True, rounds: int = _ROUNDS) -> None:
+    def __init__(self, transforms: Transforms, *, windows: bool = True, rounds: int = ROUNDS) -> None:
         # With `windows`, small contacts are solved in windows; after `rounds` changes of the contact set
         # `bounded.safeguard` takes over.
-        self._transforms, self._rounds = transforms, rounds
+        self._transforms, self.rounds = transforms, rounds
         self.arrays, self._kept = make_arrays(transforms, windows=windows)
 
     def solve(
@@ -317,7 +317,7 @@ class ActiveSet:
         )  # fmt: skip
         result: WindowResult = solve_in_windows(
             arrays.windows, surface, arrays.shared, system.floor, system.load_given, problem.applied_pressure,
-            start, tolerance, self._rounds, limit, state,
+            start, tolerance, self.rounds, limit, state,
         )  # fmt: skip
         return result
 
@@ -358,7 +358,7 @@ class ActiveSet:
         while True:
             portion = min(portion_size, limit - iterations)
             solved, more, done = iterate(
-                arrays.plans, system, arrays.at, arrays.contact, arrays.work, shift, within, self._rounds,
+                arrays.plans, system, arrays.at, arrays.contact, arrays.work, shift, within, self.rounds,
                 portion, False,
             )  # fmt: skip
             transforms, iterations = transforms + more, iterations + done
