@@ -112,7 +112,7 @@ def test_overhead_counts_every_case_on_one_rank_and_two(tables):
     for row in rows:
         assert 12 / row["ranks"] <= row["of the fullest rank"] <= 12
         assert row["overhead / case [ms]"] > row["start-up / case [ms]"] > 0
-        assert row["solves / case [ms]"] > 0
+        assert row["steps / case [ms]"] > 0
 
 
 def test_a_sweep_is_run_by_both_time_loops_and_in_two_processes(tables):
