@@ -335,9 +335,11 @@ def _with_constants(module: ModuleType, **constants: object) -> Patches:
     """Constants of a module, and its kernels that use them, directly or not, compiled anew."""
     kernels = {name: value for name, value in vars(module).items() if isinstance(value, Dispatcher)}
 
-    def uses(name: str) -> set[str]:
+    def uses(name: str, above: tuple[str, ...] = ()) -> set[str]:
+        # A name may also be that of an attribute, so that names can seem to lead in a circle.
         own = set(kernels[name].py_func.__code__.co_names) if name in kernels else {name}
-        return own & constants.keys() | {called for called in own & kernels.keys() if uses(called)}
+        callees = own & kernels.keys() - {name, *above}
+        return own & constants.keys() | {called for called in callees if uses(called, (name, *above))}
 
     def anew(name: str) -> Any:
         replaced = {used: constants[used] if used in constants else anew(used) for used in uses(name)}
