@@ -120,11 +120,20 @@ class _Processes(Executor):
                 raise
             self._vain += 1
             self._renewals -= 1
+            self._give_up_lost()
             self._pool = self._new_pool()
             future = self._pool.submit(fn, *args, **kwargs)
         self._held.add(future)
         future.add_done_callback(self._note)
         return future
+
+    def _give_up_lost(self) -> None:
+        """End the cases that a broken pool took at the moment in which it broke: it forgets them."""
+        with suppress(RuntimeError):  # of a thread that did not start
+            self._pool.shutdown()
+        for future in [*self._held]:
+            if not future.done():
+                future.set_exception(BrokenProcessPool("a worker ended before the case"))
 
     def _note(self, future: Future[Any]) -> None:
         self._held.discard(future)
