@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from xarray.backends import BackendArray
@@ -19,6 +18,7 @@ from xarray.core import indexing
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.results.names import SAME_TIME, ResultsError
+from gfmdlayer.results.netcdf import opened
 
 
 class FieldOfCases(BackendArray):
@@ -43,13 +43,20 @@ class FieldOfCases(BackendArray):
         for place, file in np.ndenumerate(files):
             if not file.is_file():
                 continue
-            with h5py.File(file, locking=False) as h5:
-                field, wrong = h5[self._name], ""
-                if field.shape != self._inner:
-                    wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
-                elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
-                    wrong = "snapshots at other times than in the first case"
-                if wrong:
-                    raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-                values[place] = field[part]
+            wrong = ""
+            try:
+                with opened(file) as h5:
+                    field = h5[self._name]
+                    if field.shape != self._inner:
+                        wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
+                    elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
+                        wrong = "snapshots at other times than in the first case"
+                    else:
+                        values[place] = field[part]
+            except ResultsError:
+                raise
+            except Exception as error:  # a damaged file can fail anywhere in HDF5, with any exception
+                raise ResultsError(f"{file}: {self._name} cannot be read: is damaged ({error})") from error
+            if wrong:
+                raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
         return values

@@ -184,7 +184,7 @@ class _CaseBytes:
     def about(self, name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
         """Return dimensions and attributes of a variable, none of one without dimensions."""
         with opened(self._path) as file:
-            return _CaseFile(file).about(name)
+            return _CaseFile(file.id).about(name)
 
 
 CaseData: TypeAlias = (
@@ -205,7 +205,7 @@ def _open(record: CaseRecord) -> Iterator[CaseData]:
             yield _CaseBytes(record.source, contents, template)
             return
         with opened(record.source) as file:
-            yield _CaseFile(file)
+            yield _CaseFile(file.id)
     elif record.source is not None:
         yield record.source
 
