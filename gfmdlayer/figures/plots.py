@@ -24,6 +24,7 @@ from gfmdlayer.figures.snapshots import (
     snapshots_figure,
     waterfall_figure,
 )
+from gfmdlayer.files.whole import output_file
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import open_case, open_results
 
@@ -104,7 +105,7 @@ def plot_results(
     kind = kind or ("curves" if x or y else None)
     if kind == "body":
         picture = path.with_name(f"{path.stem}-body.png") if path.is_file() else path / "body.png"
-        picture = picture if out is None else Path(out)
+        picture = output_file(out, picture)
         check_suffix(picture)
         config, title = config_of(path, case)
         save(body_figure(config, look, title), picture, look)
@@ -133,7 +134,7 @@ def plot_results(
         ending += default_suffix() if kind == "movie" else ".png"
         name = dataset.attrs.get("name") or path.resolve().name
         beside = path.with_name(path.stem + ending) if path.is_file() else path / f"{name}{ending}"
-        picture = beside if out is None else Path(out)
+        picture = output_file(out, beside)
         if kind == "movie":
             write_movie(first, picture, title, look, fps)
             return [picture]

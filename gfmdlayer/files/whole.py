@@ -26,6 +26,19 @@ UNFINISHED = ".part"
 _UNFINISHED_NAME = re.compile(rf".+-\d+-[0-9a-f]{{8}}{re.escape(UNFINISHED)}(\.\w+)?")
 
 
+def output_file(out: str | Path | None, default: Path) -> Path:
+    """Return the file that `--out` means: in a folder, the default name; without an ending, the default's.
+
+    A folder is one that is there, or has a name that ends in a slash.
+    """
+    if out is None:
+        return default
+    file = Path(out)
+    if file.is_dir() or str(out).endswith(os.sep):
+        return file / default.name
+    return file if file.suffix else file.with_name(file.name + default.suffix)
+
+
 def unfinished_path(path: Path, suffix: str = "") -> Path:
     """Return a name for the unfinished file of `path` that no other process uses."""
     writer = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"

@@ -562,6 +562,7 @@ def write_report(cases: Sequence[Listed], out: Path, title: str, config: str = "
     """
     check_suffix(out, (".html", ".htm"))
     try:
+        out.parent.mkdir(parents=True, exist_ok=True)
         write_text(out, page(payload(cases, config), title))
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
