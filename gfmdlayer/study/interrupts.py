@@ -46,10 +46,9 @@ def stop_requested() -> bool:
 
 
 def heard() -> list[signal.Signals]:
-    """Return the signals that stop this process: all, without a SIGHUP that `nohup` has it ignore."""
-    return [
-        each for each in STOP_SIGNALS if each != signal.SIGHUP or signal.getsignal(each) != signal.SIG_IGN
-    ]
+    """Return the signals that stop this process: all, or without SIGHUP where `nohup` has it ignored."""
+    ignored = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    return [each for each in STOP_SIGNALS if not (ignored and each == signal.SIGHUP)]
 
 
 def listen() -> None:

@@ -1,4 +1,4 @@
-"""One rule for every `--out` of a file: a folder takes the default name, a name without an ending gets one."""
+"""One rule for every `--out` of a file: a folder takes it under its default name."""
 
 import os
 from pathlib import Path
