@@ -9,6 +9,7 @@ Plans and functions reach compiled kernels as addresses, plain integers, which a
 
 from __future__ import annotations
 
+import ctypes
 import math
 from functools import cache
 from typing import Any, NamedTuple
@@ -18,12 +19,21 @@ import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.fftw import DOUBLE, SINGLE, address, aligned, column_plans, row_plans, whole_plans
+from gfmdlayer.grid.fftw import (
+    DOUBLE,
+    FUNCTION,
+    SINGLE,
+    address,
+    aligned,
+    call,
+    column_plans,
+    row_plans,
+    whole_plans,
+)
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import IN_PYTHON, kernel, primitive
 
 
 class Plans(NamedTuple):
@@ -35,7 +45,12 @@ class Plans(NamedTuple):
     execute_backward: int
 
 
-@intrinsic
+def _execute_in_python(function: int, plan: int, source: Any, target: Any) -> None:
+    places = (each if isinstance(each, int) else each.ctypes.data for each in (source, target))
+    call(function, plan, *places)
+
+
+@primitive(_execute_in_python)
 def execute(
     _context: Any, _function: Any, _plan: Any, source: Any, target: Any
 ) -> tuple[Any, Any]:  # numba's own types, which carry no annotations
@@ -60,19 +75,19 @@ def execute(
 @kernel(borrows=True)
 def _execute(function: int, plan: int, source: Any, target: Any) -> None:
     """`execute` for Python: a tenth of the time of a call through ctypes."""
-    execute(function, plan, source, target)  # type: ignore[call-arg]
+    execute(function, plan, source, target)
 
 
 @nb.njit(inline="always")
 def forward(plans: Plans, field: FloatArray, spectrum: ComplexArray) -> None:
     """Transform ``field`` into ``spectrum``, real-to-complex, both flat and from `Transforms`."""
-    execute(plans.execute_forward, plans.forward_plan, field, spectrum)  # type: ignore[call-arg]
+    execute(plans.execute_forward, plans.forward_plan, field, spectrum)
 
 
 @nb.njit(inline="always")
 def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
     """Unnormalised complex-to-real transform of ``spectrum``, which is destroyed, into ``field``."""
-    execute(plans.execute_backward, plans.backward_plan, spectrum, field)  # type: ignore[call-arg]
+    execute(plans.execute_backward, plans.backward_plan, spectrum, field)
 
 
 # Of more points than this, surfaces are transformed along the rows and then along blocks of columns. FFTW's
@@ -113,18 +128,18 @@ class Columns:
 def _transform_columns(work: Any, spectrum: int) -> None:
     _, _, function, buffer, blocks, size, there, back, rest_there, rest_back = work
     for _ in range(blocks):
-        execute(function, there, spectrum, buffer)  # type: ignore[call-arg]
+        execute(function, there, spectrum, buffer)
         execute(function, back, buffer, spectrum)
         spectrum += size
     if rest_there:
-        execute(function, rest_there, spectrum, buffer)  # type: ignore[call-arg]
+        execute(function, rest_there, spectrum, buffer)
         execute(function, rest_back, buffer, spectrum)
 
 
 def _forward_by_blocks(place: Any, field: int, spectrum: int) -> None:
     work = place[0]
     if work[1]:
-        execute(work[0], work[1], field, spectrum)  # type: ignore[call-arg]
+        execute(work[0], work[1], field, spectrum)
     _transform_columns(work, spectrum)
 
 
@@ -132,20 +147,27 @@ def _backward_by_blocks(place: Any, spectrum: int, field: int) -> None:
     work = place[0]
     _transform_columns(work, spectrum)
     if work[1]:
-        execute(work[0], work[1], spectrum, field)  # type: ignore[call-arg]
+        execute(work[0], work[1], spectrum, field)
 
 
 @cache
-def _compiled() -> tuple[Any, Any]:
+def _of_c() -> tuple[Any, Any]:
+    """Return both as functions of C, which live as long as the process."""
+    both = _forward_by_blocks, _backward_by_blocks
+    if IN_PYTHON:
+        work = ctypes.c_int64 * 10
+        of = lambda own: FUNCTION(lambda place, *fields: own([work.from_address(place)], *fields))  # noqa: E731
+        return of(both[0]), of(both[1])
     integers = types.UniTuple(types.int64, 10)  # type: ignore[no-untyped-call]
     kind = types.void(types.CPointer(integers), types.int64, types.int64)  # type: ignore[no-untyped-call]
-    return nb.cfunc(kind)(_forward_by_blocks), nb.cfunc(kind)(_backward_by_blocks)
+    compiled: Any = nb.cfunc(kind)  # type: ignore[no-untyped-call]
+    return compiled(both[0]).ctypes, compiled(both[1]).ctypes
 
 
 def by_blocks() -> tuple[int, int]:
     """Addresses of the functions of a forward and a backward transform for the work of `Columns`."""
-    forward, backward = _compiled()
-    return forward.address, backward.address
+    forward, backward = _of_c()
+    return address(forward), address(backward)
 
 
 class Transforms:
