@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -153,21 +154,24 @@ def _backward_by_blocks(place: Any, spectrum: int, field: int) -> None:
 @cache
 def _of_c() -> tuple[Any, Any]:
     """Return both as functions of C, which live as long as the process."""
-    both = _forward_by_blocks, _backward_by_blocks
-    if IN_PYTHON:
-        work = ctypes.c_int64 * 10
-        of = lambda own: FUNCTION(lambda place, *fields: own([work.from_address(place)], *fields))  # noqa: E731
-        return of(both[0]), of(both[1])
-    integers = types.UniTuple(types.int64, 10)  # type: ignore[no-untyped-call]
-    kind = types.void(types.CPointer(integers), types.int64, types.int64)  # type: ignore[no-untyped-call]
-    compiled: Any = nb.cfunc(kind)  # type: ignore[no-untyped-call]
-    return compiled(both[0]).ctypes, compiled(both[1]).ctypes
+    made: Any = _called_in_python
+    if not IN_PYTHON:
+        integers = types.UniTuple(types.int64, 10)  # type: ignore[no-untyped-call]
+        kind = types.void(types.CPointer(integers), types.int64, types.int64)  # type: ignore[no-untyped-call]
+        made = nb.cfunc(kind)
+    return made(_forward_by_blocks), made(_backward_by_blocks)
+
+
+def _called_in_python(own: Callable[..., None]) -> Any:
+    work = ctypes.c_int64 * 10
+    return FUNCTION(lambda place, *fields: own([work.from_address(place or 0)], *fields))
 
 
 def by_blocks() -> tuple[int, int]:
     """Addresses of the functions of a forward and a backward transform for the work of `Columns`."""
-    forward, backward = _of_c()
-    return address(forward), address(backward)
+    functions = (each if IN_PYTHON else each.ctypes for each in _of_c())
+    forward, backward = map(address, functions)
+    return forward, backward
 
 
 class Transforms:
