@@ -66,6 +66,6 @@ def test_a_damaged_case_is_named_everywhere(tmp_path, capsys):
     for command in (["plot"], ["report"], ["leak"]):
         assert main([*command, str(case)]) == 2, command
         assert f"{case}: is damaged: it holds other bytes than were written" in capsys.readouterr().err
+    case.write_bytes(b"\x89HDF\r\n\x1a\n")
     with gfmdlayer.open_results(out) as sweep, pytest.raises(OSError, match=r"0001\.h5: "):
-        case.write_bytes(b"\x89HDF\r\n\x1a\n")
         sweep.pressure.isel(thickness=1).load()
