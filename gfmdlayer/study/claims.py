@@ -34,7 +34,15 @@ from typing import IO, Annotated, Any, Self
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
-from gfmdlayer.files.locks import born, no_link, read_json, read_small, regular_and_no_link, try_lock, write_new
+from gfmdlayer.files.locks import (
+    born,
+    no_link,
+    read_json,
+    read_small,
+    regular_and_no_link,
+    try_lock,
+    write_new,
+)
 from gfmdlayer.files.whole import unfinished_path, write_text
 from gfmdlayer.study.folder import Folder, FolderError
 from gfmdlayer.study.interrupts import Listener, Stopped, stop_requested
