@@ -39,6 +39,7 @@ from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, f
 from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import FrictionLaw, Interface
 from gfmdlayer.interface.laws import LAWS
+from gfmdlayer.made_once import kept_with
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
@@ -248,14 +249,7 @@ class Config(Section):
     @property
     def solid(self) -> Solid:
         """The body: layers, or another one; with the counterbody, where that deforms."""
-        own: Solid
-        if self.body is not None and not isinstance(self.body, Layers):
-            own = self.body
-        else:
-            assert self.halfspace is not None
-            own = Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
-        second = None if self.counterbody is None else self.counterbody.solid
-        return own if second is None else Pair(own, second)
+        return _solid(self)
 
     @property
     def two_bodies(self) -> bool:
@@ -379,6 +373,18 @@ class Config(Section):
             if head == "interface" and "method" not in self.solver.model_fields_set:
                 data["solver"].pop("method", None)
         return text.written(data)
+
+
+@kept_with
+def _solid(config: Config) -> Solid:
+    own: Solid
+    if config.body is not None and not isinstance(config.body, Layers):
+        own = config.body
+    else:
+        assert config.halfspace is not None
+        own = Layers.of(config.layers or (() if config.layer is None else (config.layer,)), config.halfspace)
+    second = None if config.counterbody is None else config.counterbody.solid
+    return own if second is None else Pair(own, second)
 
 
 def digest(config: Config) -> str:
