@@ -293,6 +293,7 @@ class Gathered:
         self._of_first: frozenset[str] | None = None
         self._layouts: dict[tuple[str, ...], dict[str, GatheredColumn]] = {}
         self._held: dict[int, frozenset[str]] = {}
+        self._plain: dict[tuple[str, ...], frozenset[str]] = {}
         self._alike: dict[frozenset[str], frozenset[str]] = {}  # one set for all cases with equal columns
         self._kept: dict[int, _Curves] = {}
         self._room, self._known = KEPT, known_numbers()
@@ -345,6 +346,8 @@ class Gathered:
         if names not in self._layouts:
             self._layouts[names] = dict(_columns(case))
         held = self._layouts[names]
+        if names in self._plain:
+            return self._plain[names]
         for name, gathered in held.items():
             self._columns.setdefault(name, gathered)
         fitting = []
@@ -353,7 +356,10 @@ class Gathered:
             ends = ((case.values(end), edges) for end, (_, edges) in known.edges.items())
             if gathered.bins == known.bins and all(np.array_equal(*each) for each in ends):
                 fitting.append(name)
-        return frozenset(fitting)
+        found = frozenset(fitting)
+        if not any(gathered.edges or self._columns[name].edges for name, gathered in held.items()):
+            self._plain[names] = found  # no values decide
+        return found
 
     @property
     def coordinates(self) -> dict[str, Labelled]:
