@@ -265,12 +265,12 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract; they add. Empty for the hard wall."""
-        return tuple(law for law in self.interface_laws.values() if law.attracts)
+        return _laws(self)[0]
 
     @property
     def friction(self) -> tuple[FrictionLaw, ...]:
         """The laws of friction, of which the smaller traction counts; empty without friction."""
-        return tuple(law for law in self.interface_laws.values() if isinstance(law, FrictionLaw))
+        return _laws(self)[1]
 
     @property
     def interface_laws(self) -> dict[Location, Interface]:
@@ -411,6 +411,14 @@ def _entry_of(section: Section) -> Callable[[str], str]:
     """Return the YAML of a section under a key; most sections belong to all cases of a sweep."""
     data = section.model_dump(exclude_none=True)
     return cache(lambda key: text.written({key: data}))
+
+
+@kept_with
+def _laws(config: Config) -> tuple[tuple[Interface, ...], tuple[FrictionLaw, ...]]:
+    """Return the laws of the interface that attract, and those of friction."""
+    every = config.interface_laws.values()
+    attracting = tuple(law for law in every if law.attracts)
+    return attracting, tuple(law for law in every if isinstance(law, FrictionLaw))
 
 
 @kept_with

@@ -21,7 +21,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.fftw import DOUBLE, SINGLE, address, aligned, column_plans, row_plans, whole_plans
+from gfmdlayer.grid.fftw import ALIGNED, DOUBLE, SINGLE, address, aligned, column_plans, row_plans, whole_plans
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
 from gfmdlayer.made_once import made_once
@@ -185,6 +185,10 @@ class Transforms:
         kind = np.complex64 if self.single else np.complex128
         return aligned(2 * math.prod(self.spectral_shape), self.single).view(kind)
 
+    def reserved(self, fields: int, spectra: int) -> Reserve:
+        """Return so many empty fields and spectra in one piece of memory."""
+        return Reserve(self, fields, spectra)
+
     def forward(self, field: npt.ArrayLike) -> ComplexArray:
         """Return the unnormalised transform of a field of any layout, as a new flat spectrum."""
         source, spectrum = self.empty_field(), self.empty_spectrum()
@@ -211,6 +215,27 @@ class Transforms:
         """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""
         # It is complex of a field, or real of an even function of the wavevector.
         return truncated(spectrum, self.shape, coarser.shape)
+
+
+class Reserve:
+    """Uninitialised fields and spectra of some transforms, cut from one piece of memory."""
+
+    def __init__(self, transforms: Transforms, fields: int, spectra: int) -> None:
+        self.shape, self._spectral = transforms.shape, 2 * math.prod(transforms.spectral_shape)
+        self._size, self._kind = math.prod(self.shape), np.complex64 if transforms.single else np.complex128
+        # Each begins as far from a multiple of `ALIGNED` as the first, and not a power of two after another.
+        self._spaces = [-(-size // ALIGNED) * ALIGNED + ALIGNED for size in (self._size, self._spectral)]
+        self._left = aligned(fields * self._spaces[0] + spectra * self._spaces[1], transforms.single)
+
+    def empty_field(self) -> Any:
+        """Return the next field."""
+        field, self._left = self._left[: self._size], self._left[self._spaces[0] :]
+        return field
+
+    def empty_spectrum(self) -> Any:
+        """Return the next spectrum."""
+        spectrum, self._left = self._left[: self._spectral], self._left[self._spaces[1] :]
+        return spectrum.view(self._kind)
 
 
 @made_once(lambda transforms: math.inf if transforms.by_blocks else 0.0, count=64)

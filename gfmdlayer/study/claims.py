@@ -18,6 +18,7 @@ configuration or all of its results are replaced, or files of dead runs are remo
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -160,10 +161,13 @@ class Claim:
         """Write the claim into the file of an earlier one of this process, or into a new one."""
         self._known, spare = self._content().encode(), _spares.pop(self._folder, None)
         if spare is not None:
-            with suppress(OSError), open(spare, "r+b", opener=regular_and_no_link) as file:
-                if os.fstat(file.fileno()).st_nlink == 1:  # else it is also another file of this user
-                    file.truncate()
-                    file.write(self._known)
+            with suppress(OSError), io.FileIO(spare, "r+", opener=regular_and_no_link) as file:
+                # Of another link it is also another file of this user. Emptied first, it would be written to
+                # the disk at once.
+                if (
+                    os.fstat(file.fileno()).st_nlink == 1
+                    and file.write(self._known) == len(self._known) == file.truncate()
+                ):
                     return spare
         part = unfinished_path(self._path)
         write_new(part, self._known)
