@@ -21,7 +21,16 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.fftw import ALIGNED, DOUBLE, SINGLE, address, aligned, column_plans, row_plans, whole_plans
+from gfmdlayer.grid.fftw import (
+    ALIGNED,
+    DOUBLE,
+    SINGLE,
+    address,
+    aligned,
+    column_plans,
+    row_plans,
+    whole_plans,
+)
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
 from gfmdlayer.made_once import made_once

@@ -575,7 +575,7 @@ class _Packer:
 def _packed(values: FloatArray) -> bytes:
     """Pack a chunk as the filters of `PACKED` do."""
     by_byte = np.ascontiguousarray(values.reshape(-1).view(np.uint8).reshape(-1, values.itemsize).T)
-    return zlib.compress(by_byte, PACKED["compression_opts"])
+    return zlib.compress(by_byte.data, PACKED["compression_opts"])
 
 
 def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) -> Path:
