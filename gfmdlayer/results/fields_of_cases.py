@@ -3,7 +3,8 @@
     displacement, pressure, gap (swept key, ..., snapshot, x[, y])
 
 Nothing is copied and no file stays open: indexing such an array opens the files of the chosen cases and reads
-the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the sweep
+the chosen part of each. A case that failed has no file and is NaN, and so is a case without this field or
+snapshot. (Virtual datasets of HDF5 in the sweep
 file read as fast, but a file with another grid would be read without an error, and wrongly.)
 """
 
@@ -18,17 +19,25 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.results.names import SAME_TIME, ResultsError
+from gfmdlayer.results.gathering import snapshot_rows
+from gfmdlayer.results.names import ResultsError
 
 
 class FieldOfCases(BackendArray):
     """One field of all cases, along the swept keys and then the field's own axes."""
 
     def __init__(
-        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: FloatArray
+        self,
+        files: NDArray[np.object_],
+        name: str,
+        inner: tuple[int, ...],
+        snapshots: FloatArray,
+        *,
+        shared: bool,
     ) -> None:
-        self._files, self._name, self._inner, self._times = files, name, shape, times
-        self.shape = (*files.shape, *shape)
+        self._files, self._name, self._snapshots, self._shared = files, name, snapshots, shared
+        self._inner = (snapshots.shape[-1], *inner)
+        self.shape = (*files.shape, *self._inner)
         self.dtype = np.dtype(np.float64)
 
     def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
@@ -44,12 +53,15 @@ class FieldOfCases(BackendArray):
             if not file.is_file():
                 continue
             with h5py.File(file, locking=False) as h5:
-                field, wrong = h5[self._name], ""
-                if field.shape != self._inner:
-                    wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
-                elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
-                    wrong = "snapshots at other times than in the first case"
-                if wrong:
+                if self._name not in h5:
+                    continue
+                field, (first, *others) = h5[self._name], part
+                if field.shape[1:] != self._inner[1:]:
+                    wrong = f"{self._name} of shape {field.shape[1:]}, where others have {self._inner[1:]}"
                     raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-                values[place] = field[part]
+                steady = bool(h5.attrs.get("settled", 0))
+                rows = snapshot_rows(h5["snapshot"][...], self._snapshots, shared=self._shared, steady=steady)
+                for at, row in np.ndenumerate(rows[first]):
+                    if row >= 0:
+                        values[(*place, *at)] = field[(row, *others)]
         return values
