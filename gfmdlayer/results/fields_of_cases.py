@@ -19,7 +19,7 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.results.gathering import snapshot_rows
+from gfmdlayer.results.gathering import rows_at
 from gfmdlayer.results.names import ResultsError
 
 
@@ -27,15 +27,10 @@ class FieldOfCases(BackendArray):
     """One field of all cases, along the swept keys and then the field's own axes."""
 
     def __init__(
-        self,
-        files: NDArray[np.object_],
-        name: str,
-        inner: tuple[int, ...],
-        snapshots: FloatArray,
-        *,
-        shared: bool,
+        self, files: NDArray[np.object_], name: str, inner: tuple[int, ...], snapshots: FloatArray
     ) -> None:
-        self._files, self._name, self._snapshots, self._shared = files, name, snapshots, shared
+        # Times of the snapshots, of all cases or, along the swept keys too, of each.
+        self._files, self._name, self._snapshots = files, name, snapshots
         self._inner = (snapshots.shape[-1], *inner)
         self.shape = (*files.shape, *self._inner)
         self.dtype = np.dtype(np.float64)
@@ -47,6 +42,7 @@ class FieldOfCases(BackendArray):
     def _read(self, key: tuple[int | slice, ...]) -> FloatArray:
         outer, part = key[: self._files.ndim], key[self._files.ndim :]
         files = np.asarray(self._files[outer], dtype=object)
+        times = self._snapshots[outer] if self._snapshots.ndim > 1 else self._snapshots
         inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
         values = np.full((*files.shape, *inner), np.nan)
         for place, file in np.ndenumerate(files):
@@ -55,13 +51,16 @@ class FieldOfCases(BackendArray):
             with h5py.File(file, locking=False) as h5:
                 if self._name not in h5:
                     continue
-                field, (first, *others) = h5[self._name], part
+                field, own, wrong = h5[self._name], h5["snapshot"][...], ""
+                wanted = times[place] if self._snapshots.ndim > 1 else times
+                rows = rows_at(own, wanted, steady=bool(h5.attrs.get("settled", 0)))
                 if field.shape[1:] != self._inner[1:]:
                     wrong = f"{self._name} of shape {field.shape[1:]}, where others have {self._inner[1:]}"
+                elif not {*range(own.size)} <= {*rows.tolist()}:
+                    wrong = "snapshots at other times than in the sweep"
+                if wrong:
                     raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-                steady = bool(h5.attrs.get("settled", 0))
-                rows = snapshot_rows(h5["snapshot"][...], self._snapshots, shared=self._shared, steady=steady)
-                for at, row in np.ndenumerate(rows[first]):
+                for at, row in np.ndenumerate(rows[part[0]]):
                     if row >= 0:
-                        values[(*place, *at)] = field[(row, *others)]
+                        values[(*place, *at)] = field[(row, *part[1:])]
         return values

@@ -11,8 +11,8 @@ its end. Cases with steps of their own keep all of their rows, and time depends 
 A case with fewer rows than the longest is NaN, in time too, in the rows that it does not have. With
 `output.times` these cases too lie along `time`: the times of the configuration, and others that all share.
 
-The times of the snapshots are a coordinate likewise: `snapshot` (snapshot) of cases with the same ones, or the
-first of them, else `snapshot` (swept key, ..., snapshot_row).
+The times of the snapshots are a coordinate likewise: `snapshot` (snapshot) of cases with the same ones, or
+with the first of them, else `snapshot` (swept key, ..., snapshot_row).
 
 A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
 trajectory.depth. A case without a column that others have is NaN there, and a line of the notes names it.
@@ -20,10 +20,10 @@ A case that ended in a steady state keeps its last row at all later times of a c
 was pulled off is NaN there.
 
 A sweep over the product of its keys has one dimension for each key, named by the last part of the key
-(thickness, shear_modulus, Ginf), or by the whole key where two keys share the last part or it has another
-meaning (`names.dimension_names`): `sel({"solver.method": "fire"})`. Any other list of cases (zip, samples) has
-one dimension, `case`, with the swept values along it. Labels are numbers if all values of the key are numbers,
-else text.
+(thickness, shear_modulus, Ginf), or by the whole key where another key has the last part too or a dataset
+has another meaning of it (`names.dimension_names`): `sel({"solver.method": "fire"})`. Any other list of cases
+(zip, samples) has one dimension, `case`, with the swept values along it. Labels are numbers if all values of
+the key are numbers, else text.
 
 The names and units of columns are those in the files: results of an earlier version, or of an observable that
 is no longer declared, are gathered like any other.
@@ -489,14 +489,6 @@ def rows_at(times: FloatArray, wanted: FloatArray, *, steady: bool = False) -> I
     return np.where(matched, after, -1)
 
 
-def snapshot_rows(own: FloatArray, snapshots: FloatArray, *, shared: bool, steady: bool) -> IntArray:
-    """Find the snapshots of a case, whose times are `own`, along those of all cases; -1 where it has none."""
-    if shared:
-        return rows_at(own, snapshots, steady=steady)
-    numbers = np.arange(snapshots.shape[-1])
-    return np.where(numbers < own.size, numbers, -1)
-
-
 class Labels(NamedTuple):
     """Labels along a dimension: the swept key that they are values of, numbers or texts."""
 
@@ -610,10 +602,9 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
             for place, record in zip(sweep.places, records, strict=True):
                 if not isinstance(record.source, CaseContents) or name not in record.source.names:
                     continue
-                rows = snapshot_rows(
-                    record.source.values("snapshot"), snapshots, shared=along != SNAPSHOT_ROW,
-                    steady=bool(record.source.attribute("settled")),
-                )  # fmt: skip
+                own, settled = record.source.values("snapshot"), bool(record.source.attribute("settled"))
+                wanted = snapshots[place] if along == SNAPSHOT_ROW else snapshots
+                rows = rows_at(own, wanted, steady=settled)
                 fields[place][rows >= 0] = record.source.values(name)[rows[rows >= 0]]
             (_, *dimensions), described = cases[0].about(name)
             held[name] = ((*sweep.dimensions, along, *dimensions), fields, described)

@@ -293,12 +293,11 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
         axes = {name: example[name].variable.load() for name in names if name in example.variables}
         # A sweep file of an earlier version has no times of snapshots: all cases then have the same ones.
         added, snapshots = {}, (sweep if "snapshot" in sweep.coords else example)["snapshot"].load()
-        shared, along = snapshots.ndim == 1, snapshots.dims[-1]
         for name in SNAPSHOT_FIELDS if alike else FIELDS:
             if name in example:
                 field = example[name].variable
-                of_cases = FieldOfCases(files, name, field.shape[1:], snapshots.to_numpy(), shared=shared)
+                of_cases = FieldOfCases(files, name, field.shape[1:], snapshots.to_numpy())
                 lazy = indexing.LazilyIndexedArray(of_cases)
-                dimensions = (*sweep["case"].dims, along, *field.dims[1:])
+                dimensions = (*sweep["case"].dims, snapshots.dims[-1], *field.dims[1:])
                 added[name] = xarray.Variable(dimensions, lazy, field.attrs)
     return sweep.assign_coords(axes).assign(added)
