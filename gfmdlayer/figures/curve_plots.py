@@ -37,6 +37,7 @@ from gfmdlayer.figures.selection import (
     notes,
     rows,
     swept,
+    with_values,
 )
 from gfmdlayer.figures.snapshots import Inset
 from gfmdlayer.observables import SPARSE
@@ -105,7 +106,8 @@ def curves_figure(
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     dataset, y = each_interface(dataset, y)
-    names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
+    asked = [column_name(dataset, name, of_cases=bool(along)) for name in y]
+    names, empty = with_values(dataset, asked, default_columns(dataset))
     x = along or column_name(dataset, x)
     for given, needed, name in ((log_time or inset, "time", "log_time or inset"), (time, along, "time")):
         if given and x != needed:
@@ -139,7 +141,7 @@ def curves_figure(
         more = _draw_legend(figure, drawn, columns, style)
         if inset is not None:
             inset.draw(panels[0, 0])
-        said = [*notes(drawn.sweep, names), *drawn.notes, *more]
+        said = [*notes(drawn.sweep, names), *drawn.notes, *more, *empty]
         symbols = explained(drawn.sweep, [*names, x], [*drawn.written, *said])
         finish(figure, [*when, *symbols, *said])
     return figure

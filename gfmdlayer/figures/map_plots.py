@@ -24,6 +24,7 @@ from gfmdlayer.figures.selection import (
     find_key,
     notes,
     swept,
+    with_values,
 )
 from gfmdlayer.results.names import ResultsError
 
@@ -79,8 +80,9 @@ def map_figure(
     held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]
     for name in held:
         sweep = chosen(sweep, sweep[name], [sweep.sizes[name] // 2])
-    columns = [column_name(sweep, name, of_cases=True) for name in z] or default_columns(sweep)[:2]
-    said = notes(sweep, columns)
+    asked = [column_name(sweep, name, of_cases=True) for name in z]
+    columns, empty = with_values(sweep, asked, default_columns(sweep)[:2])
+    said = [*notes(sweep, columns), *empty]
     if sweep[x].dims == ("case",) and (others := [key for key in swept(sweep) if key.name not in (x, y)]):
         said.append(f"also varied: {', '.join(map(symbol, others))}")
     with styled(style):
