@@ -12,7 +12,16 @@ import numpy as np
 from matplotlib.colors import LogNorm, Normalize
 
 from gfmdlayer.figures.curve_family import Scale
-from gfmdlayer.figures.labels import Quantity, explained, finish, label_places, name_axes, quantity, symbol
+from gfmdlayer.figures.labels import (
+    Quantity,
+    Ticks,
+    explained,
+    finish,
+    label_places,
+    name_axes,
+    quantity,
+    symbol,
+)
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -140,10 +149,12 @@ def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity) -
     up.apply(axes, "y")
 
 
-def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
-    """Draw the colour bar of a quantity beside a panel."""
-    bar = axes.figure.colorbar(drawn_in, ax=axes)
-    name_axes(bar.ax, y=drawn)
+def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> int:
+    """Draw the colour bar of a quantity beside a panel; return the power of ten of its numbers."""
+    axis = axes.figure.colorbar(drawn_in, ax=axes).ax.yaxis
+    name_axes(axis.axes, y=drawn)
+    is_fitted = isinstance(axis.get_major_formatter(), Ticks)
+    return drawn.fit(axis.get_view_interval()).power if is_fitted else 0
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
@@ -195,7 +206,7 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
     mesh = axes.imshow(
         cells, origin="lower", aspect="auto", interpolation="nearest", cmap="viridis", norm=_norm(cells)
     )
-    _draw_bar(axes, mesh, drawn)
+    power = _draw_bar(axes, mesh, drawn)
     axes.tick_params(which="both", top=False, right=False, direction="out")
     axes.minorticks_off()
     for axis, coordinate in ((axes.xaxis, across), (axes.yaxis, up)):
@@ -205,7 +216,7 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
         labels = along.numbers(known)
         label_places(axis, ticks, [labels[i] for i in ticks])
         axis.set_label_text(along.label)
-    _write_numbers(axes, mesh, cells, drawn)
+    _write_numbers(axes, mesh, cells, power)
 
 
 def _norm(values: FloatArray) -> Normalize:
@@ -216,11 +227,10 @@ def _norm(values: FloatArray) -> Normalize:
     return Normalize(min(finite, default=0.0), max(finite, default=1.0))
 
 
-def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray, drawn: Quantity) -> None:
+def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray, power: int) -> None:
     """Write the values into their cells where all have room, in the power of ten of the colour bar."""
     finite = {at: value for at, value in np.ndenumerate(cells) if np.isfinite(value)}
-    unit = 1.0 if isinstance(mesh.norm, LogNorm) else 10.0 ** drawn.fit(finite.values()).power
-    texts = {at: f"{value / unit:#.3g}".rstrip(".") for at, value in finite.items()}
+    texts = {at: f"{value / 10.0**power:#.3g}".rstrip(".") for at, value in finite.items()}
     longest = max(map(len, texts.values()), default=0)
     if max(cells.shape) > MOST_NUMBERS or longest * cells.shape[1] > MOST_LETTERS:
         return

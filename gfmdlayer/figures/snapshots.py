@@ -89,7 +89,7 @@ def cases_with_snapshots(
 
 
 def of_one_kind(cases: dict[str, Dataset]) -> tuple[dict[str, Dataset], str]:
-    """Return the cases whose contact is along a line, or on a surface, as in the first; words on the others."""
+    """Return the cases whose contact is along a line, or on a surface, as the first; words on the others."""
     on_surface = "y" in next(iter(cases.values())).dims if cases else False
     alike = {title: case for title, case in cases.items() if ("y" in case.dims) == on_surface}
     if len(alike) == len(cases):
