@@ -408,7 +408,7 @@ def test_snapshots_on_different_grids_are_not_put_together(tmp_path):
             other.snapshot(time + 1e-3, named(X, X))
     with (
         open_results(tmp_path) as data,
-        pytest.raises(ResultsError, match="at other times than in the first"),
+        pytest.raises(ResultsError, match="at other times than in the sweep"),
     ):
         data["displacement"].load()
 
