@@ -57,7 +57,9 @@ class FieldOfCases(BackendArray):
                     wanted = times[place] if self._snapshots.ndim > 1 else times
                     rows = rows_at(own, wanted, steady=bool(h5.attrs.get("settled", 0)))
                     if field.shape[1:] != self._inner[1:]:
-                        wrong = f"{self._name} of shape {field.shape[1:]}, where others have {self._inner[1:]}"
+                        wrong = (
+                            f"{self._name} of shape {field.shape[1:]}, where others have {self._inner[1:]}"
+                        )
                     elif not {*range(own.size)} <= {*rows.tolist()}:
                         wrong = "snapshots at other times than in the sweep"
                     else:
