@@ -212,10 +212,13 @@ def make_solution(
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
     flow: FloatArray | None = None,
+    least_residual: float = 0.0,
+    released_energy: float = 0.0,
+    margin: float = math.nan,
 ) -> Solution:
     """Return a state with its residual and means; it converged if its residual is `within` a bound."""
     # `spent` are FFT pairs and iterations, `assessment` the result of `residual.assess`, `gap` is h - u; the
-    # last two where they are known.
+    # last two where they are known. The residual counts as `least_residual` at least.
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)
     if assessment is None:
@@ -229,10 +232,12 @@ def make_solution(
         mean_pressure=assessed.mean_pressure if wall is pressure else problem.ranks.mean(pressure),
         mean_gap=assessed.mean_gap,
         contact_area=assessed.contact_area,
-        residual=assessed.residual,
+        residual=max(assessed.residual, least_residual),
         transforms=spent[0],
         iterations=spent[1],
         converged=bool(assessed.residual <= within),
+        released_energy=released_energy,
+        margin=margin,
         flow=flow,
     )
 
