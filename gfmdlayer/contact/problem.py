@@ -111,6 +111,7 @@ class Solution:
 
     displacement: FloatArray  # u <= h + flow, with the mean constraint satisfied to rounding
     pressure: FloatArray  # p = f + lambda, the compressive stress at every point
+    wall_pressure: FloatArray  # p_c, of the wall
     gap: FloatArray  # h + flow - u
     spectrum: ComplexArray  # unnormalised transform of u, with which the history is carried on
     mean_pressure: float  # pbar, the mean of p
@@ -130,7 +131,7 @@ class Solution:
 
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Whether each point is in contact: pressure larger than gap, each in the scale of the residual."""
-    wall = problem.wall_pressure(solution.pressure, solution.gap)
+    wall = solution.wall_pressure
     scales = scales_over(problem.ranks, wall, solution.displacement, problem.residual_floor)
     touching = np.empty(wall.size, bool)
     mark_contact(wall, solution.gap, 1.0 / scales[0], 1.0 / scales[1], touching)
@@ -227,6 +228,7 @@ def make_solution(
     return Solution(
         displacement=displacement,
         pressure=pressure,
+        wall_pressure=wall,
         gap=gap,
         spectrum=spectrum,
         mean_pressure=assessed.mean_pressure if wall is pressure else problem.ranks.mean(pressure),
