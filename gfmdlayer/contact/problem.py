@@ -80,7 +80,7 @@ class Problem:
         """The smallest depth that rounding of the heights lets count."""
         return DEPTH_FLOOR * self.height
 
-    @property
+    @cached_property
     def residual_floor(self) -> ResidualFloor:
         """Bounds of the residual's scales."""
         if not self.interface.attracts:

@@ -294,7 +294,7 @@ def set_curvature_stress(modes: ModeArrays, gain: float, curvature: FloatArray, 
 
 
 @kernel(borrows=True)
-def add_curvature(
+def set_curved_terms(
     gain: FloatArray,
     step: float,
     stiffness: FloatArray,
@@ -441,7 +441,7 @@ class Modes(Saving):
         gain = self.curvature_stress(np.full(self.u.shape, ratio, dtype=np.complex128))
         kappa, b = np.empty_like(self.stiffness), np.empty_like(self._b)
         spectra = (_numbers(each) for each in (self.u, velocity, self._b, b))
-        add_curvature(_numbers(gain), self.step, self.stiffness, kappa, *spectra)
+        set_curved_terms(_numbers(gain), self.step, self.stiffness, kappa, *spectra)
         return kappa, b
 
     def parts(self, spectrum: ComplexArray) -> ComplexArray:
