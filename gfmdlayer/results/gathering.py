@@ -11,16 +11,19 @@ its end. Cases with steps of their own keep all of their rows, and time depends 
 A case with fewer rows than the longest is NaN, in time too, in the rows that it does not have. With
 `output.times` these cases too lie along `time`: the times of the configuration, and others that all share.
 
+The times of the snapshots are a coordinate likewise: `snapshot` (snapshot) of cases with the same ones, or
+with the first of them, else `snapshot` (swept key, ..., snapshot_row).
+
 A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
 trajectory.depth. A case without a column that others have is NaN there, and a line of the notes names it.
 A case that ended in a steady state keeps its last row at all later times of a common axis; one whose punch
 was pulled off is NaN there.
 
 A sweep over the product of its keys has one dimension for each key, named by the last part of the key
-(thickness, shear_modulus, Ginf), or by the whole key where two keys share the last part. Any other list of
-cases (zip, samples) has one dimension, `case`, with the swept values along it. Labels are numbers if all
-values of the key are numbers, else text. Arguments of xarray's `sel` do not name a dimension: the dimension
-of solver.method has the whole key, and `sel({"solver.method": "fire"})` selects from it.
+(thickness, shear_modulus, Ginf), or by the whole key where another key has the last part too or a dataset
+has another meaning of it (`names.dimension_names`): `sel({"solver.method": "fire"})`. Any other list of cases
+(zip, samples) has one dimension, `case`, with the swept values along it. Labels are numbers if all values of
+the key are numbers, else text.
 
 The names and units of columns are those in the files: results of an earlier version, or of an observable that
 is no longer declared, are gathered like any other.
@@ -56,6 +59,7 @@ from gfmdlayer.results.names import (
     ROW,
     SAME_TIME,
     SNAPSHOT_FIELDS,
+    SNAPSHOT_ROW,
     SWEEP_FILE,
     VARIABLES,
     ResultsError,
@@ -187,7 +191,7 @@ class _CaseBytes:
     def about(self, name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
         """Return dimensions and attributes of a variable, none of one without dimensions."""
         with opened(self._path) as file:
-            return _CaseFile(file).about(name)
+            return _CaseFile(file.id).about(name)
 
 
 CaseData: TypeAlias = (
@@ -208,7 +212,7 @@ def _open(record: CaseRecord) -> Iterator[CaseData]:
             yield _CaseBytes(record.source, contents, template)
             return
         with opened(record.source) as file:
-            yield _CaseFile(file)
+            yield _CaseFile(file.id)
     elif record.source is not None:
         yield record.source
 
@@ -283,9 +287,6 @@ class Gathered:
 
     def __init__(self, records: Sequence[CaseRecord], swept: Swept) -> None:
         self._records, self._swept, self._unit = records, swept, swept.unit
-        self._layout = lay_out([record.values for record in records], swept.keys, swept.listed)
-        self.dimensions, self.places = tuple(self._layout.lengths), self._layout.places
-        self.shape = tuple(self._layout.lengths.values())
         self.failed = {each.index: each.failed for each in records if each.failed is not None}
         self._columns: dict[str, GatheredColumn] = {}
         self._numbers: dict[str, dict[int, float]] = {}
@@ -295,9 +296,10 @@ class Gathered:
         self._held: dict[int, frozenset[str]] = {}
         self._plain: dict[tuple[str, ...], frozenset[str]] = {}
         self._alike: dict[frozenset[str], frozenset[str]] = {}  # one set for all cases with equal columns
+        times, self._snapshots = _Times(), _Times()
+        self._snapshot_times: dict[int, FloatArray] = {}
         self._kept: dict[int, _Curves] = {}
         self._room, self._known = KEPT, known_numbers()
-        times = _Times()
         for record in records:
             if record.index not in self.failed and not self._add(record, times):
                 self.failed[record.index] = INCOMPLETE
@@ -311,6 +313,11 @@ class Gathered:
             for each in ContactMeans.COLUMNS
             if each.name != TIME.name
         }
+        names = {name for gathered in self._columns.values() for name in (gathered.bins, *gathered.edges)}
+        values = [record.values for record in records]
+        self._layout = lay_out(values, swept.keys, swept.listed, names)
+        self.dimensions, self.places = tuple(self._layout.lengths), self._layout.places
+        self.shape = tuple(self._layout.lengths.values())
 
     def _add(self, record: CaseRecord, every: _Times) -> bool:
         """Read times, columns and attributes of a case; False if it is not complete."""
@@ -322,6 +329,7 @@ class Gathered:
                 names = case.noted if self._of_first is None else self._shared
                 attributes: dict[str, Any] = {n: case.attribute(n) for n in names if n not in OF_ONE_CASE}
                 held = self._columns_of(case)
+                snapshots = case.values("snapshot") if case.attribute("snapshots") else np.empty(0)
                 own = {name: case.attribute(name) for name in self._known}
                 if isinstance(case, _CaseBytes) and self._room > 0:
                     kept = _Curves.of(case, held)
@@ -330,6 +338,8 @@ class Gathered:
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
         every.add(times)
+        self._snapshots.add(snapshots)
+        self._snapshot_times[record.index] = snapshots
         self._held[record.index] = self._alike.setdefault(held, held)
         for name, value in own.items():
             if value is not None:
@@ -381,7 +391,28 @@ class Gathered:
             for gathered in self._columns.values()
             for end, (described, edges) in gathered.edges.items()
         }
-        return {self.along: Labelled((self.along,), along, self._times), **both, **bins}
+        return {
+            self.along: Labelled((self.along,), along, self._times),
+            **both,
+            **bins,
+            **self._snapshots_of_cases,
+        }
+
+    @property
+    def _snapshots_of_cases(self) -> dict[str, Labelled]:
+        """Times of the snapshots, common ones or those of each case; nothing without snapshots."""
+        described = VARIABLES["snapshot"].in_units(self._unit).described
+        if not (most := self._snapshots.longest.size):
+            return {}
+        if (common := self._snapshots.common(None)) is not None:
+            return {"snapshot": Labelled(("snapshot",), described, common)}
+        times = np.full((*self.shape, most), np.nan)
+        for record, place in zip(self._records, self.places, strict=True):
+            own = self._snapshot_times.get(record.index, np.empty(0))
+            times[place][: own.size] = own
+        number = {"long_name": "number of the snapshot in the case", "units": "1"}
+        rows = Labelled((SNAPSHOT_ROW,), number, np.arange(most))
+        return {SNAPSHOT_ROW: rows, "snapshot": Labelled((*self.dimensions, SNAPSHOT_ROW), described, times)}
 
     @property
     def numbers(self) -> dict[str, Labelled]:
@@ -505,10 +536,15 @@ class SweepLayout(NamedTuple):
     places: list[tuple[int, ...]]
 
 
-def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> SweepLayout:
-    """Return the dimensions of a sweep and the places of its cases, from the swept values of each."""
+def lay_out(
+    values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool, names: Iterable[str] = ()
+) -> SweepLayout:
+    """Return the dimensions of a sweep and the places of its cases, from the swept values of each.
+
+    `names` are those of further dimensions of the results.
+    """
     columns = [labels(key, [each[key] for each in values]) for key in keys]
-    named = list(zip(dimension_names(keys), keys, columns, strict=True))
+    named = list(zip(dimension_names(keys, names), keys, columns, strict=True))
     axes = [{label: i for i, label in enumerate(dict.fromkeys(column))} for column in columns]
     cells = list(zip(*columns, strict=True)) if keys else [()]
     is_product = len(set(cells)) == len(values) == math.prod(map(len, axes))
@@ -618,6 +654,8 @@ def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) 
         for packer in columns.values():
             packer.write()
         file.check()
+        if SNAPSHOT_ROW in coordinates:  # no variable of this file lies beside these times
+            h5.attrs["coordinates"] = "snapshot"
         h5.attrs.update(sweep.attributes)
     return path
 
@@ -639,18 +677,24 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
     }
     held |= {name: (dims, values, described) for name, (dims, described, values) in sweep.numbers.items()}
     cases = [record.source for record in records if isinstance(record.source, CaseContents)]
-    if cases and cases[0].attributes["snapshots"] and _agree(cases, "snapshot", "x", "y"):
+    cases = [case for case in cases if case.attributes["snapshots"]]
+    if cases and _agree(cases, "x", "y"):
         first, below = cases[0].variables, _agree(cases, "z", "layer", "spring")
+        (*_, along), snapshots, _ = coords["snapshot"]
         for name in SNAPSHOT_FIELDS if below else FIELDS:
-            if not all(name in case.variables for case in cases):
+            if name not in first:
                 continue
-            fields = np.full((*sweep.shape, *first[name].shape), np.nan)
+            fields = np.full((*sweep.shape, snapshots.shape[-1], *first[name].shape[1:]), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
-                if isinstance(record.source, CaseContents):
-                    fields[place] = record.source.values(name)
-            dimensions, described = cases[0].about(name)
-            held[name] = ((*sweep.dimensions, *dimensions), fields, described)
-        for name in ("snapshot", "x", "y", *(("z", "layer", "spring") if below else ())):
+                if not isinstance(record.source, CaseContents) or name not in record.source.names:
+                    continue
+                own, settled = record.source.values("snapshot"), bool(record.source.attribute("settled"))
+                wanted = snapshots[place] if along == SNAPSHOT_ROW else snapshots
+                rows = rows_at(own, wanted, steady=settled)
+                fields[place][rows >= 0] = record.source.values(name)[rows[rows >= 0]]
+            (_, *dimensions), described = cases[0].about(name)
+            held[name] = ((*sweep.dimensions, along, *dimensions), fields, described)
+        for name in ("x", "y", *(("z", "layer", "spring") if below else ())):
             if name in first:
                 dimensions, described = cases[0].about(name)
                 coords[name] = (dimensions, first[name].values, described)

@@ -38,6 +38,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.reader import Inspection
+from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import open_for_writing, regular, write_new
 from gfmdlayer.files.whole import UNFINISHED, is_intact, is_unfinished, unfinished, write_text
 from gfmdlayer.results import stored
@@ -49,7 +50,6 @@ MARK = stored.MARK
 FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
 ASIDE = ".aside"
 Numbers: TypeAlias = Mapping[str, set[int]]  # kind of file -> numbers of the cases that have one
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 Found = TypeVar("Found")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
@@ -280,10 +280,8 @@ def name_of_run() -> str:
 
 def is_result(path: str | Path) -> bool:
     """Tell whether a file is one of results, and not a configuration in YAML; a pipe is not, and not read."""
-    if not Path(path).is_file():
-        return False
-    with suppress(OSError), Path(path).open("rb") as file:
-        return file.read(len(_SIGNATURE)) == _SIGNATURE
+    with suppress(OSError):
+        return is_hdf5(path)
     return False
 
 
