@@ -150,7 +150,9 @@ class IsolatedContact(Model):
             for i, time in enumerate(kept.time.tolist()):
                 recorder.snapshot(time, {name: profiles[i] for name, profiles in fields.items()})
         recorder.note(error=solved.error, solutions=solved.solutions)
-        return contact.warnings
+        if said := contact.warnings:
+            recorder.note(warnings="\n".join(said))
+        return said
 
 
 def smallest_equivalent_case(config: Config) -> Config:
