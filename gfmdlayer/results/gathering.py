@@ -624,8 +624,8 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
                 wanted = snapshots[place] if along == SNAPSHOT_ROW else snapshots
                 rows = rows_at(own, wanted, steady=settled)
                 fields[place][rows >= 0] = record.source.values(name)[rows[rows >= 0]]
-            (_, *dimensions), described = cases[0].about(name)
-            held[name] = ((*sweep.dimensions, along, *dimensions), fields, described)
+            axes, described = cases[0].about(name)
+            held[name] = ((*sweep.dimensions, along, *axes[1:]), fields, described)
         for name in ("x", "y", *(("z", "layer", "spring") if below else ())):
             if name in first:
                 dimensions, described = cases[0].about(name)

@@ -58,7 +58,9 @@ def overview(folder: Folder) -> Overview:
     records = [_records(folder, failed, "failed"), _records(folder, by_kind["ended"] & complete, "ended")]
     waiting = max(0, total - len(complete | failed | busy))
     files = [folder.sweep] if folder.sweep.exists() else map(folder.case, sorted(complete)[:FILES_READ])
-    return Overview(total, len(complete), len(failed), waiting, at_work, *records, _warnings(files))
+    failures, ended = records
+    said = _warnings(files)
+    return Overview(total, len(complete), len(failed), waiting, at_work, failures, ended, said)
 
 
 def _warnings(files: Iterable[Path]) -> list[str]:
