@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from itertools import islice
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeGuard, cast
 
 import numba as nb
 import numpy as np
@@ -56,7 +57,7 @@ from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate
 from gfmdlayer.history.modes import ModeArrays, Modes
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.time_points import FixedSteps
-from gfmdlayer.kernels import address_of, by_address, kernel
+from gfmdlayer.kernels import address_of, by_address, compiling, kernel
 from gfmdlayer.observables import Observable, columns
 from gfmdlayer.observables.contact import ContactMeans, ContactStatistics, Force, Resolution
 from gfmdlayer.observables.contact_statistics import extent_of_line, extent_of_surface
@@ -69,6 +70,7 @@ from gfmdlayer.time_functions import Constant, RampHold, Table
 if TYPE_CHECKING:
     from gfmdlayer.case.contact import Contact
     from gfmdlayer.case.model import Progress
+    from gfmdlayer.config import Config
     from gfmdlayer.history.adaptive_steps import Steps
     from gfmdlayer.observables.numerics import SteadyState
 
@@ -397,6 +399,12 @@ POINTS = 1 << 18  # points times attempts between two looks at signals
 ATTEMPTS = 256  # between two looks at signals, at most
 
 
+def takes(config: Config) -> bool:
+    """Whether the loop takes cases of this size and these tolerances, if they are ordinary."""
+    small = math.prod(config.grid.points) <= MOST_POINTS
+    return small and config.finer_tolerance == config.solver.tolerance
+
+
 class March:
     """The compiled loop of a case: its arrays, and the way of the state into them and back.
 
@@ -409,6 +417,8 @@ class March:
     observables : dict
         Its observables.
     """
+
+    _left_before: ClassVar[bool] = False  # whether this process has taken a step that is not ordinary
 
     def __init__(self, contact: NormalContact, steps: Steps, observables: Mapping[str, Observable]) -> None:
         loading, config, grid = contact.loading, contact.config, contact.grid
@@ -494,19 +504,22 @@ class March:
             and cast("ActiveSet", solver).rounds == ROUNDS
             and {type(each) for each in observables.values() if measures(each)} <= measured
             and grid.ranks.count == 1
-            and grid.size <= MOST_POINTS
+            and takes(config)
             and not loading.interface.attracts
             and not contact.imprint.yields
             and contact.reach is None
             and contact.drives.reduced_time is None
             and contact.parts.interior is None
-            and contact.finer_tolerance == config.solver.tolerance
         )
 
     def left_over(self, recorder: BlockRecorder, progress: Progress) -> Iterator[Instant]:
         """Take the steps; yield the instants of those that are not ordinary."""
         while not self._run(recorder, progress):
-            yield self._left.pop(0) if self._left else next(self._instants)
+            with ExitStack() as stack:
+                if not March._left_before:  # Python's kernels are rarely needed, and not compiled beforehand
+                    stack.enter_context(compiling())
+                yield self._left.pop(0) if self._left else next(self._instants)
+            March._left_before = True
 
     def _run(self, recorder: BlockRecorder, progress: Progress) -> bool:
         """Take the steps up to one that is not ordinary; return whether the run is over."""
