@@ -317,7 +317,7 @@ class LinearSystem:
             touching=by_intervals[0],
             sticking=by_intervals[1],
             ones=np.array(self.ones, dtype=np.float32).reshape(-1, sets.free),
-            multipliers=np.linalg.pinv(self.sums_of_ones) if self.which else np.zeros((0, 0)),
+            multipliers=_inverse(self.sums_of_ones),
         )
         iterations = solve_on_line(system, b, inexact, INNER, solution)
         C.spend_on_line(sets.points, iterations)
@@ -336,6 +336,14 @@ class LinearSystem:
             return right
         sums = np.array([base[i].sum() for i in self.which])
         return np.concatenate((right, (self.goal - sums) / math.sqrt(sets.size)))
+
+
+def _inverse(sums: FloatArray) -> FloatArray:
+    """Return the inverse of a matrix of sums, zero for a sum over no points."""
+    if len(sums) == 1:
+        total = float(sums[0, 0])
+        return np.array([[1 / total if total else 0.0]])
+    return np.linalg.pinv(sums) if len(sums) else np.zeros((0, 0))
 
 
 def gmres(

@@ -103,6 +103,8 @@ class ShearBound:
     def bound(self, pressure: FloatArray, touching: BoolArray | None = None) -> FloatArray:
         """Largest traction under a pressure, at points that touch: by default where it is positive."""
         touching = pressure > 0 if touching is None else touching
+        if isinstance(self.coefficient, float) and self.coefficient < math.inf == self.strength:
+            return np.where(touching, self.coefficient * pressure, 0.0)
         with np.errstate(invalid="ignore"):
             cone = np.where(touching, self.coefficient * pressure, 0.0)
         if np.isinf(self.coefficient).any():
