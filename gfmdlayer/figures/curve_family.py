@@ -46,9 +46,17 @@ class Scale(NamedTuple):
     quantity: Quantity  # in the power of ten of the labels
 
     @classmethod
-    def of(cls, values: Sequence[Any], drawn: Quantity = Quantity(""), *, log: bool = False) -> Scale:  # noqa: B008
+    def of(
+        cls,
+        values: Sequence[Any],
+        drawn: Quantity = Quantity(""),  # noqa: B008
+        *,
+        log: bool = False,
+        in_order: bool = False,
+    ) -> Scale:
         """Find the scale on which the median lies nearest to the middle; text and infinity lie in order.
 
+        `in_order`: so do values of which one is zero, where a logarithm would suit the others; colours may.
         ResultsError for text, infinity or zero on a scale that must be logarithmic.
         """
         unique = list(dict.fromkeys(values))
@@ -59,8 +67,8 @@ class Scale(NamedTuple):
             if np.isfinite(numbers).all():
                 middle = [_off_middle(each) for each in (np.log(positive), np.asarray(unique))]
                 is_log = log or (unique[0] >= 0 and middle[0] < middle[1])
-                if not is_log or unique[0] > 0:
-                    return cls("log" if is_log else "linear", numbers, [], [], drawn)
+                if unique[0] > 0 or not (is_log and (log or in_order)):
+                    return cls("log" if is_log and unique[0] > 0 else "linear", numbers, [], [], drawn)
             drawn = drawn.fit(unique) if drawn.unit else drawn
         if log:
             raise ResultsError(
@@ -96,7 +104,7 @@ class ColourBar(NamedTuple):
     @classmethod
     def of(cls, values: Sequence[Any], drawn: Quantity) -> ColourBar:
         """Make the colour bar of values."""
-        scale = Scale.of(values, drawn)
+        scale = Scale.of(values, drawn, in_order=True)
         norm = (LogNorm if scale.kind == "log" else Normalize)(scale.positions.min(), scale.positions.max())
         return cls(ScalarMappable(norm, LinearSegmentedColormap.from_list("", colours(256))), scale)
 

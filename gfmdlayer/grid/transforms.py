@@ -24,6 +24,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.fftw import DOUBLE, SINGLE, address, aligned, column_plans, row_plans, whole_plans
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
+from gfmdlayer.made_once import made_once
 
 
 class Plans(NamedTuple):
@@ -158,7 +159,8 @@ class Transforms:
         # than OMP_NUM_THREADS allowed when the process began.
         self.shape, self.threads, self.single = shape, threads, single
         self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)
-        if len(shape) == 2 and self.size > BY_BLOCKS:
+        self.by_blocks = len(shape) == 2 and self.size > BY_BLOCKS
+        if self.by_blocks:
             self._columns = Columns(self.spectral_shape, threads, single, row_plans(shape, threads, single))
             self.plans = Plans(self._columns.forward, self._columns.backward, *by_blocks())
         else:
@@ -172,7 +174,7 @@ class Transforms:
 
     def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
         """Transforms of another shape or precision, with as many threads."""
-        return Transforms(shape, threads=self.threads, single=single)
+        return shared_transforms(shape, self.threads, single)
 
     def empty_field(self) -> Any:
         """Uninitialised flat field, aligned as the plans need it."""
@@ -209,6 +211,12 @@ class Transforms:
         """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""
         # It is complex of a field, or real of an even function of the wavevector.
         return truncated(spectrum, self.shape, coarser.shape)
+
+
+@made_once(lambda transforms: math.inf if transforms.by_blocks else 0.0, count=64)
+def shared_transforms(shape: tuple[int, ...], threads: int = 1, single: bool = False) -> Transforms:
+    """Return the transforms of a shape, made once unless they have a work array, as those by blocks do."""
+    return Transforms(shape, threads=threads, single=single)
 
 
 def truncated(

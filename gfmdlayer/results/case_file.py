@@ -242,8 +242,8 @@ def case_contents(
             beside = tuple(name for name, *_ in column.along.ends if name != column.along.name)
             parts = (part.reshape(-1, column.size) for part in recording.parts(column.name))
             add(column, ("time", column.along.name), *parts, inner=(column.size,), beside=beside)
-    # The values of the swept keys are coordinates; a name that a column has is the whole key.
-    names = dimension_names([*swept], declared)
+    # The values of the swept keys are coordinates; none has the name of a column or of a dimension.
+    names = dimension_names([*swept], {*declared, *variables})
     for name, (key, value) in zip(names, swept.items(), strict=True):
         about = {"long_name": key, **described_key(key, unit)}
         del about["key"]

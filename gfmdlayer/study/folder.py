@@ -38,8 +38,9 @@ from typing import Any, TypeAlias, TypeVar
 
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.reader import Inspection
+from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import open_for_writing, regular, write_new
-from gfmdlayer.files.whole import is_intact, is_unfinished, unfinished, write_text
+from gfmdlayer.files.whole import UNFINISHED, is_intact, is_unfinished, unfinished, write_text
 from gfmdlayer.results import stored
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.study.cases import input_errors
@@ -49,7 +50,6 @@ MARK = stored.MARK
 FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
 ASIDE = ".aside"
 Numbers: TypeAlias = Mapping[str, set[int]]  # kind of file -> numbers of the cases that have one
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 Found = TypeVar("Found")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
@@ -88,6 +88,19 @@ class Folder:
     def case(self, index: int, kind: str = "h5") -> Path:
         """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or snapshots."""
         return self.cases / f"{index:04d}.{kind}"
+
+    def spare(self, index: int, process: int) -> Path:
+        """Return the name of the file that a process of the run keeps between its claims."""
+        return self.cases / f"{index:04d}.running.{process}-{self.run}{UNFINISHED}"
+
+    def end_run(self) -> None:
+        """Remove the files of the run itself, when none of its processes computes any more."""
+        with suppress(OSError):
+            self.stop.unlink(missing_ok=True)
+        ending = f"-{self.run}{UNFINISHED}"
+        for path in _files(self.cases, lambda name: name.endswith(ending)):
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
     def numbers(self) -> Numbers:
         """Return the numbers of the cases that have a file, by its kind, from one listing of the folder."""
@@ -267,10 +280,8 @@ def name_of_run() -> str:
 
 def is_result(path: str | Path) -> bool:
     """Tell whether a file is one of results, and not a configuration in YAML; a pipe is not, and not read."""
-    if not Path(path).is_file():
-        return False
-    with suppress(OSError), Path(path).open("rb") as file:
-        return file.read(len(_SIGNATURE)) == _SIGNATURE
+    with suppress(OSError):
+        return is_hdf5(path)
     return False
 
 

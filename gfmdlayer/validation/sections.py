@@ -17,6 +17,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.files.cache import MemoryFile
+from gfmdlayer.made_once import kept_with
 from gfmdlayer.validation.fields import MustBe, Word, dimension, meanings
 from gfmdlayer.validation.problems import (
     ConfigError,
@@ -313,6 +314,7 @@ class OneOrMore(OneOf[Member]):
         )
 
 
+@kept_with
 def files_named(section: Section) -> dict[str, Path]:
     """Return the files that a configuration names, by dotted key."""
     return {

@@ -36,6 +36,7 @@ from gfmdlayer.files.whole import is_intact, write_text
 from gfmdlayer.observables.contact import FEWEST
 from gfmdlayer.results.gathering import lay_out
 from gfmdlayer.results.names import FIELDS, ResultsError, described_key
+from gfmdlayer.results.netcdf import opened
 from gfmdlayer.results.provenance import LIBRARIES, now, provenance
 from gfmdlayer.results.reader import VERIFIED
 
@@ -114,7 +115,7 @@ class Reader:
         try:
             if is_intact(case.path, VERIFIED) is False:
                 return None
-            with h5py.File(case.path, locking=False) as h5:
+            with opened(case.path) as h5:
                 return self._contents(case.number, h5) if h5.attrs.get("complete") == 1 else None
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return None
@@ -561,6 +562,7 @@ def write_report(cases: Sequence[Listed], out: Path, title: str, config: str = "
     """
     check_suffix(out, (".html", ".htm"))
     try:
+        out.parent.mkdir(parents=True, exist_ok=True)
         write_text(out, page(payload(cases, config), title))
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
