@@ -104,7 +104,8 @@ class Sets:
 
     def moved(self, fields: NDArray[Any]) -> NDArray[Any]:
         """Add to fields of free unknowns the shear that follows the pressure where the points slip."""
-        fields[1:, self.slip] += self.slope * fields[0, self.slip] * self.n
+        if self.slip.size:
+            fields[1:, self.slip] += self.slope * fields[0, self.slip] * self.n
         return fields
 
     def compressed(self, fields: NDArray[Any]) -> NDArray[Any]:

@@ -341,7 +341,7 @@ def assess(
 
 def _scales(problem: FrictionProblem, p: FloatArray, W: FloatArray) -> tuple[float, float]:
     """Units of pressure and of length: the largest ones of a state, or those of an overlap."""
-    softest = float(problem.response.normal.max())
+    softest = problem.response.softest
     largest = float(p.max())
     if largest > 0:
         return largest, max(float(W.max()), 1e-3 * largest * softest)

@@ -73,6 +73,11 @@ class Response:
         return bool(self.coupling.any())
 
     @cached_property
+    def softest(self) -> float:
+        """Largest compliance of a wave to pressure."""
+        return float(self.normal.max())
+
+    @cached_property
     def critical_coefficient(self) -> float:
         """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
         coupled = self.coupling != 0
