@@ -182,4 +182,5 @@ def place_of(error: BaseException, path: str) -> str:
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == path]
     line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
     message = error.msg if isinstance(error, SyntaxError) else error
-    return f"{path}{'' if line is None else f':{line}'}: {type(error).__name__}: {message}"
+    place = f"{path}{'' if line is None else f':{line}'}: " if path else ""
+    return f"{place}{type(error).__name__}: {message}"

@@ -239,6 +239,8 @@ def leak(options: argparse.Namespace) -> int:
         with cases_with_snapshots(path, results, options.case, most) as cases:
             if not cases:
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
+            if options.out is not None and "y" not in next(iter(cases.values())).dims:
+                return refuse("--out: the flow along a line has no map to draw; leave --out away")
             for i, (title, case) in enumerate(cases.items()):
                 label = title.replace("$", "")
                 with warnings.catch_warnings(record=True) as caught:

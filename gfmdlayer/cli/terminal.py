@@ -197,7 +197,10 @@ def conclude(summary: Summary, directory: Path, noun: str) -> int:
     if summary.failures:
         print(f"{len(summary.failures)} of {summary.total} {noun}s failed:")
         print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
-        print(f"complete {noun}s are in {directory}; the same command retries the failed ones")
+        complete = (
+            f"complete {noun}s are in {directory}" if summary.count("complete") else f"no {noun} is complete"
+        )
+        print(f"{complete}; the same command retries the failed ones")
         return FAILED
     if waiting := summary.count("waiting"):
         print(f"no failed case is left; {count_cases(waiting)} wait: run again without --only-failed")

@@ -21,6 +21,7 @@ from gfmdlayer.figures.snapshots import (
     Inset,
     at_times,
     cases_with_snapshots,
+    of_one_kind,
     snapshots_figure,
     waterfall_figure,
 )
@@ -119,6 +120,7 @@ def plot_results(
             if kind not in (None, "map"):
                 raise ResultsError(f"{path}: is a map of fits; use --kind map")
             kind = "map"
+        selection.must_be_complete(path, opened)
         dataset = selection.select(opened, select)
         cases: dict[str, Dataset] = {}
         if inset or kind not in ("curves", "loop", "map"):
@@ -128,8 +130,9 @@ def plot_results(
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
             if times:
                 cases = {title: at_times(each, sorted(set(times))) for title, each in cases.items()}
+        cases, others = of_one_kind(cases)
         among = dataset["case"].size if "case" in dataset.coords else 1
-        said = [*notes(dataset), *[f"{len(cases)} of {among} cases"] * (len(cases) < among)]
+        said = [*notes(dataset), *[f"{len(cases)} of {among} cases{others}"] * (len(cases) < among)]
         title, first = next(iter(cases.items()), ("", dataset))
         ending = "" if kind in (None, "movie") else f"-{kind}"
         if kind in (None, "curves"):

@@ -379,8 +379,7 @@ class ForceMap:
             try:
                 yield
             finally:
-                with suppress(OSError):
-                    folder.stop.unlink(missing_ok=True)
+                folder.end_run()
 
     def _refuse_other(self) -> None:
         """Reject a folder of another model, other curves or other options."""

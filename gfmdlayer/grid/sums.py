@@ -63,8 +63,9 @@ class Sums:
 
     def spectral_means(self, v: ComplexArray, f: ComplexArray, g: ComplexArray) -> tuple[float, ...]:
         """Means <v f>, <v g> and <v v> over the surface, from the transforms."""
-        numbers = (spectrum.view(np.float64) for spectrum in (v, f, g))
-        return tuple(self.total(np.array(products(self.weights_twice, *numbers))).tolist())
+        real = np.float64
+        means: tuple[float, ...] = products(self.weights_twice, v.view(real), f.view(real), g.view(real))
+        return means if self.ranks.count == 1 else tuple(self.total(np.array(means)).tolist())
 
     @cached_property
     def weights_twice(self) -> FloatArray:

@@ -23,6 +23,7 @@ from numba.core import cgutils, types
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.fftw import (
+    ALIGNED,
     DOUBLE,
     FUNCTION,
     SINGLE,
@@ -35,6 +36,7 @@ from gfmdlayer.grid.fftw import (
 )
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import IN_PYTHON, kernel, primitive
+from gfmdlayer.made_once import made_once
 
 
 class Plans(NamedTuple):
@@ -184,7 +186,8 @@ class Transforms:
         # than OMP_NUM_THREADS allowed when the process began.
         self.shape, self.threads, self.single = shape, threads, single
         self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)
-        if len(shape) == 2 and self.size > BY_BLOCKS:
+        self.by_blocks = len(shape) == 2 and self.size > BY_BLOCKS
+        if self.by_blocks:
             self._columns = Columns(self.spectral_shape, threads, single, row_plans(shape, threads, single))
             self.plans = Plans(self._columns.forward, self._columns.backward, *by_blocks())
         else:
@@ -198,7 +201,7 @@ class Transforms:
 
     def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
         """Transforms of another shape or precision, with as many threads."""
-        return Transforms(shape, threads=self.threads, single=single)
+        return shared_transforms(shape, self.threads, single)
 
     def empty_field(self) -> Any:
         """Uninitialised flat field, aligned as the plans need it."""
@@ -208,6 +211,10 @@ class Transforms:
         """Uninitialised flat spectrum, aligned as the plans need it."""
         kind = np.complex64 if self.single else np.complex128
         return aligned(2 * math.prod(self.spectral_shape), self.single).view(kind)
+
+    def reserved(self, fields: int, spectra: int) -> Reserve:
+        """Return so many empty fields and spectra in one piece of memory."""
+        return Reserve(self, fields, spectra)
 
     def forward(self, field: npt.ArrayLike) -> ComplexArray:
         """Return the unnormalised transform of a field of any layout, as a new flat spectrum."""
@@ -235,6 +242,33 @@ class Transforms:
         """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""
         # It is complex of a field, or real of an even function of the wavevector.
         return truncated(spectrum, self.shape, coarser.shape)
+
+
+class Reserve:
+    """Uninitialised fields and spectra of some transforms, cut from one piece of memory."""
+
+    def __init__(self, transforms: Transforms, fields: int, spectra: int) -> None:
+        self.shape, self._spectral = transforms.shape, 2 * math.prod(transforms.spectral_shape)
+        self._size, self._kind = math.prod(self.shape), np.complex64 if transforms.single else np.complex128
+        # Each begins as far from a multiple of `ALIGNED` as the first, and not a power of two after another.
+        self._spaces = [-(-size // ALIGNED) * ALIGNED + ALIGNED for size in (self._size, self._spectral)]
+        self._left = aligned(fields * self._spaces[0] + spectra * self._spaces[1], transforms.single)
+
+    def empty_field(self) -> Any:
+        """Return the next field."""
+        field, self._left = self._left[: self._size], self._left[self._spaces[0] :]
+        return field
+
+    def empty_spectrum(self) -> Any:
+        """Return the next spectrum."""
+        spectrum, self._left = self._left[: self._spectral], self._left[self._spaces[1] :]
+        return spectrum.view(self._kind)
+
+
+@made_once(lambda transforms: math.inf if transforms.by_blocks else 0.0, count=64)
+def shared_transforms(shape: tuple[int, ...], threads: int = 1, single: bool = False) -> Transforms:
+    """Return the transforms of a shape, made once unless they have a work array, as those by blocks do."""
+    return Transforms(shape, threads=threads, single=single)
 
 
 def truncated(

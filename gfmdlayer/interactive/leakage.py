@@ -138,7 +138,7 @@ def leakage(
         reasons: list[str] = []
         depth, residual = _depth_and_residual(state)
         for axis, throat in narrow.items():
-            reasons += doubts(axis, throat, depth, residual)
+            reasons += doubts(axis, throat, depth, residual, gap.shape)
         if pressure_drop is not None and along in narrow:
             lift, more = _lift(narrow[along], gap, state, spacing, body, pressure_drop)
             row |= {} if body is None else {"lift": lift}
@@ -157,7 +157,8 @@ def leakage(
     meanings = {column.name: (column.long_name, column.units) for column in columns} | _LONG_NAMES
     dims = {name: [*leads, *grid] if array.ndim > len(leads) else leads for name, array in quantities.items()}
     values = {name: (dims[name], array) for name, array in quantities.items()}
-    return derived(data, values, meanings, {*leads, *(grid if "fluid_pressure" in quantities else ())})
+    found = derived(data, values, meanings, {*leads, *(grid if "fluid_pressure" in quantities else ())})
+    return found.assign_attrs(warnings="\n".join(said)) if said else found
 
 
 def _grid(data: xarray.Dataset, along: str, seal: Mapping[str, float | None]) -> tuple[str, ...]:

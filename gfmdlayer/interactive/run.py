@@ -281,7 +281,8 @@ def _one_after_the_other(every: Sequence[SweepCase], display: Display | None, th
             reporter.at_work = lambda: [case.index for case in at_work]
             reporter.claims = lambda _: [case.running for case in at_work]
         for case in every:
-            at_work[:] = [AtWork(case.index, case.config.time.end, label(case.values))]
+            steps = case.cost.steps if reporter is not None else 0
+            at_work[:] = [AtWork(case.index, case.config.time.end, label(case.values), steps)]
             outcomes.append(_compute(case, threads, at_work[0]))
             at_work.clear()
             if reporter is not None:
@@ -307,7 +308,7 @@ def _side_by_side(
 
 def _compute_claimed(case: SweepCase, folder: Folder, threads: int) -> Outcome:
     """Run a case in memory, with its claim in a folder."""
-    claim = Claim(folder, case.index, case.config.time.end, label(case.values))
+    claim = Claim(folder, case.index, case.config.time.end, label(case.values), case.cost.steps)
     return _compute(case, threads, claim)
 
 

@@ -57,6 +57,15 @@ def _counts(values: FloatArray, chosen: BoolArray, edges: FloatArray) -> NDArray
     return counts
 
 
+@kernel(borrows=True)
+def attracted(touching: BoolArray, traction: FloatArray, least: float) -> int:
+    """Count the points out of contact with a traction of at least so much."""
+    points = 0
+    for i in range(touching.size):
+        points += 1 if traction[i] >= least and not touching[i] else 0
+    return points
+
+
 def count_patches(touching: BoolArray, grid: Grid) -> int:
     """Count the connected patches of a periodic surface; neighbours lie along the axes."""
     from scipy import ndimage

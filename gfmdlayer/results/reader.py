@@ -351,11 +351,13 @@ def _reason(path: Path, reason: str = INCOMPLETE) -> str:
 def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     """Add the snapshots of all cases to a sweep whose cases share grid and times."""
     files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
-    first = next((path for path in files.flat if not flaw(path, VERIFIED)), None)
-    if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
+    having = (path for path in files.flat if not flaw(path, VERIFIED) and attributes(path)["snapshots"])
+    if any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
+        return sweep
+    if (first := next(having, None)) is None:
         return sweep
     with _open(first) as example:
-        if not example.sizes["snapshot"] or "axes" in example.attrs:  # each case has its own
+        if "axes" in example.attrs:  # each case has its own
             return sweep
         import xarray
         from xarray.core import indexing
@@ -366,14 +368,17 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
         # Cases of other layers have fields below the surface at other depths.
         ends, heads = ("thickness", "shear_modulus"), ("layer", "layers", "halfspace", "body")
         alike = not any(key.endswith(ends) or key in heads or key.startswith("output") for key in keys)
-        names = ("snapshot", "x", "y", *(("z", "layer", "spring") if alike else ()))
+        names = ("x", "y", *(("z", "layer", "spring") if alike else ()))
         axes = {name: example[name].variable.load() for name in names if name in example.variables}
-        added = {}
+        # A sweep file of an earlier version has no times of snapshots: all cases then have the same ones.
+        added, snapshots = {}, (sweep if "snapshot" in sweep.coords else example)["snapshot"].load()
         for name in SNAPSHOT_FIELDS if alike else FIELDS:
             if name in example:
-                field, times = example[name].variable, axes["snapshot"].to_numpy()
-                lazy = indexing.LazilyIndexedArray(FieldOfCases(files, name, field.shape, times))
-                added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
+                field = example[name].variable
+                of_cases = FieldOfCases(files, name, field.shape[1:], snapshots.to_numpy())
+                lazy = indexing.LazilyIndexedArray(of_cases)
+                dimensions = (*sweep["case"].dims, snapshots.dims[-1], *field.dims[1:])
+                added[name] = xarray.Variable(dimensions, lazy, field.attrs)
     labelled_sweep = sweep.assign_coords(axes).assign(added)
     labelled_sweep.set_close(sweep.close)  # which a copy does not have
     return labelled_sweep

@@ -41,7 +41,7 @@ from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.config.reader import Inspection
 from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import open_for_writing, regular, write_new
-from gfmdlayer.files.whole import is_unfinished, unfinished, write_text
+from gfmdlayer.files.whole import UNFINISHED, is_unfinished, unfinished, write_text
 from gfmdlayer.results import stored
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.study.cases import input_errors
@@ -89,6 +89,19 @@ class Folder:
     def case(self, index: int, kind: str = "h5") -> Path:
         """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or snapshots."""
         return self.cases / f"{index:04d}.{kind}"
+
+    def spare(self, index: int, process: int) -> Path:
+        """Return the name of the file that a process of the run keeps between its claims."""
+        return self.cases / f"{index:04d}.running.{process}-{self.run}{UNFINISHED}"
+
+    def end_run(self) -> None:
+        """Remove the files of the run itself, when none of its processes computes any more."""
+        with suppress(OSError):
+            self.stop.unlink(missing_ok=True)
+        ending = f"-{self.run}{UNFINISHED}"
+        for path in _files(self.cases, lambda name: name.endswith(ending)):
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
     def numbers(self) -> Numbers:
         """Return the numbers of the cases that have a file, by its kind, from one listing of the folder."""

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.contact.pressure_form import Iterate, System, apply_to
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.grid.transforms import Plans, Transforms, backward
+from gfmdlayer.grid.transforms import Plans, Reserve, backward
 from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum, record_type, summed
 
 _LINES = 2  # on either side that are close to a contact on a surface
@@ -69,11 +69,11 @@ def make_contact(shape: tuple[int, ...]) -> ContactSet:
     )
 
 
-def make_work(transforms: Transforms) -> LoopArrays:
-    """Work arrays for the shape of some transforms."""
-    z, direction, change, pressure, pressure_change = (transforms.empty_field() for _ in range(5))
+def make_work(reserve: Reserve) -> LoopArrays:
+    """Work arrays: five fields and a spectrum."""
+    z, direction, change, pressure, pressure_change = (reserve.empty_field() for _ in range(5))
     now = np.zeros(1, dtype=SCALARS)
-    return LoopArrays(z, transforms.empty_spectrum(), direction, change, pressure, pressure_change, now)
+    return LoopArrays(z, reserve.empty_spectrum(), direction, change, pressure, pressure_change, now)
 
 
 @kernel(inner=True, borrows=True)

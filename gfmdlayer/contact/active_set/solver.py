@@ -388,10 +388,11 @@ class ActiveSet:
 
 def make_arrays(transforms: Transforms, *, windows: bool = True) -> tuple[SolverArrays, Sequence[Transforms]]:
     """Return the arrays of a solver, with `windows` or without, and the transforms to keep with them."""
-    field, spectrum = transforms.empty_field, transforms.empty_spectrum
+    reserve = transforms.reserved(8, 3)
+    field, spectrum = reserve.empty_field, reserve.empty_spectrum
     modes, none = prod(transforms.spectral_shape), np.zeros(0)
     at, contact = Iterate(field(), field(), spectrum()), make_contact(transforms.shape)
-    work, plans, free = make_work(transforms), transforms.plans, spectrum()
+    work, plans, free = make_work(reserve), transforms.plans, spectrum()
     # Arguments by whose types kernels are compiled.
     floor, state = ResidualFloor(1.0, 0.0), SurfaceState(none, none, none, at.spectrum)
     system = System(none, none, none, none, floor, False, 0.0)

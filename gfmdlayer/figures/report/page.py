@@ -271,9 +271,10 @@ SOFTWARE = ("gfmdlayer_version", "git_commit", "python_version", *(f"{name}_vers
 
 
 def warnings(contents: Contents) -> list[str]:
-    """Return the doubts about a case, from its file; the last two are otherwise only in a log."""
+    """Return the doubts about a case, from its file."""
     said = str(contents.attributes.get("warnings", "")).splitlines()
-    if 0 < (points := int(contents.attributes.get("most_contact_points", FEWEST))) < FEWEST:
+    noted = any(line.startswith("COARSE") for line in said)  # files of earlier versions have only the number
+    if not noted and 0 < (points := int(contents.attributes.get("most_contact_points", FEWEST))) < FEWEST:
         said.append(f"coarse: at most {points} point{'s' * (points > 1)} in contact")
     if contents.attributes.get("settled") == 0:
         said.append("not steady at the end")
