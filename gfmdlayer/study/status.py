@@ -51,9 +51,9 @@ class Overview:
 
 
 def overview(folder: Folder, *, verify: bool = False) -> Overview:
-    """Count the cases of a results folder by state; opens the sweep file or those of a few cases.
+    """Count the cases of a results folder by state; opens no result file.
 
-    `verify` also reads the files of complete cases, as many as a second reads.
+    `verify` reads the files of complete cases too, as many as a second reads, and the warnings of some.
     """
     numbers, by_kind = folder.case_numbers(), folder.numbers()
     total, own = len(numbers), numbers if isinstance(numbers, range) else set(numbers)
@@ -69,7 +69,7 @@ def overview(folder: Folder, *, verify: bool = False) -> Overview:
     damaged = list(_damaged(folder, sorted(complete))) if verify else []
     complete.difference_update(damaged)
     files = [folder.sweep] if folder.sweep.exists() else map(folder.case, sorted(complete)[:FILES_READ])
-    said = _warnings(files)
+    said = _warnings(files) if verify else []
     return Overview(total, len(complete), len(failed), waiting, at_work, failures, ended, said, damaged)
 
 
