@@ -266,8 +266,9 @@ class Running:
 class AtWork(Listener):
     """Stands in for the claim on a case in memory: its progress, for a display of this process."""
 
-    def __init__(self, index: int, end: float, label: str) -> None:
+    def __init__(self, index: int, end: float, label: str, expected: int = 0) -> None:
         self.index, self._end, self._label, self._started = index, end, label, time.time()
+        self._expected = expected
         self._steps, self._time, self._since = 0, 0.0, (math.nan, math.nan)
 
     def advance(self, simulated_time: float) -> None:
@@ -283,6 +284,7 @@ class AtWork(Listener):
         status: dict[str, Any] = {
             "host": socket.gethostname(), "pid": os.getpid(), "label": self._label, "started": self._started,
             "since": self._since[0], "since_time": self._since[1], "updated": time.time(),
+            "expected": self._expected,
         }  # fmt: skip
         return Running(self.index, **status, simulated_time=self._time, end=self._end, steps=self._steps)
 

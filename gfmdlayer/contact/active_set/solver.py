@@ -77,7 +77,7 @@ from gfmdlayer.contact.pressure_form import (
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales
 from gfmdlayer.grid.transforms import Plans, Transforms
-from gfmdlayer.kernels import address_of, by_address, kernel
+from gfmdlayer.kernels import address_of, by_address, kernel, record_type
 from gfmdlayer.resumable import State
 
 ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
@@ -87,7 +87,7 @@ _LIMIT = 1000  # iterations of conjugate gradients
 WORK, FEWEST = 1 << 29, 30
 
 
-KNOWN = np.dtype(
+KNOWN = record_type(
     [
         ("stiffness", np.bool_),  # whether there is one
         ("load_given", np.bool_),

@@ -34,7 +34,7 @@ from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, Surfac
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.grid import parts
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, by_address, filled, kernel, minimum
+from gfmdlayer.kernels import LANES, by_address, filled, kernel, minimum, record_type
 from gfmdlayer.made_once import kept_with
 
 
@@ -312,7 +312,7 @@ def _raise_clear(window: Window, tolerance: float) -> bool:
 
 _WINDOW_MARGIN = 16  # points at least on either side of the contact that belong to the window
 
-KNOWN = np.dtype(
+KNOWN = record_type(
     [
         ("kernel", np.bool_),  # whether the kernel is that of the present compliance
         ("windows", np.int64),  # bits of the windows that have the present stiffness
