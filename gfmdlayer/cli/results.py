@@ -42,6 +42,7 @@ KINDS_WITH: dict[str, tuple[str | None, ...]] = {
     "z": ("map", "inside"),
     "time": ("map", "curves", None),
     "fps": ("movie",),
+    "trust": ("body",),
 }
 
 MOST_FRAMES = 100  # per second, the limit of a GIF
@@ -78,6 +79,7 @@ def _options_of_plot(parser: argparse.ArgumentParser) -> None:
     --time T  time of a map, or of curves over a swept key: a number, end (default), or the max or min over
       time
     --fps N  frames per second of a movie
+    --trust  body: run the Python code that the results name; without it such a body is refused
     """
     arguments(parser, text, T=str)
 
@@ -129,7 +131,7 @@ def plot(options: argparse.Namespace) -> int:
     from gfmdlayer.figures.plots import plot_results
 
     given = {name: getattr(options, name) for name in ("kind", "case", "times", "log", "log_time", "inset")}
-    given |= {name: getattr(options, name) for name in ("y", "z", "fps")}
+    given |= {name: getattr(options, name) for name in ("y", "z", "fps", "trust")}
     style = options.style or ("screen" if options.kind == "movie" else "paper")
     more = {"x": options.x or "", "style": style, "time": time, "select": selected}
     for picture in plot_results(options.path, options.out, **given, **more):
@@ -202,6 +204,7 @@ path DIR  results folder, or the file of one case
 --width W  width of the seal across the flow (default: the cell's)
 --out PATH  the picture, .png, .pdf or .svg, or folder for it (default: NAME-leak.png with the results)
 --style {paper,screen} = paper  of the picture
+--trust  run the Python code that the results name as their body, for the lift
 --fields PATH  write flow, pressure and all numbers of the case drawn to an .h5, or into a folder
 """
 _EXAMPLE_OF_LEAK = (
@@ -236,11 +239,13 @@ def leak(options: argparse.Namespace) -> int:
         with cases_with_snapshots(path, results, options.case, most) as cases:
             if not cases:
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
+            if options.out is not None and "y" not in next(iter(cases.values())).dims:
+                return refuse("--out: the flow along a line has no map to draw; leave --out away")
             for i, (title, case) in enumerate(cases.items()):
                 label = title.replace("$", "")
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always", UserWarning)
-                    flow = leakage(case, fields=i == 0, **seal)
+                    flow = leakage(case, fields=i == 0, trust=options.trust, **seal)
                 _print(label, flow, options.along)
                 for warning in caught:
                     print(f"gfmdlayer: {label}{': ' * bool(label)}{warning.message}", file=sys.stderr)

@@ -109,7 +109,7 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
 Name = Annotated[
     str,
     Field(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,127}$"),
-    MustBe("text of at most 128 letters, digits and . _ -, not beginning with . or - (it names a folder)"),
+    MustBe("text of at most 128 of a-z A-Z 0-9 . _ -, not beginning with . or - (it names a folder)"),
 ]
 
 
@@ -265,12 +265,12 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract; they add. Empty for the hard wall."""
-        return tuple(law for law in self.interface_laws.values() if law.attracts)
+        return _laws(self)[0]
 
     @property
     def friction(self) -> tuple[FrictionLaw, ...]:
         """The laws of friction, of which the smaller traction counts; empty without friction."""
-        return tuple(law for law in self.interface_laws.values() if isinstance(law, FrictionLaw))
+        return _laws(self)[1]
 
     @property
     def interface_laws(self) -> dict[Location, Interface]:
@@ -310,15 +310,9 @@ class Config(Section):
         return finer(tolerance, self.time.tolerance, self.contrast, attracts=attracts)
 
     def unit(self, words: str) -> str:
-        """Return the label of a unit from its dimension in words; the force on a line is per length.
-
-        A "drive" is what the trajectory prescribes: a length, pressure or force.
-        """
-        drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
-        words = words.replace("drive", drive)
-        if len(self.grid.points) == 1 and self.geometry.on_grid and words == "force":
-            words = "force / length"
-        return words if self.units is None else self.units.label(words)
+        """Return the label of a unit from its dimension in words, see `unit_label`."""
+        is_line = len(self.grid.points) == 1 and self.geometry.on_grid
+        return unit_label(words, self.units, self.trajectory.control, is_line=is_line)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
         """Return the case in which the dotted keys have these values; it has no sweep."""
@@ -414,6 +408,14 @@ def _entry_of(section: Section) -> Callable[[str], str]:
 
 
 @kept_with
+def _laws(config: Config) -> tuple[tuple[Interface, ...], tuple[FrictionLaw, ...]]:
+    """Return the laws of the interface that attract, and those of friction."""
+    every = config.interface_laws.values()
+    attracting = tuple(law for law in every if law.attracts)
+    return attracting, tuple(law for law in every if isinstance(law, FrictionLaw))
+
+
+@kept_with
 def _solid(config: Config) -> Solid:
     own: Solid
     if config.body is not None and not isinstance(config.body, Layers):
@@ -423,6 +425,18 @@ def _solid(config: Config) -> Solid:
         own = Layers.of(config.layers or (() if config.layer is None else (config.layer,)), config.halfspace)
     second = None if config.counterbody is None else config.counterbody.solid
     return own if second is None else Pair(own, second)
+
+
+def unit_label(words: str, units: Units | None, control: str, *, is_line: bool) -> str:
+    """Return the label of a unit from its dimension in words; the force on a line is per length.
+
+    A "drive" is what the trajectory prescribes, of which `control` is the name: a length, pressure or force.
+    """
+    drive = {"depth": "length", "load": "pressure"}.get(control, "force")
+    words = words.replace("drive", drive)
+    if is_line and words == "force":
+        words = "force / length"
+    return words if units is None else units.label(words)
 
 
 def digest(config: Config) -> str:

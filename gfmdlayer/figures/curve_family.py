@@ -52,11 +52,12 @@ class Scale(NamedTuple):
         drawn: Quantity = Quantity(""),  # noqa: B008
         *,
         log: bool = False,
-        in_order: bool = False,
+        measured: bool = False,
     ) -> Scale:
         """Find the scale on which the median lies nearest to the middle; text and infinity lie in order.
 
-        `in_order`: so do values of which one is zero, where a logarithm would suit the others; colours may.
+        So do values of which one is zero, where a logarithm would suit the others, as colours; not where
+        distances are `measured`, along an axis: there equal ones would show a wrong law.
         ResultsError for text, infinity or zero on a scale that must be logarithmic.
         """
         unique = list(dict.fromkeys(values))
@@ -67,7 +68,7 @@ class Scale(NamedTuple):
             if np.isfinite(numbers).all():
                 middle = [_off_middle(each) for each in (np.log(positive), np.asarray(unique))]
                 is_log = log or (unique[0] >= 0 and middle[0] < middle[1])
-                if unique[0] > 0 or not (is_log and (log or in_order)):
+                if unique[0] > 0 or not is_log or (measured and not log):
                     return cls("log" if is_log and unique[0] > 0 else "linear", numbers, [], [], drawn)
             drawn = drawn.fit(unique) if drawn.unit else drawn
         if log:
@@ -104,7 +105,7 @@ class ColourBar(NamedTuple):
     @classmethod
     def of(cls, values: Sequence[Any], drawn: Quantity) -> ColourBar:
         """Make the colour bar of values."""
-        scale = Scale.of(values, drawn, in_order=True)
+        scale = Scale.of(values, drawn)
         norm = (LogNorm if scale.kind == "log" else Normalize)(scale.positions.min(), scale.positions.max())
         return cls(ScalarMappable(norm, LinearSegmentedColormap.from_list("", colours(256))), scale)
 

@@ -193,7 +193,7 @@ def _draw_against_key(
 ) -> list[str]:
     """Draw a column at a time against a swept key, a failed case being a gap in the line; say the time."""
     key, up = drawn.sweep[x], quantity(drawn.sweep[y], drawn.sweep.attrs)
-    scale = Scale.of(key.to_numpy().tolist(), quantity(key), log="x" in log)
+    scale = Scale.of(key.to_numpy().tolist(), quantity(key), log="x" in log, measured=True)
     order = np.argsort(scale.positions, kind="stable")
     row, when = at_time(drawn.sweep, y, time)
     if key.dims == ("case",):

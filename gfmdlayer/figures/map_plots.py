@@ -133,7 +133,9 @@ def _axes(sweep: Dataset, x: str, y: str) -> tuple[str, str]:
 
 def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity) -> None:
     """Draw a dot for each case of a list; one that failed is an open circle."""
-    across, up = (Scale.of(values[name].to_numpy().tolist(), quantity(values[name])) for name in (x, y))
+    across, up = (
+        Scale.of(values[name].to_numpy().tolist(), quantity(values[name]), measured=True) for name in (x, y)
+    )
     lost = np.isnan(values.to_numpy())
     dots = axes.scatter(
         across.positions[~lost],

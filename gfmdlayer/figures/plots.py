@@ -53,6 +53,7 @@ def plot_results(
     log_time: bool = False,
     fps: int | None = None,
     style: Literal["paper", "screen"] = "paper",
+    trust: bool = False,
 ) -> list[Path]:
     """Draw results and write the pictures, as `gfmdlayer plot` does.
 
@@ -91,6 +92,8 @@ def plot_results(
         Frames of a movie in a second.
     style : {"paper", "screen"}
         For the columns of a journal, or for a talk.
+    trust : bool
+        Of the body of results: run the Python code that they name; without it such a body is refused.
 
     Returns
     -------
@@ -108,7 +111,7 @@ def plot_results(
         picture = path.with_name(f"{path.stem}-body.png") if path.is_file() else path / "body.png"
         picture = output_file(out, picture)
         check_suffix(picture)
-        config, title = config_of(path, case)
+        config, title = config_of(path, case, trust=trust)
         save(body_figure(config, look, title), picture, look)
         return [picture]
     with ExitStack() as stack:

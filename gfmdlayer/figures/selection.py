@@ -26,6 +26,7 @@ Time = float | Literal["end", "max", "min"]
 Wanted = str | float | tuple[float, float]
 INTERPOLATED = "contact_area_interpolated"
 MOST_NAMED = 3  # failed cases
+MOST_WARNINGS = 2  # below a figure
 
 
 def swept(dataset: Dataset) -> list[DataArray]:
@@ -104,9 +105,10 @@ def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "
 
 
 def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
-    """Return the notes below a figure on fixed values, values and cases not drawn, and missing columns."""
+    """Return the notes below a figure: fixed values, cases not drawn, missing columns, warnings."""
+    doubts = warnings_of(dataset)
     if "case" not in dataset.coords or not swept(dataset):
-        return []
+        return doubts
     fixed, parts = [], []
     for key in swept(dataset):
         among, asked = int(key.attrs.get("among", 1)), key.attrs.get("asked")
@@ -127,7 +129,14 @@ def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
     drawn = {name.removesuffix(OVER_TIME) for name in columns}
     lines = str(dataset.attrs.get("notes", "")).splitlines()
     parts += [line for line in lines if drawn & set(line.partition(":")[0].split(", "))]
-    return [f"fixed: {', '.join(fixed)}"] * bool(fixed) + parts
+    return [*[f"fixed: {', '.join(fixed)}"] * bool(fixed), *parts, *doubts]
+
+
+def warnings_of(dataset: Dataset) -> list[str]:
+    """Return the first warnings of results, and how many there are more."""
+    said = str(dataset.attrs.get("warnings", "")).splitlines()
+    shown = [f"warning: {line}".replace("$", "\\$") for line in said[:MOST_WARNINGS]]
+    return shown + [f"{len(said) - MOST_WARNINGS} more warnings"] * (len(said) > MOST_WARNINGS)
 
 
 def failed_numbers(sweep: Dataset) -> set[int]:

@@ -110,6 +110,10 @@ def _rows(path: Path, lines: Sequence[Line], wanted: str) -> Iterator[tuple[str,
         except ValueError:
             if begun or any(map(is_number, words)):
                 raise TableError(f"{path}:{number}: cannot read {text[:60]!r}; must be {wanted}") from None
+            if any(is_number(word.strip("\"'")) for word in words):
+                raise TableError(
+                    f"{path}:{number}: has numbers in quotes, {text[:60]!r}; remove the quotes"
+                ) from None
             continue  # the names of the columns
         begun = True
         yield f"{path}:{number}", text, row

@@ -12,12 +12,11 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.cpython.unsafe.tuple import tuple_setitem
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.transforms import execute
-from gfmdlayer.kernels import filled, kernel
+from gfmdlayer.kernels import filled, kernel, with_item
 
 
 class Completion(NamedTuple):
@@ -44,9 +43,9 @@ def _completed(function: int, values: Any) -> Any:
     work = np.empty(len(values))
     for i in range(len(values)):
         work[i] = values[i]
-    execute(function, work.size, work, work)  # type: ignore[call-arg]
+    execute(function, work.size, work, work)
     for i in range(len(values)):
-        values = tuple_setitem(values, i, work[i])
+        values = with_item(values, i, work[i])
     return values
 
 

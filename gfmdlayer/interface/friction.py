@@ -47,9 +47,14 @@ class SpeedTable:
         return float(self.values.min()), float(self.values.max())
 
     @property
+    def steepest_rise(self) -> float:
+        """The largest rise of the coefficient over a rise of the speed; 0 where it never rises."""
+        return float((np.diff(self.values) / np.diff(self.speeds)).max(initial=0.0))
+
+    @property
     def steepest_fall(self) -> float:
         """The largest fall of the coefficient over a rise of the speed; 0 where it never falls."""
-        return max(float((-np.diff(self.values) / np.diff(self.speeds)).max(initial=0.0)), 0.0)
+        return float((-np.diff(self.values) / np.diff(self.speeds)).max(initial=0.0))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import in_python, kernel
 
 _CUSP = 3.0  # a cusp bends so many times more than the smooth part; on a parabola of n points it is n times
 
@@ -155,7 +155,7 @@ def contact_extent(touching: BoolArray, pressure: FloatArray, gap: FloatArray, g
     shape = grid.shape[0], grid.shape[1]
     parts = _area(marks, fields[0], fields[1], (far, near), shape, grid.points[0])
     number, area, crossings = ranks.total(np.array(parts)).tolist()
-    return ContactExtent(*_extent.py_func(int(number), area, crossings, grid.size, 2))
+    return ContactExtent(*in_python(_extent)(int(number), area, crossings, grid.size, 2))
 
 
 @kernel(borrows=True)

@@ -256,7 +256,12 @@ def case_contents(
         "wall_seconds": recording.elapsed,
     }
     counts = {"rows": recording.count, "snapshots": len(recording.times), "complete": 1}
-    return CaseContents(variables, {**provenance(), **ended, **attributes, **recording.noted, **counts})
+    noted = {**provenance(), **ended, **attributes, **recording.noted, **counts}
+    # The notes on the configuration, then the doubts that arose in the run.
+    said = [str(held["warnings"]) for held in (attributes, recording.noted) if held.get("warnings")]
+    if said:
+        noted["warnings"] = "\n".join(said)
+    return CaseContents(variables, noted)
 
 
 @lru_cache(maxsize=256)

@@ -32,6 +32,7 @@ is no longer declared, are gathered like any other.
 from __future__ import annotations
 
 import math
+import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -79,7 +80,7 @@ INCOMPLETE = "no complete result file"
 WAITING = "not complete yet"  # in place of the reason of a failure
 OF_ONE_CASE = {
     "config", "digest", "coordinates", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots",
-    "complete", *known_numbers(), "instabilities", "instability_time", "instability_depth",
+    "complete", "warnings", *known_numbers(), "instabilities", "instability_time", "instability_depth",
     "instability_energy", "instability_error", "ended",
 }  # fmt: skip
 
@@ -293,6 +294,7 @@ class Gathered:
         self._shared: dict[str, Any] = {}
         self._of_first: frozenset[str] | None = None
         self._layouts: dict[tuple[str, ...], dict[str, GatheredColumn]] = {}
+        self._warned: dict[str, tuple[str, list[int]]] = {}  # by the words without numbers
         self._held: dict[int, frozenset[str]] = {}
         self._plain: dict[tuple[str, ...], frozenset[str]] = {}
         self._alike: dict[frozenset[str], frozenset[str]] = {}  # one set for all cases with equal columns
@@ -330,6 +332,7 @@ class Gathered:
                 attributes: dict[str, Any] = {n: case.attribute(n) for n in names if n not in OF_ONE_CASE}
                 held = self._columns_of(case)
                 snapshots = case.values("snapshot") if case.attribute("snapshots") else np.empty(0)
+                self._warn(record.index, str(case.attribute("warnings") or ""))
                 own = {name: case.attribute(name) for name in self._known}
                 if isinstance(case, _CaseBytes) and self._room > 0:
                     kept = _Curves.of(case, held)
@@ -496,6 +499,20 @@ class Gathered:
             )
         return lines
 
+    def _warn(self, index: int, said: str) -> None:
+        for line in dict.fromkeys(said.splitlines()):
+            kind = re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", line)
+            self._warned.setdefault(kind, (line, []))[1].append(index)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings of the cases; of those that differ only in numbers the first, with the cases."""
+        whole = len(self._held)
+        return [
+            line if len(cases) == whole else f"{numbered(cases, _NAMED)}: {line}"
+            for line, cases in self._warned.values()
+        ]
+
     @property
     def attributes(self) -> dict[str, object]:
         """Attributes that all cases share, swept keys, failed and waiting cases, notes."""
@@ -504,6 +521,7 @@ class Gathered:
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in lost if reason != WAITING)
         own = {"swept": " ".join(self._swept.keys), "complete": int(not waiting), "failed": report}
         own |= {"incomplete": waiting, "notes": "\n".join(self.notes)}
+        own |= {"warnings": "\n".join(self.warnings)} if self.warnings else {}
         return {**self._shared, **self._swept.sampling, **own}
 
 
@@ -611,7 +629,7 @@ class _Packer:
 def _packed(values: FloatArray) -> bytes:
     """Pack a chunk as the filters of `PACKED` do."""
     by_byte = np.ascontiguousarray(values.reshape(-1).view(np.uint8).reshape(-1, values.itemsize).T)
-    return zlib.compress(by_byte, PACKED["compression_opts"])
+    return zlib.compress(by_byte.data, PACKED["compression_opts"])
 
 
 def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) -> Path:
@@ -692,8 +710,8 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
                 wanted = snapshots[place] if along == SNAPSHOT_ROW else snapshots
                 rows = rows_at(own, wanted, steady=settled)
                 fields[place][rows >= 0] = record.source.values(name)[rows[rows >= 0]]
-            (_, *dimensions), described = cases[0].about(name)
-            held[name] = ((*sweep.dimensions, along, *dimensions), fields, described)
+            axes, described = cases[0].about(name)
+            held[name] = ((*sweep.dimensions, along, *axes[1:]), fields, described)
         for name in ("x", "y", *(("z", "layer", "spring") if below else ())):
             if name in first:
                 dimensions, described = cases[0].about(name)

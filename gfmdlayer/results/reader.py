@@ -10,7 +10,7 @@ data are opened.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +20,9 @@ import h5py
 import numpy as np
 from h5py import h5ds
 
-from gfmdlayer.config import ConfigError, load
+from gfmdlayer.body.bodies import code_refused
+from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.config.reader import Inspection
 from gfmdlayer.config.sweeps import combinations
 from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import open_for_writing, read_json
@@ -28,7 +30,8 @@ from gfmdlayer.files.whole import is_intact
 from gfmdlayer.results.gathering import WAITING, CaseRecord, Swept, labelled
 from gfmdlayer.results.names import FIELDS, SNAPSHOT_FIELDS, SWEEP_FILE, ResultsError
 from gfmdlayer.results.netcdf import opened
-from gfmdlayer.results.stored import case_numbers, document, must_agree
+from gfmdlayer.results.stored import case_numbers, document, must_agree, unit_of
+from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     import xarray
@@ -158,6 +161,45 @@ def attributes(path: str | Path) -> dict[str, object]:
         raise ResultsError(f"{path}: {_reason(path)}") from error
 
 
+def stored_config(
+    path: str | Path,
+    overrides: Iterable[str] | Mapping[str, object] = (),
+    inspect: Inspection | None = None,
+    *,
+    trust: bool = False,
+) -> Config:
+    """Return the configuration of a case, see `load`; ConfigError where a file that it names has changed.
+
+    Code that the configuration names is run only with `trust`.
+    """
+    try:
+        if is_intact(Path(path)) is False:
+            raise ConfigError([f"{path}: is damaged: it holds other bytes than were written"])
+        known = attributes(path)
+    except ResultsError as error:
+        raise ConfigError([str(error)]) from None
+    if "config" not in known:
+        raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
+    return config_in(known, path, overrides, inspect, trust=trust)
+
+
+def config_in(
+    known: Mapping[Any, object],
+    path: str | Path,
+    overrides: Iterable[str] | Mapping[str, object] = (),
+    inspect: Inspection | None = None,
+    *,
+    trust: bool = False,
+) -> Config:
+    """Return the configuration in the attributes of a case, see `stored_config`."""
+    with code_refused(not trust):
+        config = load(path, overrides, inspect, str(known["config"]))
+    files = [str(file) for file in files_named(config).values()]
+    if files and not overrides and digest(config) != known.get("digest"):
+        raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
+    return config
+
+
 def open_case(path: str | Path) -> xarray.Dataset:
     """Open the file of one case; values are read when they are used.
 
@@ -248,10 +290,7 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
     if all(record.failed for record in records):
         raise ResultsError(f"{directory}: no complete case")
     times = (data.get("output") or {}).get("times")
-    unit: Callable[[str], str] = str
-    with suppress(ConfigError):  # words, where it cannot be read in full
-        unit = load(config).unit
-    return labelled(records, Swept.of(sweep, unit, times))
+    return labelled(records, Swept.of(sweep, unit_of(data), times))
 
 
 def _open(path: Path) -> xarray.Dataset:

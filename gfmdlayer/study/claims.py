@@ -18,6 +18,7 @@ configuration or all of its results are replaced, or files of dead runs are remo
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -160,10 +161,13 @@ class Claim:
         """Write the claim into the file of an earlier one of this process, or into a new one."""
         self._known, spare = self._content().encode(), _spares.pop(self._folder, None)
         if spare is not None:
-            with suppress(OSError), open(spare, "r+b", opener=regular_and_no_link) as file:
-                if os.fstat(file.fileno()).st_nlink == 1:  # else it is also another file of this user
-                    file.truncate()
-                    file.write(self._known)
+            with suppress(OSError), io.FileIO(spare, "r+", opener=regular_and_no_link) as file:
+                # Of another link it is also another file of this user. Emptied first, it would be written to
+                # the disk at once.
+                if (
+                    os.fstat(file.fileno()).st_nlink == 1
+                    and file.write(self._known) == len(self._known) == file.truncate()
+                ):
                     return spare
         part = unfinished_path(self._path)
         write_new(part, self._known)
@@ -263,8 +267,9 @@ class Running:
 class AtWork(Listener):
     """Stands in for the claim on a case in memory: its progress, for a display of this process."""
 
-    def __init__(self, index: int, end: float, label: str) -> None:
+    def __init__(self, index: int, end: float, label: str, expected: int = 0) -> None:
         self.index, self._end, self._label, self._started = index, end, label, time.time()
+        self._expected = expected
         self._steps, self._time, self._since = 0, 0.0, (math.nan, math.nan)
 
     def advance(self, simulated_time: float) -> None:
@@ -280,6 +285,7 @@ class AtWork(Listener):
         status: dict[str, Any] = {
             "host": socket.gethostname(), "pid": os.getpid(), "label": self._label, "started": self._started,
             "since": self._since[0], "since_time": self._since[1], "updated": time.time(),
+            "expected": self._expected,
         }  # fmt: skip
         return Running(self.index, **status, simulated_time=self._time, end=self._end, steps=self._steps)
 

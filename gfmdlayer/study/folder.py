@@ -36,15 +36,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.body.bodies import code_refused
+from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.config.reader import Inspection
 from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import open_for_writing, regular, write_new
-from gfmdlayer.files.whole import UNFINISHED, is_intact, is_unfinished, unfinished, write_text
+from gfmdlayer.files.whole import UNFINISHED, is_unfinished, unfinished, write_text
 from gfmdlayer.results import stored
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.study.cases import input_errors
-from gfmdlayer.validation.sections import files_named
 
 MARK = stored.MARK
 FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
@@ -182,7 +182,8 @@ class Folder:
     def stored_config(self) -> Config:
         """Return the configuration of the results."""
         try:
-            return self._stored(load)
+            with code_refused():  # but that of the user's own configuration, which was run before
+                return self._stored(load)
         except ConfigError as error:
             reasons = "; ".join(error.problems)
             raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
@@ -289,30 +290,15 @@ def read_config(
     path: str | Path,
     overrides: Iterable[str] | Mapping[str, object] = (),
     inspect: Inspection | None = input_errors,
+    *,
+    trust: bool = False,
 ) -> Config:
-    """Read a configuration, from YAML or a case's result file, and check its numbers and input files."""
-    return stored_config(path, overrides, inspect) if is_result(path) else load(path, overrides, inspect)
+    """Read a configuration, from YAML or a case's result file, and check its numbers and input files.
 
+    Code that a result file names is run only with `trust`.
+    """
+    if is_result(path):
+        from gfmdlayer.results.reader import stored_config
 
-def stored_config(
-    path: str | Path,
-    overrides: Iterable[str] | Mapping[str, object] = (),
-    inspect: Inspection | None = input_errors,
-) -> Config:
-    """Return the configuration of a case, see `load`; ConfigError where a file that it names has changed."""
-    from gfmdlayer.results.reader import attributes
-
-    try:
-        if is_intact(Path(path)) is False:
-            raise ConfigError([f"{path}: is damaged: it holds other bytes than were written"])
-        known = attributes(path)
-    except ResultsError as error:
-        raise ConfigError([str(error)]) from None
-    if "config" not in known:
-        raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
-    content = str(known["config"])
-    config = load(path, overrides, inspect, content)
-    files = [str(file) for file in files_named(config).values()]
-    if files and not overrides and digest(config) != known.get("digest"):
-        raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
-    return config
+        return stored_config(path, overrides, inspect, trust=trust)
+    return load(path, overrides, inspect)
