@@ -274,8 +274,8 @@ def test_the_compiled_linear_systems_of_a_line_have_the_solutions_of_the_plain_o
     grid, problem = random_problem(seed, 1)
     solver = FrictionSolver(grid, Transforms(grid.points))
     assert solver.solve(problem, tolerance=1e-6).converged
-    # Both have the least residual in the same Krylov space, in single precision (6e-8), which the condition of
-    # the preconditioned systems amplifies, some 1e2 at most.
+    # Both have the least residual in the same Krylov space, in single precision (6e-8), which the condition
+    # of the preconditioned systems amplifies, some 1e2 at most.
     assert off
     assert max(off) < 1e-5
 
