@@ -360,7 +360,7 @@ class ForceMap:
                 folder.path.mkdir(parents=True, exist_ok=True)
                 known = folder.is_results()
                 if not known and any(entry.name != "cases" for entry in folder.path.iterdir()):
-                    raise FolderError(f"{folder.path}: {FOREIGN}")
+                    raise FolderError(f"{folder.path}: {FOREIGN.format(folder.lacking)}")
                 if known and not restart:
                     self._refuse_other()
                 folder.cases.mkdir(exist_ok=True)

@@ -49,8 +49,9 @@ class Plans(NamedTuple):
 
 
 def _execute_in_python(function: int, plan: int, source: Any, target: Any) -> None:
-    places = (each if isinstance(each, int) else each.ctypes.data for each in (source, target))
-    call(function, plan, *places)
+    # Addresses in arrays are numbers of NumPy, which ctypes does not take.
+    places = (each.ctypes.data if isinstance(each, np.ndarray) else int(each) for each in (source, target))
+    call(int(function), int(plan), *places)
 
 
 @primitive(_execute_in_python)

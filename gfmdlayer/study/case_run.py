@@ -249,7 +249,7 @@ class Checkpoints:
         self._due = ended + max(self._interval, pause)
 
     def _warn(self, line: str) -> None:
-        if line != self._warned:
+        if line != self._warned and self._folder.is_there:
             self._warned = line
             self.log(line)
 
@@ -322,6 +322,7 @@ class CaseRun:
             ranks,
         )
         with ExitStack() as held:
+            self._stop_without_folder()
             with ranks.agreeing(Taken):
                 held.enter_context(claim)
             if ranks.shared(folder.case(case.index).exists()):
@@ -357,10 +358,16 @@ class CaseRun:
         warnings = model.run(recording, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):
             claim.confirm()
+        self._stop_without_folder()
         with ranks.agreeing(ResultsError):
             if ranks.first:
                 self._write(model, recording)
         return "; ".join(warnings)
+
+    def _stop_without_folder(self) -> None:
+        """Stop where somebody has removed the folder: another one would lack the cases before."""
+        if not self.ranks.shared(self.folder.is_there):
+            raise Stopped
 
     def _write(self, model: Model, recording: Recording) -> None:
         """Write the file of the case."""

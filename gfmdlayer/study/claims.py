@@ -115,6 +115,8 @@ class Claim:
         due = now - self._written >= WRITE_INTERVAL
         if due:
             self.confirm()
+            if not self._stop.parent.is_dir():
+                raise Stopped  # somebody has removed the folder
         with suppress(OSError):  # the folder may be unreadable for a while
             if stop_requested() or ((due or not self._steps) and self._stop.exists()):
                 raise Stopped

@@ -47,7 +47,8 @@ from gfmdlayer.results.names import ResultsError
 from gfmdlayer.study.cases import input_errors
 
 MARK = stored.MARK
-FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
+FOREIGN = "is not empty and not a results folder of gfmdlayer: {}; choose another with --out"
+NO_CONFIG = "no config.yaml"
 ASIDE = ".aside"
 Numbers: TypeAlias = Mapping[str, set[int]]  # kind of file -> numbers of the cases that have one
 Found = TypeVar("Found")
@@ -167,7 +168,22 @@ class Folder:
         # A run killed in its first instant leaves folders and an unfinished configuration.
         foreign = [name for name in names if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
         if foreign and not self.is_results():
-            raise FolderError(f"{self.path}: {FOREIGN}")
+            raise FolderError(f"{self.path}: {FOREIGN.format(self.lacking)}")
+
+    @property
+    def is_there(self) -> bool:
+        """Whether nobody has removed the folder during a run."""
+        return self.cases.is_dir()
+
+    @property
+    def lacking(self) -> str:
+        """The reason why this folder does not hold results."""
+        if not self.config.exists():
+            return NO_CONFIG
+        with suppress(OSError):
+            if self.config.stat().st_size == 0:
+                return "config.yaml is empty; restore it where this was one"
+        return "config.yaml does not begin as a run writes it"
 
     def is_results(self) -> bool:
         """Whether the folder was made by gfmdlayer; FolderError where this user may not read that."""
@@ -234,7 +250,7 @@ class Folder:
         if not self.path.is_dir():
             raise FolderError(f"{self.path}: no such folder")
         if not self.is_results():
-            raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
+            raise FolderError(f"{self.path}: not a results folder of gfmdlayer: {self.lacking}")
 
 
 # Files of dead runs are removed, and results with --restart; records of failures, files set aside for the

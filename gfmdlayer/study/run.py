@@ -316,6 +316,12 @@ class Study:
 
     def _concluded(self) -> Summary:
         """Write the sweep file, if no case is missing any more."""
+        if not self._folder.is_there:
+            raise ResultsError(
+                f"{self._folder.path}: was removed during the run; the same command starts over"
+            )
+        if not self._folder.config.exists():
+            self._folder.store(self._cases.config, self._numbers)
         counts = self._counts + Counter(outcome.state for outcome in self._ended.values())
         counts["stopped"] = len(self._numbers) - counts.total()
         said: list[str] | None = None

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
+from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import read_json
-from gfmdlayer.results.names import ResultsError
-from gfmdlayer.results.reader import attributes
+from gfmdlayer.files.whole import is_intact
 from gfmdlayer.study.claims import Running, running
 from gfmdlayer.study.folder import Folder
 
 RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
+FILES_VERIFIED, BYTES_VERIFIED = 1000, 1 << 28  # of complete cases, the first of them
 FILES_READ = 20  # of complete cases, for their warnings
 
 
@@ -40,6 +42,7 @@ class Overview:
     failures: list[Record]  # the first `RECORDS_READ` failed cases, and complete ones that ended early
     ended: list[Record]
     warnings: list[str]  # of the sweep file, or of the files of the first `FILES_READ` complete cases
+    damaged: list[int]  # cases, of those whose files were verified: neither complete nor waiting
 
     @property
     def over(self) -> bool:
@@ -47,27 +50,56 @@ class Overview:
         return not self.running and not self.waiting
 
 
-def overview(folder: Folder) -> Overview:
-    """Count the cases of a results folder by state; opens the sweep file or those of a few cases."""
+def overview(folder: Folder, *, verify: bool = False) -> Overview:
+    """Count the cases of a results folder by state; opens the sweep file or those of a few cases.
+
+    `verify` also reads the files of complete cases, as many as a second reads.
+    """
     numbers, by_kind = folder.case_numbers(), folder.numbers()
     total, own = len(numbers), numbers if isinstance(numbers, range) else set(numbers)
     at_work = running(folder, by_kind["running"])
     busy = {case.index for case in at_work}
     complete = {number for number in by_kind["h5"] - busy if number in own}
     failed = {number for number in by_kind["failed"] - busy - complete if number in own}
-    records = [_records(folder, failed, "failed"), _records(folder, by_kind["ended"] & complete, "ended")]
+    failures, ended = (
+        _records(folder, failed, "failed"),
+        _records(folder, by_kind["ended"] & complete, "ended"),
+    )
     waiting = max(0, total - len(complete | failed | busy))
+    damaged = list(_damaged(folder, sorted(complete))) if verify else []
+    complete.difference_update(damaged)
     files = [folder.sweep] if folder.sweep.exists() else map(folder.case, sorted(complete)[:FILES_READ])
-    failures, ended = records
     said = _warnings(files)
-    return Overview(total, len(complete), len(failed), waiting, at_work, failures, ended, said)
+    return Overview(total, len(complete), len(failed), waiting, at_work, failures, ended, said, damaged)
+
+
+def _damaged(folder: Folder, complete: list[int]) -> Iterator[int]:
+    """Yield the cases whose files hold other bytes than were written, of as many as a second reads."""
+    left = BYTES_VERIFIED
+    for index in complete[:FILES_VERIFIED]:
+        path = folder.case(index)
+        with suppress(OSError):  # removed, or not readable for this user
+            state = path.stat()
+            if (left := left - state.st_size) < 0:
+                return
+            if not _is_sound(path, state.st_mtime_ns, state.st_size):
+                yield index
+
+
+@lru_cache(maxsize=4 * FILES_VERIFIED)
+def _is_sound(path: Path, _changed: int, _size: int) -> bool:
+    return is_intact(path) is not False
 
 
 def _warnings(files: Iterable[Path]) -> list[str]:
     """Return the warnings in result files, each once."""
     said: list[str] = []
     for file in files:
-        with suppress(ResultsError):  # removed or damaged in the meantime
+        with suppress(OSError):  # removed or damaged in the meantime
+            if not is_hdf5(file):
+                continue
+            from gfmdlayer.results.reader import attributes  # imports much
+
             said += str(attributes(file).get("warnings", "")).splitlines()
     return list(dict.fromkeys(said))
 

@@ -97,7 +97,9 @@ def test_the_body_of_results_is_run_only_where_the_user_trusts_it(results, path,
     (results / "ran").unlink(missing_ok=True)
     asked = fresh("plot", results / path, "--kind", "body", "--out", tmp_path / "body.png")
     assert asked.returncode == 2
-    assert re.search(r"body.file: .*winkler.py is code, which is not run .*--trust", asked.stderr), asked.stderr
+    assert re.search(r"body.file: .*winkler.py is code, which is not run .*--trust", asked.stderr), (
+        asked.stderr
+    )
     assert not (results / "ran").exists()
     given = fresh("plot", results / path, "--kind", "body", "--out", tmp_path / "body.png", "--trust")
     assert given.returncode == 0, given.stderr
@@ -231,5 +233,8 @@ def test_names_in_files_are_text_on_the_page(results, tmp_path):
     labels = re.findall(r'"(?:label|symbol)":"(.*?)(?<!\\)"', data)
     assert labels
     assert not any("\\u003cimg" in label for label in labels)
-    program = "".join((Path(gfmdlayer.__file__).parent / "figures/report").joinpath(each).read_text() for each in ("tables.js",))
+    program = "".join(
+        (Path(gfmdlayer.__file__).parent / "figures/report").joinpath(each).read_text()
+        for each in ("tables.js",)
+    )
     assert "head: words(" not in program

@@ -574,6 +574,7 @@ def page(data: dict[str, Any], title: str) -> str:
     from plotly.offline import get_plotlyjs
 
     here = files(__package__)
+    title = title.encode(errors="surrogateescape").decode(errors="replace")  # of a file or folder
     version = provenance()["gfmdlayer_version"]
     about = {
         "title": title,
