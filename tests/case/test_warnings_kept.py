@@ -55,7 +55,8 @@ def test_doubts_about_a_leak_are_kept_with_the_points_that_would_do():
     given = {
         "name": "seal", "grid": {"points": [64, 64]}, "punch": punch, "layer": {"thickness": float("inf")},
         "trajectory": {"control": "load", "load": 0.03, "ramp_time": 0.1},
-        "time": {"end": 0.5, "step": 0.1}, "output": {"snapshots": [0.5], "leakage": {"every": 1}},
+        "time": {"end": 10.0, "step": "adaptive", "tolerance": 1e-2},
+        "output": {"snapshots": [10.0], "leakage": {"every": 1}},
     }  # fmt: skip
     data = gfmdlayer.run(given)
     said = data.attrs["warnings"]
