@@ -25,6 +25,7 @@ from gfmdlayer.figures.snapshots import (
     snapshots_figure,
     waterfall_figure,
 )
+from gfmdlayer.files.whole import output_file
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import open_case, open_results
 
@@ -52,6 +53,7 @@ def plot_results(
     log_time: bool = False,
     fps: int | None = None,
     style: Literal["paper", "screen"] = "paper",
+    trust: bool = False,
 ) -> list[Path]:
     """Draw results and write the pictures, as `gfmdlayer plot` does.
 
@@ -90,6 +92,8 @@ def plot_results(
         Frames of a movie in a second.
     style : {"paper", "screen"}
         For the columns of a journal, or for a talk.
+    trust : bool
+        Of the body of results: run the Python code that they name; without it such a body is refused.
 
     Returns
     -------
@@ -105,9 +109,9 @@ def plot_results(
     kind = kind or ("curves" if x or y else None)
     if kind == "body":
         picture = path.with_name(f"{path.stem}-body.png") if path.is_file() else path / "body.png"
-        picture = picture if out is None else Path(out)
+        picture = output_file(out, picture)
         check_suffix(picture)
-        config, title = config_of(path, case)
+        config, title = config_of(path, case, trust=trust)
         save(body_figure(config, look, title), picture, look)
         return [picture]
     with ExitStack() as stack:
@@ -136,7 +140,7 @@ def plot_results(
         ending += default_suffix() if kind == "movie" else ".png"
         name = dataset.attrs.get("name") or path.resolve().name
         beside = path.with_name(path.stem + ending) if path.is_file() else path / f"{name}{ending}"
-        picture = beside if out is None else Path(out)
+        picture = output_file(out, beside)
         if kind == "movie":
             write_movie(first, picture, title, look, fps)
             return [picture]

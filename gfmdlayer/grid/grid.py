@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from math import ceil, gcd, log2, prod
 from typing import Any
 
@@ -197,6 +197,7 @@ def _waves(grid: Grid) -> Wavevectors:
     return waves
 
 
+@cache
 def parts(shape: tuple[int, ...]) -> tuple[int, ...]:
     """Divisors m for which a window of 1/m of the points of each axis has a transform, ascending."""
     divisors: list[int] = []

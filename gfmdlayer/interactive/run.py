@@ -363,6 +363,7 @@ def run(
     progress: bool | None = None,
     jobs: int = 1,
     threads: int = 1,
+    trust: bool = False,
     **values: object,
 ) -> xarray.Dataset:
     """Run a configuration and return its results.
@@ -389,6 +390,9 @@ def run(
         ``if __name__ == "__main__":``.
     threads : int
         Threads for the transforms of a large grid.
+    trust : bool
+        Of the file of a case: run the Python code that it names as its body; without it such a file is
+        refused.
     **values
         Keys of the configuration and their values: ``layer__thickness=0.1``, or
         ``**{"layer.thickness": 0.1}``; None leaves a key out. The `voltage` of an interface law may be an
@@ -429,7 +433,7 @@ def run(
     if not isinstance(jobs, int) or jobs < 1:
         raise ConfigError([f"jobs: got {jobs!r}; must be a whole number >= 1"])
     keys = {key.replace("__", "."): value for key, value in values.items()}
-    cases = checked(partial(_configuration, config, punch, history, keys))
+    cases = checked(partial(_configuration, config, punch, history, keys, trust))
     if out is not None:
         return _run_in_folder(cases, Path(out), progress, jobs, threads)
     return _run_in_memory(cases, progress, jobs, threads)
@@ -440,6 +444,7 @@ def _configuration(
     punch: Punch | None,
     history: History | None,
     values: dict[str, object],
+    trust: bool,
     inspect: Inspection,
 ) -> Config:
     """Return the checked configuration, with arrays as files in memory."""
@@ -465,7 +470,7 @@ def _configuration(
             given = {**given, "interface": with_voltages(given["interface"])}
         found = from_python(given, values, inspect if punch is None else None)
     else:
-        found = read_config(config, values, inspect if punch is None else None)
+        found = read_config(config, values, inspect if punch is None else None, trust=trust)
     return found if punch is None else from_python(found, with_punch(found, punch), inspect)
 
 

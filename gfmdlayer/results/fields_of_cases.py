@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from xarray.backends import BackendArray
@@ -21,6 +20,7 @@ from xarray.core import indexing
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.results.gathering import rows_at
 from gfmdlayer.results.names import ResultsError
+from gfmdlayer.results.netcdf import opened
 
 
 class FieldOfCases(BackendArray):
@@ -48,19 +48,28 @@ class FieldOfCases(BackendArray):
         for place, file in np.ndenumerate(files):
             if not file.is_file():
                 continue
-            with h5py.File(file, locking=False) as h5:
-                if self._name not in h5:
-                    continue
-                field, own, wrong = h5[self._name], h5["snapshot"][...], ""
-                wanted = times[place] if self._snapshots.ndim > 1 else times
-                rows = rows_at(own, wanted, steady=bool(h5.attrs.get("settled", 0)))
-                if field.shape[1:] != self._inner[1:]:
-                    wrong = f"{self._name} of shape {field.shape[1:]}, where others have {self._inner[1:]}"
-                elif not {*range(own.size)} <= {*rows.tolist()}:
-                    wrong = "snapshots at other times than in the sweep"
-                if wrong:
-                    raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-                for at, row in np.ndenumerate(rows[part[0]]):
-                    if row >= 0:
-                        values[(*place, *at)] = field[(row, *part[1:])]
+            wrong = ""
+            try:
+                with opened(file) as h5:
+                    if self._name not in h5:
+                        continue
+                    field, own = h5[self._name], h5["snapshot"][...]
+                    wanted = times[place] if self._snapshots.ndim > 1 else times
+                    rows = rows_at(own, wanted, steady=bool(h5.attrs.get("settled", 0)))
+                    if field.shape[1:] != self._inner[1:]:
+                        wrong = (
+                            f"{self._name} of shape {field.shape[1:]}, where others have {self._inner[1:]}"
+                        )
+                    elif not {*range(own.size)} <= {*rows.tolist()}:
+                        wrong = "snapshots at other times than in the sweep"
+                    else:
+                        for at, row in np.ndenumerate(rows[part[0]]):
+                            if row >= 0:
+                                values[(*place, *at)] = field[(row, *part[1:])]
+            except ResultsError:
+                raise
+            except Exception as error:  # a damaged file can fail anywhere in HDF5, with any exception
+                raise ResultsError(f"{file}: {self._name} cannot be read: is damaged ({error})") from error
+            if wrong:
+                raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
         return values

@@ -33,7 +33,9 @@ from __future__ import annotations
 
 import math
 import re
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,7 +44,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import h5py
 import numpy as np
-from h5py import h5a, h5f, h5g
+from h5py import h5a, h5d, h5f, h5g
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
@@ -82,10 +84,11 @@ OF_ONE_CASE = {
     "instability_energy", "instability_error", "ended",
 }  # fmt: skip
 
-SMALL, MEDIUM = (
-    1 << 18,
-    1 << 22,
-)  # bytes of a file that is read at once; and of one that is verified as a whole
+# Bytes of a file that is read at once; and of one that is verified as a whole.
+SMALL, MEDIUM = 1 << 18, 1 << 22
+KEPT = (
+    1 << 28
+)  # bytes of columns in memory between the two looks at a case; the files of others are read twice
 _NAMED = 5  # cases in a line of the notes
 
 
@@ -189,7 +192,7 @@ class _CaseBytes:
     def about(self, name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
         """Return dimensions and attributes of a variable, none of one without dimensions."""
         with opened(self._path) as file:
-            return _CaseFile(file).about(name)
+            return _CaseFile(file.id).about(name)
 
 
 CaseData: TypeAlias = (
@@ -210,7 +213,7 @@ def _open(record: CaseRecord) -> Iterator[CaseData]:
             yield _CaseBytes(record.source, contents, template)
             return
         with opened(record.source) as file:
-            yield _CaseFile(file)
+            yield _CaseFile(file.id)
     elif record.source is not None:
         yield record.source
 
@@ -226,6 +229,20 @@ def _columns(case: CaseData) -> Iterator[tuple[str, GatheredColumn]]:
         ends = [end for end in (bins, f"{bins}_end") if end in names]
         edges = {end: (case.about(end)[1], case.values(end)) for end in ends}
         yield name, GatheredColumn(described, bins, edges)
+
+
+class _Curves(NamedTuple):
+    """The columns of a case."""
+
+    times: FloatArray
+    columns: Mapping[str, FloatArray]
+    settled: bool
+
+    @classmethod
+    def of(cls, case: CaseData, names: Iterable[str]) -> _Curves:
+        """Read them."""
+        columns = {name: case.values(name) for name in sorted(names)}
+        return cls(case.values(TIME.name), columns, bool(case.attribute("settled")))
 
 
 class _Times:
@@ -263,7 +280,7 @@ def _same(one: object, other: object) -> bool:
 
 
 class Gathered:
-    """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
+    """The cases of a sweep, labelled by the swept keys; `KEPT` bytes of their columns are in memory.
 
     `failed` has the reason for each case without results, `places` the indices of each case along
     `dimensions`; `along` is the dimension of the rows, time or row.
@@ -279,9 +296,12 @@ class Gathered:
         self._layouts: dict[tuple[str, ...], dict[str, GatheredColumn]] = {}
         self._warned: dict[str, tuple[str, list[int]]] = {}  # by the words without numbers
         self._held: dict[int, frozenset[str]] = {}
+        self._plain: dict[tuple[str, ...], frozenset[str]] = {}
         self._alike: dict[frozenset[str], frozenset[str]] = {}  # one set for all cases with equal columns
         times, self._snapshots = _Times(), _Times()
         self._snapshot_times: dict[int, FloatArray] = {}
+        self._kept: dict[int, _Curves] = {}
+        self._room, self._known = KEPT, known_numbers()
         for record in records:
             if record.index not in self.failed and not self._add(record, times):
                 self.failed[record.index] = INCOMPLETE
@@ -313,7 +333,11 @@ class Gathered:
                 held = self._columns_of(case)
                 snapshots = case.values("snapshot") if case.attribute("snapshots") else np.empty(0)
                 self._warn(record.index, str(case.attribute("warnings") or ""))
-                own = {name: case.attribute(name) for name in known_numbers()}
+                own = {name: case.attribute(name) for name in self._known}
+                if isinstance(case, _CaseBytes) and self._room > 0:
+                    kept = _Curves.of(case, held)
+                    self._room -= sum(values.nbytes for values in kept.columns.values())
+                    self._kept[record.index] = kept
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
         every.add(times)
@@ -335,6 +359,8 @@ class Gathered:
         if names not in self._layouts:
             self._layouts[names] = dict(_columns(case))
         held = self._layouts[names]
+        if names in self._plain:
+            return self._plain[names]
         for name, gathered in held.items():
             self._columns.setdefault(name, gathered)
         fitting = []
@@ -343,7 +369,10 @@ class Gathered:
             ends = ((case.values(end), edges) for end, (_, edges) in known.edges.items())
             if gathered.bins == known.bins and all(np.array_equal(*each) for each in ends):
                 fitting.append(name)
-        return frozenset(fitting)
+        found = frozenset(fitting)
+        if not any(gathered.edges or self._columns[name].edges for name, gathered in held.items()):
+            self._plain[names] = found  # no values decide
+        return found
 
     @property
     def coordinates(self) -> dict[str, Labelled]:
@@ -396,7 +425,7 @@ class Gathered:
             held = np.full(self.shape, np.nan)
             for record, place in zip(self._records, self.places, strict=True):
                 held[place] = values.get(record.index, np.nan)
-            described = known_numbers()[name].in_units(self._unit).described
+            described = self._known[name].in_units(self._unit).described
             numbers[name] = Labelled(self.dimensions, described, held)
         return numbers
 
@@ -433,20 +462,22 @@ class Gathered:
                 yield place, columns
 
     def _read(self, record: CaseRecord) -> dict[str, FloatArray]:
-        with _open(record) as case:
-            names = sorted(self._held[record.index])
-            if self.along == ROW:
-                columns = {self._name(name): case.values(name) for name in (TIME.name, *names)}
-                if len(columns[TIME.name]) > self._times.size:
-                    raise ValueError(f"{record.source}: has been changed")
-                return columns
-            settled = bool(case.attribute("settled"))
-            rows = rows_at(case.values(TIME.name), self._times, steady=settled)
-            columns = {self._name(name): case.values(name)[rows] for name in names}
-        if (rows < 0).any():  # behind the end of the case
-            columns = {name: values.astype(np.float64) for name, values in columns.items()}
-            for values in columns.values():
-                values[rows < 0] = np.nan
+        case = self._kept.pop(record.index, None)
+        if case is None:
+            with _open(record) as opened_case:
+                case = _Curves.of(opened_case, self._held[record.index])
+        times, columns = case.times, {self._name(name): values for name, values in case.columns.items()}
+        if self.along == ROW:
+            if len(times) > self._times.size:
+                raise ValueError(f"{record.source}: has been changed")
+            return {self._name(TIME.name): times, **columns}
+        if not np.array_equal(times, self._times):
+            rows = rows_at(times, self._times, steady=case.settled)
+            columns = {name: values[rows] for name, values in columns.items()}
+            if (rows < 0).any():  # behind the end of the case
+                columns = {name: values.astype(np.float64) for name, values in columns.items()}
+                for values in columns.values():
+                    values[rows < 0] = np.nan
         return columns
 
     @property
@@ -550,11 +581,62 @@ def lay_out(
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
 
+class _Packer:
+    """Writes a column of all cases in whole chunks, which a thread packs while other cases are read."""
+
+    def __init__(self, dataset: h5d.DatasetID, axes: int, pool: Executor) -> None:
+        self._dataset, self._axes, self._pool = dataset, axes, pool
+        shape = dataset.shape
+        self._chunk: tuple[int, ...] = dataset.get_create_plist().get_chunk() if math.prod(shape) else shape
+        self._whole = self._chunk[axes:] == shape[axes:]  # a chunk has whole curves
+        self._at: tuple[int, ...] | None = None  # the chunk that is being filled, by its first place
+        self._left: set[tuple[int, ...]] = set()
+        self._buffer: FloatArray = np.empty(0)
+        self._packed: list[tuple[tuple[int, ...], Future[bytes]]] = []
+
+    def put(self, place: tuple[int, ...], curve: FloatArray) -> None:
+        """Take the curve of a case."""
+        if not curve.size:
+            return
+        first = tuple([i - i % length for i, length in zip(place, self._chunk, strict=False)])
+        if first != self._at:
+            if first in self._left or not self._whole:
+                self.write()
+                start = (*place, *(0 for _ in curve.shape))
+                write_at(self._dataset, start, curve.reshape(*(1 for _ in place), *curve.shape))
+                return
+            self.leave()
+            self._at, self._buffer = first, np.full(self._chunk, np.nan)
+        self._buffer[tuple(map(int.__sub__, place, first))][: len(curve)] = curve
+
+    def leave(self) -> None:
+        """Have the chunk packed; write the one before it."""
+        if self._at is None:
+            return
+        self.write()
+        start = (*self._at, *(0 for _ in self._chunk[self._axes :]))
+        self._packed.append((start, self._pool.submit(_packed, self._buffer)))
+        self._left.add(self._at)
+        self._at = None
+
+    def write(self) -> None:
+        """Write what has been packed."""
+        for start, packed in self._packed:
+            self._dataset.write_direct_chunk(start, packed.result())
+        self._packed.clear()
+
+
+def _packed(values: FloatArray) -> bytes:
+    """Pack a chunk as the filters of `PACKED` do."""
+    by_byte = np.ascontiguousarray(values.reshape(-1).view(np.uint8).reshape(-1, values.itemsize).T)
+    return zlib.compress(by_byte.data, PACKED["compression_opts"])
+
+
 def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) -> Path:
     """Write DIR/sweep.h5 from the files of the cases; a case without results is NaN, named in `failed`."""
     path = Path(directory) / SWEEP_FILE
     sweep = Gathered(records, swept)
-    with new_file(path) as file:
+    with new_file(path) as file, ThreadPoolExecutor(1) as pool:
         h5 = file.begin()
         coordinates = sweep.coordinates
         for name, (dimensions, described, values) in coordinates.items():
@@ -579,13 +661,17 @@ def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) 
                 for length in reversed(shape):
                     chunks.insert(0, max(1, min(length, CHUNK // math.prod(chunks))))
                 options |= {"chunks": tuple(chunks), **PACKED}
-            columns[name] = add(name, dimensions, described, **options)
+            variable = add(name, dimensions, described, **options)
+            columns[name] = _Packer(variable.id, len(sweep.shape), pool)
         for place, curves in sweep.curves():
             for name, values in curves.items():
-                if values.size:
-                    start = (*place, *(0 for _ in values.shape))
-                    write_at(columns[name].id, start, values.reshape(*(1 for _ in place), *values.shape))
+                columns[name].put(place, values)
             file.check()
+        for packer in columns.values():
+            packer.leave()
+        for packer in columns.values():
+            packer.write()
+        file.check()
         if SNAPSHOT_ROW in coordinates:  # no variable of this file lies beside these times
             h5.attrs["coordinates"] = "snapshot"
         h5.attrs.update(sweep.attributes)

@@ -7,7 +7,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -391,15 +391,22 @@ def attributes(
     return attributes
 
 
-def warm_up(todo: Sequence[SweepCase]) -> list[str]:
-    """Compile the kernels of each kind of case; return warnings."""
+def warm_up(todo: Sequence[SweepCase], *, stepwise: bool = False) -> list[str]:
+    """Compile the kernels of each kind of case, with `stepwise` those of Python's loop; return warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        for config in {kind(case.config): case.config for case in todo}.values():
+        for config in {_kind(case.config): case.config for case in todo}.values():
             with suppress(Exception):  # the case will meet it again, and be recorded as failed
-                model_of(config).warm_up()
+                model = model_of(config)
+                model.stepwise = stepwise or config.output.keep_state
+                model.warm_up()
     said = [str(warning.message) for warning in caught if warning.category is UserWarning]
     return list(dict.fromkeys(said))
+
+
+def _kind(config: Config) -> Hashable:
+    """Return the kind of a case, and what else decides whether the compiled loop takes it."""
+    return kind(config), config.output.keep_state, config.finer_tolerance < config.solver.tolerance
 
 
 # Ranks of a case fail together: an error of one of them ends the case on all.

@@ -291,8 +291,9 @@ class Study:
         solvers = f": contact solver {', '.join(chosen)}" if chosen else ""
         work = f"compiling kernels, once per machine (about 20 s){solvers}"
         said: list[str] = []
+        stepwise = self._options.checkpoint_every == 0 or self._options.ranks_per_case > 1
         with suppress(KeyboardInterrupt), reporter.preparing(work), interrupts.at_once():
-            said = warm_up(todo)
+            said = warm_up(todo, stepwise=stepwise)
         for line in said if not interrupts.stop_requested() else ():
             reporter.note(f"warning: {line}")
 
