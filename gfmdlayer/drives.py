@@ -195,9 +195,7 @@ class Drives:
     def output_times(self) -> tuple[float, ...]:
         """Times of the rows on which adaptive steps land."""
         times, end = self.config.output.times, self.config.time.end
-        if isinstance(times, float):
-            return tuple(times * i for i in range(1, math.floor(end / times + 1e-9) + 1))
-        return times or ()
+        return _multiples(times, end) if isinstance(times, float) else times or ()
 
     @cached_property
     def landings(self) -> Sequence[Instant]:
@@ -306,3 +304,8 @@ def _read(file: Path, quantity: str, felt: tuple[Shift, ...], _changed: tuple[in
         return next(filter(None, (shift.refused(row[1]) for shift in felt)), "")
 
     return Table.read(file, quantity, refused if felt else None)
+
+
+@lru_cache(maxsize=4)
+def _multiples(spacing: float, end: float) -> tuple[float, ...]:
+    return tuple(spacing * i for i in range(1, math.floor(end / spacing + 1e-9) + 1))

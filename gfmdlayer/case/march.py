@@ -57,7 +57,7 @@ from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate
 from gfmdlayer.history.modes import ModeArrays, Modes
 from gfmdlayer.history.sliding_modes import SlidingArrays, SlidingModes
 from gfmdlayer.history.time_points import FixedSteps
-from gfmdlayer.kernels import address_of, by_address, compiling, kernel
+from gfmdlayer.kernels import address_of, by_address, compiling, kernel, record_type
 from gfmdlayer.observables import Observable, columns
 from gfmdlayer.observables.contact import ContactMeans, ContactStatistics, Force, Resolution
 from gfmdlayer.observables.contact_statistics import extent_of_line, extent_of_surface
@@ -135,7 +135,7 @@ class FixedPoints(NamedTuple):
     marks: IntArray
 
 
-NOW = np.dtype(
+NOW = record_type(
     [
         ("time", np.float64),  # of the last attempt
         ("point", np.int64),  # number of the next one of `FixedPoints`

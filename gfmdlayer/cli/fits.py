@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from gfmdlayer.cli.terminal import (
     COMPLETE,
     FAILED,
-    OUT,
     STATUSES,
     arguments,
     conclude,
@@ -29,7 +28,7 @@ data DATA  file with two or three columns; the first must increase
   (default: a Prony series)
 --columns NAMES  names of columns, such as "f, E', tan delta"
 --poisson NU = 0.5  Poisson's ratio, for E (default: 0.5)
---out PATH  YAML file, or folder for it (default: NAME.yaml here)
+--out PATH  YAML file, or folder for NAME.yaml; the figure lies beside it (default: here)
 --branches N  number of branches (default: the fewest that fit)
 --relaxed-modulus G0  relaxed modulus (default: fitted)
 --normalise  write moduli in units of G0
@@ -60,7 +59,7 @@ def fit_material(options: argparse.Namespace) -> int:
     try:
         summary = material.fit_material(
             Path(options.data),
-            None if options.out is None else Path(options.out),
+            options.out,
             law=options.law,
             poisson=options.poisson,
             names=options.columns,
@@ -79,6 +78,11 @@ def fit_material(options: argparse.Namespace) -> int:
     return COMPLETE
 
 
+_OUT_OF_INDENTATION = """
+--out PATH  YAML file, or folder for NAME-fit.yaml; the other files lie beside it (default: here); with --each
+  the results folder (default: results/NAME-fits)
+--jobs N = 1  processes (default: 1)
+"""
 _EXAMPLES_OF_INDENTATION = (
     "gfmdlayer fit-indentation configs/gel.csv --model configs/gel.model.yml --contact detect\n"
     "  gfmdlayer fit-indentation map.h5 --model gel.model.yml --each --jobs 4 --out results/map\n\n"
@@ -110,7 +114,7 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
     --each  fit each curve by itself into a results folder, with maps; also under mpirun or srun
     """
     arguments(parser, text)
-    arguments(parser, OUT)
+    arguments(parser, _OUT_OF_INDENTATION)
     arguments(parser, "--restart  with --each: remove earlier results in DIR\n--force  overwrite files")
 
 
@@ -175,8 +179,7 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) ->
     from gfmdlayer.fitting.problem import IndentationModel
     from gfmdlayer.fitting.starts import read_model
 
-    out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
-    report.targets(out, options.force)
+    out, *_ = report.targets(options.out, options.force, f"{Path(options.data[0]).stem}-fit")
     models = {str(path): read_model(path, free) for path in options.model}
     checked = {path: (IndentationModel(data), keys) for path, (data, keys) in models.items()}
     measured = entries([Path(each) for each in options.data])

@@ -94,6 +94,7 @@ def _lines(seen: Overview) -> list[str]:
     lines = [_counts(seen), *cut_short(running)]
     lines += _records(seen.failures, seen.failed, "failed")
     lines += _records(seen.ended, len(seen.ended), "complete")
+    lines += cut_short([f"warning: {text}" for text in seen.warnings])
     return [printable(line).replace("\n", " ") for line in lines]
 
 

@@ -1,4 +1,4 @@
-"""Numbers in files of users: columns of text, with errors that name the line, and groups of HDF5 files."""
+"""Numbers in files of users: columns of text, with errors that name the line."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import h5py
-
     from gfmdlayer.arrays import FloatArray
 
 
@@ -112,6 +110,10 @@ def _rows(path: Path, lines: Sequence[Line], wanted: str) -> Iterator[tuple[str,
         except ValueError:
             if begun or any(map(is_number, words)):
                 raise TableError(f"{path}:{number}: cannot read {text[:60]!r}; must be {wanted}") from None
+            if any(is_number(word.strip("\"'")) for word in words):
+                raise TableError(
+                    f"{path}:{number}: has numbers in quotes, {text[:60]!r}; remove the quotes"
+                ) from None
             continue  # the names of the columns
         begun = True
         yield f"{path}:{number}", text, row
@@ -213,33 +215,3 @@ def _numbers(items: list[str]) -> list[int | float] | None:
             return None
         numbers.append(int(match[0]) if match[1] is None and match[2] is None else float(match[0]))
     return numbers if all(map(math.isfinite, numbers)) else None
-
-
-# HDF5 files of users: their contents must be in the file itself, because only they enter the digest.
-
-
-def refuse_other_files(path: Path, group: h5py.Group) -> None:
-    """Refuse a group with links to other files, or data that are stored in them; not the groups in it."""
-    import h5py
-
-    for name in group:
-        link = group.get(name, getlink=True)
-        if isinstance(link, h5py.ExternalLink):
-            raise TableError(f"{path}: {name} is a link to {link.filename}; must be in the file itself")
-        kind = group.get(name, getclass=True)
-        if kind is h5py.Dataset and (group[name].external or group[name].is_virtual):
-            raise TableError(f"{path}: {name} is stored in another file; must be in the file itself")
-
-
-def open_group(path: Path, file: h5py.File, name: str) -> h5py.Group:
-    """Return a group of a file, refusing other files on the way to it and in it."""
-    import h5py
-
-    group: h5py.Group = file
-    refuse_other_files(path, group)
-    for part in filter(None, name.split("/")):
-        if group.get(part, getclass=True) is not h5py.Group:
-            raise TableError(f"{path}: has no group {name!r}")
-        group = group[part]
-        refuse_other_files(path, group)
-    return group

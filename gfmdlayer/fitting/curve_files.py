@@ -28,7 +28,8 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import TableError, is_number, read_lines, refuse_other_files
+from gfmdlayer.files.hdf5 import open_hdf5, refuse_other_files
+from gfmdlayer.files.tables import TableError, is_number, read_lines
 from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_curve import (
     BASE,
@@ -280,10 +281,8 @@ def _hdf5_columns(entry: Entry) -> _Columns:
 
 @contextmanager
 def _hdf5(path: Path) -> Iterator[Any]:
-    import h5py
-
     try:
-        with h5py.File(path, locking=False) as file:
+        with open_hdf5(path) as file:
             refuse_other_files(path, file)
             yield file
     except TableError:

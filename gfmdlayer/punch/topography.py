@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.files.tables import LARGEST, TableError, open_group, read_columns, read_matrix
+from gfmdlayer.files.hdf5 import READING, open_group, open_hdf5
+from gfmdlayer.files.tables import LARGEST, TableError, read_columns, read_matrix
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.validation.problems import ConfigError
 
@@ -155,9 +156,9 @@ def _labelled(file: Path, axes: int, dataset: str | None, rows: slice) -> Height
     options: dict[str, Any] = {"engine": "h5netcdf", "phony_dims": "sort"} if hdf5 else {"engine": "scipy"}
     try:
         if hdf5:
-            with h5py.File(file, locking=False) as h5:
+            with open_hdf5(file) as h5:
                 open_group(file, h5, group)
-            options["driver_kwds"] = {"locking": False}
+            options["driver_kwds"] = READING
         with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as opened:
             chosen = _chosen(file, opened, axes, name)
             if set(chosen.dims) == {"x", "y"}:

@@ -36,20 +36,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.body.bodies import code_refused
+from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.config.reader import Inspection
+from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import open_for_writing, regular, write_new
-from gfmdlayer.files.whole import is_intact, is_unfinished, unfinished, write_text
+from gfmdlayer.files.whole import UNFINISHED, is_unfinished, unfinished, write_text
 from gfmdlayer.results import stored
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.study.cases import input_errors
-from gfmdlayer.validation.sections import files_named
 
 MARK = stored.MARK
 FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
 ASIDE = ".aside"
 Numbers: TypeAlias = Mapping[str, set[int]]  # kind of file -> numbers of the cases that have one
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 Found = TypeVar("Found")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
@@ -88,6 +88,19 @@ class Folder:
     def case(self, index: int, kind: str = "h5") -> Path:
         """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or snapshots."""
         return self.cases / f"{index:04d}.{kind}"
+
+    def spare(self, index: int, process: int) -> Path:
+        """Return the name of the file that a process of the run keeps between its claims."""
+        return self.cases / f"{index:04d}.running.{process}-{self.run}{UNFINISHED}"
+
+    def end_run(self) -> None:
+        """Remove the files of the run itself, when none of its processes computes any more."""
+        with suppress(OSError):
+            self.stop.unlink(missing_ok=True)
+        ending = f"-{self.run}{UNFINISHED}"
+        for path in _files(self.cases, lambda name: name.endswith(ending)):
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
     def numbers(self) -> Numbers:
         """Return the numbers of the cases that have a file, by its kind, from one listing of the folder."""
@@ -169,7 +182,8 @@ class Folder:
     def stored_config(self) -> Config:
         """Return the configuration of the results."""
         try:
-            return self._stored(load)
+            with code_refused():  # but that of the user's own configuration, which was run before
+                return self._stored(load)
         except ConfigError as error:
             reasons = "; ".join(error.problems)
             raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
@@ -267,10 +281,8 @@ def name_of_run() -> str:
 
 def is_result(path: str | Path) -> bool:
     """Tell whether a file is one of results, and not a configuration in YAML; a pipe is not, and not read."""
-    if not Path(path).is_file():
-        return False
-    with suppress(OSError), Path(path).open("rb") as file:
-        return file.read(len(_SIGNATURE)) == _SIGNATURE
+    with suppress(OSError):
+        return is_hdf5(path)
     return False
 
 
@@ -278,30 +290,15 @@ def read_config(
     path: str | Path,
     overrides: Iterable[str] | Mapping[str, object] = (),
     inspect: Inspection | None = input_errors,
+    *,
+    trust: bool = False,
 ) -> Config:
-    """Read a configuration, from YAML or a case's result file, and check its numbers and input files."""
-    return stored_config(path, overrides, inspect) if is_result(path) else load(path, overrides, inspect)
+    """Read a configuration, from YAML or a case's result file, and check its numbers and input files.
 
+    Code that a result file names is run only with `trust`.
+    """
+    if is_result(path):
+        from gfmdlayer.results.reader import stored_config
 
-def stored_config(
-    path: str | Path,
-    overrides: Iterable[str] | Mapping[str, object] = (),
-    inspect: Inspection | None = input_errors,
-) -> Config:
-    """Return the configuration of a case, see `load`; ConfigError where a file that it names has changed."""
-    from gfmdlayer.results.reader import attributes
-
-    try:
-        if is_intact(Path(path)) is False:
-            raise ConfigError([f"{path}: is damaged: it holds other bytes than were written"])
-        known = attributes(path)
-    except ResultsError as error:
-        raise ConfigError([str(error)]) from None
-    if "config" not in known:
-        raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
-    content = str(known["config"])
-    config = load(path, overrides, inspect, content)
-    files = [str(file) for file in files_named(config).values()]
-    if files and not overrides and digest(config) != known.get("digest"):
-        raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
-    return config
+        return stored_config(path, overrides, inspect, trust=trust)
+    return load(path, overrides, inspect)

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from gfmdlayer.files.locks import read_json
+from gfmdlayer.results.names import ResultsError
+from gfmdlayer.results.reader import attributes
 from gfmdlayer.study.claims import Running, running
 from gfmdlayer.study.folder import Folder
 
 RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
+FILES_READ = 20  # of complete cases, for their warnings
 
 
 @dataclass(frozen=True)
@@ -34,6 +39,7 @@ class Overview:
     running: list[Running]  # the running cases
     failures: list[Record]  # the first `RECORDS_READ` failed cases, and complete ones that ended early
     ended: list[Record]
+    warnings: list[str]  # of the sweep file, or of the files of the first `FILES_READ` complete cases
 
     @property
     def over(self) -> bool:
@@ -42,7 +48,7 @@ class Overview:
 
 
 def overview(folder: Folder) -> Overview:
-    """Count the cases of a results folder by state; opens no result file."""
+    """Count the cases of a results folder by state; opens the sweep file or those of a few cases."""
     numbers, by_kind = folder.case_numbers(), folder.numbers()
     total, own = len(numbers), numbers if isinstance(numbers, range) else set(numbers)
     at_work = running(folder, by_kind["running"])
@@ -51,7 +57,19 @@ def overview(folder: Folder) -> Overview:
     failed = {number for number in by_kind["failed"] - busy - complete if number in own}
     records = [_records(folder, failed, "failed"), _records(folder, by_kind["ended"] & complete, "ended")]
     waiting = max(0, total - len(complete | failed | busy))
-    return Overview(total, len(complete), len(failed), waiting, at_work, *records)
+    files = [folder.sweep] if folder.sweep.exists() else map(folder.case, sorted(complete)[:FILES_READ])
+    failures, ended = records
+    said = _warnings(files)
+    return Overview(total, len(complete), len(failed), waiting, at_work, failures, ended, said)
+
+
+def _warnings(files: Iterable[Path]) -> list[str]:
+    """Return the warnings in result files, each once."""
+    said: list[str] = []
+    for file in files:
+        with suppress(ResultsError):  # removed or damaged in the meantime
+            said += str(attributes(file).get("warnings", "")).splitlines()
+    return list(dict.fromkeys(said))
 
 
 def _records(folder: Folder, numbers: set[int], kind: str) -> list[Record]:

@@ -266,7 +266,15 @@ def undisturbed(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("signum", "jobs"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2"), (signal.SIGUSR1, "1")]
+    ("signum", "jobs"),
+    [
+        (signal.SIGHUP, "2"),
+        (signal.SIGINT, "1"),
+        (signal.SIGTERM, "2"),
+        (signal.SIGUSR1, "1"),
+        (signal.SIGUSR2, "2"),
+        (signal.SIGXCPU, "1"),
+    ],
 )
 def test_a_signal_stops_a_run_that_the_same_command_resumes(signum, jobs, undisturbed, bits, capfd):
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
