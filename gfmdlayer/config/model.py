@@ -109,7 +109,10 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
 Name = Annotated[
     str,
     Field(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,127}$"),
-    MustBe("text of at most 128 of a-z A-Z 0-9 . _ -, not beginning with . or - (it names a folder)"),
+    MustBe(
+        "text of at most 128 letters, digits and . _ -, with letters from a to z or A to Z, "
+        "not beginning with . or - (it names a folder)"
+    ),
 ]
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import io
 import json
 import os
 import stat
@@ -32,7 +31,7 @@ def no_link(path: str, flags: int) -> int:
 
 def write_new(path: Path, contents: bytes | bytearray) -> None:
     """Write a file that must not exist, not even as a symbolic link."""
-    with io.FileIO(path, "x", opener=no_link) as file:
+    with open(path, "xb", buffering=0, opener=no_link) as file:
         rest = memoryview(contents)
         while rest:
             rest = rest[file.write(rest) :]
@@ -41,7 +40,7 @@ def write_new(path: Path, contents: bytes | bytearray) -> None:
 def read_small(path: Path) -> bytes:
     """Read a small regular file; any other, such as a pipe, is not waited for."""
     contents = b""
-    with io.FileIO(path, "r", opener=regular_and_no_link) as file:
+    with open(path, "rb", buffering=0, opener=regular_and_no_link) as file:
         while len(contents) <= _LARGEST and (part := file.read(_LARGEST + 1)):
             contents += part
     if len(contents) > _LARGEST:

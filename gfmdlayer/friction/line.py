@@ -159,6 +159,59 @@ def _dot(a: Any, b: Any) -> Any:
     return total
 
 
+@kernel(reorder=True, inner=True)
+def _orthogonalise(V: Any, count: int, w: Any, column: FloatArray) -> float:
+    """Take the parts along some vectors from w, and write them; return its length, NaN if not finite."""
+    parts, largest = np.zeros(count), 0.0
+    column[:] = 0.0
+    for _ in range(2 if count > 1 else 1):  # twice is enough for orthogonality to rounding
+        for j in range(count):
+            parts[j] = _dot(V[j], w)
+        for j in range(count):
+            column[j] += parts[j]
+            part: Any = np.float32(parts[j])
+            row = V[j]
+            for i in range(w.size):
+                w[i] -= part * row[i]
+    for j in range(count):
+        largest = max(largest, abs(column[j]))
+    length = math.sqrt(_dot(w, w))
+    return length if largest + length < np.inf else np.nan
+
+
+@kernel(inner=True)
+def _rotate(R: FloatArray, rotations: FloatArray, left: FloatArray, k: int, below: float) -> float:
+    """Rotate column k of the Hessenberg matrix, and `below` it, into that of R; return what is left."""
+    column = R[k]
+    for j in range(k):
+        cosine, sine, above = rotations[j, 0], rotations[j, 1], column[j]
+        column[j], column[j + 1] = (
+            cosine * above + sine * column[j + 1],
+            cosine * column[j + 1] - sine * above,
+        )
+    length = math.sqrt(column[k] * column[k] + below * below)
+    if length > 0.0:
+        rotations[k, 0], rotations[k, 1] = column[k] / length, below / length
+        left[k + 1], left[k] = -rotations[k, 1] * left[k], rotations[k, 0] * left[k]
+        column[k] = length
+    return float(abs(left[k + 1]))
+
+
+@kernel(inner=True)
+def _combine(R: FloatArray, left: FloatArray, Z: Any, size: float, solution: FloatArray) -> None:
+    """Write the solution, from R by its columns."""
+    count = Z.shape[0]
+    parts = np.zeros(count)
+    for k in range(count - 1, -1, -1):
+        some = left[k]
+        for j in range(k + 1, count):
+            some -= R[j, k] * parts[j]
+        parts[k] = some / R[k, k]
+    for k in range(count):
+        for i in range(solution.size):
+            solution[i] += size * parts[k] * Z[k, i]
+
+
 @kernel(reorder=True)
 def solve_on_line(system: LineSystem, b: FloatArray, inexact: float, most: int, solution: FloatArray) -> int:
     """Solve by flexible, right-preconditioned GMRES in single precision; return the iterations."""
@@ -171,55 +224,27 @@ def solve_on_line(system: LineSystem, b: FloatArray, inexact: float, most: int, 
         return 0
     V, Z = np.empty((most + 1, n), np.float32), np.empty((most, n), np.float32)
     w, fields = np.empty(n, np.float32), np.empty((2, system.share.shape[1]), np.float32)
-    # Rotations make the Hessenberg matrix triangular, and its columns those of R.
-    R, rotations, left = np.zeros((most, most)), np.zeros((most, 2)), np.zeros(most + 1)
-    column, added = np.zeros(most + 1), np.zeros(most)
+    # Rotations make the Hessenberg matrix triangular: R, whose rows here are its columns.
+    R, rotations, left = np.zeros((most, most + 1)), np.zeros((most, 2)), np.zeros(most + 1)
     for i in range(n):
         V[0, i] = b[i] / size
-    left[0], done = 1.0, 0
+    left[0], count = 1.0, 0
     for k in range(most):
         _precondition(system, V[k], fields, Z[k])
         _apply(system, Z[k], fields, w)
-        column[:] = 0.0
-        for _ in range(2 if k > 0 else 1):  # twice is enough for orthogonality to rounding
-            for j in range(k + 1):
-                added[j] = _dot(V[j], w)
-            for j in range(k + 1):
-                column[j] += added[j]
-                part: Any = np.float32(added[j])
-                row = V[j]
-                for i in range(n):
-                    w[i] -= part * row[i]
-        last, largest = math.sqrt(_dot(w, w)), 0.0
-        for j in range(k + 1):
-            largest = max(largest, abs(column[j]))
-        if not largest + last < np.inf:
+        length = _orthogonalise(V, k + 1, w, R[k])
+        if np.isnan(length):
             solution[:] = np.nan
             return k + 1
-        for j in range(k):
-            cosine, sine, above = rotations[j, 0], rotations[j, 1], column[j]
-            column[j] = cosine * above + sine * column[j + 1]
-            column[j + 1] = cosine * column[j + 1] - sine * above
-        length = math.sqrt(column[k] * column[k] + last * last)
-        if length > 0.0:
-            rotations[k, 0], rotations[k, 1] = column[k] / length, last / length
-            left[k + 1], left[k] = -rotations[k, 1] * left[k], rotations[k, 0] * left[k]
-            column[k], done = length, k + 1
-            for j in range(k + 1):
-                R[j, k] = column[j]
-        if length == 0.0 or abs(left[k + 1]) <= inexact or not last > 1e-6 * largest:
+        largest = 0.0
+        for j in range(k + 1):
+            largest = max(largest, abs(R[k, j]))
+        rest = _rotate(R, rotations, left, k, length)
+        count = k + 1 if R[k, k] != 0.0 else k
+        if rest <= inexact or not length > 1e-6 * largest:
             break
-        if k + 1 < most:
-            per: Any = np.float32(last)
-            for i in range(n):
-                V[k + 1, i] = w[i] / per
-    for k in range(done - 1, -1, -1):
-        some = left[k]
-        for j in range(k + 1, done):
-            some -= R[k, j] * column[j]
-        column[k] = some / R[k, k]
-    for k in range(done):
-        part_, row = size * column[k], Z[k]
+        per: Any = np.float32(length)
         for i in range(n):
-            solution[i] += part_ * row[i]
-    return max(done, 1)
+            V[k + 1, i] = w[i] / per
+    _combine(R, left, Z[:count], size, solution)
+    return k + 1

@@ -159,7 +159,8 @@ class Intervals:
         kernel, n = blocks.kernel, blocks.kernel.size
         first, length = intervals(points)
         lengths = np.unique(length).tolist() if first.size > 1 else length.tolist()
-        inverses, shapes, own = [np.zeros(0, np.float32)], np.empty(points.size), np.empty(first.size)
+        inverses: list[NDArray[Any]] = [np.zeros(0, np.float32)]
+        shapes, own = np.empty(points.size), np.empty(first.size)
         place, end = np.zeros(first.size, dtype=np.int64), 0
         for some in lengths:
             chosen = length == some
@@ -184,11 +185,6 @@ class Intervals:
         return tractions
 
 
-_NO_INTERVALS = LineIntervals(
-    *np.zeros((3, 0), np.int64), np.zeros(0, np.float32), np.zeros(0), np.zeros((0, 0))
-)
-
-
 def intervals(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return where each interval of sorted points begins, and its points."""
     begins = np.ones(points.size, dtype=bool)
@@ -197,6 +193,9 @@ def intervals(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     length = np.full(first.size, points.size)
     length[:-1] = first[1:]
     return first, length - first
+
+
+_NO_INTERVALS = Intervals(BlockInverse(np.zeros(1)), np.zeros(0, np.int64)).arrays
 
 
 class LinearSystem:
@@ -344,7 +343,7 @@ def _inverse(sums: FloatArray) -> FloatArray:
     if len(sums) == 1:
         total = float(sums[0, 0])
         return np.array([[1 / total if total else 0.0]])
-    return np.linalg.pinv(sums) if len(sums) else np.zeros((0, 0))
+    return np.asarray(np.linalg.pinv(sums)) if len(sums) else np.zeros((0, 0))
 
 
 def gmres(

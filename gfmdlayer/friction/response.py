@@ -117,7 +117,7 @@ class SharedTransforms:
         self._transforms, self.spent, self._share = transforms, spent, share
         self._parts = parts(self.shape)
         self._made: dict[tuple[int, bool], CountedFields] = {}
-        self._last: tuple[Any, Any] = (None, None)  # points, and the window around them
+        self._last: tuple[Any, tuple[int, NDArray[Any]]] = None, (1, np.zeros(0, int))  # see `window`
 
     def fields(self, part: int = 1, *, single: bool) -> CountedFields:
         """Return transforms and fields of a window with 1/part of the points of each axis."""
@@ -275,7 +275,9 @@ class Operator:
         """Return what `respond_on_line` needs for the response at points of a line to fields there."""
         part, places = self.work.window(points)
         work = self.work.fields(part, single=True)
-        return LineWindow(work.plan.plans, *work.points, *work.waves, *self._in_window(part), places)
+        (p, t), (of_p, of_t) = work.points, work.waves
+        normal, coupling, along = self._in_window(part)
+        return LineWindow(work.plan.plans, p, t, of_p, of_t, normal, coupling, along, places)
 
     def spend_on_line(self, points: NDArray[Any], times: int) -> None:
         """Count the FFT pairs of such responses."""

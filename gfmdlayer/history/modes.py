@@ -304,7 +304,7 @@ def set_curved_terms(
     b: FloatArray,
     new_b: FloatArray,
 ) -> None:
-    """Write stiffness + gain, and b + gain (u + step velocity); the gain is that of `set_curvature_stress`."""
+    """Write stiffness + gain, and b + gain (u + step velocity), with that of `set_curvature_stress`."""
     for k in range(stiffness.size):
         some = gain[2 * k]
         new_stiffness[k] = stiffness[k] + some

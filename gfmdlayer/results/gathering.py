@@ -86,9 +86,8 @@ OF_ONE_CASE = {
 
 # Bytes of a file that is read at once; and of one that is verified as a whole.
 SMALL, MEDIUM = 1 << 18, 1 << 22
-KEPT = (
-    1 << 28
-)  # bytes of columns in memory between the two looks at a case; the files of others are read twice
+# Bytes of columns in memory between the two looks at a case; the files of others are read twice.
+KEPT = 1 << 26
 _NAMED = 5  # cases in a line of the notes
 
 
@@ -615,7 +614,12 @@ class _Packer:
             return
         self.write()
         start = (*self._at, *(0 for _ in self._chunk[self._axes :]))
-        self._packed.append((start, self._pool.submit(_packed, self._buffer)))
+        try:
+            packed = self._pool.submit(_packed, self._buffer)
+        except RuntimeError:  # no thread can be started
+            packed = Future()
+            packed.set_result(_packed(self._buffer))
+        self._packed.append((start, packed))
         self._left.add(self._at)
         self._at = None
 

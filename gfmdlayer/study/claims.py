@@ -18,7 +18,6 @@ configuration or all of its results are replaced, or files of dead runs are remo
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -163,7 +162,7 @@ class Claim:
         """Write the claim into the file of an earlier one of this process, or into a new one."""
         self._known, spare = self._content().encode(), _spares.pop(self._folder, None)
         if spare is not None:
-            with suppress(OSError), io.FileIO(spare, "r+", opener=regular_and_no_link) as file:
+            with suppress(OSError), open(spare, "r+b", buffering=0, opener=regular_and_no_link) as file:
                 # Of another link it is also another file of this user. Emptied first, it would be written to
                 # the disk at once.
                 if (

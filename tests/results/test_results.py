@@ -556,8 +556,8 @@ def test_a_damaged_case_is_left_out_of_the_sweep_and_no_other(tmp_path):
 @pytest.mark.parametrize("made_here", [False, True])
 def test_collecting_holds_a_bounded_number_of_cases(tmp_path, monkeypatch, made_here):
     # A curve of 20 000 rows takes 160 kB, a case of three columns 480 kB; the record of a case and its labels
-    # less than 1 kB. Two of the cases stay in memory, and of each column two chunks of `CHUNK`
-    # numbers, one of them packed. The chunk that is being packed, in another order and then shorter, adds to either peak.
+    # less than 1 kB. Two of the cases stay in memory, and of each column two chunks of `CHUNK` numbers,
+    # one packed. The chunk that is being packed, in another order and then shorter, adds to either peak.
     monkeypatch.setattr(gathering, "KEPT", 2 * 480_000)
     path, rows = case_path(tmp_path, 0), np.linspace(0, 1, 20_000)
     if made_here:  # by a template of this process, and read without HDF5

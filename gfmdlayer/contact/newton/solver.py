@@ -640,7 +640,7 @@ def _lost(
     balanced = _released_over(
         calls.released_over, (system, start, at, fields.held, origin, energies, multipliers)
     )
-    return min(max(balanced, least), released)
+    return float(min(max(balanced, least), released))
 
 
 _CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with the transforms of an iteration
@@ -707,9 +707,10 @@ class Newton:
                 self._margin, part = reached.margin, part + reached.pairs
                 if not converged:
                     progress, converged = self._leave(system, progress, reached.curvature, cap)
-            elif progress.done < 1.0 or not progress.residual <= tolerance:
-                if progress.iterations < before + most:
-                    break
+                continue
+            within = progress.done == 1.0 and progress.residual <= tolerance
+            if not within and progress.iterations < before + most:
+                break
         pairs, part = divmod(progress.pairs + part, 1.0)
         if converged:
             self._mode[:], self._part = lowest.x, part
