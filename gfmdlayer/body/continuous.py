@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -66,6 +66,25 @@ class _RelaxingLaw(TwoModuli, ContinuousLaw):
     def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
         """G(t) by a contour integral."""
         return _inverse_laplace(self, t)
+
+    def _beside_a_spring(self, longest: float, tolerance: float) -> Self:
+        """Return a liquid with a spring that is a part of the tolerance of its slowest modulus."""
+        from gfmdlayer.body.exponential_sums import FLOOR
+
+        if self.G0:
+            return self
+        slowest = abs(complex(self.complex_modulus(1 / longest)))
+        return self.model_copy(update={"G0": FLOOR * tolerance * slowest})
+
+    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return the branches of a solid, or of a liquid beside the spring of its slowest modulus."""
+        return super(_RelaxingLaw, self._beside_a_spring(longest, 1.0)).roughly(longest)
+
+    def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
+        """Return the Prony series that replaces the law; its error of a liquid is that beside a spring."""
+        tolerance = self.tolerance if tolerance is None else tolerance
+        law = self._beside_a_spring(longest, tolerance)
+        return super(_RelaxingLaw, law).prony(shortest, longest, tolerance)
 
 
 class HavriliakNegami(_RelaxingLaw):
