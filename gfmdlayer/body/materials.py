@@ -173,6 +173,10 @@ class Law(Kind):
         """Stress after a unit step of strain, over two: G(t), for t >= 0, in the shape of t."""
 
     @abstractmethod
+    def creep_compliance(self, t: ArrayLike) -> FloatArray:
+        """Strain after a unit step of stress, times two: J(t), for t > 0, in the shape of t."""
+
+    @abstractmethod
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
         """Modulus G(s) at the Laplace variable s, real or complex with Re s >= 0, in the shape of s."""
 
@@ -236,6 +240,22 @@ class Material(Law):
         relaxing = self.branch_moduli * np.exp(-elapsed / self.branch_times)
         return np.asarray(self.relaxed + relaxing.sum(axis=-1))
 
+    def creep_compliance(self, t: ArrayLike) -> FloatArray:
+        """J(t) = 1/Ginf + sum of J_k (1 - exp(-t/theta_k)), by the retardation times theta_k."""
+        import numpy as np
+
+        from gfmdlayer.body.relaxation import distinct_branches, retardation_spectrum
+
+        elapsed = np.asarray(t, dtype=float)
+        moduli, times = distinct_branches(self)
+        if not moduli.size:
+            return np.full(elapsed.shape, 1 / self.glassy)
+        # A liquid beside a spring that it does not feel: its longest retardation time is far beyond t.
+        spring = self.relaxed or _UNFELT * float(moduli @ times) / max(float(elapsed.max()), float(times[-1]))
+        compliances, thetas = retardation_spectrum(moduli, times, np.array([spring]))
+        retarded = compliances[:, 0] * -np.expm1(-elapsed[..., np.newaxis] / thetas[:, 0])
+        return np.asarray(1 / self.glassy + retarded.sum(axis=-1))
+
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
         """Modulus G(s) at the Laplace variable s, real or complex, in the shape of s."""
         import numpy as np
@@ -273,6 +293,7 @@ class PronySeries:
 
 # Laws of a spring beside Maxwell branches: elastic, Zener, Prony.
 
+_UNFELT = 1e-13  # relative to the viscosity of a liquid over the time
 LEAST_SPRING = 1e-10  # of a liquid, relative to its modulus against the slowest loads of a run
 
 
