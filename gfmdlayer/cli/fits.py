@@ -24,11 +24,10 @@ if TYPE_CHECKING:
     from gfmdlayer.fitting.estimates import FitOptions
 
 _FIT_MATERIAL = """
-data DATA  file with two or three columns; the first must increase
+data DATA  table with headings: omega or f with moduli or compliances, or t with G(t) or J(t)
 --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
   (default: a Prony series)
---columns NAMES  names of columns, such as "f, E', tan delta"
---poisson NU = 0.5  Poisson's ratio, for E (default: 0.5)
+--poisson NU = 0.5  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
 --out PATH  YAML file, or folder for it (default: NAME.yaml here)
 --branches N  number of branches (default: the fewest that fit)
 --relaxed-modulus G0  relaxed modulus (default: fitted)
