@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.files.tables import LARGEST, TableError, open_group, read_columns, read_matrix
+from gfmdlayer.files.tables import LARGEST, TableError, open_group, read_columns
+from gfmdlayer.files.tables import read_matrix_plain as read_matrix
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.validation.problems import ConfigError
 
