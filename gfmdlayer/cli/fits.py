@@ -21,10 +21,21 @@ from gfmdlayer.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gfmdlayer.files.tables import Answers
     from gfmdlayer.fitting.estimates import FitOptions
+
+_READING = """
+--decimal MARK  decimal mark of the file, . or , (default: found)
+--columns NAMES  names in place of the headings, such as "f [Hz], E', -, tan delta"; - is not read
+--table N  number of the table in a file with several
+"""
 
 _FIT_MATERIAL = """
 data DATA  table with headings: omega or f with moduli or compliances, or t with G(t) or J(t)
+--modulus {G,E}  moduli and compliances that do not say it: G in shear, E in tension
+--units NAME=UNIT ...  units of columns without a unit, such as frequency=Hz
 --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
   (default: a Prony series)
 --poisson NU = 0.5  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
@@ -40,7 +51,7 @@ data DATA  table with headings: omega or f with moduli or compliances, or t with
 
 
 @verb(
-    _FIT_MATERIAL,
+    _FIT_MATERIAL + _READING.lstrip(),
     "gfmdlayer fit-material configs/polymer.csv --temperature 35 --reference 25 --wlf 17.4 51.6",
 )
 def fit_material(options: argparse.Namespace) -> int:
@@ -62,7 +73,7 @@ def fit_material(options: argparse.Namespace) -> int:
             None if options.out is None else Path(options.out),
             law=options.law,
             poisson=options.poisson,
-            names=options.columns,
+            answers=_answers(options, _units(options.units), options.modulus),
             branches=options.branches,
             relaxed=options.relaxed_modulus,
             temperature=options.temperature,
@@ -76,6 +87,35 @@ def fit_material(options: argparse.Namespace) -> int:
         return refuse(str(error))
     print(summary)
     return COMPLETE
+
+
+def _answers(
+    options: argparse.Namespace, units: Sequence[tuple[str, str]], modulus: str | None = None
+) -> Answers:
+    """Return what the command line says about a table."""
+    from gfmdlayer.files.tables import Answers
+    from gfmdlayer.fitting.measurement import FitError
+
+    if options.decimal not in {None, ".", ","}:
+        raise FitError(f"--decimal {options.decimal}: must be . or ,")
+    names = tuple(name.strip() for name in (options.columns or "").split(",")) if options.columns else ()
+    return Answers(options.decimal, tuple(units), names, modulus, options.table)
+
+
+def _units(words: Sequence[str], order: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Read NAME=UNIT, or a unit for each of some columns in their order."""
+    from gfmdlayer.files.units import unit_of
+    from gfmdlayer.fitting.measurement import FitError
+
+    if order and words and not any("=" in word for word in words):
+        if len(words) != len(order):
+            raise FitError(f"--units: got {len(words)} words; must be units of {', '.join(order)}, or NAME=UNIT")
+        words = [f"{name}={word}" for name, word in zip(order, words, strict=True)]
+    pairs = [(name, unit) for name, _, unit in (word.partition("=") for word in words)]
+    for name, unit in pairs:
+        if unit_of(unit) is None:
+            raise FitError(f"--units {name}={unit}: must be NAME=UNIT with a unit, such as time=ms")
+    return pairs
 
 
 _EXAMPLES_OF_INDENTATION = (

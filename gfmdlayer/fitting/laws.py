@@ -122,8 +122,9 @@ def _fit_creep(curve: CreepCurve, branches: int | None, *, flows: bool | None) -
     times = problem.grown((branches or most) - problem.flows, EXACT if branches else enough)
     if not times.size and not problem.flows:
         raise _elastic(curve)
-    instant, *flow, retarded = np.split(problem.moduli(times), range(1, 2 + problem.flows))
-    return FittedLaw(curve, curve.series(instant.item(), float(sum(flow, start=0.0)), retarded, np.exp(times)), least)
+    instant, *flow = problem.moduli(times)[: problem.first].tolist()
+    retarded = problem.moduli(times)[problem.first :]
+    return FittedLaw(curve, curve.series(instant, sum(flow), retarded, np.exp(times)), least)
 
 
 def _elastic(measurement: Measurement) -> FitError:

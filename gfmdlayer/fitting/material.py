@@ -202,7 +202,7 @@ def _table(fitted: FittedLaw) -> Iterator[str]:
 
 def _parameters(law: Law) -> dict[str, float]:
     """Return the fitted numbers of a law by their names."""
-    kept = law.model_dump(exclude={"model", "shift", "tolerance", "branches"})
+    kept = law.model_dump(exclude={"model", "shift", "tolerance", "branches"}, exclude_none=True)
     return {name: float(value) for name, value in kept.items()}
 
 
