@@ -209,9 +209,11 @@ class Halfspace(Section):
     bulk_modulus: Annotated[Extended | None, given] = None
     """bulk modulus of the base, in place of shear_modulus: pressure"""
     shear_modulus: Annotated[Extended | None, given] = Field(
-        default_factory=lambda data: 1.0
-        if all(data.get(key) is None for key in ("material", "young_modulus", "bulk_modulus"))
-        else None
+        default_factory=lambda data: (
+            1.0
+            if all(data.get(key) is None for key in ("material", "young_modulus", "bulk_modulus"))
+            else None
+        )
     )
     """shear modulus of the base; 0: a free layer, .inf: rigid: pressure"""
     poisson: Poisson = 0.5

@@ -272,7 +272,9 @@ class Material(Law):
         if self.relaxed:
             return PronySeries(self, shortest, longest)
         spring = LEAST_SPRING * self._slowest(longest)
-        return PronySeries(Prony(spring, self.maxwell_branches), shortest, longest, LEAST_SPRING, LEAST_SPRING)
+        return PronySeries(
+            Prony(spring, self.maxwell_branches), shortest, longest, LEAST_SPRING, LEAST_SPRING
+        )
 
     def _slowest(self, longest: float) -> float:
         """Modulus of a liquid against the slowest loads up to a time: viscosity over time, if long."""

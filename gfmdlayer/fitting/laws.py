@@ -113,7 +113,9 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
 
 def _fit_creep(curve: CreepCurve, branches: int | None, *, flows: bool | None) -> FittedLaw:
     """Fit retarded compliances, and a flow where the curve shows one or it is asked for."""
-    problems = [_SeriesProblem(curve, None, flows=each) for each in ((False, True) if flows is None else (True,))]
+    problems = [
+        _SeriesProblem(curve, None, flows=each) for each in ((False, True) if flows is None else (True,))
+    ]
     least = problems[-1].least
     # A solid whose creep ends beyond the data looks like a liquid: a flow must improve the fit.
     problem = problems[0] if problems[0].least <= max(MARGIN * least, ACCURACY) else problems[-1]

@@ -218,7 +218,6 @@ class CreepCurve(Measurement):
 _ENDLESS = 1e25
 
 
-
 def _parts(values: NDArray[np.complex128]) -> FloatArray:
     return np.concatenate([values.real, values.imag])
 
@@ -301,9 +300,7 @@ def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Meas
             raise TableError(f"{table.place(int(wrong[0]))}: {needed[0]} < {needed[1]}; must be larger")
     else:
         parts = values[needed[0]][np.newaxis]
-    return kind(
-        path.name, x[order], parts[:, order], columns.units(abscissa), table.account, tuple(notes)
-    )
+    return kind(path.name, x[order], parts[:, order], columns.units(abscissa), table.account, tuple(notes))
 
 
 def _way(columns: _Columns) -> tuple[type[Measurement], str, tuple[str, ...]]:
@@ -360,7 +357,9 @@ class _Columns:
                 return factor * table.take(source, into if unit else None)
         if source == "phase":
             if unit is None:
-                raise TableError(f"{table.path}: phase has no unit; must be in degrees or in rad, as in phase [deg]")
+                raise TableError(
+                    f"{table.path}: phase has no unit; must be in degrees or in rad, as in phase [deg]"
+                )
             return np.asarray(np.tan(table.take(source, "rad")))
         if source == _TAN:
             return table.take(source)
@@ -392,4 +391,6 @@ class _Columns:
             ratio = float(np.median(values / follow[name]))
             if not abs(ratio - 1) <= _AGREE:
                 message = f"{name} is {ratio:.3g} times the value that follows from {' and '.join(needed)}"
-                raise TableError(f"{self.table.path}: {message}; correct a unit, or leave it out with columns")
+                raise TableError(
+                    f"{self.table.path}: {message}; correct a unit, or leave it out with columns"
+                )
