@@ -105,7 +105,7 @@ def in_units(value: Any, units: Units | None) -> Any:
         if units is None:
             stress, time = part.units
             message = (
-                f"the file has moduli in {stress} and times in {time}, and the configuration has no units; give "
+                f"the file has moduli in {stress} and times in {time}, the configuration has no units; give "
                 f"units: {{length: ..., stress: {stress}, time: {time}}}, or remove the units from the file"
             )
             raise InconsistentError([Mistake(("units",), message)])
