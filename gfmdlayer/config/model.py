@@ -305,6 +305,11 @@ class Config(Section):
         return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts, yields=yields)
 
     @property
+    def punch_in_units(self) -> Shape:
+        """The punch; lengths of its file are converted into the unit of length, where there is one."""
+        return self.punch.with_length(None if self.units is None else self.units.length)
+
+    @property
     def contrast(self) -> float:
         """Roughly the largest glassy over relaxed modulus in times up to the end of the run."""
         return contrast(self.solid.roughly(self.time.end))

@@ -916,6 +916,7 @@ class Matrix:
     headings: list[str]  # of the columns; none if no line above has as many cells
     units: list[str]  # a row of units below the headings, or empty texts
     account: str  # rows, columns, and how the file is written
+    decimal: str = "."  # decimal mark
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -935,7 +936,7 @@ def read_matrix(path: Path, decimal: str | None = None) -> Matrix:
     holes = int(np.isnan(rows.values).sum())
     account = "; ".join([count, *_notes(rows, head), *([f"{holes} holes"] if holes else [])])
     headings, units = ([], []) if head is None else (head.cells, head.units)
-    return Matrix(path, rows.values, header, headings, units, account)
+    return Matrix(path, rows.values, header, headings, units, account, rows.dialect.decimal)
 
 
 # Long lists of plain numbers in YAML, which are read a hundred times faster than by a parser of YAML.
