@@ -327,13 +327,9 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None)
         kinds = "".join([_kind(cell, number) for cell in cells])
         last = blocks[-1][-1] if blocks and not gap else None
         comment = kinds[0] == "T" and _is_comment(line, dialect)
-        same = (
-            not comment
-            and last is not None
-            and len(kinds) == len(last[2])
-            and _agree(kinds, blocks[-1][0][2])
-        same = same and ("N" in kinds or "T" not in kinds)
-        )
+        last = blocks[-1][-1] if blocks and not gap else None
+        same = not comment and last is not None and len(kinds) == len(last[2])
+        same = same and _agree(kinds, blocks[-1][0][2]) and ("N" in kinds or "T" not in kinds)
         full = not comment and "N" in kinds and len(kinds) - kinds.count("T") > 1
         if same or (full and not _is_units(cells)):
             if last is None or len(last[2]) != len(kinds):
