@@ -87,6 +87,7 @@ _TEMPERATURES = {
 _MISWRITTEN = [
     (re.compile(r"\b[kK]p[aA]\b|\bKPa\b|\bKPA\b"), "kPa"), (re.compile(r"\bM(pa|PA)\b"), "MPa"),
     (re.compile(r"\bG(pa|PA)\b"), "GPa"), (re.compile(r"\b[kK][hH][zZ]\b"), "kHz"), (re.compile(r"\b(hz|HZ)\b"), "Hz"),
+    (re.compile(r"\brads(?=\^?-)"), "rad s"),
 ]  # fmt: skip
 
 _PLAIN = str.maketrans("µμ⁻−–⁰¹²³⁴⁵⁶·⋅×∙*", "uu---0123456.....")
