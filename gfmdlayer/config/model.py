@@ -120,7 +120,8 @@ class Config(Section):
     name : str
         Names the folder of the results.
     units : Units, optional
-        Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
+        Labels of the numbers, into which columns of files with units are converted; without them lengths are
+        in L, moduli in G0 and times in tau, or in any units.
     grid, body, layer, layers, halfspace, counterbody, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
@@ -137,7 +138,7 @@ class Config(Section):
     name: Name
     """name of the results folder"""
     units: Annotated[Units | None, given] = None
-    """labels of files and plots: {length: m, stress: Pa, time: s}"""
+    """of all numbers, into which those of files are converted: {length: m, stress: Pa, time: s}"""
     grid: sections.GridKeys = Field(default_factory=sections.GridKeys)
     """the periodic cell and its points"""
     body: Annotated[Solid | None, BODY, given] = None
@@ -250,12 +251,12 @@ class Config(Section):
         """The body: layers, or another one; with the counterbody, where that deforms."""
         own: Solid
         if self.body is not None and not isinstance(self.body, Layers):
-            own = self.body
+            own = self.body.in_units(self.units)
         else:
             assert self.halfspace is not None
             own = Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
         second = None if self.counterbody is None else self.counterbody.solid
-        return own if second is None else Pair(own, second)
+        return own if second is None else Pair(own, second.in_units(self.units))
 
     @property
     def two_bodies(self) -> bool:
@@ -320,6 +321,11 @@ class Config(Section):
         tolerance, attracts = self.solver.tolerance, bool(self.interfaces)
         return finer(tolerance, self.time.tolerance, self.contrast, attracts=attracts)
 
+    @property
+    def forces_per_length(self) -> bool:
+        """Whether forces are per length, on a line."""
+        return len(self.grid.points) == 1 and self.geometry.on_grid
+
     def unit(self, words: str) -> str:
         """Return the label of a unit from its dimension in words; the force on a line is per length.
 
@@ -327,7 +333,7 @@ class Config(Section):
         """
         drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
         words = words.replace("drive", drive)
-        if len(self.grid.points) == 1 and self.geometry.on_grid and words == "force":
+        if words == "force" and self.forces_per_length:
             words = "force / length"
         return words if self.units is None else self.units.label(words)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import (
     WORDS,
     Meaning,
@@ -664,6 +664,15 @@ class Table:
             )
         return values
 
+    def ascending(self, values: FloatArray, quantity: str) -> IntArray:
+        """Return the order of rows, which has no meaning, in which values ascend; TableError for equal ones."""
+        order = np.argsort(values, kind="stable")
+        if (same := np.flatnonzero(np.diff(values[order]) == 0)).size:
+            row, other = sorted((int(order[same[0]]), int(order[same[0] + 1])))
+            message = f"{quantity} = {values[row]:g} again, as in line {self.at[row] + 1}; must differ"
+            raise TableError(f"{self.place(other)}: {message}")
+        return order
+
     def _missing(self, quantity: str) -> str:
         if quantity in self.refused:
             return f"{self.path}: {self.refused[quantity]}"
@@ -713,7 +722,7 @@ def converted(values: FloatArray, unit: Unit, into: str, where: str, symbol: str
 def read_table(
     path: Path,
     wanted: Sequence[str],
-    answers: Answers = Answers(),
+    answers: Answers | None = None,
     *,
     orders: Sequence[Sequence[str]] | None = None,
 ) -> Table:
@@ -722,6 +731,7 @@ def read_table(
     With headings the columns go by their names, in any order. Without headings they have one of the `orders`,
     by default that of `wanted`. TableError where the file cannot be read with certainty.
     """
+    answers = answers or Answers()
     rows, head = _only_reading(path, answers)
     heads, units = _headings(rows, head, answers)
     table = Table(path, {}, {}, {}, {}, rows.lines, rows.at, _notes(rows, head))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, PrivateAttr, Tag
 
@@ -11,7 +11,6 @@ from gfmdlayer.files.units import unit_of
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.validation.fields import (
     File,
-    Finite,
     Fraction,
     MustBe,
     Positive,
@@ -47,7 +46,8 @@ _UnitOfFile = Annotated[
     _number_or_word,
 ]
 _Hole = Annotated[
-    Annotated[float, strict, _hole, Tag("number")] | Annotated[Literal["none"], _hole, Tag("word")], _number_or_word
+    Annotated[float, strict, _hole, Tag("number")] | Annotated[Literal["none"], _hole, Tag("word")],
+    _number_or_word,
 ]
 
 
@@ -121,9 +121,7 @@ class Topography(FromFile):
     """where the file holds several"""
     unit: Annotated[_UnitOfFile | None, given] = None
     """unit of heights, and of lengths without one, if the file does not say it; a number in the configuration's"""
-    size: Annotated[
-        Annotated[tuple[Positive, ...], BeforeValidator(sequence)] | None, given
-    ] = None
+    size: Annotated[Annotated[tuple[Positive, ...], BeforeValidator(sequence)] | None, given] = None
     """lengths [Lx, Ly] of the scan, if the file does not say them"""
     transpose: Switch = False
     """exchange x and y of the file"""
