@@ -22,6 +22,7 @@ from gfmdlayer.files.headings import (
     is_known,
     meaning,
     names_of,
+    split,
     unit_in,
 )
 from gfmdlayer.files.units import Unit, unit_of
@@ -686,7 +687,8 @@ class Table:
         parts = [f"{len(self.at)} rows"]
         for quantity, column in self.columns.items():
             unit = f" [{column.symbol}]" if column.unit is not None else " [no unit]"
-            heading = f"{column.heading}: " if column.heading and column.heading != quantity else ""
+            name = split(column.heading)[0]
+            heading = f"{name}: " if name.lower() not in {"", quantity} else ""
             into = f" -> {self.taken[quantity]}" if quantity in self.taken else ""
             parts.append(f"{heading}{quantity}{unit}{into}")
         account = f"{self.path.name}: {', '.join(parts)}"
