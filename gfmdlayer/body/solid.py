@@ -145,6 +145,11 @@ class Solid(Kind):
         return None
 
     @property
+    def flows(self) -> bool:
+        """Whether the body gives way to a load without end: a liquid that lies on nothing solid."""
+        return any(not law.relaxed for law in self.laws)
+
+    @property
     def merges(self) -> bool:
         """Whether relaxing modes may be merged: results then have a bound on the error, `spectrum_error`."""
         return True
