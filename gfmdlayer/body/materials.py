@@ -26,6 +26,7 @@ from pydantic import ConfigDict, Field
 from gfmdlayer.body.shifts import SHIFTS, Celsius, Shift
 from gfmdlayer.validation.fields import File, NotNegative, Optional, Positive, Word, given
 from gfmdlayer.validation.problems import ConfigError, Location, Mistake, dotted
+from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Kind, OneOf, Section, alone, plain, sections_in
 
 if TYPE_CHECKING:
@@ -483,12 +484,14 @@ _MOTION = ("trajectory.velocity", "trajectory.velocity_file")
 class Temperature(Section):
     """Temperature of the whole body, which shifts the relaxation times of materials with a `shift`."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["value"]}, {"required": ["file"]}]})
 
     value: Annotated[Celsius | None, given] = None
     """temperature at all times: degrees Celsius"""
     file: Annotated[File | None, given] = None
-    """two columns, time and temperature in degrees Celsius; in place of value"""
+    """two columns, time and temperature, without a unit in degrees Celsius; in place of value"""
+    reading: Annotated[Reading | None, given] = None
+    """how the file is read, where it does not say so"""
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse both and neither."""
@@ -496,6 +499,7 @@ class Temperature(Section):
             yield Mistake((), "has neither value nor file; must be {value: ...} or {file: ...}")
         if self.value is not None and self.file is not None:
             yield Mistake(("file",), "given beside value; remove one of the two", ("value",))
+        yield from unread(self, "file")
 
 
 def shifts(config: Section) -> dict[Location, Shift | None]:

@@ -142,7 +142,8 @@ class Config(Section):
     name : str
         Names the folder of the results.
     units : Units, optional
-        Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
+        Labels of the numbers, into which columns of files with units are converted; without them lengths are
+        in L, moduli in G0 and times in tau, or in any units.
     grid, body, layer, layers, halfspace, counterbody, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
@@ -159,7 +160,7 @@ class Config(Section):
     name: Name
     """name of the results folder"""
     units: Annotated[Units | None, given] = None
-    """labels of files and plots: {length: m, stress: Pa, time: s}"""
+    """of all numbers, into which those of files are converted: {length: m, stress: Pa, time: s}"""
     grid: sections.GridKeys = Field(default_factory=sections.GridKeys)
     """the periodic cell and its points"""
     body: Annotated[Solid | None, BODY, given] = None
@@ -279,12 +280,12 @@ class Config(Section):
         """The body: layers, or another one; with the counterbody, where that deforms."""
         own: Solid
         if self.body is not None and not isinstance(self.body, Layers):
-            own = self.body
+            own = self.body.in_units(self.units)
         else:
             assert self.halfspace is not None
             own = Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
         second = None if self.counterbody is None else self.counterbody.solid
-        return own if second is None else Pair(own, second)
+        return own if second is None else Pair(own, second.in_units(self.units))
 
     @property
     def two_bodies(self) -> bool:
@@ -334,6 +335,11 @@ class Config(Section):
         return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts, yields=yields)
 
     @property
+    def punch_in_units(self) -> Shape:
+        """The punch; lengths of its file are converted into the unit of length, where there is one."""
+        return self.punch.with_length(None if self.units is None else self.units.length)
+
+    @property
     def contrast(self) -> float:
         """Roughly the largest glassy over relaxed modulus in times up to the end of the run."""
         return contrast(self.solid.roughly(self.time.end))
@@ -344,6 +350,11 @@ class Config(Section):
         tolerance, attracts = self.solver.tolerance, bool(self.interfaces)
         return finer(tolerance, self.time.tolerance, self.contrast, attracts=attracts)
 
+    @property
+    def forces_per_length(self) -> bool:
+        """Whether forces are per length, on a line."""
+        return len(self.grid.points) == 1 and self.geometry.on_grid
+
     def unit(self, words: str) -> str:
         """Return the label of a unit from its dimension in words; the force on a line is per length.
 
@@ -351,7 +362,7 @@ class Config(Section):
         """
         drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
         words = words.replace("drive", drive)
-        if len(self.grid.points) == 1 and self.geometry.on_grid and words == "force":
+        if words == "force" and self.forces_per_length:
             words = "force / length"
         return words if self.units is None else self.units.label(words)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import (
     WORDS,
     Meaning,
@@ -22,6 +22,7 @@ from gfmdlayer.files.headings import (
     is_known,
     meaning,
     names_of,
+    split,
     unit_in,
 )
 from gfmdlayer.files.units import Unit, unit_of
@@ -219,7 +220,8 @@ class _Dialect(NamedTuple):
 
 
 _SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", "  ": "two spaces", " ": "space"}
-_MARKS = (".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (",", "'"), (".", " "), (",", " ")
+_PLAIN = (".", ""), (",", "")  # decimal mark, mark of thousands
+_WITH_THOUSANDS = (".", ","), (",", "."), (".", "'"), (",", "'"), (".", " "), (",", " ")
 _USUAL = _Dialect(",", "."), _Dialect("\t", "."), _Dialect("  ", "."), _Dialect(" ", ".")
 _GROUPS = {",": ",", ".": r"\.", "'": "['’]", " ": "[ \xa0\u202f\u2009]"}  # marks of thousands as patterns
 _HOLES = {
@@ -238,6 +240,10 @@ _JUNK = re.compile(
 )
 _CLOCK = re.compile(
     r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T]\d{1,2}:\d{2}(?::\d{2})?(?:[.,]\d+)?)?|\d{1,2}:\d{2}(?::\d{2})?(?:[.,]\d+)?"
+)
+# Parts of numbers and another separator in one cell: the dialect is wrong.
+_BETWEEN = re.compile(
+    r"^[-+]?[\d.,]+(?:[eE][-+]?\d+)?\s*[;|\t]|[;|\t]\s*[-+]?[\d.,]+(?:[eE][-+]?\d+)?$|^\d[\d.,eE+-]*\s.*\s[-+]?\d[\d.,eE+-]*$"
 )
 _ABOVE = 8  # lines above the numbers in which headings are looked for
 
@@ -306,13 +312,9 @@ class _Rows:
         return f"{self.path}:{self.at[row] + 1}"
 
 
-def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None, least: int) -> _Rows:
+def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None) -> _Rows:
     """Find the rows of numbers in a dialect; a _Refusal where it does not stand."""
-    if (
-        table is None
-        and not dialect.thousands
-        and (rows := _at_once(path, lines, dialect, least)) is not None
-    ):
+    if table is None and not dialect.thousands and (rows := _at_once(path, lines, dialect)) is not None:
         return rows
     number = _number(dialect)
     blocks: list[list[tuple[int, list[str], str]]] = []
@@ -326,13 +328,10 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None,
         kinds = "".join([_kind(cell, number) for cell in cells])
         last = blocks[-1][-1] if blocks and not gap else None
         comment = kinds[0] == "T" and _is_comment(line, dialect)
-        same = (
-            not comment
-            and last is not None
-            and len(kinds) == len(last[2])
-            and _agree(kinds, blocks[-1][0][2])
-        )
-        full = not comment and "N" in kinds and len(kinds) - kinds.count("T") >= least
+        last = blocks[-1][-1] if blocks and not gap else None
+        same = not comment and last is not None and len(kinds) == len(last[2])
+        same = same and _agree(kinds, blocks[-1][0][2]) and ("N" in kinds or "T" not in kinds)
+        full = not comment and "N" in kinds and len(kinds) - kinds.count("T") > 1
         if same or (full and not _is_units(cells)):
             if last is None or len(last[2]) != len(kinds):
                 if last is not None and len(blocks[-1]) > 1:
@@ -344,6 +343,9 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None,
         elif comment:
             gap = gap or _names_columns(line, dialect)
         else:
+            if kinds == "T" * len(kinds) and all(map(_JUNK.fullmatch, cells)):
+                message = f"{_shown(line, '')} is not a row of numbers with {dialect}"
+                raise _Refusal(f"{path}:{i + 1}: {message}", len(blocks[-1]) if blocks else 0)
             if last is not None and "N" in kinds:
                 wrong = next((c for c, k in zip(cells, kinds, strict=True) if k == "T"), "")
                 message = f"{_shown(line, wrong)} is not a row of numbers like those above"
@@ -367,9 +369,9 @@ def _chosen_block(
     """Return the rows of the only table, or of the one with a number."""
     long = [block for block in blocks if len(block) > 1]
     if not long:
-        if not blocks:
-            raise _Refusal(f"{path}:1: holds no rows of numbers")
-        long = blocks[-1:]
+        line = blocks[-1][0][0] if blocks else 0
+        count = "1 row" if blocks else "no rows"
+        raise _Refusal(f"{path}:{line + 1}: holds {count} of numbers; must be at least 2", len(blocks))
     for block in blocks:
         later = next((each for each in long if each[0][0] > block[-1][0]), None)
         if len(block) == 1 and later is not None:
@@ -402,10 +404,7 @@ def _columns_of(
         cells = [row[1][c] for row in block]
         seen = "".join([row[2][c] for row in block])
         if "N" not in seen:
-            junk = next(
-                (r for r, cell in enumerate(cells) if _JUNK.fullmatch(cell) and not _CLOCK.fullmatch(cell)),
-                None,
-            )
+            junk = next((r for r, cell in enumerate(cells) if _is_junk(cell)), None)
             if junk is not None and seen[junk] == "T":
                 raise _Refusal(_not_a_number(found, junk, cells[junk]), 1)
             kinds += "T" if "T" in seen else "H"
@@ -438,6 +437,13 @@ def _not_a_number(rows: _Rows, row: int, cell: str) -> str:
     return f"{rows.place(row)}: {cell[:40]!r} in {_shown(rows.lines[rows.at[row]], cell)} is not a number"
 
 
+def _is_junk(cell: str) -> bool:
+    """Whether a cell is a number that is written otherwise, or has numbers beside another separator."""
+    if _JUNK.fullmatch(cell):
+        return not _CLOCK.fullmatch(cell)
+    return _BETWEEN.search(cell) is not None
+
+
 def _may_be_thousands(text: str, dialect: _Dialect) -> bool:
     """Whether each decimal mark in a text of numbers may as well be a mark of thousands: 1,234."""
     if dialect.thousands or (dialect.decimal == "." and dialect.separator != ";"):
@@ -447,21 +453,23 @@ def _may_be_thousands(text: str, dialect: _Dialect) -> bool:
     return dialect.decimal in text and re.search(certain, text) is None
 
 
-def _at_once(path: Path, lines: list[str], dialect: _Dialect, least: int) -> _Rows | None:
+def _at_once(path: Path, lines: list[str], dialect: _Dialect) -> _Rows | None:
     """Read plain rows by NumPy's reader, ten times as fast; None where it finds anything else."""
     number, first = _number(dialect), None
     for i, line in enumerate(lines[:200]):
         kinds = "".join([_kind(cell, number) for cell in _cells(line, dialect.separator)])
-        if set(kinds) == {"N"} and len(kinds) >= least:
-            first = i
+        if {"N"} <= set(kinds) <= {"N", "H"} and len(kinds) > 1:
+            first = None if "H" in kinds else i
             break
     if first is None:
         return None
     body = lines[first:]
     text = "\n".join(body)
-    if not text.isascii() or "n" in text.lower().replace("\n", ""):  # nan, inf, words
+    if not text.isascii() or "n" in text or "N" in text:  # nan, inf, words
         return None
     if "#" in text:
+        if any(line.lstrip()[:1] == "#" and _names_columns(line, dialect) for line in body):
+            return None
         body = [_REMARK.sub("", line) for line in body]
     if dialect.decimal == ",":
         if dialect.separator == "," or "." in text or _may_be_thousands(text, dialect):
@@ -469,15 +477,15 @@ def _at_once(path: Path, lines: list[str], dialect: _Dialect, least: int) -> _Ro
         body = [line.replace(",", ".") for line in body]
     elif dialect.separator == ";" and _may_be_thousands(text, dialect):
         return None
-    delimiter = None if dialect.by_space else dialect.separator
+    delimiter, quote = None if dialect.by_space else dialect.separator, '"' if '"' in text else None
     try:
-        values = np.loadtxt(body, delimiter=delimiter, comments=None, ndmin=2, quotechar='"')
+        values = np.loadtxt(body, delimiter=delimiter, comments=None, ndmin=2, quotechar=quote)
     except ValueError:
         return None
     if len(values) < 2 or not np.isfinite(values).all():
         return None
     at: Sequence[int] = range(first, first + len(values))
-    if len(values) < len(body) and any(not line.strip() for line in body[: len(values)]):
+    if any(line.strip() for line in body[len(values) :]):
         at = [first + i for i, line in enumerate(body) if line.strip()]
     return _Rows(path, lines, dialect, at, values, "N" * values.shape[1])
 
@@ -496,9 +504,9 @@ def _is_units(cells: Iterable[str]) -> bool:
 
 
 def _names_columns(line: str, dialect: _Dialect) -> bool:
-    """Whether a comment has the headings of another table: two known names or more, and nothing else."""
+    """Whether a comment has the headings of another table: several cells, half of them known names."""
     cells = [cell for cell in _cells(_COMMENT.sub("", line, count=1), dialect.separator) if cell]
-    return len(cells) > 1 and all(map(is_known, cells))
+    return len(cells) > 1 and 2 * sum(map(is_known, cells)) >= len(cells)
 
 
 def _shown(line: str, word: str) -> str:
@@ -536,7 +544,8 @@ def _head(rows: _Rows) -> _Head | None:
             found.append(_Head(i, cells, [""] * width, sum(map(is_known, cells))))
         elif i == first - 1:
             _refuse_other_headings(rows, i, splittings)
-    best = max(found, key=lambda head: head.known, default=None)
+    named = [head for head in found if not _is_units(head.cells)] or found
+    best = max(named, key=lambda head: head.known, default=None)
     if best is None or not best.known:
         nearest = next(iter(found), None)
         if nearest is not None and nearest.line == first - 1:
@@ -553,7 +562,8 @@ def _head(rows: _Rows) -> _Head | None:
 
 def _splittings(line: str, dialect: _Dialect) -> Iterator[list[str]]:
     """Yield the cells of a line above the numbers: in their dialect, and with another separator."""
-    texts = dict.fromkeys((_COMMENT.sub("", line, count=1), line))
+    bare = _COMMENT.sub("", line, count=1) if _is_comment(line, dialect) else line
+    texts = dict.fromkeys((bare, line))
     separators = ("  ", " ") if dialect.by_space else (dialect.separator,)
     for separator in (*separators, *_SEPARATORS):
         for text in texts:
@@ -655,6 +665,15 @@ class Table:
             )
         return values
 
+    def ascending(self, values: FloatArray, quantity: str) -> IntArray:
+        """Return the order of rows, which has no meaning, in which values ascend; TableError for equal ones."""
+        order = np.argsort(values, kind="stable")
+        if (same := np.flatnonzero(np.diff(values[order]) == 0)).size:
+            row, other = sorted((int(order[same[0]]), int(order[same[0] + 1])))
+            message = f"{quantity} = {values[row]:g} again, as in line {self.at[row] + 1}; must differ"
+            raise TableError(f"{self.place(other)}: {message}")
+        return order
+
     def _missing(self, quantity: str) -> str:
         if quantity in self.refused:
             return f"{self.path}: {self.refused[quantity]}"
@@ -668,7 +687,8 @@ class Table:
         parts = [f"{len(self.at)} rows"]
         for quantity, column in self.columns.items():
             unit = f" [{column.symbol}]" if column.unit is not None else " [no unit]"
-            heading = f"{column.heading}: " if column.heading and column.heading != quantity else ""
+            name = split(column.heading)[0]
+            heading = f"{name}: " if name.lower() not in {"", quantity} else ""
             into = f" -> {self.taken[quantity]}" if quantity in self.taken else ""
             parts.append(f"{heading}{quantity}{unit}{into}")
         account = f"{self.path.name}: {', '.join(parts)}"
@@ -704,7 +724,7 @@ def converted(values: FloatArray, unit: Unit, into: str, where: str, symbol: str
 def read_table(
     path: Path,
     wanted: Sequence[str],
-    answers: Answers = Answers(),
+    answers: Answers | None = None,
     *,
     orders: Sequence[Sequence[str]] | None = None,
 ) -> Table:
@@ -713,7 +733,8 @@ def read_table(
     With headings the columns go by their names, in any order. Without headings they have one of the `orders`,
     by default that of `wanted`. TableError where the file cannot be read with certainty.
     """
-    rows, head = _only_reading(path, answers, wanted)
+    answers = answers or Answers()
+    rows, head = _only_reading(path, answers)
     heads, units = _headings(rows, head, answers)
     table = Table(path, {}, {}, {}, {}, rows.lines, rows.at, _notes(rows, head))
     if heads is None:
@@ -813,19 +834,22 @@ def _headings(rows: _Rows, head: _Head | None, answers: Answers) -> tuple[list[s
     return given, units
 
 
-def _only_reading(path: Path, answers: Answers, wanted: Sequence[str]) -> tuple[_Rows, _Head | None]:
+def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
     """Return the rows and headings of the only dialect that stands, or of several with the same numbers."""
     text, encoding = decoded(path)
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    lines = text.split("\n")
     found: list[tuple[_Rows, _Head | None]] = []
     reasons: list[_Refusal] = []
-    for dialect in _plausible(text, lines, answers.decimal, least=2):
-        try:
-            rows = _rows_in(path, lines, dialect, answers.table, least=2)
-            found.append((rows, _head(rows)))
-        except _Refusal as error:
-            reasons.append(error)
-    found = _preferred(found, wanted)
+    for marks in (_PLAIN, _WITH_THOUSANDS):  # a reading without marks of thousands needs no other
+        for dialect in [] if found else _plausible(text, lines, marks, answers.decimal):
+            try:
+                rows = _rows_in(path, lines, dialect, answers.table)
+                found.append((rows, _head(rows)))
+            except _Refusal as error:
+                reasons.append(error)
+    found = [each for each in found if each[1] is not None and each[1].known] or found
     if not found:
         raise TableError(
             str(max(reasons, key=lambda each: each.rows, default=f"{path}:1: holds no rows of numbers"))
@@ -850,46 +874,42 @@ def _only_reading(path: Path, answers: Answers, wanted: Sequence[str]) -> tuple[
     return rows, head
 
 
-def _preferred(
-    found: list[tuple[_Rows, _Head | None]], wanted: Sequence[str]
-) -> list[tuple[_Rows, _Head | None]]:
-    """Leave out readings without known headings beside those with some, and by spaces beside others."""
-    known = max((head.known if head else 0 for _, head in found), default=0)
-    found = [each for each in found if (each[1].known if each[1] else 0) == known]
-    return [each for each in found if not each[0].dialect.by_space] or found
-
-
 def _same_numbers(one: _Rows, other: _Rows) -> bool:
     """Whether two readings have the same columns of numbers."""
     a, b = (rows.values[:, [kind == "N" for kind in rows.kinds]] for rows in (one, other))
     return a.shape == b.shape and np.array_equal(a, b, equal_nan=True)
 
 
-def _plausible(text: str, lines: list[str], decimal: str | None, least: int) -> Iterator[_Dialect]:
+def _plausible(
+    text: str, lines: list[str], all_marks: Iterable[tuple[str, str]], decimal: str | None
+) -> Iterator[_Dialect]:
     """Yield dialects in which some lines are rows of numbers."""
     most = min(200, max(20, 50_000 * len(lines) // (len(text) + 1)))  # lines of a sample; few of long ones
     filled = [line for line in lines if line.strip()] if len(lines) < 2 * most else lines
     sample = [line for line in filled[:: max(1, len(filled) // most)] if line.strip()]
-    sampled = "\n".join(sample)
     for separator in _SEPARATORS:
-        for mark, thousands in _MARKS:
+        if not any(separator in line for line in sample):
+            continue
+        rows = [_cells(line, separator) for line in sample]
+        for mark, thousands in all_marks:
             dialect = _Dialect(separator, mark, thousands)
-            if (decimal or mark) != mark or separator not in sampled or (separator == thousands == " "):
-                continue
-            if mark == "," and "," not in text:
+            if (
+                (decimal or mark) != mark
+                or (separator == thousands and '"' not in text)
+                or (mark == "," and "," not in text)
+            ):
                 continue
             if thousands and not re.search(rf"\d{_GROUPS[thousands]}\d{{3}}", text):
                 continue
-            number = _number(dialect)
-            good = sum(_is_plausible(_cells(line, separator), number, least) for line in sample)
+            good = sum(_is_plausible(cells, _number(dialect)) for cells in rows)
             if good >= max(1, len(sample) // 50):
                 yield dialect
 
 
-def _is_plausible(cells: list[str], number: re.Pattern[str], least: int) -> bool:
+def _is_plausible(cells: list[str], number: re.Pattern[str]) -> bool:
+    """Whether a line has numbers, and no other cells of digits and marks."""
     words = [cell for cell in cells if not number.fullmatch(cell)]
-    junk = any(_JUNK.fullmatch(cell) and not _CLOCK.fullmatch(cell) for cell in words)
-    return len(cells) >= least and len(words) < len(cells) and not junk
+    return 1 < len(cells) > len(words) and not any(map(_is_junk, words))
 
 
 def _notes(rows: _Rows, head: _Head | None) -> list[str]:
@@ -916,6 +936,7 @@ class Matrix:
     headings: list[str]  # of the columns; none if no line above has as many cells
     units: list[str]  # a row of units below the headings, or empty texts
     account: str  # rows, columns, and how the file is written
+    decimal: str = "."  # decimal mark
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -926,7 +947,7 @@ class Matrix:
 
 def read_matrix(path: Path, decimal: str | None = None) -> Matrix:
     """Read rows of numbers of one width; holes are NaN. TableError where they are not certain."""
-    rows, head = _only_reading(path, Answers(decimal=decimal), ())
+    rows, head = _only_reading(path, Answers(decimal=decimal))
     if "T" in rows.kinds:
         c = rows.kinds.index("T")
         raise TableError(_not_a_number(rows, 0, rows.words[c][0]))
@@ -935,7 +956,7 @@ def read_matrix(path: Path, decimal: str | None = None) -> Matrix:
     holes = int(np.isnan(rows.values).sum())
     account = "; ".join([count, *_notes(rows, head), *([f"{holes} holes"] if holes else [])])
     headings, units = ([], []) if head is None else (head.cells, head.units)
-    return Matrix(path, rows.values, header, headings, units, account)
+    return Matrix(path, rows.values, header, headings, units, account, rows.dialect.decimal)
 
 
 # Long lists of plain numbers in YAML, which are read a hundred times faster than by a parser of YAML.

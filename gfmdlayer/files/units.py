@@ -26,8 +26,9 @@ class Unit(NamedTuple):
     offset: Fraction = Fraction(0)  # of degrees Celsius and Fahrenheit
 
 
-_PREFIXES = {
-    "a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "d": -1, "h": 2, "k": 3, "M": 6, "G": 9, "T": 12,
+PREFIXES = {
+    "a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9, "T": 12,
+    "c": -2, "d": -1, "h": 2,
 }  # fmt: skip
 _PREFIX_WORDS = {
     "pico": -12,
@@ -87,6 +88,7 @@ _TEMPERATURES = {
 _MISWRITTEN = [
     (re.compile(r"\b[kK]p[aA]\b|\bKPa\b|\bKPA\b"), "kPa"), (re.compile(r"\bM(pa|PA)\b"), "MPa"),
     (re.compile(r"\bG(pa|PA)\b"), "GPa"), (re.compile(r"\b[kK][hH][zZ]\b"), "kHz"), (re.compile(r"\b(hz|HZ)\b"), "Hz"),
+    (re.compile(r"\brads(?=\^?-)"), "rad s"),
 ]  # fmt: skip
 
 _PLAIN = str.maketrans("µμ⁻−–⁰¹²³⁴⁵⁶·⋅×∙*", "uu---0123456.....")
@@ -161,9 +163,9 @@ def _symbol(text: str) -> Unit | None:
             return Unit(Fraction(size), dimension)
     for symbol, (scale, dimension) in _METRIC.items():
         prefix = text.removesuffix(symbol)
-        allowed = "mu" if symbol == "rad" else _PREFIXES  # Grad is German for a degree
-        if text.endswith(symbol) and (not prefix or prefix in allowed):
-            return Unit(Fraction(scale) * Fraction(10) ** _PREFIXES.get(prefix, 0), dimension)
+        allowed = "mu" if symbol == "rad" else PREFIXES  # Grad is German for a degree
+        if text.endswith(symbol) and prefix in allowed:
+            return Unit(Fraction(scale) * Fraction(10) ** PREFIXES[prefix], dimension)
     for name, symbol in _WORDS.items():
         prefix = word.removesuffix(name)
         if word.endswith(name) and (not prefix or prefix in _PREFIX_WORDS):
