@@ -24,7 +24,7 @@ from gfmdlayer.body.layer import Halfspace, Layer, StackedLayers, in_units
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.pair import Pair
-from gfmdlayer.body.solid import Solid
+from gfmdlayer.body.solid import OneModulus, Solid
 from gfmdlayer.config import sections, sweeps
 from gfmdlayer.config.bodies import Counterbody, layered, problems_of_the_body, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
@@ -79,7 +79,7 @@ def _problems_of_the_materials(config: Any) -> Iterator[Mistake]:
         message = f"got {control!r}: {reason}; {allowed}"
         yield Mistake(("trajectory", "control"), message, (*liquids, "halfspace", "layer", "layers", "body"))
     for at, section in sections_in(config):
-        if isinstance(section, Solid) and not isinstance(section, Layers):
+        if isinstance(section, Solid) and not isinstance(section, (Layers, OneModulus)):
             for below, law in sections_in(section):
                 if isinstance(law, Law) and (law.moduli or getattr(law, "G", 0.0) is None):
                     message = "its moduli must be shear moduli: only a layer and a halfspace have a poisson"

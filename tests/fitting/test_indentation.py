@@ -14,9 +14,9 @@ import pytest
 
 from gfmdlayer import ConfigError, ForceCurve, cli, fit_indentation
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.curve_files import entries, read_curve
+from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
 from gfmdlayer.fitting.estimates import detect
-from gfmdlayer.fitting.force_curve import StraightDrive, in_si
+from gfmdlayer.fitting.force_curve import StraightDrive
 from gfmdlayer.fitting.indentation_report import comparison, write_report
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
@@ -309,7 +309,7 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path):
     path.write_text(f"time (ms),depth (nm),force (nN)\n{rows}\n")
     units = {"length": "um", "stress": "kPa", "time": "s"}  # kPa um^2 = nN
     model = IndentationModel(body() | {"units": units})
-    found = read_curve(entries([path])[0], into=in_si(model.config.units))
+    found = read_curve(entries([path])[0], into=units_of(model.config.units))
     assert [found.time[1], found.depth[1], found.force[1]] == pytest.approx([1e-3, 1e-3, 1.0])
 
 
