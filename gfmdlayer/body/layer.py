@@ -161,7 +161,7 @@ class Layer(Section):
         self._take(
             {key: value if isinstance(value, Law) else plain(value) for key, value in parameters.items()}
         )
-        if problems := list(self.problems()):  # in a configuration a sweep may replace the values
+        if problems := list(contradictions(self)):  # in a configuration a sweep may replace the values
             raise ConfigError(map(str, problems))
 
     def problems(self) -> Iterator[Mistake]:

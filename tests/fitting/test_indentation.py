@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer import ConfigError, ForceCurve, cli, fit_indentation
-from gfmdlayer.files.tables import TableError
+from gfmdlayer.files.tables import Answers, TableError
 from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
 from gfmdlayer.fitting.estimates import detect
 from gfmdlayer.fitting.force_curve import StraightDrive
@@ -316,18 +316,18 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path):
 @pytest.mark.parametrize(
     ("head", "units", "message"),
     [
-        ("time (s),depth (nm),force", None, "time and depth with a unit, but force without"),
-        ("time (s),depth (nN),force (nN)", None, "got the unit 'nN' for depth; must be m, mm, um or nm"),
-        ("time,width,force", None, "no column is named depth"),
-        ("time,depth,depth", None, "two columns are named depth"),
-        ("time,depth,force", ("s", "nm", "kg"), "got the unit 'kg' for force"),
+        ("time (s),depth (nm),force", {}, "time has a unit, but force has none; give both, or neither"),
+        ("time (s),depth (nN),force (nN)", {}, "'depth (nN)' is in 'nN', which is no unit of depth"),
+        ("time,width,force", {}, "no column is named depth"),
+        ("time,depth,depth", {}, "two columns are named depth"),
+        ("time,depth,force", {"time": "s", "depth": "nm", "force": "kg"}, "is in 'kg', which is no unit of"),
     ],
 )
 def test_units_and_headings_that_are_unknown_are_refused(tmp_path, head, units, message):
     path = tmp_path / "gel.csv"
     path.write_text(head + "\n" + "\n".join(f"{i},{i},{i}" for i in range(20)))
     with pytest.raises(TableError, match=message):
-        read_curve(entries([path])[0], units)
+        read_curve(entries([path])[0], Answers(units=tuple(units.items())))
 
 
 def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path):
