@@ -1,6 +1,7 @@
 """Moduli of other kinds than shear, liquids, and the units of material files."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_an_elastic_solid_and_a_base_take_one_modulus_of_any_kind(key, ratio):
     made = config(
         layer={"poisson": POISSON, "material": law}, halfspace={"poisson": POISSON, f"{key}_modulus": 8.0}
     )
-    assert made.laws[0].G == pytest.approx(6 * ratio, rel=1e-14)
+    assert pytest.approx(6 * ratio, rel=1e-14) == made.laws[0].G
     assert made.solid.base.shear_modulus == pytest.approx(8 * ratio, rel=1e-14)
     rigid = config(halfspace={"poisson": POISSON, f"{key}_modulus": math.inf})
     assert rigid.solid.base.shear_modulus == math.inf
@@ -133,7 +134,7 @@ def test_a_liquid_runs_wherever_something_holds_it_and_is_refused_elsewhere(law)
                   {"layer": {"material": law}, "halfspace": {"shear_modulus": 0.0}}):  # fmt: skip
         config(**alone)
         with pytest.raises(
-            ConfigError, match="trajectory.control: got 'load': a liquid .* sinks without end"
+            ConfigError, match=r"trajectory.control: got 'load': a liquid .* sinks without end"
         ):
             config(**alone, **load_control)
 
@@ -152,7 +153,8 @@ def test_the_pressure_on_a_liquid_layer_relaxes_as_its_modulus(law, geometry):
     """On a rigid base K(q, t) = K(q) G(t): after a sudden depth the force falls as G(t)."""
     depth, ramp, end = 0.002, 1e-4, 2.0
     sections = {
-        "layer": {"thickness": 0.05, "poisson": 0.4, "material": law}, "halfspace": {"shear_modulus": math.inf},
+        "layer": {"thickness": 0.05, "poisson": 0.4, "material": law},
+        "halfspace": {"shear_modulus": math.inf},
         "trajectory": {"depth": depth, "ramp_time": ramp}, "time": {"end": end, "step": "adaptive"},
         "grid": {"points": 256} if geometry == "line" else {"geometry": "axisymmetric"},
         "output": {"times": [0.1, 0.5, 1.0, end]},
@@ -171,7 +173,8 @@ def test_the_pressure_on_a_liquid_layer_relaxes_as_its_modulus(law, geometry):
 
 def test_a_liquid_that_has_relaxed_carries_nothing():
     found = gfmdlayer.run(config(
-        layer={"thickness": 0.05, "material": MAXWELL}, halfspace={"shear_modulus": math.inf}, grid={"points": 256},
+        layer={"thickness": 0.05, "material": MAXWELL}, halfspace={"shear_modulus": math.inf},
+        grid={"points": 256},
         trajectory={"depth": 0.002, "ramp_time": 0.01}, time={"end": 15.0, "step": "adaptive"},
     ))  # fmt: skip
     p = found.mean_pressure.values
@@ -209,7 +212,7 @@ def test_creep_and_relaxation_are_inverse(law):
     for t in (0.01, 1.0, 20.0):
         edges = np.concatenate(([0.0], t * np.geomspace(1e-10, 0.5, 40)))
         total = 0.0
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges):
             at, weight = first + (last - first) * (x + 1) / 2, (last - first) * w / 2
             for one, other in ((at, t - at), (t - at, at)):
                 total += float(weight @ (law.relaxation_modulus(one) * law.creep_compliance(other)))
@@ -218,7 +221,10 @@ def test_creep_and_relaxation_are_inverse(law):
 
 # Material files carry their units.
 
-FILE = "units: {length: m, stress: MPa, time: min}\nlayer: {material: {model: prony, G0: 0.5, branches: [{G: 2, tau: 3}]}}\n"
+FILE = """\
+units: {length: m, stress: MPa, time: min}
+layer: {material: {model: prony, G0: 0.5, branches: [{G: 2, tau: 3}]}}
+"""
 UNITS = {"length": "mm", "stress": "kPa", "time": "s"}
 
 
