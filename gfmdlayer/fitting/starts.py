@@ -16,7 +16,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.elastic import KINDS, NO_ADHESION, work_for
 from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
-from gfmdlayer.fitting.force_curve import DEPTH, ForceCurve, baseline, noise_of
+from gfmdlayer.fitting.force_curve import DEPTH, CurveError, ForceCurve, baseline, noise_of
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import (
     MODULI,
@@ -122,6 +122,11 @@ def curve_parameters(
     curves: Sequence[ForceCurve], model: IndentationModel, free: Free, options: FitOptions
 ) -> list[FreeParameter]:
     """Return the free parameters of a fit, with the starts and the default bounds that follow from curves."""
+    if options.contact == "given" and "force_offset" not in free:
+        for curve in curves:
+            if curve.force.max() <= 0:
+                reason = "no force is positive; forces are positive where the indenter presses"
+                raise CurveError(f"curve {curve.name}: {reason}. Is the baseline below zero? Detect the contact")
     depth = max(float(np.ptp(curve.depth)) for curve in curves)
     force = max(float(np.ptp(curve.force)) for curve in curves)
     duration = min(float(np.ptp(curve.time)) for curve in curves)

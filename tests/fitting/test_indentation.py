@@ -209,7 +209,7 @@ def test_a_noisy_depth_is_reduced_to_its_straight_pieces():
         ({"time": TIME[:-1]}, "200 of time, 201 of depth"),
         ({"time": [], "depth": [], "force": []}, "has 0 rows; a fit needs at least 8"),
         ({"depth": 0 * TIME}, "depth never changes"),
-        ({"force": -TIME}, "no force is positive"),
+        ({"force": 0 * TIME}, "the force never changes"),
         ({"noise": -1.0}, "noise = -1.0; it must be > 0"),
         ({"depth": [[1.0]]}, "depth has 2 dimensions"),
         ({"depth": ["one"]}, "depth cannot be read as numbers"),
@@ -447,6 +447,14 @@ def test_errors_that_are_no_exceptions_are_words(uncalibrated, monkeypatch):
     monkeypatch.setattr(sys.modules["afmformats"], "load_data", fails)
     with pytest.raises(TableError, match=r"curve.csv: cannot be read by afmformats \(MissingMetaDataError: "):
         entries([uncalibrated])
+
+
+def test_a_baseline_below_zero_needs_a_free_offset():
+    data = ForceCurve("low", TIME, RAMP_HOLD, on_halfspace(TIME) - 1e3)
+    with pytest.raises(FitError, match="no force is positive.* Is the baseline below zero"):
+        fit_indentation(data, body(), ZENER)
+    fit = fit_indentation(data, body(), [*ZENER, "force_offset"])
+    assert fit["force_offset"].value == pytest.approx(-1e3, rel=1e-6)
 
 
 def test_an_elastic_fit_needs_no_time(tmp_path):
