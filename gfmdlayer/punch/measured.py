@@ -47,7 +47,8 @@ _UnitOfFile = Annotated[
     _number_or_word,
 ]
 _Hole = Annotated[
-    Annotated[float, strict, _hole, Tag("number")] | Annotated[Literal["none"], _hole, Tag("word")], _number_or_word
+    Annotated[float, strict, _hole, Tag("number")] | Annotated[Literal["none"], _hole, Tag("word")],
+    _number_or_word,
 ]
 
 
@@ -121,9 +122,7 @@ class Topography(FromFile):
     """where the file holds several"""
     unit: Annotated[_UnitOfFile | None, given] = None
     """unit of heights, and of lengths without one, if the file does not say it; a number in the configuration's"""
-    size: Annotated[
-        Annotated[tuple[Positive, ...], BeforeValidator(sequence)] | None, given
-    ] = None
+    size: Annotated[Annotated[tuple[Positive, ...], BeforeValidator(sequence)] | None, given] = None
     """lengths [Lx, Ly] of the scan, if the file does not say them"""
     transpose: Switch = False
     """exchange x and y of the file"""

@@ -27,7 +27,9 @@ from gfmdlayer.files.units import unit_of
 from gfmdlayer.grid.grid import Grid
 
 _ROUNDING = 1e-3  # relative; sizes in headers have some three digits
-_WIDEST = 4.0  # spacings of the grid between neighbours of a line, over which it is interpolated without asking
+_WIDEST = (
+    4.0  # spacings of the grid between neighbours of a line, over which it is interpolated without asking
+)
 _LENGTH = (0, 1, 0, 0, 0, 0)
 
 
@@ -52,7 +54,9 @@ def length_unit(text: str) -> Length | None:
 class Keys(NamedTuple):
     """Keys of the punch that settle what a file does not say, or says wrongly."""
 
-    unit: float | str | None = None  # of heights, and of lengths without a unit: in the configuration's, or a name
+    unit: float | str | None = (
+        None  # of heights, and of lengths without a unit: in the configuration's, or a name
+    )
     size: tuple[float, ...] | None = None  # lengths of the cell, in the configuration's unit
     transpose: bool = False  # exchange x and y of the file
     decimal: str | None = None  # mark of text
@@ -179,40 +183,71 @@ def _agrees(unit: Length, given: float | str, length: str | None) -> bool:
 
 def _factors(scan: Scan, keys: Keys, grid: Grid, length: str | None) -> tuple[float, tuple[float, ...]]:
     """Return the factors from heights, and from lengths along each axis, to the configuration's unit."""
-    name = scan.file
     own = length_unit(length) if length else None
-    needs = [axis for axis in scan.axes if axis.length is not None or axis.positions is not None]
-    lateral = [axis.unit for axis in needs if axis.unit] if not keys.size else []
+    needed = [
+        axis
+        for axis in scan.axes
+        if axis.positions is not None or (axis.length is not None and not keys.size)
+    ]
+    _refuse_open(scan, keys, own, needed)
+    if own is None:
+        own = _own_unit(scan, keys, grid, needed)
+    unit = length_unit(keys.unit) if isinstance(keys.unit, str) else scan.unit
+    vertical = 1.0 if unit is None or own is None else _ratio(unit, own)
+    if isinstance(keys.unit, float):
+        vertical = keys.unit
+    plain = 1.0 if keys.unit is None else vertical  # of lengths without a unit
+    return vertical, tuple(
+        plain if axis.unit is None or own is None else _ratio(axis.unit, own) for axis in scan.axes
+    )
+
+
+def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Axis]) -> None:
+    """Refuse what neither the file nor the keys say."""
+    lateral = [axis.unit for axis in needed if axis.unit]
+    said = next((axis.unit for axis in scan.axes if axis.unit), None)
     if isinstance(keys.unit, str) and own is None:
         raise TableError(
-            f"{name}: punch.unit is {keys.unit}, but the configuration has no units; add units: {{length: ..., "
-            "stress: ..., time: ...}, or give unit as a number, its length in the configuration's"
+            f"{scan.file}: punch.unit is {keys.unit}, but the configuration has no units; {_ADD_UNITS}, or give "
+            "unit as a number, its length in the configuration's"
         )
-    if scan.doubt and (keys.unit is None or keys.size is None):
-        missing = " and ".join(
-            key for key, known in (("punch.unit", scan.unit or keys.unit), ("punch.size", keys.size)) if not known
-        )
-        if missing:
-            raise TableError(
-                f"{name}: {scan.doubt} may say a unit or a length, but is not understood; give {missing}"
-            )
-    if needs and not keys.size and 0 < len(lateral) < len(needs):
-        raise TableError(f"{name}: says the unit of one direction only; give punch.size")
-    if keys.unit is None and scan.unit is None and lateral:
+    if scan.unit is None and keys.unit is None and said:
         raise TableError(
-            f"{name}: says lengths in {lateral[0]}, but no unit of heights; give it, punch.unit: {lateral[0]} or another"
+            f"{scan.file}: says lengths in {said}, but no unit of heights; give punch.unit, {said} or another"
         )
-    if keys.unit is None and scan.unit is not None and needs and not lateral and not keys.size:
+    if 0 < len(lateral) < len(needed):
+        raise TableError(f"{scan.file}: says the unit of one direction only; give punch.size")
+    if scan.unit and keys.unit is None and needed and not lateral:
         raise TableError(
-            f"{name}: says heights in {scan.unit}, but x and y have no unit; give punch.size, the lengths of the scan"
+            f"{scan.file}: says heights in {scan.unit}, but x and y have no unit; give punch.size, the lengths of "
+            "the scan, or punch.unit for all"
         )
-    if own is None and (scan.unit or lateral) and not (isinstance(keys.unit, float) and (scan.unit or not lateral)):
-        own = _taken_for(scan, lateral, needs, grid, keys)
-    vertical = _vertical(scan, keys, own)
-    if own is None and scan.unit and isinstance(keys.unit, float):  # other units beside that of heights
-        own = Length(scan.unit.size / keys.unit, "")
-    return vertical, tuple(
-        vertical if axis.unit is None or own is None else _ratio(axis.unit, own) for axis in scan.axes
+    known = scan.unit or keys.unit is not None
+    sized = keys.size or all(axis.length is not None or axis.positions is not None for axis in scan.axes)
+    if scan.doubt and not (known and sized):
+        missing = " and ".join(["punch.unit"] * (not known) + ["punch.size"] * (not sized))
+        raise TableError(
+            f"{scan.file}: {scan.doubt} may say a length or a unit, but is not understood; give {missing}"
+        )
+
+
+_ADD_UNITS = "add units: {length: ..., stress: ..., time: ...}"
+
+
+def _own_unit(scan: Scan, keys: Keys, grid: Grid, needed: Sequence[Axis]) -> Length | None:
+    """Return the unit of length of a configuration without units, where the file has units."""
+    lateral = [axis.unit for axis in needed if axis.unit]
+    if isinstance(keys.unit, float) and (scan.unit or not lateral):
+        return Length(scan.unit.size / keys.unit, "") if scan.unit else None
+    if not (scan.unit or lateral):
+        return None
+    lengths = [_ratio(axis.unit, lateral[0]) * (axis.length or 0.0) for axis in needed if axis.unit]
+    if len(lengths) == len(grid.period) and np.allclose(lengths, grid.period, rtol=_ROUNDING, atol=0):
+        return lateral[0]  # the cell has the size of the scan in this unit
+    unit = scan.unit or lateral[0]
+    raise TableError(
+        f"{scan.file}: says {'heights' if scan.unit else 'lengths'} in {unit}, but the configuration has no units; "
+        f"{_ADD_UNITS}, or give punch.unit, the length of 1 {unit} in the configuration's"
     )
 
 
@@ -220,31 +255,6 @@ def _ratio(unit: Length, into: Length) -> float:
     """Return a unit in another one; exact powers of ten."""
     ratio = unit.size / into.size
     return float(f"{ratio:.15g}")
-
-
-def _vertical(scan: Scan, keys: Keys, own: Length | None) -> float:
-    if isinstance(keys.unit, float):
-        return keys.unit
-    unit = length_unit(keys.unit) if keys.unit else scan.unit
-    return 1.0 if unit is None or own is None else _ratio(unit, own)
-
-
-def _taken_for(
-    scan: Scan, lateral: list[Length], needs: list[Axis], grid: Grid, keys: Keys
-) -> Length:
-    """Return the file's own unit of length for a configuration without units, if the size shows that it is."""
-    lengths = [axis.length for axis in needs]
-    if len(lateral) == len(grid.period) and None not in lengths:
-        unit = lateral[0]
-        own = [_ratio(axis.unit or unit, unit) * (axis.length or 0.0) for axis in needs]
-        if np.allclose(own, grid.period, rtol=_ROUNDING, atol=0):
-            return unit
-    unit_of_heights = scan.unit or lateral[0]
-    raise TableError(
-        f"{scan.file}: says {'heights' if scan.unit else 'lengths'} in {unit_of_heights}, but the configuration "
-        f"has no units; add units: {{length: ..., stress: ..., time: ...}}, or give punch.unit, the length of "
-        f"1 {unit_of_heights} in the configuration's"
-    )
 
 
 def _check_size(scan: Scan, keys: Keys, size: Sequence[float | None], grid: Grid, unit: str) -> None:
@@ -291,7 +301,9 @@ def _probable_hole(values: FloatArray) -> tuple[float, int] | None:
 def _marks_holes(number: float) -> bool:
     """Whether programs write a number for a missing height: -9999, -32768, 1e38 and their like."""
     size = abs(number)
-    nines = re.fullmatch(r"9{3,}(?:\.(?:0|9+))?", repr(float(f"{size:.6g}")) if size < 1e15 else "") is not None
+    nines = (
+        re.fullmatch(r"9{3,}(?:\.(?:0|9+))?", repr(float(f"{size:.6g}")) if size < 1e15 else "") is not None
+    )
     return nines or size in {32767.0, 32768.0, 65535.0, 2147483647.0, 2147483648.0} or size >= 1e10
 
 
@@ -456,7 +468,9 @@ def _own_labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
             if set(chosen.dims) == {"x", "y"}:
                 chosen, layout = chosen.transpose("x", "y"), "dimensions x and y"
             found = [_coordinate(file, opened, str(dim)) for dim in chosen.dims]
-            backwards = {dim: slice(None, None, -1) for dim, (_, down) in zip(chosen.dims, found, strict=True) if down}
+            backwards = {
+                dim: slice(None, None, -1) for dim, (_, down) in zip(chosen.dims, found, strict=True) if down
+            }
             values = chosen.isel(backwards)[rows].to_numpy().astype(np.float64)
             unit = _unit_of_attributes(file, str(chosen.name), chosen.attrs, known=keys.unit is not None)
     except TableError:
@@ -502,7 +516,11 @@ def _axis(file: Path, name: str, x: FloatArray, unit: Length | None) -> Axis:
     """Return the axis of increasing positions."""
     steps = np.diff(x)
     if not (np.isfinite(x).all() and x.size > 1 and steps.min() > 0):
-        order = "decreases in places" if x.size and np.isfinite(x).all() and steps.size and steps.min() < 0 else ""
+        order = (
+            "decreases in places"
+            if x.size and np.isfinite(x).all() and steps.size and steps.min() < 0
+            else ""
+        )
         same = "has a value twice" if not order and steps.size and steps.min() == 0 else ""
         wrong = order or same or "is no row of numbers"
         raise TableError(f"{file}: {name} is not equally spaced, increasing: it {wrong}")
@@ -560,7 +578,9 @@ def _own_text(file: Path, axes: int, keys: Keys) -> Scan:
             raise TableError(f"{file}: holds {width} columns; must be two, x and height, on a line")
         return _of_columns(file, 1, matrix, _placed(file, axes, matrix, header), header)
     if width == 2:
-        raise TableError(f"{file}: holds two columns, as x and height of a line; grid.points has two directions")
+        raise TableError(
+            f"{file}: holds two columns, as x and height of a line; grid.points has two directions"
+        )
     if width == 3 and not header.is_matrix and rows > 3:
         return _of_columns(file, 2, matrix, _placed(file, axes, matrix, header), header)
     return _of_matrix(file, matrix, header)
@@ -583,7 +603,11 @@ def _named(file: Path, axes: int, matrix: Matrix, keys: Keys) -> dict[str, _Colu
     for c, (heading, below) in enumerate(zip(matrix.headings, matrix.units, strict=True)):
         means = meaning(heading, below, wanted)
         asked = [each for each in means.options if each in wanted]
-        if means.reason and asked and not (keys.unit is not None and asked == ["height"] and means.unit is None):
+        if (
+            means.reason
+            and asked
+            and not (keys.unit is not None and asked == ["height"] and means.unit is None)
+        ):
             raise TableError(f"{file}: the heading {heading!r} {means.reason}")
         if not asked:
             continue
@@ -594,7 +618,9 @@ def _named(file: Path, axes: int, matrix: Matrix, keys: Keys) -> dict[str, _Colu
         found[name] = c, _Column(matrix.values[:, c], unit)
     if missing := [name for name in wanted if name not in found]:
         headings = ", ".join(map(repr, matrix.headings))
-        raise TableError(f"{file}: no heading names {' and '.join(missing)} among {headings}; give {_NAMES[axes]}")
+        raise TableError(
+            f"{file}: no heading names {' and '.join(missing)} among {headings}; give {_NAMES[axes]}"
+        )
     columns = {name: column for name, (_, column) in found.items()}
     for heading, flags in zip(matrix.headings, matrix.values.T, strict=True):
         if heading.strip().lower() == "valid":  # 1 or 0
@@ -611,9 +637,7 @@ def _placed(file: Path, axes: int, matrix: Matrix, header: _Header) -> dict[str,
     return {name: _Column(matrix.values[:, c], units[name]) for c, name in enumerate(names)}
 
 
-def _of_columns(
-    file: Path, axes: int, matrix: Matrix, columns: dict[str, _Column], header: _Header
-) -> Scan:
+def _of_columns(file: Path, axes: int, matrix: Matrix, columns: dict[str, _Column], header: _Header) -> Scan:
     """Return the scan of points in columns."""
     positions = [columns["xy"[axis]] for axis in range(axes)]
     for name, column in zip("xy", positions, strict=False):
@@ -626,7 +650,9 @@ def _of_columns(
         (x,) = positions
         order = np.argsort(x.values, kind="stable")
         axis = _axis(file, "x", x.values[order], x.unit)
-        return Scan(file, height.values[order], height.unit, (axis,), "columns x, height", written, header.doubt)
+        return Scan(
+            file, height.values[order], height.unit, (axis,), "columns x, height", written, header.doubt
+        )
     levels = [_levels(file, name, column.values) for name, column in zip("xy", positions, strict=True)]
     (ix, nx, dx), (iy, ny, dy) = levels
     counts = np.bincount(ix * ny + iy, minlength=nx * ny)
@@ -651,9 +677,14 @@ def _levels(file: Path, name: str, values: FloatArray) -> tuple[np.ndarray[Any, 
     first = np.append(True, steps > 0.5 * widest)  # of each level; positions of one level differ by rounding
     count = int(first.sum())
     if not widest > 0 or count < 2:
-        raise TableError(f"{file}: {name} of the points x, y, z is everywhere {order[0]:g}; must be two values or more")
+        raise TableError(
+            f"{file}: {name} of the points x, y, z is everywhere {order[0]:g}; must be two values or more"
+        )
     spacing = float(order[-1] - order[0]) / (count - 1)
-    digits = next((k for k in range(16) if np.allclose(values * 10.0**k, np.rint(values * 10.0**k), rtol=0, atol=1e-6)), 16)
+    digits = next(
+        (k for k in range(16) if np.allclose(values * 10.0**k, np.rint(values * 10.0**k), rtol=0, atol=1e-6)),
+        16,
+    )
     allowed = max(_ROUNDING, min(0.05, 0.501 * 10.0**-digits / spacing)) * spacing  # digits written
     index = np.rint((values - order[0]) / spacing).astype(np.int64)
     wrong = np.abs(values - order[0] - index * spacing)
@@ -711,7 +742,11 @@ def _with_axes(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] 
     if min(values.shape) < 4:
         return None
     across, down = values[0, 1:], values[1:, 0]
-    if not (_evenly(across) and _evenly(down)) or np.isnan(values[0, 0]) is np.False_ and _evenly(values[1, 1:]):
+    if (
+        not (_evenly(across) and _evenly(down))
+        or np.isnan(values[0, 0]) is np.False_
+        and _evenly(values[1, 1:])
+    ):
         return None  # a tilted plane
     if np.isfinite(values[0, 0]) and values[0, 0] != 0:
         return None
@@ -720,7 +755,9 @@ def _with_axes(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] 
 
 def _evenly(values: FloatArray) -> bool:
     steps = np.diff(values)
-    return bool(np.isfinite(steps).all() and steps[0] != 0 and np.allclose(steps, steps[0], rtol=0.05, atol=0))
+    return bool(
+        np.isfinite(steps).all() and steps[0] != 0 and np.allclose(steps, steps[0], rtol=0.05, atol=0)
+    )
 
 
 def _counts_columns(values: FloatArray) -> bool:
@@ -757,7 +794,9 @@ _LABELS = {
     "hole": "nodata value|nodata|no data value",
 }  # fmt: skip
 _LABEL = {name: label for label, names in _LABELS.items() for name in names.split("|")}
-_FACTOR = re.compile(r"height conversion factor \(->\s*(?P<unit>[^)]+)\)\s*[=:]\s*(?P<number>[-+.\deE]+)", re.IGNORECASE)
+_FACTOR = re.compile(
+    r"height conversion factor \(->\s*(?P<unit>[^)]+)\)\s*[=:]\s*(?P<number>[-+.\deE]+)", re.IGNORECASE
+)
 _DOUBTFUL = re.compile(
     r"scale|factor|unit|size|length|width|height|pixel|spacing|pitch|increment|range|amplitude|resolution|mult|bit2nm|"
     r"einheit|größe|länge|breite|höhe|abstand|schritt|taille|largeur|hauteur|échelle|unité|wavelength|faktor|facteur",
@@ -798,7 +837,9 @@ def _header(file: Path, matrix: Matrix) -> _Header:
         cells = re.split(r"[\s;,|]+", plain)
         if len(cells) == matrix.shape[1] and all(map(length_unit, cells)):  # a row of units
             names = ("x", "y", "height") if len(cells) == 3 else ("x", "height")
-            units |= {name: unit for name, cell in zip(names, cells, strict=False) if (unit := length_unit(cell))}
+            units |= {
+                name: unit for name, cell in zip(names, cells, strict=False) if (unit := length_unit(cell))
+            }
             continue
         several = _SEVERAL.findall(plain)
         entries = several if len(several) > 1 else list(_entries(plain))
@@ -823,7 +864,9 @@ def _header(file: Path, matrix: Matrix) -> _Header:
     if of_data and of_data not in {"1", "-"}:
         unit = length_unit(of_data)
         if unit is None and "factor" not in found:
-            raise TableError(f"{file}: its header says that the values are in {of_data!r}, which is no known length")
+            raise TableError(
+                f"{file}: its header says that the values are in {of_data!r}, which is no known length"
+            )
         if unit:
             units["height"] = unit
     for one, other in ("xy", "yx"):
@@ -890,7 +933,12 @@ def _number(file: Path, line: str, text: str, matrix: Matrix) -> float:
     """Return a number of a header, whose decimal mark need not be that of the matrix."""
     marks = re.findall("[.,]", text)
     whole, _, digits = re.split("[eE]", text)[0].replace(",", ".").partition(".")
-    if len(marks) == 1 and marks[0] != matrix.decimal and len(digits) == 3 and whole.strip("+-") not in {"", "0"}:
+    if (
+        len(marks) == 1
+        and marks[0] != matrix.decimal
+        and len(digits) == 3
+        and whole.strip("+-") not in {"", "0"}
+    ):
         raise TableError(
             f"{file}: {line.strip()!r}: is {marks[0]!r} a decimal mark or a mark of thousands in {text}? give punch.size"
         )

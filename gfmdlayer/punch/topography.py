@@ -28,7 +28,9 @@ from gfmdlayer.validation.problems import ConfigError
 _SEAM = 3.0  # a step across the seam beyond so many times the usual one is no part of the surface
 
 
-def read_profile(file: Path, grid: Grid, keys: Keys, length: str | None, *, outward: bool = False) -> Measured:
+def read_profile(
+    file: Path, grid: Grid, keys: Keys, length: str | None, *, outward: bool = False
+) -> Measured:
     """Read one height for each grid point, above the first touch; TableError unless they fit the grid."""
     # The file is .npy of the grid's shape, or text with a row, x and height, for each point of a line, spaced
     # by L/n. The lowest height touches first, or the highest where heights are counted outward.
@@ -129,9 +131,10 @@ def resampled(file: Path, heights: FloatArray, shape: tuple[int, ...], method: s
     if heights.shape == shape:
         return heights, ""
     if method == "none":
+        swapped = " or transpose: true" if heights.shape[::-1] == shape else ""
         raise TableError(
             f"{file}: holds {times(heights.shape)} heights; must be {times(shape)}, as the grid, or "
-            "resample: fourier"
+            f"resample: fourier{swapped}"
         )
     from scipy.signal import resample
 
