@@ -26,7 +26,7 @@ from gfmdlayer.validation.problems import Mistake
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.grid.grid import Grid
-    from gfmdlayer.punch.scans import Keys
+    from gfmdlayer.punch.scan import Keys
 
 Name = Annotated[str, Field(strict=True, min_length=1), MustBe("the name of a dataset")]
 
@@ -72,7 +72,7 @@ class FromFile(Shape):
 
     @property
     def _keys(self) -> Keys:
-        from gfmdlayer.punch.scans import Keys
+        from gfmdlayer.punch.scan import Keys
 
         return Keys(decimal=self.decimal, hole=self.hole)
 
@@ -163,7 +163,7 @@ class Topography(FromFile):
     @property
     def whole_only(self) -> str:
         """A step that concerns distant points, or a file that is not read in parts."""
-        from gfmdlayer.punch.scans import IN_PARTS
+        from gfmdlayer.punch.scan_files import IN_PARTS
 
         if self.file.suffix.lower() not in IN_PARTS:
             return f"file: got {self.file.suffix or 'no ending'}, not {', '.join(IN_PARTS)}"
@@ -180,7 +180,8 @@ class Topography(FromFile):
     def _made_periodic(self, grid: Grid) -> tuple[FloatArray, list[str], str]:
         from gfmdlayer.grid.grid import Grid as Whole
         from gfmdlayer.punch import topography
-        from gfmdlayer.punch.scans import on_grid, read_scan
+        from gfmdlayer.punch.scan import on_grid
+        from gfmdlayer.punch.scan_files import read_scan
 
         scan = read_scan(self.file, len(grid.shape), self._keys, grid)
         measured = on_grid(scan, self._keys, grid, self._length, gaps=self.fill != "none")

@@ -8,7 +8,7 @@ detrend     the plane, or the paraboloid, of least squares is subtracted
 taper       deviations from the mean height fade out towards the edges (Tukey's window; 1 is Hann's)
 resample    to the points of the grid, by the Fourier series
 
-Each returns the heights and a note, which is empty where nothing changed. `punch/scans.py` reads the files.
+Each returns the heights and a note, which is empty where nothing changed. `punch/scan_files.py` reads the files.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import LARGEST, Answers, TableError, read_table
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scans import Keys, Measured, on_grid, read_scan, times
+from gfmdlayer.punch.scan import Keys, Measured, on_grid, times
+from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.validation.problems import ConfigError
 
 _SEAM = 3.0  # a step across the seam beyond so many times the usual one is no part of the surface
