@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, PrivateAttr, Tag
 
@@ -11,7 +11,6 @@ from gfmdlayer.files.units import unit_of
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.validation.fields import (
     File,
-    Finite,
     Fraction,
     MustBe,
     Positive,
