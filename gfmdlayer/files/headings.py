@@ -109,6 +109,9 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
     "height": ("m", "height, h, z, y, profile, elevation, höhe, profil, hauteur, altitude"),
     "stiffness of the cantilever": ("N/m", "spring constant, cantilever stiffness, federkonstante"),
 }  # fmt: skip
+# On a line of the grid forces are per length.
+for _name in ("force", "tangential force"):
+    _QUANTITIES[f"{_name} per length"] = ("N/m", _QUANTITIES[_name][1])
 # Columns of words.
 WORDS = {"segment": "segment", "prescribed": "prescribed|control"}
 # Quantities of shear and of tension that a heading names without saying which.
@@ -143,6 +146,13 @@ def dimension_of(quantity: str) -> Unit:
 def names_of(quantity: str) -> tuple[str, ...]:
     """Return the names of a quantity."""
     return tuple((WORDS.get(quantity) or _QUANTITIES[quantity][1]).split(", "))
+
+
+def quantities_named(name: str) -> tuple[str, ...]:
+    """Return the quantities that a name may stand for, by their own names too."""
+    own = (name,) if name in _QUANTITIES else ()
+    exact, other = _options(name)
+    return tuple(dict.fromkeys((*own, *(each for each in (*exact, *other) if each not in WORDS))))
 
 
 _TYPED = str.maketrans("′’´`‘”″“", "''''''''")  # primes and quotes; double ones become two below

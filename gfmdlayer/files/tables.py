@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import (
     WORDS,
     Meaning,
@@ -22,6 +22,7 @@ from gfmdlayer.files.headings import (
     is_known,
     meaning,
     names_of,
+    split,
     unit_in,
 )
 from gfmdlayer.files.units import Unit, unit_of
@@ -664,6 +665,15 @@ class Table:
             )
         return values
 
+    def ascending(self, values: FloatArray, quantity: str) -> IntArray:
+        """Return the order of rows, which has no meaning, in which values ascend; TableError for equal ones."""
+        order = np.argsort(values, kind="stable")
+        if (same := np.flatnonzero(np.diff(values[order]) == 0)).size:
+            row, other = sorted((int(order[same[0]]), int(order[same[0] + 1])))
+            message = f"{quantity} = {values[row]:g} again, as in line {self.at[row] + 1}; must differ"
+            raise TableError(f"{self.place(other)}: {message}")
+        return order
+
     def _missing(self, quantity: str) -> str:
         if quantity in self.refused:
             return f"{self.path}: {self.refused[quantity]}"
@@ -677,7 +687,8 @@ class Table:
         parts = [f"{len(self.at)} rows"]
         for quantity, column in self.columns.items():
             unit = f" [{column.symbol}]" if column.unit is not None else " [no unit]"
-            heading = f"{column.heading}: " if column.heading and column.heading != quantity else ""
+            name = split(column.heading)[0]
+            heading = f"{name}: " if name.lower() not in {"", quantity} else ""
             into = f" -> {self.taken[quantity]}" if quantity in self.taken else ""
             parts.append(f"{heading}{quantity}{unit}{into}")
         account = f"{self.path.name}: {', '.join(parts)}"
@@ -713,7 +724,7 @@ def converted(values: FloatArray, unit: Unit, into: str, where: str, symbol: str
 def read_table(
     path: Path,
     wanted: Sequence[str],
-    answers: Answers = Answers(),
+    answers: Answers | None = None,
     *,
     orders: Sequence[Sequence[str]] | None = None,
 ) -> Table:
@@ -722,6 +733,7 @@ def read_table(
     With headings the columns go by their names, in any order. Without headings they have one of the `orders`,
     by default that of `wanted`. TableError where the file cannot be read with certainty.
     """
+    answers = answers or Answers()
     rows, head = _only_reading(path, answers)
     heads, units = _headings(rows, head, answers)
     table = Table(path, {}, {}, {}, {}, rows.lines, rows.at, _notes(rows, head))

@@ -26,8 +26,9 @@ class Unit(NamedTuple):
     offset: Fraction = Fraction(0)  # of degrees Celsius and Fahrenheit
 
 
-_PREFIXES = {
-    "a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "d": -1, "h": 2, "k": 3, "M": 6, "G": 9, "T": 12,
+PREFIXES = {
+    "a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9, "T": 12,
+    "c": -2, "d": -1, "h": 2,
 }  # fmt: skip
 _PREFIX_WORDS = {
     "pico": -12,
@@ -162,9 +163,9 @@ def _symbol(text: str) -> Unit | None:
             return Unit(Fraction(size), dimension)
     for symbol, (scale, dimension) in _METRIC.items():
         prefix = text.removesuffix(symbol)
-        allowed = "mu" if symbol == "rad" else _PREFIXES  # Grad is German for a degree
-        if text.endswith(symbol) and (not prefix or prefix in allowed):
-            return Unit(Fraction(scale) * Fraction(10) ** _PREFIXES.get(prefix, 0), dimension)
+        allowed = "mu" if symbol == "rad" else PREFIXES  # Grad is German for a degree
+        if text.endswith(symbol) and prefix in allowed:
+            return Unit(Fraction(scale) * Fraction(10) ** PREFIXES[prefix], dimension)
     for name, symbol in _WORDS.items():
         prefix = word.removesuffix(name)
         if word.endswith(name) and (not prefix or prefix in _PREFIX_WORDS):
