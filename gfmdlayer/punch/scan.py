@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import TableError
+from gfmdlayer.files.tables import Answers, TableError
 from gfmdlayer.files.units import unit_of
 from gfmdlayer.grid.grid import Grid
 
@@ -51,7 +51,7 @@ class Keys(NamedTuple):
     )
     size: tuple[float, ...] | None = None  # lengths of the cell, in the configuration's unit
     transpose: bool = False  # exchange x and y of the file
-    decimal: str | None = None  # mark of text
+    answers: Answers = Answers()  # on a text
     hole: float | str | None = None  # number that stands for a point without a height, or "none"
     dataset: str | None = None  # of several
 
@@ -107,7 +107,7 @@ def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: boo
     A line with unequal distances is interpolated onto the grid; `gaps` permits wide ones. TableError where the
     units or the size of the scan are not known, and where the size is not that of the cell.
     """
-    values, holes = _without_holes(scan, keys)
+    values, holes = without_holes(scan, keys)
     vertical, lateral = _factors(scan, keys, grid, length)
     unit = f" {length}" if length else ""
     size = keys.size and (keys.size * len(grid.points) if len(keys.size) == 1 else keys.size)
@@ -262,7 +262,7 @@ def _check_size(scan: Scan, keys: Keys, size: Sequence[float | None], grid: Grid
         )
 
 
-def _without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
+def without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
     """Return the heights with NaN for the number that marks a hole, and words; TableError for a probable one."""
     values = scan.heights
     if isinstance(keys.hole, float):

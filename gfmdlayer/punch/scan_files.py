@@ -17,13 +17,16 @@ from typing import Any, Literal
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import LARGEST, TableError, open_group
+from gfmdlayer.files.tables import LARGEST, Answers, TableError, open_group
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.scan import Axis, Keys, Length, Scan, axis_of, length_unit, lengths_in_words, times
 from gfmdlayer.punch.scan_text import read_text
 
 
-def read_scan(file: Path, axes: int, keys: Keys = Keys(), grid: Grid | None = None) -> Scan:
+_NO_KEYS = Keys()
+
+
+def read_scan(file: Path, axes: int, keys: Keys = _NO_KEYS, grid: Grid | None = None) -> Scan:
     """Read a file of heights on so many axes; TableError if there are none, or more than one reading."""
     # Where several processes hold the grid, the rows of this one are read.
     rows = slice(None)
@@ -94,7 +97,7 @@ def _is_text(head: bytes) -> bool:
 
 
 def _array(file: Path, _axes: int, keys: Keys, rows: slice) -> Scan:
-    _refuse_dataset(file, keys)
+    _refuse_keys(file, keys, dataset="HDF5, netCDF or instrument's file", reading="text")
     mapped: Literal["r"] | None = None if rows == slice(None) else "r"
     try:
         if mapped is None:
@@ -113,12 +116,15 @@ def _array(file: Path, _axes: int, keys: Keys, rows: slice) -> Scan:
     return Scan(file, values.astype(np.float64), None, (Axis(),) * array.ndim, layout, shape=array.shape)
 
 
-def _refuse_dataset(file: Path, keys: Keys) -> None:
-    if keys.dataset is not None:
-        raise TableError(f"{file}: is no HDF5 or netCDF file; dataset must be left out")
+def _refuse_keys(file: Path, keys: Keys, **kinds: str) -> None:
+    """Refuse keys that are for files of other kinds."""
+    for key, kind in kinds.items():
+        if (keys.dataset is not None) if key == "dataset" else keys.answers != Answers():
+            raise TableError(f"{file}: is no {kind}; {key} must be left out")
 
 
 def _labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
+    _refuse_keys(file, keys, reading="text")
     try:
         return _own_labelled(file, axes, keys, rows)
     except TableError as error:  # a format in HDF5 or netCDF that has an order of its own
@@ -129,8 +135,8 @@ def _labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
 
 
 def _text(file: Path, axes: int, keys: Keys, _rows: slice) -> Scan:
-    _refuse_dataset(file, keys)
-    return read_text(file, axes, keys.decimal)
+    _refuse_keys(file, keys, dataset="HDF5, netCDF or instrument's file")
+    return read_text(file, axes, keys.answers)
 
 
 def _own_labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
@@ -222,6 +228,7 @@ _NOT_BELIEVED = frozenset({"asc", "xyz", "matrix", "h5", "npy"})
 
 
 def _instrument(file: Path, _axes: int, keys: Keys, _rows: slice) -> Scan:
+    _refuse_keys(file, keys, reading="text")
     scan = _by_surface_topography(file, keys)
     if isinstance(scan, Scan):
         return scan
@@ -240,12 +247,11 @@ def _by_surface_topography(file: Path, keys: Keys) -> Scan | str:
             "`topography`"
         )
     try:
-        with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-            with open_topography(str(file)) as reader:
-                wyko = "wyko" in str(getattr(reader, "_metadata", ""))
-                if reader.format() in _NOT_BELIEVED and not wyko:
-                    return f"SurfaceTopography takes it for {reader.format()}, which it does not read with certainty"
-                return _checked(file, reader, keys)
+        with warnings.catch_warnings(action="ignore"), open_topography(str(file)) as reader:
+            wyko = "wyko" in str(getattr(reader, "_metadata", ""))
+            if reader.format() in _NOT_BELIEVED and not wyko:
+                return f"SurfaceTopography takes it for {reader.format()}, which it does not read with certainty"
+            return _checked(file, reader, keys)
     except TableError:
         raise
     except CannotDetectFileFormat:

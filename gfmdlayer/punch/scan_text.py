@@ -19,17 +19,17 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import is_known, meaning
-from gfmdlayer.files.tables import Matrix, TableError, read_matrix
+from gfmdlayer.files.tables import Answers, Matrix, TableError, read_matrix
 from gfmdlayer.punch.scan import ROUNDING, Axis, Length, Scan, axis_of, length_unit
 
 _COLUMNS = {1: ("x", "height"), 2: ("x", "y", "height")}
 
 
-def read_text(file: Path, axes: int, decimal: str | None) -> Scan:
+def read_text(file: Path, axes: int, answers: Answers) -> Scan:
     """Read a text of heights on so many axes; TableError where it has no certain meaning."""
-    matrix = read_matrix(file, decimal)
+    matrix = read_matrix(file, answers)
     if sum(map(is_known, matrix.headings)) > 1:
-        return _of_points(matrix, _named(axes, matrix), "")
+        return _of_points(matrix, _named(axes, matrix, answers), "")
     header = _Header.of(matrix)
     rows, width = matrix.shape
     if width == axes + 1 and any(matrix.headings):
@@ -69,14 +69,14 @@ class _Column(NamedTuple):
     unit: Length | None
 
 
-def _named(axes: int, matrix: Matrix) -> dict[str, _Column]:
+def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _Column]:
     """Return the columns x, (y) and height by their headings."""
     file, wanted = matrix.path, _COLUMNS[axes]
     found: dict[str, tuple[str, _Column]] = {}
     for heading, below, values in zip(matrix.headings, matrix.units, matrix.values.T, strict=True):
-        means = meaning(heading, below, wanted)
+        means = meaning(heading, below, wanted, answers.units)
         if axes == 2 and "y" in means.options:  # which on a line is a height
-            means = meaning(heading, below, ("x", "y"))
+            means = meaning(heading, below, ("x", "y"), answers.units)
         asked = [each for each in means.options if each in wanted]
         if not asked:
             continue
