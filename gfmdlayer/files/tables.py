@@ -827,9 +827,9 @@ class Matrix:
         return rows, columns
 
 
-def read_matrix(path: Path, decimal: str | None = None) -> Matrix:
+def read_matrix(path: Path, answers: Answers = Answers()) -> Matrix:
     """Read rows of numbers of one width; holes are NaN. TableError where they are not certain."""
-    rows, head = _only_reading(path, Answers(decimal=decimal))
+    rows, head = _only_reading(path, answers)
     if "T" in rows.kinds:
         c = rows.kinds.index("T")
         raise TableError(_not_a_number(rows, 0, rows.words[c][0]))
@@ -837,8 +837,8 @@ def read_matrix(path: Path, decimal: str | None = None) -> Matrix:
     count = f"{path.name}: {rows.values.shape[0]} rows of {rows.width} numbers"
     holes = int(np.isnan(rows.values).sum())
     account = "; ".join([count, *_notes(rows, head), *([f"{holes} holes"] if holes else [])])
-    headings, units = ([], []) if head is None else (head.cells, head.units)
-    return Matrix(path, rows.values, header, headings, units, account, rows.dialect.decimal)
+    headings, units = _headings(rows, head, answers)
+    return Matrix(path, rows.values, header, headings or [], units, account, rows.dialect.decimal)
 
 
 # HDF5 files of users: their contents must be in the file itself, because only they enter the digest.

@@ -21,6 +21,7 @@ from gfmdlayer.validation.fields import (
     strict,
 )
 from gfmdlayer.validation.problems import Mistake
+from gfmdlayer.validation.reading import Reading, answers
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -56,8 +57,8 @@ class FromFile(Shape):
 
     file: File
     """file of heights"""
-    decimal: Annotated[Annotated[str, Word(".", ",")] | None, given] = None
-    """decimal mark of a text, where 1,234 may be either"""
+    reading: Annotated[Reading | None, given] = None
+    """how a text is read, where it does not say so"""
     hole: Annotated[_Hole | None, given] = None
     """number that stands for a point without a height, or none"""
 
@@ -73,7 +74,7 @@ class FromFile(Shape):
     def _keys(self) -> Keys:
         from gfmdlayer.punch.scan import Keys
 
-        return Keys(decimal=self.decimal, hole=self.hole)
+        return Keys(answers=answers(self.reading), hole=self.hole)
 
 
 class Profile(FromFile):
@@ -120,7 +121,7 @@ class Topography(FromFile):
     dataset: Annotated[Name | None, given] = None
     """where the file holds several"""
     unit: Annotated[_UnitOfFile | None, given] = None
-    """unit of heights, and of lengths without one, if the file does not say it; a number in the configuration's"""
+    """unit, where the file says none, of heights and of lengths in the file: a name, or a number: length"""
     size: Annotated[Annotated[tuple[Positive, ...], BeforeValidator(sequence)] | None, given] = None
     """lengths [Lx, Ly] of the scan, if the file does not say them"""
     transpose: Switch = False
