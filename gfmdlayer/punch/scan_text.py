@@ -19,7 +19,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import is_known, meaning
-from gfmdlayer.files.tables import Answers, Matrix, TableError, read_matrix
+from gfmdlayer.files.tables import Answers, Matrix, TableError, is_number, read_matrix
 from gfmdlayer.punch.scan import ROUNDING, Axis, Length, Scan, axis_of, length_unit
 
 _COLUMNS = {1: ("x", "height"), 2: ("x", "y", "height")}
@@ -30,6 +30,7 @@ def read_text(file: Path, axes: int, answers: Answers) -> Scan:
     matrix = read_matrix(file, answers)
     if sum(map(is_known, matrix.headings)) > 1:
         return _of_points(matrix, _named(axes, matrix, answers), "")
+    matrix = _with_axis_in_headings(matrix)
     header = _Header.of(matrix)
     rows, width = matrix.shape
     if width == axes + 1 and any(matrix.headings):
@@ -188,6 +189,15 @@ def _of_matrix(matrix: Matrix, header: _Header) -> Scan:
     return Scan(file, heights, header.units.get("height"), (x, y), layout, _marks(matrix), doubt)
 
 
+def _with_axis_in_headings(matrix: Matrix) -> Matrix:
+    """Return a matrix whose headings are a word and numbers with these numbers, x, in its first row."""
+    numbers = [heading.replace(matrix.decimal, ".") for heading in matrix.headings[1:]]
+    if len(numbers) < 2 or not all(map(is_number, numbers)):
+        return matrix
+    first = np.array([np.nan, *map(float, numbers)])
+    return replace(matrix, values=np.vstack((first, matrix.values)), headings=[])
+
+
 def _has_axes(values: FloatArray) -> bool:
     """Whether the first row is x and the first column y: equally spaced, unlike the heights beside them."""
     if min(values.shape) < 4 or not (np.isnan(values[0, 0]) or values[0, 0] == 0):
@@ -307,7 +317,8 @@ class _Header:
         kind, _, axes = _LABEL.get(re.sub(r"[\s_]+", " ", label).strip().lower(), "").partition(" of ")
         if kind == "unit":
             if axes:
-                self.units |= dict.fromkeys(axes, self._unit(line, value))
+                self.units |= dict.fromkeys(axes, unit := self._unit(line, value))
+                self.units = dict.fromkeys("xy", unit) | self.units  # a single one is for both
             elif not self.of_factor and value.strip() not in {"1", "-"}:
                 self.units["height"] = self._unit(line, value, factor=True)
             return True
