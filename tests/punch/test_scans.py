@@ -166,7 +166,7 @@ def test_rounded_positions_are_on_their_grid(tmp_path):
         ),
         (
             lambda lines: with_headings("x [V];y [um];z [nm]", lines),
-            r"heading 'x \[V\]' is in 'V', which is no unit of x",
+            r"heading 'x \[V\]' is in 'V', which is no unit of",
         ),
     ],
 )
