@@ -21,7 +21,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -102,12 +102,13 @@ def read_curve(
     if suffix not in TEXT | HDF5 or known_to_afmformats(path):
         curves, missing = _afm_curves(path, *_calibration(options, into))
         if missing:
-            words = " and ".join(f"the {key} (--{_OPTIONS[key]})" for key in missing)
-            raise TableError(f"{path}: the file does not have {words}; give it")
+            lacking = " and ".join(f"the {key} (--{_OPTIONS[key]})" for key in missing)
+            raise TableError(f"{path}: the file does not have {lacking}; give it")
         data = curves[int(entry.key)]
         return afm_curve(
             data, entry.name, into, options, timeless=timeless, position=entry.position, origin=origin
         )
+    words: dict[str, list[str]]
     if suffix in TEXT:
         columns, words, account = _text_columns(path, answers, into)
     else:
@@ -116,8 +117,8 @@ def read_curve(
     if "depth" not in columns:
         if own is None:
             raise TableError(
-                f"{path}: curve {entry.name} has the base but no depth, which is base - force/stiffness; give "
-                "the stiffness of the cantilever"
+                f"{path}: curve {entry.name} has the base but no depth, which is base - force/stiffness; "
+                "give the stiffness of the cantilever"
             )
         columns["depth"] = columns.pop("base") - columns["force"] / own
     time, note = _time(f"{path}: curve {entry.name}", columns, options, timeless=timeless)
@@ -180,7 +181,7 @@ def _text_columns(
 ) -> tuple[dict[str, FloatArray], dict[str, list[str]], str]:
     """Return the columns of a text file, its words, and how it was read."""
     table = read_table(path, (*COLUMNS, "base", *WORDS), answers, orders=(COLUMNS,))
-    names = [name for name in ("time", "depth", "base", "force") if name in table.columns]
+    names: list[str] = [name for name in ("time", "depth", "base", "force") if name in table.columns]
     if "depth" in names and "base" in names:  # the base follows from depth, force and stiffness
         names.remove("base")
     if "force" not in names or not {"depth", "base"} & {*names}:
@@ -307,7 +308,9 @@ def _calibration(options: FitOptions, into: Into) -> tuple[float | None, float |
 def _sizes(into: Into) -> tuple[float, float, float]:
     """Return the sizes of the units of time, depth and force in SI."""
     time, length, force = (unit_of(symbol) for symbol in into)
-    assert time and length and force  # of a checked configuration
+    assert time  # all of a checked configuration
+    assert length
+    assert force
     return float(time.size), float(length.size), float(force.size)
 
 

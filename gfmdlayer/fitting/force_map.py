@@ -13,7 +13,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,12 +23,13 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
 from gfmdlayer.files.tables import Answers
+from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
 from gfmdlayer.fitting.curve_files import Entry, contents, entries, read_curve, units_of
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.estimates import FitOptions, IndentationFit
-from gfmdlayer.fitting.force_curve import COLUMNS, Correction
+from gfmdlayer.fitting.force_curve import COLUMNS as OF_A_CURVE
+from gfmdlayer.fitting.force_curve import Correction
 from gfmdlayer.fitting.indentation import fit_curves
 from gfmdlayer.fitting.indentation_report import COLUMNS, SCALARS, add_estimates
 from gfmdlayer.fitting.measurement import FitError
@@ -88,7 +89,7 @@ class FitTask:
     model: dict[str, Any]  # body and indenter
     free: Free  # free parameters
     options: FitOptions  # how curves are fitted
-    answers: Answers = Answers()  # what the files leave open
+    answers: Answers = field(default_factory=Answers)  # what the files leave open
 
     def digest(self, case: MapCase) -> str:
         """Return a hash of all input that determines the estimates of a case."""
@@ -108,7 +109,7 @@ class FitTask:
     def further(self) -> list[Any]:
         """What is said about tables, besides units in their usual order."""
         said = {key: value for key, value in vars(self.answers).items() if value}
-        if [name for name, _ in self.answers.units] == [*COLUMNS]:
+        if [name for name, _ in self.answers.units] == [*OF_A_CURVE]:
             said.pop("units")
         return [said] if said else []
 

@@ -87,7 +87,7 @@ def fit_indentation(
         Dotted keys of the model, and contact_point, drift, force_offset, force_drift, tilt, stiffness; a
         mapping gives bounds as [low, high], or None.
     units : sequence of str, or mapping, optional
-        Units of columns without units: of time, depth and force, such as ("s", "nm", "nN"), or by their names.
+        Units of columns without units: of time, depth and force, such as ("s", "nm", "nN"), or by name.
     decimal : str, optional
         Decimal mark of text files, "." or ",", where they leave it open.
     columns : sequence of str, optional
@@ -126,8 +126,8 @@ def fit_indentation(
     7.00
     """
     options = FitOptions(
-        loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion, sensitivity,
-        sampling,
+        loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion,
+        sensitivity, sampling,
     )  # fmt: skip
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]

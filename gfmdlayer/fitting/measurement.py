@@ -9,7 +9,8 @@ al., Materials Physics and Mechanics 52 (2024) 60-68,
 
 The compliance is linear in retarded parts instead,
 
-    J(t) = Jinf + t/eta + sum_k J_k (1 - exp(-t/theta_k)),    1/G(s) = Jinf + 1/(s eta) + sum_k J_k/(1 + s theta_k)
+    J(t)   = Jinf + t/eta     + sum_k J_k (1 - exp(-t/theta_k))
+    1/G(s) = Jinf + 1/(s eta) + sum_k J_k/(1 + s theta_k)
 
 and the relaxation times are the poles of G(s). Dynamic compliances are moduli, G = 1/(J' - i J'').
 """
@@ -22,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,7 +223,7 @@ def _parts(values: NDArray[np.complex128]) -> FloatArray:
     return np.concatenate([values.real, values.imag])
 
 
-# Columns of measured data by their quantities (`files.headings`): frequency in Hz, moduli in tension, tan delta.
+# Columns of measured data by their quantities (`files.headings`): frequency in Hz, moduli in tension ...
 #
 #     omega = 2 pi f,      G = E/(2 (1 + nu)),     J = 2 (1 + nu) D,      G = 1/(J' - i J'')
 #
@@ -237,7 +238,7 @@ _ABSCISSAE = {
     "time": (("time", "s", 1.0), ("step time", "s", 1.0)),
 }
 # The moduli of a master curve by two columns, in the order of preference.
-_PAIRS: Mapping[tuple[str, str], Callable[[FloatArray, FloatArray], NDArray[np.complex128]]] = {
+_PAIRS: Mapping[tuple[str, str], Callable[[FloatArray, FloatArray], NDArray[Any]]] = {
     ("G'", "G''"): lambda storage, loss: storage + 1j * loss,
     ("J'", "J''"): lambda storage, loss: 1 / (storage - 1j * loss),
     ("G'", _TAN): lambda storage, tan: storage * (1 + 1j * tan),
@@ -257,8 +258,8 @@ _STRESSES = ("Pa", "kPa", "MPa", "GPa", "mPa", "bar", "psi", "ksi")  # of config
 WANTED = (ANGULAR, ORDINARY, "time", "step time", _TAN, "phase", *_TENSION, *_TENSION.values())
 ORDERS = ((ANGULAR, "G'", "G''"), ("time", "G(t)"))
 WAYS = (
-    "omega or f with two of G', G'', |G*|, tan delta or phase, or with J' and J''; or t with G(t) or J(t); E in place "
-    "of G, and D of J, in tension"
+    "omega or f with two of G', G'', |G*|, tan delta or phase, or with J' and J''; or t with G(t) or J(t); "
+    "E in place of G, and D of J, in tension"
 )
 _AGREE = 0.05  # median of the relative differences of a further column from the two that are read
 
@@ -311,7 +312,9 @@ def _way(columns: _Columns) -> tuple[type[Measurement], str, tuple[str, ...]]:
         return found
     table = columns.table
     if table.refused:
-        raise TableError(f"{table.path}: {'; '.join(dict.fromkeys(table.refused.values()))}")
+        reasons = dict.fromkeys(table.refused.values())
+        asked = "; say which with --modulus G or E" if any("tension" in each for each in reasons) else ""
+        raise TableError(f"{table.path}: {'; '.join(reasons)}{asked}")
     heads = [column.heading or name for name, column in table.columns.items()]
     unread = [f"{heading!r} is not read ({why})" for heading, why in table.unread.items()]
     message = f"the columns {', '.join(map(repr, heads))} make no curve; must be {WAYS}"
