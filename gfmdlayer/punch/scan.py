@@ -1,8 +1,8 @@
 """A measured surface as its file has it, and as heights on a grid in the configuration's unit of length.
 
-A `Scan` has what a file says of heights, lengths, units and holes. `on_grid` converts it. What the file does
-not say comes from `Keys`, the keys of the punch, which go before the file. What neither says, and a size that is
-not that of the cell, is refused; so is what a configuration without units cannot convert.
+A `Scan` has what a file says of heights, lengths, units and holes. `on_grid` converts it. The keys of the
+punch, `Keys`, go before the file. What neither says is refused, as is a size that is not that of the cell,
+and a unit that a configuration without units cannot convert.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Measured(NamedTuple):
 def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: bool = False) -> Measured:
     """Return the heights in the configuration's unit of length `length`, None for one without units.
 
-    A line with unequal distances is interpolated onto the grid; `gaps` permits wide ones. TableError where the
+    A line with unequal distances is interpolated onto the grid; `gaps` permits wide ones. TableError where
     units or the size of the scan are not known, and where the size is not that of the cell.
     """
     values, holes = without_holes(scan, keys)
@@ -142,6 +142,7 @@ def times(shape: tuple[int, ...]) -> str:
 
 
 def lengths_in_words(lengths: Sequence[float | None]) -> str:
+    """Write lengths for people: 10 x 8."""
     return " x ".join(f"{length:.6g}" for length in lengths)
 
 
@@ -200,8 +201,8 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Ax
     said = next((axis.unit for axis in scan.axes if axis.unit), None)
     if isinstance(keys.unit, str) and own is None:
         raise TableError(
-            f"{scan.file}: punch.unit is {keys.unit}, but the configuration has no units; {_ADD_UNITS}, or give "
-            "unit as a number, its length in the configuration's"
+            f"{scan.file}: punch.unit is {keys.unit}, but the configuration has no units; {_ADD_UNITS}, or "
+            "give unit as a number, its length in the configuration's"
         )
     if scan.unit is None and keys.unit is None and said:
         raise TableError(
@@ -211,8 +212,8 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Ax
         raise TableError(f"{scan.file}: says the unit of one direction only; give punch.size")
     if scan.unit and keys.unit is None and needed and not lateral:
         raise TableError(
-            f"{scan.file}: says heights in {scan.unit}, but x and y have no unit; give punch.size, the lengths of "
-            "the scan, or punch.unit for all"
+            f"{scan.file}: says heights in {scan.unit}, but x and y have no unit; give punch.size, the "
+            "lengths of the scan, or punch.unit for all"
         )
     known = scan.unit or keys.unit is not None
     sized = keys.size or all(axis.length is not None or axis.positions is not None for axis in scan.axes)
@@ -238,8 +239,8 @@ def _own_unit(scan: Scan, keys: Keys, grid: Grid, needed: Sequence[Axis]) -> Len
         return lateral[0]  # the cell has the size of the scan in this unit
     unit = scan.unit or lateral[0]
     raise TableError(
-        f"{scan.file}: says {'heights' if scan.unit else 'lengths'} in {unit}, but the configuration has no units; "
-        f"{_ADD_UNITS}, or give punch.unit, the length of 1 {unit} in the configuration's"
+        f"{scan.file}: says {'heights' if scan.unit else 'lengths'} in {unit}, but the configuration has no "
+        f"units; {_ADD_UNITS}, or give punch.unit, the length of 1 {unit} in the configuration's"
     )
 
 
@@ -257,13 +258,14 @@ def _check_size(scan: Scan, keys: Keys, size: Sequence[float | None], grid: Grid
         swapped = len(size) == 2 and np.allclose(np.array(size[::-1], float), grid.period, rtol=ROUNDING)
         hint = "; transpose: true exchanges x and y" if swapped and not keys.size else ""
         raise TableError(
-            f"{which} {lengths_in_words(size)}{unit} long{given}, but grid.period is {lengths_in_words(grid.period)}{unit}; must "
-            f"agree within a thousandth: change grid.period, or give punch.size (lengths of the scan) or punch.unit{hint}"
+            f"{which} {lengths_in_words(size)}{unit} long{given}, but grid.period is "
+            f"{lengths_in_words(grid.period)}{unit}; must agree within a thousandth: change grid.period, or "
+            f"give punch.size (lengths of the scan) or punch.unit{hint}"
         )
 
 
 def without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
-    """Return the heights with NaN for the number that marks a hole, and words; TableError for a probable one."""
+    """Return heights with NaN for the number that marks a hole, and words; TableError for a probable one."""
     values = scan.heights
     if isinstance(keys.hole, float):
         mark = np.isclose(values, keys.hole, rtol=1e-6, atol=0) | (values == keys.hole)
@@ -271,8 +273,8 @@ def without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
     if keys.hole is None and (found := _probable_hole(values)) is not None:
         mark, count = found
         raise TableError(
-            f"{scan.file}: {count} of {values.size} heights are {mark:g}, far from all others: probably points "
-            f"without a height; give punch.hole: {mark:g}, or hole: none if they are heights"
+            f"{scan.file}: {count} of {values.size} heights are {mark:g}, far from all others: probably "
+            f"points without a height; give punch.hole: {mark:g}, or hole: none if they are heights"
         )
     return values, ""
 
@@ -313,25 +315,26 @@ def _interpolated(
     widest, seam = float(steps[where]), period - span
     if span > period * (1 + ROUNDING):
         raise TableError(
-            f"{scan.file}: is {span:.6g}{unit} long, but grid.period is {period:.6g}{unit}; must not be longer: "
-            "change grid.period, or give punch.unit"
+            f"{scan.file}: is {span:.6g}{unit} long, but grid.period is {period:.6g}{unit}; must not be "
+            "longer: change grid.period, or give punch.unit"
         )
     if seam > max(widest, period / n) * (1 + ROUNDING):
         raise TableError(
-            f"{scan.file}: x goes over {span:.6g}{unit}, but grid.period is {period:.6g}{unit}; the rest must not be "
-            f"longer than the distance of neighbours, {widest:.6g}{unit}: change grid.period, or give punch.unit"
+            f"{scan.file}: x goes over {span:.6g}{unit}, but grid.period is {period:.6g}{unit}; the rest "
+            f"must not be longer than the distance of neighbours, {widest:.6g}{unit}: change grid.period, or "
+            "give punch.unit"
         )
     if widest > _WIDEST * period / n and not gaps:
         raise TableError(
-            f"{scan.file}: neighbours are up to {widest:.6g}{unit} apart, from x = {x[where]:.6g} to {x[where + 1]:.6g}; "
-            f"must be at most {_WIDEST:g} spacings of the grid, {_WIDEST * period / n:.6g}: use fewer grid.points, or "
-            "fill: membrane for straight lines across"
+            f"{scan.file}: neighbours are up to {widest:.6g}{unit} apart, from x = {x[where]:.6g} to "
+            f"{x[where + 1]:.6g}; must be at most {_WIDEST:g} spacings of the grid, "
+            f"{_WIDEST * period / n:.6g}: use fewer grid.points, or fill: membrane for straight lines across"
         )
     points = x[0] + np.arange(n) * (period / n)
     joined = (np.append(x, x[0] + period), np.append(heights, heights[0])) if seam > 0 else (x, heights)
     words = (
-        f"x from {x[0]:.6g} to {x[-1]:.6g}{unit}, not equally spaced, neighbours at most {widest:.3g}{unit} apart; "
-        f"interpolated linearly onto {n} points"
+        f"x from {x[0]:.6g} to {x[-1]:.6g}{unit}, not equally spaced, neighbours at most {widest:.3g}{unit} "
+        f"apart; interpolated linearly onto {n} points"
     )
     return np.interp(points, *joined), words
 

@@ -22,7 +22,6 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.scan import Axis, Keys, Length, Scan, axis_of, length_unit, lengths_in_words, times
 from gfmdlayer.punch.scan_text import read_text
 
-
 _NO_KEYS = Keys()
 
 
@@ -223,7 +222,7 @@ def _chosen(file: Path, data: Any, axes: int, name: str) -> Any:
 
 # SurfaceTopography, for the formats of instruments.
 
-# Its readers of tables take unequal x for equal, and drop units and decimals; of HDF5 they take the first array.
+# Its readers of tables take unequal x for equal, and drop units and decimals; of HDF5 they take any array.
 _NOT_BELIEVED = frozenset({"asc", "xyz", "matrix", "h5", "npy"})
 
 
@@ -250,7 +249,9 @@ def _by_surface_topography(file: Path, keys: Keys) -> Scan | str:
         with warnings.catch_warnings(action="ignore"), open_topography(str(file)) as reader:
             wyko = "wyko" in str(getattr(reader, "_metadata", ""))
             if reader.format() in _NOT_BELIEVED and not wyko:
-                return f"SurfaceTopography takes it for {reader.format()}, which it does not read with certainty"
+                return (
+                    f"SurfaceTopography takes it for {reader.format()}, which it does not read with certainty"
+                )
             return _checked(file, reader, keys)
     except TableError:
         raise

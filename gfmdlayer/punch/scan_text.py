@@ -1,10 +1,10 @@
 """Measured surfaces in text: matrices of heights with their headers, and columns x, y and height.
 
-The rows of a matrix are y, its columns x, and the first row is y = 0. A size is the spacing times the number of
-points. Columns go by their headings; without headings they are x, height on a line and x, y, height on a surface,
-where each point of an equally spaced grid must occur once. Headers are those of Gwyddion in its languages, SPIP,
-Nova, WSxM, ESRI and others. A line that may say a length or a unit, but is not understood, is a doubt, which keys
-must settle.
+The rows of a matrix are y, its columns x, and the first row is y = 0. A size is the spacing times the number
+of points. Columns go by their headings; without headings they are x, height on a line and x, y, height on a
+surface, where each point of an equally spaced grid must occur once. Headers are those of Gwyddion in its
+languages, SPIP, Nova, WSxM, ESRI and others. Keys must settle a line of a header that may say a length or a
+unit, but is not understood.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import is_known, meaning
-from gfmdlayer.files.tables import Answers, Matrix, TableError, is_number, read_matrix
+from gfmdlayer.files.tables import Answers, Matrix, TableError, read_matrix
 from gfmdlayer.punch.scan import ROUNDING, Axis, Length, Scan, axis_of, length_unit
 
 _COLUMNS = {1: ("x", "height"), 2: ("x", "y", "height")}
@@ -123,8 +123,8 @@ def _of_points(matrix: Matrix, columns: dict[str, _Column], doubt: str) -> Scan:
         at = int(np.argmax(counts != 1))
         state = "missing" if counts[at] == 0 else f"there {counts[at]} times"
         raise TableError(
-            f"{file}: holds {ix.size} points x, y, z with {nx} values of x and {ny} of y; each point must occur once, "
-            f"but value {at // ny + 1} of x with value {at % ny + 1} of y is {state}"
+            f"{file}: holds {ix.size} points x, y, z with {nx} values of x and {ny} of y; each point must "
+            f"occur once, but value {at // ny + 1} of x with value {at % ny + 1} of y is {state}"
         )
     heights = np.empty((nx, ny))
     heights[ix, iy] = height.values
@@ -152,9 +152,9 @@ def _levels(file: Path, name: str, values: FloatArray) -> tuple[IntArray, int, f
     if wrong.max() > allowed:
         row = int(np.argmax(wrong))
         raise TableError(
-            f"{file}: three columns are x, y and height of points, but {name} is not equally spaced: {count} values, "
-            f"{spacing:.6g} apart in the mean, and {values[row]:.6g} in row {row + 1}; a matrix of heights with three "
-            "columns needs a header with its size"
+            f"{file}: three columns are x, y and height of points, but {name} is not equally spaced: {count} "
+            f"values, {spacing:.6g} apart in the mean, and {values[row]:.6g} in row {row + 1}; a matrix of "
+            "heights with three columns needs a header with its size"
         )
     return index, count, spacing
 
@@ -192,7 +192,9 @@ def _of_matrix(matrix: Matrix, header: _Header) -> Scan:
 def _with_axis_in_headings(matrix: Matrix) -> Matrix:
     """Return a matrix whose headings are a word and numbers with these numbers, x, in its first row."""
     numbers = [heading.replace(matrix.decimal, ".") for heading in matrix.headings[1:]]
-    if len(numbers) < 2 or not all(map(is_number, numbers)):
+    if len(numbers) < 2 or not all(
+        re.fullmatch(r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?", each) for each in numbers
+    ):
         return matrix
     first = np.array([np.nan, *map(float, numbers)])
     return replace(matrix, values=np.vstack((first, matrix.values)), headings=[])
@@ -231,10 +233,11 @@ _FACTOR = re.compile(
     r"height conversion factor \(->\s*(?P<unit>[^)]+)\)\s*[=:]\s*(?P<number>[-+.\deE]+)", re.IGNORECASE
 )
 _LABELS = {
-    "x": "width|šířka|breite|anchura|largeur|larghezza|幅|폭|largura|ширина|x-length|x length|x size|size x|"
-    "x range|range x|scan size x|x scan size|scan width|x amplitude|length x|xlength|xsize|länge x|x dimension",
-    "y": "height|výška|höhe|altura|hauteur|altezza|高さ|높이|высота|y-length|y length|y size|size y|"
-    "y range|range y|scan size y|y scan size|scan height|y amplitude|length y|ylength|ysize|länge y|y dimension",
+    "x": "width|šířka|breite|anchura|largeur|larghezza|幅|폭|largura|ширина|x-length|x length|length x|"
+    "xlength|x size|size x|xsize|x range|range x|scan size x|x scan size|scan width|x amplitude|länge x|"
+    "x dimension",
+    "y": "height|výška|höhe|altura|hauteur|altezza|高さ|높이|высота|y-length|y length|length y|ylength|"
+    "y size|size y|ysize|y range|range y|scan size y|y scan size|scan height|y amplitude|länge y|y dimension",
     "xy": "scan size|scan range|scan area|image size|size|field of view",
     "unit": "value units|value unit|jednotky hodnot|einheiten|unités|unità valore|値の単位|값 단위|"
     "unidades de valor|единицы измерения|z-unit|z unit|z units|unit z|unit data|data unit|height unit|"
@@ -242,7 +245,8 @@ _LABELS = {
     "unit of xy": "lateral units|lateral unit|x-y units|xy unit|xy units|xy-units",
     "unit of x": "x-unit|x unit|unit x|xunit",
     "unit of y": "y-unit|y unit|unit y|yunit",
-    "spacing of xy": "pixel size|pixelsize|cellsize|cell size|grid spacing|pixel spacing|point spacing|spacing",
+    "spacing of xy": "pixel size|pixelsize|cellsize|cell size|grid spacing|pixel spacing|point spacing|"
+    "spacing",
     "spacing of x": "scale x|x spacing|spacing x|x step|dx|x increment|x pixel size|pixel size x",
     "spacing of y": "scale y|y spacing|spacing y|y step|dy|y increment|y pixel size|pixel size y",
     "count of x": "w|x-pixels|x pixels|nx|ncols|columns|number of columns|pixels x|points x|x points|cols",
@@ -275,7 +279,7 @@ class _Header:
 
     @classmethod
     def of(cls, matrix: Matrix) -> _Header:
-        """Read the lines above a matrix; TableError for units that are no lengths, and numbers with two readings."""
+        """Read the lines above a matrix; TableError for units that are no lengths and ambiguous numbers."""
         header = cls(matrix)
         for line in matrix.header:
             plain = re.sub(r"^[\s#%;!*/\"]+|[\s;,\"]+$", "", line)
@@ -373,8 +377,8 @@ class _Header:
         whole, _, digits = re.split("[eE]", text)[0].replace(",", ".").partition(".")
         if len(marks) == 1 and marks[0] != self.matrix.decimal and len(digits) == 3 and whole.strip("+-0"):
             raise TableError(
-                f"{self.matrix.path}: {line!r}: {text} has a decimal mark or a mark of thousands; remove the line and "
-                "give punch.size"
+                f"{self.matrix.path}: {line!r}: {text} has a decimal mark or a mark of thousands; remove the "
+                "line and give punch.size"
             )
         if len(marks) > 1 and marks[-1] in marks[:-1]:
             raise TableError(f"{self.matrix.path}: {line!r}: cannot read the number {text}")

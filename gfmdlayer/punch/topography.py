@@ -3,12 +3,12 @@
 A measurement neither joins up with itself at the edges nor is it free of holes. The steps that the user asks
 for are taken in this order, and each describes its change:
 
-fill        points that were not measured, NaN, take the heights of a membrane spanned between their neighbours
+fill        points without a height, NaN, take those of a membrane spanned between their neighbours
 detrend     the plane, or the paraboloid, of least squares is subtracted
 taper       deviations from the mean height fade out towards the edges (Tukey's window; 1 is Hann's)
 resample    to the points of the grid, by the Fourier series
 
-Each returns the heights and a note, which is empty where nothing changed. `punch/scan_files.py` reads the files.
+Each returns the heights and a note, which is empty where nothing changed. The files: `punch/scan_files.py`.
 """
 
 from __future__ import annotations

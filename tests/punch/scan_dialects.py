@@ -175,16 +175,17 @@ def _header(random, surface, transpose):
             return [*lines, f"{comment}{values}: {unit}"], Keys(), ()
         return lines, Keys(unit=unit), ("unit",)
     if style == "spip":
-        lines = [f"x-pixels = {nx}", f"y-pixels = {ny}", f"x-length = {number(lx)}", f"y-length = {number(ly)}",
-                 f"x-unit = {across}", f"y-unit = {across}", f"z-unit = {unit}"]  # fmt: skip
+        lines = [f"x-pixels = {nx}", f"y-pixels = {ny}", f"x-length = {number(lx)}"]
+        lines += [f"y-length = {number(ly)}", f"x-unit = {across}", f"y-unit = {across}", f"z-unit = {unit}"]
         return [f"# {line}" for line in lines], Keys(), ()
     if style == "conversion":
-        return [f"h={ny} w={nx}", f"x step = {dx:.10g} {across}", f"y step = {dy:.10g} {across}", "data unit=rad",
-                f"height conversion factor (-> {unit})=1.0"], Keys(), ()  # fmt: skip
+        lines = [f"h={ny} w={nx}", f"x step = {dx:.10g} {across}", f"y step = {dy:.10g} {across}"]
+        return [*lines, "data unit=rad", f"height conversion factor (-> {unit})=1.0"], Keys(), ()
     if style == "brackets":
         equals = random.pick(":", "=", ";")
-        return [f"{comment}Operator{equals} Müller", f"{comment}Width [{across}]{equals} {number(lx)}",
-                f"{comment}Height [{across}]{equals} {number(ly)}", f"{comment}Z unit{equals} {unit}"], Keys(), ()  # fmt: skip
+        lines = [f"Operator{equals} Müller", f"Width [{across}]{equals} {number(lx)}"]
+        lines += [f"Height [{across}]{equals} {number(ly)}", f"Z unit{equals} {unit}"]
+        return [f"{comment}{line}" for line in lines], Keys(), ()
     corner = ["xllcorner 0.0", "yllcorner 0.0"]
     return [f"ncols {nx}", f"nrows {ny}", *corner, "NODATA_value -9999"], Keys(unit=unit), ("NODATA",)
 

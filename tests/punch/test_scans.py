@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-
 import gfmdlayer
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
@@ -83,8 +82,8 @@ def test_rows_are_y_whatever_the_ending(name, tmp_path):
     file = written(tmp_path, rows(), name)
     np.testing.assert_array_equal(read(file), depths(HEIGHTS))
     assert account(file) == (
-        f"{name}: 5 x 4 points; rows are y, columns x; no unit in the file; no size in the file: it fills the cell, "
-        "10 x 8"
+        f"{name}: 5 x 4 points; rows are y, columns x; no unit in the file; no size in the file: it fills the "
+        "cell, 10 x 8"
     )
     with pytest.raises(TableError, match=r"holds 4 x 5 heights; must be 5 x 4, .* or transpose: true"):
         read(written(tmp_path, rows(HEIGHTS.T), name))
@@ -129,7 +128,8 @@ def test_columns_go_by_their_headings_in_their_units(tmp_path):
     file = written(tmp_path, lines, encoding="utf-16")
     np.testing.assert_allclose(read(file, length="um"), depths(HEIGHTS), rtol=1e-14)
     assert account(file, length="um").endswith(
-        "columns x, y, height; heights [nm], x and y [mm] -> um; size 10 x 8 um; separator ';', decimal mark '.'; UTF-16"
+        "columns x, y, height; heights [nm], x and y [mm] -> um; size 10 x 8 um; separator ';', decimal mark '.'; "
+        "UTF-16"
     )
 
 
@@ -193,9 +193,10 @@ def test_headers_say_width_height_and_units(encoding, tmp_path):
 @pytest.mark.parametrize(
     ("header", "heights"),
     [
-        (["h=4 w=5", "pixel size=2.0e-006 m", "data unit=rad", "height conversion factor (-> m)=1e-6"], HEIGHTS),
-        (["# x-pixels = 5", "# y-pixels = 4", "# x-length = 10000", "# y-length = 8000", "# x-unit = nm", "# z-unit = um"],
+        (["h=4 w=5", "pixel size=2.0e-006 m", "data unit=rad", "height conversion factor (-> m)=1e-6"],
          HEIGHTS),
+        (["# x-pixels = 5", "# y-pixels = 4", "# x-length = 10000", "# y-length = 8000", "# x-unit = nm",
+          "# z-unit = um"], HEIGHTS),
         (["Scan size: 10 x 8 um", "z unit: um"], HEIGHTS),
         (["Width [mm];0.01", "Height (um);8", "", "Z unit;nm"], 1e3 * HEIGHTS),
         (["NX = 5", "NY = 4", "Scale X = 2", "Scale Y = 2", "Unit X = um", "Unit Data = um"], HEIGHTS),
@@ -222,10 +223,11 @@ def test_an_esri_grid_has_its_spacing_and_its_holes(tmp_path):
     [
         (GWYDDION, r"says lengths in µm, but no unit of heights; give punch\.unit"),
         (["# Breite: 10 µm", "# Einheiten: nm"], r"a length in one direction only, .*; give punch\.size"),
-        (["# Width: 1,234 um", "# Height: 8 um", "# Value units: nm"], r"'# Width: 1,234 um': 1,234 has a decimal mark"),
+        (["# Width: 1,234 um", "# Height: 8 um", "# Value units: nm"],
+         r"'# Width: 1,234 um': 1,234 has a decimal mark"),
         (["# Width: 10 parsec"], r"'parsec' is no known unit of length"),
         (["# Value units: V"], r"'V' is no known unit of length"),
-        (["Bit2nm: 0.25"], r"the line 'Bit2nm: 0\.25' may say a length or a unit.*; give punch\.unit and punch\.size"),
+        (["Bit2nm: 0.25"], r"'Bit2nm: 0\.25' may say a length or a unit.*; give punch\.unit and punch\.size"),
         (["w = 6", "h = 4"], r"holds 5 columns of heights; its header says 6"),
         (["0 1 2 3 4"], r"the first row of the matrix counts its columns"),
     ],
@@ -333,8 +335,8 @@ def test_a_line_with_unequal_distances_is_interpolated(tmp_path):
     np.testing.assert_allclose(read(file, LINE), depths(profile(np.arange(16) / 16)), atol=1e-15)
     widest = np.diff(x).max()
     assert account(file, LINE) == (
-        "h.asc: 47 points; columns x, height by order; no unit in the file; x from 0 to 1, not equally spaced, neighbours "
-        f"at most {widest:.3g} apart; interpolated linearly onto 16 points"
+        "h.asc: 47 points; columns x, height by order; no unit in the file; x from 0 to 1, not equally spaced, "
+        f"neighbours at most {widest:.3g} apart; interpolated linearly onto 16 points"
     )
     with pytest.raises(TableError, match=r"x is not spaced|holds 47 heights; must be 16, as the grid"):
         Profile(file=file).heights(LINE)
@@ -449,7 +451,7 @@ def test_formats_in_text_with_scales_need_surface_topography(tmp_path, monkeypat
 
 def test_a_mask_in_netcdf_is_left_to_surface_topography(tmp_path):
     topography = pytest.importorskip("SurfaceTopography")
-    heights = np.ma.masked_array(HEIGHTS, HEIGHTS == HEIGHTS[2, 1])
+    heights = np.ma.masked_array(HEIGHTS, HEIGHTS[2, 1] == HEIGHTS)
     surface = topography.Topography(heights, (10.0, 8.0), unit="um")
     surface.to_netcdf(str(tmp_path / "h.nc"))
     with pytest.raises(TableError, match="1 of 20 points have no height"):
@@ -483,8 +485,8 @@ def test_heights_in_nanometres_over_micrometres_make_the_contact_of_hertz(tmp_pa
         100 * float(gfmdlayer.run(tmp_path / name).contact_area[-1]) for name in ("case.yaml", "same.yaml")
     )
     assert area == same
-    # pi a^2 with a^3 = 3 F R/(4 E*), E* = 2 G/(1 - nu) = 4. Of the 2 pi a 64/10 = 39 points along the edge about
-    # 39^(1/2) are miscounted, (10/64)^2 each.
+    # pi a^2 with a^3 = 3 F R/(4 E*), E* = 2 G/(1 - nu) = 4. Of the 2 pi a 64/10 = 39 points along the edge
+    # about 39^(1/2) are miscounted, (10/64)^2 each.
     assert area == pytest.approx(np.pi * (3 * 0.5 * radius / 16) ** (2 / 3), abs=39**0.5 * (10 / 64) ** 2)
 
 

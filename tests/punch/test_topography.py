@@ -157,7 +157,7 @@ def scan(tmp_path):
 
 
 def test_instruments_formats_come_through_surface_topography(scan, monkeypatch):
-    """Whatever the ending of the name; it is asked where the content is of none of the package's own kinds."""
+    """Whatever the ending of the name; asked where the content is of no kind of the package."""
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
     with pytest.raises(TableError, match=r"install the extra `topography`"):
         Topography(file=scan).heights(GRID)
@@ -177,8 +177,8 @@ def test_what_surface_topography_says_is_converted_and_checked(scan, monkeypatch
     punch = Topography(file=scan).with_length("um")
     np.testing.assert_allclose(punch.heights(GRID), WAVES.max() - WAVES, atol=1e-15)
     assert punch.account(cell) == (
-        "scan.dat: 12 x 16 points; heights [nm], x and y [nm] -> um; size 3 x 4 um; opd, read by SurfaceTopography; "
-        "channel 'height' of height, phase (dataset chooses)"
+        "scan.dat: 12 x 16 points; heights [nm], x and y [nm] -> um; size 3 x 4 um; opd, read by "
+        "SurfaceTopography; channel 'height' of height, phase (dataset chooses)"
     )
     with pytest.raises(TableError, match=r"no dataset 'trace', or several; known: height, phase"):
         Topography(file=scan, dataset="trace").heights(GRID)
