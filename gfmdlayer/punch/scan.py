@@ -57,7 +57,7 @@ class Keys(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Axis:
+class ScanAxis:
     """What a file says of a direction."""
 
     length: float | None = None  # of the cell, spacing times points, in `unit`
@@ -72,7 +72,7 @@ class Scan:
     file: Path
     heights: FloatArray  # NaN where none was measured; on several processes the rows of this one
     unit: Length | None  # of heights
-    axes: tuple[Axis, ...]
+    axes: tuple[ScanAxis, ...]
     layout: str = ""  # what rows and columns are, in words
     notes: tuple[str, ...] = ()  # on the file, for its account
     doubt: str = ""  # a line of the header that may say a length or a unit, but is not understood
@@ -195,7 +195,7 @@ def _factors(scan: Scan, keys: Keys, grid: Grid, length: str | None) -> tuple[fl
     )
 
 
-def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Axis]) -> None:
+def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[ScanAxis]) -> None:
     """Refuse what neither the file nor the keys say."""
     lateral = [axis.unit for axis in needed if axis.unit]
     said = next((axis.unit for axis in scan.axes if axis.unit), None)
@@ -227,7 +227,7 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Ax
 _ADD_UNITS = "add units: {length: ..., stress: ..., time: ...}"
 
 
-def _own_unit(scan: Scan, keys: Keys, grid: Grid, needed: Sequence[Axis]) -> Length | None:
+def _own_unit(scan: Scan, keys: Keys, grid: Grid, needed: Sequence[ScanAxis]) -> Length | None:
     """Return the unit of length of a configuration without units, where the file has units."""
     lateral = [axis.unit for axis in needed if axis.unit]
     if isinstance(keys.unit, float) and (scan.unit or not lateral):
@@ -339,7 +339,7 @@ def _interpolated(
     return np.interp(points, *joined), words
 
 
-def axis_of(file: Path, name: str, x: FloatArray, unit: Length | None) -> Axis:
+def axis_of(file: Path, name: str, x: FloatArray, unit: Length | None) -> ScanAxis:
     """Return the axis of increasing positions."""
     steps = np.diff(x)
     if not (np.isfinite(x).all() and x.size > 1 and steps.min() > 0):
@@ -354,5 +354,5 @@ def axis_of(file: Path, name: str, x: FloatArray, unit: Length | None) -> Axis:
     spacing = float(x[-1] - x[0]) / (x.size - 1)
     drift = np.abs(x - x[0] - spacing * np.arange(x.size)).max()
     if np.abs(steps - spacing).max() <= ROUNDING * spacing and drift < 0.05 * spacing:
-        return Axis(spacing * x.size, unit)
-    return Axis(None, unit, x)
+        return ScanAxis(spacing * x.size, unit)
+    return ScanAxis(None, unit, x)

@@ -19,7 +19,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.tables import LARGEST, Answers, TableError, open_group
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scan import Axis, Keys, Length, Scan, axis_of, length_unit, lengths_in_words, times
+from gfmdlayer.punch.scan import ScanAxis, Keys, Length, Scan, axis_of, length_unit, lengths_in_words, times
 from gfmdlayer.punch.scan_text import read_text
 
 _NO_KEYS = Keys()
@@ -112,7 +112,7 @@ def _array(file: Path, _axes: int, keys: Keys, rows: slice) -> Scan:
         raise TableError(f"{file}: must hold one array of real numbers")
     values = array[rows] if array.ndim else array
     layout = "first axis x, second y" if array.ndim == 2 else ""
-    return Scan(file, values.astype(np.float64), None, (Axis(),) * array.ndim, layout, shape=array.shape)
+    return Scan(file, values.astype(np.float64), None, (ScanAxis(),) * array.ndim, layout, shape=array.shape)
 
 
 def _refuse_keys(file: Path, keys: Keys, **kinds: str) -> None:
@@ -174,16 +174,16 @@ def _own_labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
     return Scan(file, values, unit, dims, layout, shape=chosen.shape)
 
 
-def _coordinate(file: Path, opened: Any, dim: str) -> tuple[Axis, bool]:
+def _coordinate(file: Path, opened: Any, dim: str) -> tuple[ScanAxis, bool]:
     """Return what a file says of a dimension, and whether its coordinate decreases."""
     if dim not in opened.variables:
-        return Axis(), False
+        return ScanAxis(), False
     variable = opened[dim]
     unit = _unit_of_attributes(file, dim, variable.attrs, known=False)
     if "length" in variable.attrs:  # SurfaceTopography's netCDF
-        return Axis(float(variable.attrs["length"]), unit), False
+        return ScanAxis(float(variable.attrs["length"]), unit), False
     if dim not in opened.coords:
-        return Axis(), False
+        return ScanAxis(), False
     x = variable.to_numpy().astype(np.float64)
     down = bool(x.size > 1 and x[-1] < x[0])
     return axis_of(file, dim, x[::-1] if down else x, unit), down
@@ -287,4 +287,6 @@ def _checked(file: Path, reader: Any, keys: Keys) -> Scan:
     sizes = tuple(map(float, topography.physical_sizes))
     if not all(0 < size < np.inf for size in sizes):
         raise TableError(f"{file}: SurfaceTopography says a size of {lengths_in_words(sizes)}; must be > 0")
-    return Scan(file, heights, unit, tuple(Axis(size if sized else None, unit) for size in sizes), "", notes)
+    return Scan(
+        file, heights, unit, tuple(ScanAxis(size if sized else None, unit) for size in sizes), "", notes
+    )

@@ -20,7 +20,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import is_known, meaning
 from gfmdlayer.files.tables import Answers, Matrix, TableError, read_matrix
-from gfmdlayer.punch.scan import ROUNDING, Axis, Length, Scan, axis_of, length_unit
+from gfmdlayer.punch.scan import ROUNDING, ScanAxis, Length, Scan, axis_of, length_unit
 
 _COLUMNS = {1: ("x", "height"), 2: ("x", "y", "height")}
 
@@ -45,7 +45,7 @@ def read_text(file: Path, axes: int, answers: Answers) -> Scan:
         )
     if axes == 1 or (width == 3 and rows > 3 and not header.of_matrix):
         names = _COLUMNS[axes]
-        columns = (_Column(matrix.values[:, c], header.units.get(name)) for c, name in enumerate(names))
+        columns = (_PointColumn(matrix.values[:, c], header.units.get(name)) for c, name in enumerate(names))
         return _of_points(matrix, dict(zip(names, columns, strict=True)), header.doubt)
     return _of_matrix(matrix, header)
 
@@ -63,17 +63,17 @@ def _marks(matrix: Matrix) -> tuple[str, ...]:
 # Points in columns.
 
 
-class _Column(NamedTuple):
+class _PointColumn(NamedTuple):
     """A column of a table of points."""
 
     values: FloatArray
     unit: Length | None
 
 
-def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _Column]:
+def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _PointColumn]:
     """Return the columns x, (y) and height by their headings."""
     file, wanted = matrix.path, _COLUMNS[axes]
-    found: dict[str, tuple[str, _Column]] = {}
+    found: dict[str, tuple[str, _PointColumn]] = {}
     for heading, below, values in zip(matrix.headings, matrix.units, matrix.values.T, strict=True):
         means = meaning(heading, below, wanted, answers.units)
         if axes == 2 and "y" in means.options:  # which on a line is a height
@@ -88,7 +88,7 @@ def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _Column]:
                 f"{file}: two columns are {name}, {found[name][0]!r} and {heading!r}; must be one"
             )
         unit = Length(float(means.unit.size), means.symbol) if means.unit is not None else None
-        found[name] = heading, _Column(values, unit)
+        found[name] = heading, _PointColumn(values, unit)
     if missing := [name for name in wanted if name not in found]:
         headings = ", ".join(map(repr, matrix.headings))
         raise TableError(
@@ -102,7 +102,7 @@ def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _Column]:
     return columns
 
 
-def _of_points(matrix: Matrix, columns: dict[str, _Column], doubt: str) -> Scan:
+def _of_points(matrix: Matrix, columns: dict[str, _PointColumn], doubt: str) -> Scan:
     """Return the scan of points, which may have any order."""
     file, height, written = matrix.path, columns["height"], _marks(matrix)
     across = {name: column for name, column in columns.items() if name != "height"}
@@ -128,7 +128,7 @@ def _of_points(matrix: Matrix, columns: dict[str, _Column], doubt: str) -> Scan:
         )
     heights = np.empty((nx, ny))
     heights[ix, iy] = height.values
-    axes = Axis(nx * dx, across["x"].unit), Axis(ny * dy, across["y"].unit)
+    axes = ScanAxis(nx * dx, across["x"].unit), ScanAxis(ny * dy, across["y"].unit)
     return Scan(file, heights, height.unit, axes, layout, written, doubt)
 
 
@@ -165,7 +165,7 @@ def _levels(file: Path, name: str, values: FloatArray) -> tuple[IntArray, int, f
 def _of_matrix(matrix: Matrix, header: _Header) -> Scan:
     """Return the scan of rows of heights: each row is a y, each column an x."""
     file, values, layout = matrix.path, matrix.values, "rows are y, columns x"
-    x, y = (Axis(header.sizes.get(name), header.units.get(name)) for name in "xy")
+    x, y = (ScanAxis(header.sizes.get(name), header.units.get(name)) for name in "xy")
     if _has_axes(values):
         layout += ", with x in the first row and y in the first column"
         x, y = axis_of(file, "x", values[0, 1:], x.unit), axis_of(file, "y", values[1:, 0], y.unit)

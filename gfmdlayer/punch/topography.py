@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import LARGEST, TableError, read_table
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scan import Axis, Keys, Measured, Scan, on_grid, times, without_holes
+from gfmdlayer.punch.scan import ScanAxis, Keys, Measured, Scan, on_grid, times, without_holes
 from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.validation.problems import ConfigError
 
@@ -50,7 +50,7 @@ def _read_line(file: Path, grid: Grid, keys: Keys, length: str | None) -> Measur
         )
     table = read_table(file, ("x", "height"), keys.answers)
     x = table.take("x", length)
-    heights, _ = without_holes(Scan(file, table.take("height", length), None, (Axis(),)), keys)
+    heights, _ = without_holes(Scan(file, table.take("height", length), None, (ScanAxis(),)), keys)
     spacing = grid.period[0] / grid.points[0]
     if x.size == grid.size and not np.allclose(np.diff(x), spacing, rtol=1e-6, atol=0):
         row = int(np.argmax(np.abs(np.diff(x) - spacing))) + 1
