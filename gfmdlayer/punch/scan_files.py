@@ -19,7 +19,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.tables import LARGEST, Answers, TableError, open_group
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scan import ScanAxis, Keys, Length, Scan, axis_of, length_unit, lengths_in_words, times
+from gfmdlayer.punch.scan import Keys, Length, Scan, ScanAxis, axis_of, length_unit, lengths_in_words, times
 from gfmdlayer.punch.scan_text import read_text
 
 _NO_KEYS = Keys()

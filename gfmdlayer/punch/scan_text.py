@@ -20,7 +20,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import is_known, meaning
 from gfmdlayer.files.tables import Answers, Matrix, TableError, read_matrix
-from gfmdlayer.punch.scan import ROUNDING, ScanAxis, Length, Scan, axis_of, length_unit
+from gfmdlayer.punch.scan import ROUNDING, Length, Scan, ScanAxis, axis_of, length_unit
 
 _COLUMNS = {1: ("x", "height"), 2: ("x", "y", "height")}
 

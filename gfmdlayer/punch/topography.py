@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import LARGEST, TableError, read_table
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scan import ScanAxis, Keys, Measured, Scan, on_grid, times, without_holes
+from gfmdlayer.punch.scan import Keys, Measured, Scan, ScanAxis, on_grid, times, without_holes
 from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.validation.problems import ConfigError
 
