@@ -108,7 +108,7 @@ def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: boo
     units or the size of the scan are not known, and where the size is not that of the cell.
     """
     values, holes = without_holes(scan, keys)
-    vertical, lateral = _factors(scan, keys, grid, length)
+    vertical, lateral, taken = _factors(scan, keys, grid, length)
     unit = f" {length}" if length else ""
     size = keys.size and (keys.size * len(grid.points) if len(keys.size) == 1 else keys.size)
     own = tuple(
@@ -116,7 +116,7 @@ def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: boo
         for axis, factor in zip(scan.axes, lateral, strict=True)
     )
     heights = vertical * values
-    said = [f"{times(scan.shape)} points", scan.layout, _units_said(scan, keys, length)]
+    said = [f"{times(scan.shape)} points", scan.layout, _units_said(scan, keys, length), taken]
     given = size or (None if None in own else own)
     if scan.axes[0].positions is None:
         if given is not None:
@@ -174,8 +174,11 @@ def _agrees(unit: Length, given: float | str, length: str | None) -> bool:
     return known is None or bool(np.isclose(given * known.size, unit.size, rtol=ROUNDING))
 
 
-def _factors(scan: Scan, keys: Keys, grid: Grid, length: str | None) -> tuple[float, tuple[float, ...]]:
-    """Return the factors from heights, and from lengths along each axis, to the configuration's unit."""
+def _factors(scan: Scan, keys: Keys, grid: Grid, length: str | None) -> tuple[float, tuple[float, ...], str]:
+    """Return the factors from heights, and from lengths along each axis, to the configuration's unit.
+
+    And words on that unit, where it is the file's.
+    """
     own = length_unit(length) if length else None
     needed = [
         axis
@@ -185,14 +188,14 @@ def _factors(scan: Scan, keys: Keys, grid: Grid, length: str | None) -> tuple[fl
     _refuse_open(scan, keys, own, needed)
     if own is None:
         own = _own_unit(scan, keys, grid, needed)
+    taken = "" if length or own is None or not own.symbol else f"the cell is in {own}, for it has this size"
     unit = length_unit(keys.unit) if isinstance(keys.unit, str) else scan.unit
     vertical = 1.0 if unit is None or own is None else _ratio(unit, own)
     if isinstance(keys.unit, float):
         vertical = keys.unit
     plain = 1.0 if keys.unit is None else vertical  # of lengths without a unit
-    return vertical, tuple(
-        plain if axis.unit is None or own is None else _ratio(axis.unit, own) for axis in scan.axes
-    )
+    lateral = (plain if axis.unit is None or own is None else _ratio(axis.unit, own) for axis in scan.axes)
+    return vertical, tuple(lateral), taken
 
 
 def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[ScanAxis]) -> None:

@@ -265,6 +265,7 @@ def test_a_size_that_is_not_the_cell_is_refused_with_the_keys_that_settle_it(tmp
 def test_a_file_with_units_needs_a_configuration_with_units_or_a_cell_of_its_size(tmp_path):
     file = written(tmp_path, [*GWYDDION, "# Einheiten: nm", *rows(1e3 * HEIGHTS)])
     np.testing.assert_allclose(read(file), depths(HEIGHTS), rtol=1e-14)  # 10 x 8 are micrometres
+    assert "heights [nm], x and y [µm]; the cell is in µm, for it has this size; size 10 x 8" in account(file)
     small = Grid(GRID.points, (10e-6, 8e-6))
     with pytest.raises(
         TableError, match=r"in nm, but the configuration has no units; add units: .*punch\.unit"
