@@ -130,6 +130,8 @@ def _labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
         scan = _by_surface_topography(file, keys)
         if isinstance(scan, Scan):
             return scan
+        if "cannot read it" in scan:
+            raise TableError(f"{error}; {scan}") from None
         raise error from None
 
 
