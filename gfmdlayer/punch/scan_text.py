@@ -33,7 +33,7 @@ def read_text(file: Path, axes: int, answers: Answers) -> Scan:
     matrix = _with_axis_in_headings(matrix)
     header = _Header.of(matrix)
     rows, width = matrix.shape
-    if width == axes + 1 and any(matrix.headings):
+    if width == axes + 1 and any(matrix.headings) and not any(map(_SAYS.search, matrix.headings)):
         raise TableError(
             f"{file}: the headings are {', '.join(map(repr, matrix.headings))}; must be {_in_words(axes)}"
         )
@@ -48,6 +48,9 @@ def read_text(file: Path, axes: int, answers: Answers) -> Scan:
         columns = (_PointColumn(matrix.values[:, c], header.units.get(name)) for c, name in enumerate(names))
         return _of_points(matrix, dict(zip(names, columns, strict=True)), header.doubt)
     return _of_matrix(matrix, header)
+
+
+_SAYS = re.compile(r"[:=]$|^[#%]$")  # a cell of a remark or of a line of a header
 
 
 def _in_words(axes: int) -> str:

@@ -133,6 +133,14 @@ def test_columns_go_by_their_headings_in_their_units(tmp_path):
     )
 
 
+def test_a_header_has_the_units_of_columns_without_headings(tmp_path):
+    header = ["# Channel: Z", "# Lateral units: mm", "# Value units: nm"]
+    lines = [f"{2e-3 * i:.3f}\t{2e-3 * j:.3f}\t{1e3 * h}" for (i, j), h in np.ndenumerate(HEIGHTS)]
+    np.testing.assert_allclose(
+        read(written(tmp_path, header + lines), length="um"), depths(HEIGHTS), rtol=1e-14
+    )
+
+
 def test_rounded_positions_are_on_their_grid(tmp_path):
     lines = [f"{i / 3:.2f},{j / 3:.2f},{h}" for (i, j), h in np.ndenumerate(HEIGHTS)]
     grid = Grid(GRID.points, (5 / 3, 4 / 3))
