@@ -127,6 +127,7 @@ _CLOCK = re.compile(
 _BETWEEN = re.compile(
     r"^[-+]?[\d.,]+(?:[eE][-+]?\d+)?\s*[;|\t]|[;|\t]\s*[-+]?[\d.,]+(?:[eE][-+]?\d+)?$|^\d[\d.,eE+-]*\s.*\s[-+]?\d[\d.,eE+-]*$"
 )
+_LOOKALIKE = str.maketrans("OolI", "0011")
 _ABOVE = 8  # lines above the numbers in which headings are looked for
 
 
@@ -160,7 +161,9 @@ def _cells(line: str, separator: str) -> list[str]:
             return re.split(r"[ \t]+", line)
         line = re.sub(r"[ \t]+", " ", line)
     if '"' in line:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+        return [
+            cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+        ]
     return [cell.strip() for cell in line.split(separator)]
 
 
@@ -225,13 +228,12 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None)
         elif comment:
             gap = gap or _names_columns(line, dialect)
         else:
-            if kinds == "T" * len(kinds) and all(map(_JUNK.fullmatch, cells)):
-                message = f"{_shown(line, '')} is not a row of numbers with {dialect}"
+            words = [cell for cell, k in zip(cells, kinds, strict=True) if k == "T"]
+            damaged = any(map(_is_junk, words))
+            damaged = damaged or (last is not None and ("N" in kinds or _has_numbers(line, number)))
+            if (blocks and damaged) or all(map(_is_marks, words or [""])):
+                message = f"{_shown(line, ''.join(words[:1]))} is not a row of numbers like those above"
                 raise _Refusal(f"{path}:{i + 1}: {message}", len(blocks[-1]) if blocks else 0)
-            if last is not None and "N" in kinds:
-                wrong = next((c for c, k in zip(cells, kinds, strict=True) if k == "T"), "")
-                message = f"{_shown(line, wrong)} is not a row of numbers like those above"
-                raise _Refusal(f"{path}:{i + 1}: {message}", len(blocks[-1]))
             gap = True
     return _chosen_block(path, lines, dialect, blocks, table)
 
@@ -249,7 +251,8 @@ def _chosen_block(
     table: int | None,
 ) -> _Rows:
     """Return the rows of the only table, or of the one with a number."""
-    long = [block for block in blocks if len(block) > 1]
+    first = next((i for i, block in enumerate(blocks) if len(block) > 1), len(blocks))
+    long = blocks[first:]  # single rows above are remarks with numbers
     if not long:
         line = blocks[-1][0][0] if blocks else 0
         count = "1 row" if blocks else "no rows"
@@ -300,7 +303,13 @@ def _columns_of(
             found.holes[c] = [(r, cells[r]) for r, kind in enumerate(seen) if kind == "H"]
             cells = ["nan" if kind == "H" else cell for cell, kind in zip(cells, seen, strict=True)]
         if dialect.thousands:
-            both = both or any(len(re.findall(r"[^-+−\deEdD]", cell)) > 1 for cell in cells)
+            groups = [len(re.findall(_GROUPS[dialect.thousands], cell)) for cell in cells]
+            marked = [dialect.decimal in cell for cell in cells]
+            both = both or any(count and mark for count, mark in zip(groups, marked, strict=True))
+            both = both or any(count > 1 for count in groups)
+            for r, count in enumerate(groups if any(marked) else ()):
+                if count > 1 and not marked[r]:  # 6,790,831 may be 6,790.831
+                    raise _Refusal(_not_a_number(found, r, cells[r]), len(block))
             cells = [cell.replace(dialect.thousands, "") for cell in cells]
         marks += [cell for cell in cells if dialect.decimal in cell]
         values[:, c] = np.array([cell.translate(plain) for cell in cells], dtype=float)
@@ -319,11 +328,21 @@ def _not_a_number(rows: _Rows, row: int, cell: str) -> str:
     return f"{rows.place(row)}: {cell[:40]!r} in {_shown(rows.lines[rows.at[row]], cell)} is not a number"
 
 
+def _is_marks(cell: str) -> bool:
+    """Whether a cell has nothing but digits and marks, and is no time or date: a number, written otherwise."""
+    looks = _JUNK.fullmatch(cell.translate(_LOOKALIKE)) is not None and re.search(r"\d|inf", cell.lower())
+    return bool(looks) and not _CLOCK.fullmatch(cell)
+
+
+def _has_numbers(line: str, number: re.Pattern[str]) -> bool:
+    """Whether half the words of a line, or more, are numbers."""
+    words = re.split(r"[\s;|]+", line.strip())
+    return 2 * sum(number.fullmatch(word) is not None for word in words) >= len(words)
+
+
 def _is_junk(cell: str) -> bool:
-    """Whether a cell is a number that is written otherwise, or has numbers beside another separator."""
-    if _JUNK.fullmatch(cell):
-        return not _CLOCK.fullmatch(cell)
-    return _BETWEEN.search(cell) is not None
+    """Whether a cell is a number, written otherwise, or has numbers beside another separator."""
+    return _is_marks(cell) or _BETWEEN.search(cell) is not None
 
 
 def _may_be_thousands(text: str, dialect: _Dialect) -> bool:
@@ -372,17 +391,28 @@ def _at_once(path: Path, lines: list[str], dialect: _Dialect) -> _Rows | None:
     return _Rows(path, lines, dialect, at, values, "N" * values.shape[1])
 
 
+def _is_damage(cell: str) -> bool:
+    """Whether a cell stands for a number: one with a wrong letter, or a hole that is no rule of dashes."""
+    return _is_marks(cell) or (cell.lower() in _HOLES and not set(cell) <= {*"-–—*"})
+
+
 def _is_comment(line: str, dialect: _Dialect) -> bool:
     """Whether a line begins with the mark of a comment, and not with an empty cell or a hole."""
     match = _COMMENT.match(line)
-    return match is not None and not match[0].strip().startswith(dialect.separator)
+    if match is None or match[0].strip().startswith(dialect.separator):
+        return False
+    return _cells(line, dialect.separator)[0].lower() not in _HOLES
 
 
 def _is_units(cells: Iterable[str]) -> bool:
     """Whether most cells are units, with brackets or without, and none is a number but 1."""
-    filled = [cell.strip("[]() ") for cell in cells if cell]
-    units = [cell for cell in filled if unit_of(cell) is not None]
+    filled = [cell for cell in cells if cell]
+    units = [cell for cell in filled if _is_unit(cell)]
     return len(units) > len(filled) / 2 and any(not re.fullmatch(r"1|-+|%", unit) for unit in units)
+
+
+def _is_unit(cell: str) -> bool:
+    return unit_of(cell.strip("[]() ")) is not None
 
 
 def _names_columns(line: str, dialect: _Dialect) -> bool:
@@ -422,30 +452,25 @@ def _head(rows: _Rows) -> _Head | None:
         splittings = list(_splittings(line, rows.dialect))
         fitting = [cells for cells in splittings if len(cells) == width and cells[0][-1:] not in {":", "="}]
         if fitting:
-            cells = max(fitting, key=lambda row: sum(map(is_known, row)) + _is_units(row))
+            cells = max(fitting, key=lambda row: sum(is_known(cell) or _is_unit(cell) for cell in row))
             found.append(_Head(i, cells, [""] * width, sum(map(is_known, cells))))
         elif i == first - 1:
             _refuse_other_headings(rows, i, splittings)
     named = [head for head in found if not _is_units(head.cells)] or found
     best = max(named, key=lambda head: head.known, default=None)
     if best is None or not best.known:
-        nearest = next(iter(found), None)
-        if nearest is not None and nearest.line == first - 1:
-            _refuse_numbers(rows, nearest)
-            return nearest if _may_be_headings(rows, nearest) else None
-        return None
-    below = [head for head in found if head.line > best.line]
-    units = next((head for head in below if _is_units(head.cells)), None)
-    for head in below:
-        if head is not units:
-            _refuse_numbers(rows, head)
+        nearest = next((head for head in found if head.line == first - 1), None)
+        _refuse_numbers(rows, None)
+        return nearest if nearest is not None and _may_be_headings(rows, nearest) else None
+    units = next((head for head in found if head.line > best.line and _is_units(head.cells)), None)
+    _refuse_numbers(rows, best.line)
     return best if units is None else best._replace(units=units.cells)
 
 
 def _splittings(line: str, dialect: _Dialect) -> Iterator[list[str]]:
     """Yield the cells of a line above the numbers: in their dialect, and with another separator."""
     bare = _COMMENT.sub("", line, count=1) if _is_comment(line, dialect) else line
-    texts = dict.fromkeys((bare, line))
+    texts = dict.fromkeys((line, bare))
     separators = ("  ", " ") if dialect.by_space else (dialect.separator,)
     for separator in (*separators, *_SEPARATORS):
         for text in texts:
@@ -457,14 +482,23 @@ def _splittings(line: str, dialect: _Dialect) -> Iterator[list[str]]:
                     yield list(cells)
 
 
-def _refuse_numbers(rows: _Rows, head: _Head) -> None:
-    """Refuse a line right above the numbers that is one of them, but for a letter."""
-    number = _number(rows.dialect)
-    commented = _is_comment(rows.lines[head.line], rows.dialect)
-    if not commented and not _is_units(head.cells) and any(number.fullmatch(cell) for cell in head.cells):
-        wrong = next((cell for cell in head.cells if not number.fullmatch(cell)), "")
-        shown = _shown(rows.lines[head.line], wrong)
-        raise _Refusal(f"{rows.path}:{head.line + 1}: {shown} is not a row of numbers like those below", 1)
+def _refuse_numbers(rows: _Rows, head: int | None) -> None:
+    """Refuse a damaged row above the numbers: below the headings a line with numbers that are no units.
+
+    Without headings it is the line right above, if it has nothing but numbers, or as many cells.
+    """
+    number, first = _number(rows.dialect), rows.at[0]
+    for i in range(max(first - 1, 0) if head is None else head + 1, first):
+        line = rows.lines[i]
+        cells = _cells(line, rows.dialect.separator)
+        are = [number.fullmatch(cell) is not None for cell in cells]
+        damaged = any(are) and (head is not None or all(are) or len(cells) == rows.width)
+        damaged = damaged or (head is not None and any(map(_is_damage, cells)))
+        if not (damaged or _has_numbers(line, number)) or _is_units(cells) or _is_comment(line, rows.dialect):
+            continue
+        wrong = cells[are.index(False)] if False in are else ""
+        message = f"{_shown(line, wrong)} is not a row of numbers like those below"
+        raise _Refusal(f"{rows.path}:{i + 1}: {message}", 1)
 
 
 def _refuse_other_headings(rows: _Rows, i: int, splittings: list[list[str]]) -> None:
