@@ -113,7 +113,12 @@ punch: {shape: profile, file: heights.txt, touches_first: lowest}""",
     "Topography": """\
 grid: {points: [256, 256], period: 0.2}
 punch: {shape: topography, file: surface.h5, dataset: scan/height, unit: 1.0e-3, fill: membrane,
-  detrend: plane, taper: 0.1, resample: fourier}""",
+  detrend: plane, taper: 0.1, resample: fourier}
+---
+units: {length: um, stress: MPa, time: s}
+grid: {points: [256, 256], period: [10.0, 8.0]}
+punch: {shape: topography, file: scan.txt, unit: nm, size: [10.0, 8.0], transpose: true, hole: -9999,
+  fill: membrane, reading: {decimal: ","}}""",
     "FlatPunch": """\
 grid: {geometry: axisymmetric}
 punch: {shape: flat_punch, radius: 0.5}""",

@@ -104,9 +104,9 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
         "nombre d'onde"),
     "stiffness": ("Pa/m", "stiffness, K, k(q), surface stiffness, steifigkeit, raideur, rigidité"),
     "radius": ("m", "radius, r, R, distance, x, rayon, abstand"),
-    "x": ("m", "x, position, distance, lateral position, ort, abscisse"),
+    "x": ("m", "x, position, distance, lateral, lateral position, ort, abscisse"),
     "y": ("m", "y"),
-    "height": ("m", "height, h, z, y, profile, elevation, höhe, profil, hauteur, altitude"),
+    "height": ("m", "height, h, z, y, raw, profile, elevation, höhe, profil, hauteur, altitude"),
     "stiffness of the cantilever": ("N/m", "spring constant, cantilever stiffness, federkonstante"),
 }  # fmt: skip
 # On a line of the grid forces are per length.

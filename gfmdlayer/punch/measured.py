@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, PrivateAttr, Tag
+from pydantic import BeforeValidator, Discriminator, Field, PrivateAttr, Tag
 
-from gfmdlayer.files.units import unit_of
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.validation.fields import (
     File,
@@ -22,6 +21,7 @@ from gfmdlayer.validation.fields import (
 )
 from gfmdlayer.validation.problems import Mistake
 from gfmdlayer.validation.reading import Reading, answers
+from gfmdlayer.validation.units import LENGTHS, UnitOf
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -31,19 +31,13 @@ if TYPE_CHECKING:
 Name = Annotated[str, Field(strict=True, min_length=1), MustBe("the name of a dataset")]
 
 
-def _of_length(name: str) -> str:
-    unit = unit_of(name)
-    if unit is None or unit.dimension != (0, 1, 0, 0, 0, 0):
-        raise ValueError
-    return name
-
-
+_examples = "m, mm, um, nm or in"
 _number_or_word = Discriminator(lambda value: "word" if isinstance(value, str) else "number")
-_unit = MustBe("a number > 0, or a unit of length, such as m, mm, um, nm or in")
+_unit = MustBe(f"a number > 0, or a unit of length, such as {_examples}")
 _hole = MustBe("a number, or none")
 _UnitOfFile = Annotated[
     Annotated[float, strict, Field(gt=0), _unit, Tag("number")]
-    | Annotated[str, Field(strict=True), AfterValidator(_of_length), _unit, Tag("word")],
+    | Annotated[str, UnitOf("length", LENGTHS, _examples), Tag("word")],
     _number_or_word,
 ]
 _Hole = Annotated[

@@ -1,8 +1,8 @@
 """A measured surface as its file has it, and as heights on a grid in the configuration's unit of length.
 
-A `Scan` has what a file says of heights, lengths, units and holes. `on_grid` converts it. What the file does
-not say comes from `Keys`, the keys of the punch, which go before the file. What neither says, and a size that is
-not that of the cell, is refused; so is what a configuration without units cannot convert.
+A `Scan` has what a file says of heights, lengths, units and holes. `on_grid` converts it. The keys of the
+punch, `Keys`, go before the file. What neither says is refused, as is a size that is not that of the cell,
+and a unit that a configuration without units cannot convert.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Keys(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Axis:
+class ScanAxis:
     """What a file says of a direction."""
 
     length: float | None = None  # of the cell, spacing times points, in `unit`
@@ -72,7 +72,7 @@ class Scan:
     file: Path
     heights: FloatArray  # NaN where none was measured; on several processes the rows of this one
     unit: Length | None  # of heights
-    axes: tuple[Axis, ...]
+    axes: tuple[ScanAxis, ...]
     layout: str = ""  # what rows and columns are, in words
     notes: tuple[str, ...] = ()  # on the file, for its account
     doubt: str = ""  # a line of the header that may say a length or a unit, but is not understood
@@ -104,11 +104,11 @@ class Measured(NamedTuple):
 def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: bool = False) -> Measured:
     """Return the heights in the configuration's unit of length `length`, None for one without units.
 
-    A line with unequal distances is interpolated onto the grid; `gaps` permits wide ones. TableError where the
+    A line with unequal distances is interpolated onto the grid; `gaps` permits wide ones. TableError where
     units or the size of the scan are not known, and where the size is not that of the cell.
     """
     values, holes = without_holes(scan, keys)
-    vertical, lateral = _factors(scan, keys, grid, length)
+    vertical, lateral, taken = _factors(scan, keys, grid, length)
     unit = f" {length}" if length else ""
     size = keys.size and (keys.size * len(grid.points) if len(keys.size) == 1 else keys.size)
     own = tuple(
@@ -116,7 +116,7 @@ def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: boo
         for axis, factor in zip(scan.axes, lateral, strict=True)
     )
     heights = vertical * values
-    said = [f"{times(scan.shape)} points", scan.layout, _units_said(scan, keys, length)]
+    said = [f"{times(scan.shape)} points", scan.layout, _units_said(scan, keys, length), taken]
     given = size or (None if None in own else own)
     if scan.axes[0].positions is None:
         if given is not None:
@@ -142,6 +142,7 @@ def times(shape: tuple[int, ...]) -> str:
 
 
 def lengths_in_words(lengths: Sequence[float | None]) -> str:
+    """Write lengths for people: 10 x 8."""
     return " x ".join(f"{length:.6g}" for length in lengths)
 
 
@@ -173,8 +174,11 @@ def _agrees(unit: Length, given: float | str, length: str | None) -> bool:
     return known is None or bool(np.isclose(given * known.size, unit.size, rtol=ROUNDING))
 
 
-def _factors(scan: Scan, keys: Keys, grid: Grid, length: str | None) -> tuple[float, tuple[float, ...]]:
-    """Return the factors from heights, and from lengths along each axis, to the configuration's unit."""
+def _factors(scan: Scan, keys: Keys, grid: Grid, length: str | None) -> tuple[float, tuple[float, ...], str]:
+    """Return the factors from heights, and from lengths along each axis, to the configuration's unit.
+
+    And words on that unit, where it is the file's.
+    """
     own = length_unit(length) if length else None
     needed = [
         axis
@@ -184,24 +188,24 @@ def _factors(scan: Scan, keys: Keys, grid: Grid, length: str | None) -> tuple[fl
     _refuse_open(scan, keys, own, needed)
     if own is None:
         own = _own_unit(scan, keys, grid, needed)
+    taken = "" if length or own is None or not own.symbol else f"the cell is in {own}, for it has this size"
     unit = length_unit(keys.unit) if isinstance(keys.unit, str) else scan.unit
     vertical = 1.0 if unit is None or own is None else _ratio(unit, own)
     if isinstance(keys.unit, float):
         vertical = keys.unit
     plain = 1.0 if keys.unit is None else vertical  # of lengths without a unit
-    return vertical, tuple(
-        plain if axis.unit is None or own is None else _ratio(axis.unit, own) for axis in scan.axes
-    )
+    lateral = (plain if axis.unit is None or own is None else _ratio(axis.unit, own) for axis in scan.axes)
+    return vertical, tuple(lateral), taken
 
 
-def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Axis]) -> None:
+def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[ScanAxis]) -> None:
     """Refuse what neither the file nor the keys say."""
     lateral = [axis.unit for axis in needed if axis.unit]
     said = next((axis.unit for axis in scan.axes if axis.unit), None)
     if isinstance(keys.unit, str) and own is None:
         raise TableError(
-            f"{scan.file}: punch.unit is {keys.unit}, but the configuration has no units; {_ADD_UNITS}, or give "
-            "unit as a number, its length in the configuration's"
+            f"{scan.file}: punch.unit is {keys.unit}, but the configuration has no units; {_ADD_UNITS}, or "
+            "give unit as a number, its length in the configuration's"
         )
     if scan.unit is None and keys.unit is None and said:
         raise TableError(
@@ -211,8 +215,8 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Ax
         raise TableError(f"{scan.file}: says the unit of one direction only; give punch.size")
     if scan.unit and keys.unit is None and needed and not lateral:
         raise TableError(
-            f"{scan.file}: says heights in {scan.unit}, but x and y have no unit; give punch.size, the lengths of "
-            "the scan, or punch.unit for all"
+            f"{scan.file}: says heights in {scan.unit}, but x and y have no unit; give punch.size, the "
+            "lengths of the scan, or punch.unit for all"
         )
     known = scan.unit or keys.unit is not None
     sized = keys.size or all(axis.length is not None or axis.positions is not None for axis in scan.axes)
@@ -226,7 +230,7 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Ax
 _ADD_UNITS = "add units: {length: ..., stress: ..., time: ...}"
 
 
-def _own_unit(scan: Scan, keys: Keys, grid: Grid, needed: Sequence[Axis]) -> Length | None:
+def _own_unit(scan: Scan, keys: Keys, grid: Grid, needed: Sequence[ScanAxis]) -> Length | None:
     """Return the unit of length of a configuration without units, where the file has units."""
     lateral = [axis.unit for axis in needed if axis.unit]
     if isinstance(keys.unit, float) and (scan.unit or not lateral):
@@ -238,8 +242,8 @@ def _own_unit(scan: Scan, keys: Keys, grid: Grid, needed: Sequence[Axis]) -> Len
         return lateral[0]  # the cell has the size of the scan in this unit
     unit = scan.unit or lateral[0]
     raise TableError(
-        f"{scan.file}: says {'heights' if scan.unit else 'lengths'} in {unit}, but the configuration has no units; "
-        f"{_ADD_UNITS}, or give punch.unit, the length of 1 {unit} in the configuration's"
+        f"{scan.file}: says {'heights' if scan.unit else 'lengths'} in {unit}, but the configuration has no "
+        f"units; {_ADD_UNITS}, or give punch.unit, the length of 1 {unit} in the configuration's"
     )
 
 
@@ -257,13 +261,14 @@ def _check_size(scan: Scan, keys: Keys, size: Sequence[float | None], grid: Grid
         swapped = len(size) == 2 and np.allclose(np.array(size[::-1], float), grid.period, rtol=ROUNDING)
         hint = "; transpose: true exchanges x and y" if swapped and not keys.size else ""
         raise TableError(
-            f"{which} {lengths_in_words(size)}{unit} long{given}, but grid.period is {lengths_in_words(grid.period)}{unit}; must "
-            f"agree within a thousandth: change grid.period, or give punch.size (lengths of the scan) or punch.unit{hint}"
+            f"{which} {lengths_in_words(size)}{unit} long{given}, but grid.period is "
+            f"{lengths_in_words(grid.period)}{unit}; must agree within a thousandth: change grid.period, or "
+            f"give punch.size (lengths of the scan) or punch.unit{hint}"
         )
 
 
 def without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
-    """Return the heights with NaN for the number that marks a hole, and words; TableError for a probable one."""
+    """Return heights with NaN for the number that marks a hole, and words; TableError for a probable one."""
     values = scan.heights
     if isinstance(keys.hole, float):
         mark = np.isclose(values, keys.hole, rtol=1e-6, atol=0) | (values == keys.hole)
@@ -271,8 +276,8 @@ def without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
     if keys.hole is None and (found := _probable_hole(values)) is not None:
         mark, count = found
         raise TableError(
-            f"{scan.file}: {count} of {values.size} heights are {mark:g}, far from all others: probably points "
-            f"without a height; give punch.hole: {mark:g}, or hole: none if they are heights"
+            f"{scan.file}: {count} of {values.size} heights are {mark:g}, far from all others: probably "
+            f"points without a height; give punch.hole: {mark:g}, or hole: none if they are heights"
         )
     return values, ""
 
@@ -313,30 +318,31 @@ def _interpolated(
     widest, seam = float(steps[where]), period - span
     if span > period * (1 + ROUNDING):
         raise TableError(
-            f"{scan.file}: is {span:.6g}{unit} long, but grid.period is {period:.6g}{unit}; must not be longer: "
-            "change grid.period, or give punch.unit"
+            f"{scan.file}: is {span:.6g}{unit} long, but grid.period is {period:.6g}{unit}; must not be "
+            "longer: change grid.period, or give punch.unit"
         )
     if seam > max(widest, period / n) * (1 + ROUNDING):
         raise TableError(
-            f"{scan.file}: x goes over {span:.6g}{unit}, but grid.period is {period:.6g}{unit}; the rest must not be "
-            f"longer than the distance of neighbours, {widest:.6g}{unit}: change grid.period, or give punch.unit"
+            f"{scan.file}: x goes over {span:.6g}{unit}, but grid.period is {period:.6g}{unit}; the rest "
+            f"must not be longer than the distance of neighbours, {widest:.6g}{unit}: change grid.period, or "
+            "give punch.unit"
         )
     if widest > _WIDEST * period / n and not gaps:
         raise TableError(
-            f"{scan.file}: neighbours are up to {widest:.6g}{unit} apart, from x = {x[where]:.6g} to {x[where + 1]:.6g}; "
-            f"must be at most {_WIDEST:g} spacings of the grid, {_WIDEST * period / n:.6g}: use fewer grid.points, or "
-            "fill: membrane for straight lines across"
+            f"{scan.file}: neighbours are up to {widest:.6g}{unit} apart, from x = {x[where]:.6g} to "
+            f"{x[where + 1]:.6g}; must be at most {_WIDEST:g} spacings of the grid, "
+            f"{_WIDEST * period / n:.6g}: use fewer grid.points, or fill: membrane for straight lines across"
         )
     points = x[0] + np.arange(n) * (period / n)
     joined = (np.append(x, x[0] + period), np.append(heights, heights[0])) if seam > 0 else (x, heights)
     words = (
-        f"x from {x[0]:.6g} to {x[-1]:.6g}{unit}, not equally spaced, neighbours at most {widest:.3g}{unit} apart; "
-        f"interpolated linearly onto {n} points"
+        f"x from {x[0]:.6g} to {x[-1]:.6g}{unit}, not equally spaced, neighbours at most {widest:.3g}{unit} "
+        f"apart; interpolated linearly onto {n} points"
     )
     return np.interp(points, *joined), words
 
 
-def axis_of(file: Path, name: str, x: FloatArray, unit: Length | None) -> Axis:
+def axis_of(file: Path, name: str, x: FloatArray, unit: Length | None) -> ScanAxis:
     """Return the axis of increasing positions."""
     steps = np.diff(x)
     if not (np.isfinite(x).all() and x.size > 1 and steps.min() > 0):
@@ -351,5 +357,5 @@ def axis_of(file: Path, name: str, x: FloatArray, unit: Length | None) -> Axis:
     spacing = float(x[-1] - x[0]) / (x.size - 1)
     drift = np.abs(x - x[0] - spacing * np.arange(x.size)).max()
     if np.abs(steps - spacing).max() <= ROUNDING * spacing and drift < 0.05 * spacing:
-        return Axis(spacing * x.size, unit)
-    return Axis(None, unit, x)
+        return ScanAxis(spacing * x.size, unit)
+    return ScanAxis(None, unit, x)

@@ -19,9 +19,8 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.tables import LARGEST, Answers, TableError, open_group
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scan import Axis, Keys, Length, Scan, axis_of, length_unit, lengths_in_words, times
+from gfmdlayer.punch.scan import Keys, Length, Scan, ScanAxis, axis_of, length_unit, lengths_in_words, times
 from gfmdlayer.punch.scan_text import read_text
-
 
 _NO_KEYS = Keys()
 
@@ -113,7 +112,7 @@ def _array(file: Path, _axes: int, keys: Keys, rows: slice) -> Scan:
         raise TableError(f"{file}: must hold one array of real numbers")
     values = array[rows] if array.ndim else array
     layout = "first axis x, second y" if array.ndim == 2 else ""
-    return Scan(file, values.astype(np.float64), None, (Axis(),) * array.ndim, layout, shape=array.shape)
+    return Scan(file, values.astype(np.float64), None, (ScanAxis(),) * array.ndim, layout, shape=array.shape)
 
 
 def _refuse_keys(file: Path, keys: Keys, **kinds: str) -> None:
@@ -131,6 +130,8 @@ def _labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
         scan = _by_surface_topography(file, keys)
         if isinstance(scan, Scan):
             return scan
+        if "cannot read it" in scan:
+            raise TableError(f"{error}; {scan}") from None
         raise error from None
 
 
@@ -175,16 +176,16 @@ def _own_labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
     return Scan(file, values, unit, dims, layout, shape=chosen.shape)
 
 
-def _coordinate(file: Path, opened: Any, dim: str) -> tuple[Axis, bool]:
+def _coordinate(file: Path, opened: Any, dim: str) -> tuple[ScanAxis, bool]:
     """Return what a file says of a dimension, and whether its coordinate decreases."""
     if dim not in opened.variables:
-        return Axis(), False
+        return ScanAxis(), False
     variable = opened[dim]
     unit = _unit_of_attributes(file, dim, variable.attrs, known=False)
     if "length" in variable.attrs:  # SurfaceTopography's netCDF
-        return Axis(float(variable.attrs["length"]), unit), False
+        return ScanAxis(float(variable.attrs["length"]), unit), False
     if dim not in opened.coords:
-        return Axis(), False
+        return ScanAxis(), False
     x = variable.to_numpy().astype(np.float64)
     down = bool(x.size > 1 and x[-1] < x[0])
     return axis_of(file, dim, x[::-1] if down else x, unit), down
@@ -223,7 +224,7 @@ def _chosen(file: Path, data: Any, axes: int, name: str) -> Any:
 
 # SurfaceTopography, for the formats of instruments.
 
-# Its readers of tables take unequal x for equal, and drop units and decimals; of HDF5 they take the first array.
+# Its readers of tables take unequal x for equal, and drop units and decimals; of HDF5 they take any array.
 _NOT_BELIEVED = frozenset({"asc", "xyz", "matrix", "h5", "npy"})
 
 
@@ -250,7 +251,9 @@ def _by_surface_topography(file: Path, keys: Keys) -> Scan | str:
         with warnings.catch_warnings(action="ignore"), open_topography(str(file)) as reader:
             wyko = "wyko" in str(getattr(reader, "_metadata", ""))
             if reader.format() in _NOT_BELIEVED and not wyko:
-                return f"SurfaceTopography takes it for {reader.format()}, which it does not read with certainty"
+                return (
+                    f"SurfaceTopography takes it for {reader.format()}, which it does not read with certainty"
+                )
             return _checked(file, reader, keys)
     except TableError:
         raise
@@ -286,4 +289,6 @@ def _checked(file: Path, reader: Any, keys: Keys) -> Scan:
     sizes = tuple(map(float, topography.physical_sizes))
     if not all(0 < size < np.inf for size in sizes):
         raise TableError(f"{file}: SurfaceTopography says a size of {lengths_in_words(sizes)}; must be > 0")
-    return Scan(file, heights, unit, tuple(Axis(size if sized else None, unit) for size in sizes), "", notes)
+    return Scan(
+        file, heights, unit, tuple(ScanAxis(size if sized else None, unit) for size in sizes), "", notes
+    )

@@ -1,10 +1,10 @@
 """Measured surfaces in text: matrices of heights with their headers, and columns x, y and height.
 
-The rows of a matrix are y, its columns x, and the first row is y = 0. A size is the spacing times the number of
-points. Columns go by their headings; without headings they are x, height on a line and x, y, height on a surface,
-where each point of an equally spaced grid must occur once. Headers are those of Gwyddion in its languages, SPIP,
-Nova, WSxM, ESRI and others. A line that may say a length or a unit, but is not understood, is a doubt, which keys
-must settle.
+The rows of a matrix are y, its columns x, and the first row is y = 0. A size is the spacing times the number
+of points. Columns go by their headings; without headings they are x, height on a line and x, y, height on a
+surface, where each point of an equally spaced grid must occur once. Headers are those of Gwyddion in its
+languages, SPIP, Nova, WSxM, ESRI and others. Keys must settle a line of a header that may say a length or a
+unit, but is not understood.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import is_known, meaning
 from gfmdlayer.files.tables import Answers, Matrix, TableError, read_matrix
-from gfmdlayer.punch.scan import ROUNDING, Axis, Length, Scan, axis_of, length_unit
+from gfmdlayer.punch.scan import ROUNDING, Length, Scan, ScanAxis, axis_of, length_unit
 
 _COLUMNS = {1: ("x", "height"), 2: ("x", "y", "height")}
 
@@ -30,9 +30,10 @@ def read_text(file: Path, axes: int, answers: Answers) -> Scan:
     matrix = read_matrix(file, answers)
     if sum(map(is_known, matrix.headings)) > 1:
         return _of_points(matrix, _named(axes, matrix, answers), "")
+    matrix = _with_axis_in_headings(matrix)
     header = _Header.of(matrix)
     rows, width = matrix.shape
-    if width == axes + 1 and any(matrix.headings):
+    if width == axes + 1 and any(matrix.headings) and not any(map(_SAYS.search, matrix.headings)):
         raise TableError(
             f"{file}: the headings are {', '.join(map(repr, matrix.headings))}; must be {_in_words(axes)}"
         )
@@ -44,9 +45,12 @@ def read_text(file: Path, axes: int, answers: Answers) -> Scan:
         )
     if axes == 1 or (width == 3 and rows > 3 and not header.of_matrix):
         names = _COLUMNS[axes]
-        columns = (_Column(matrix.values[:, c], header.units.get(name)) for c, name in enumerate(names))
+        columns = (_PointColumn(matrix.values[:, c], header.units.get(name)) for c, name in enumerate(names))
         return _of_points(matrix, dict(zip(names, columns, strict=True)), header.doubt)
     return _of_matrix(matrix, header)
+
+
+_SAYS = re.compile(r"[:=]$|^[#%]$")  # a cell of a remark or of a line of a header
 
 
 def _in_words(axes: int) -> str:
@@ -62,17 +66,17 @@ def _marks(matrix: Matrix) -> tuple[str, ...]:
 # Points in columns.
 
 
-class _Column(NamedTuple):
+class _PointColumn(NamedTuple):
     """A column of a table of points."""
 
     values: FloatArray
     unit: Length | None
 
 
-def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _Column]:
+def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _PointColumn]:
     """Return the columns x, (y) and height by their headings."""
     file, wanted = matrix.path, _COLUMNS[axes]
-    found: dict[str, tuple[str, _Column]] = {}
+    found: dict[str, tuple[str, _PointColumn]] = {}
     for heading, below, values in zip(matrix.headings, matrix.units, matrix.values.T, strict=True):
         means = meaning(heading, below, wanted, answers.units)
         if axes == 2 and "y" in means.options:  # which on a line is a height
@@ -87,7 +91,7 @@ def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _Column]:
                 f"{file}: two columns are {name}, {found[name][0]!r} and {heading!r}; must be one"
             )
         unit = Length(float(means.unit.size), means.symbol) if means.unit is not None else None
-        found[name] = heading, _Column(values, unit)
+        found[name] = heading, _PointColumn(values, unit)
     if missing := [name for name in wanted if name not in found]:
         headings = ", ".join(map(repr, matrix.headings))
         raise TableError(
@@ -101,7 +105,7 @@ def _named(axes: int, matrix: Matrix, answers: Answers) -> dict[str, _Column]:
     return columns
 
 
-def _of_points(matrix: Matrix, columns: dict[str, _Column], doubt: str) -> Scan:
+def _of_points(matrix: Matrix, columns: dict[str, _PointColumn], doubt: str) -> Scan:
     """Return the scan of points, which may have any order."""
     file, height, written = matrix.path, columns["height"], _marks(matrix)
     across = {name: column for name, column in columns.items() if name != "height"}
@@ -122,12 +126,12 @@ def _of_points(matrix: Matrix, columns: dict[str, _Column], doubt: str) -> Scan:
         at = int(np.argmax(counts != 1))
         state = "missing" if counts[at] == 0 else f"there {counts[at]} times"
         raise TableError(
-            f"{file}: holds {ix.size} points x, y, z with {nx} values of x and {ny} of y; each point must occur once, "
-            f"but value {at // ny + 1} of x with value {at % ny + 1} of y is {state}"
+            f"{file}: holds {ix.size} points x, y, z with {nx} values of x and {ny} of y; each point must "
+            f"occur once, but value {at // ny + 1} of x with value {at % ny + 1} of y is {state}"
         )
     heights = np.empty((nx, ny))
     heights[ix, iy] = height.values
-    axes = Axis(nx * dx, across["x"].unit), Axis(ny * dy, across["y"].unit)
+    axes = ScanAxis(nx * dx, across["x"].unit), ScanAxis(ny * dy, across["y"].unit)
     return Scan(file, heights, height.unit, axes, layout, written, doubt)
 
 
@@ -151,9 +155,9 @@ def _levels(file: Path, name: str, values: FloatArray) -> tuple[IntArray, int, f
     if wrong.max() > allowed:
         row = int(np.argmax(wrong))
         raise TableError(
-            f"{file}: three columns are x, y and height of points, but {name} is not equally spaced: {count} values, "
-            f"{spacing:.6g} apart in the mean, and {values[row]:.6g} in row {row + 1}; a matrix of heights with three "
-            "columns needs a header with its size"
+            f"{file}: three columns are x, y and height of points, but {name} is not equally spaced: {count} "
+            f"values, {spacing:.6g} apart in the mean, and {values[row]:.6g} in row {row + 1}; a matrix of "
+            "heights with three columns needs a header with its size"
         )
     return index, count, spacing
 
@@ -164,7 +168,7 @@ def _levels(file: Path, name: str, values: FloatArray) -> tuple[IntArray, int, f
 def _of_matrix(matrix: Matrix, header: _Header) -> Scan:
     """Return the scan of rows of heights: each row is a y, each column an x."""
     file, values, layout = matrix.path, matrix.values, "rows are y, columns x"
-    x, y = (Axis(header.sizes.get(name), header.units.get(name)) for name in "xy")
+    x, y = (ScanAxis(header.sizes.get(name), header.units.get(name)) for name in "xy")
     if _has_axes(values):
         layout += ", with x in the first row and y in the first column"
         x, y = axis_of(file, "x", values[0, 1:], x.unit), axis_of(file, "y", values[1:, 0], y.unit)
@@ -186,6 +190,17 @@ def _of_matrix(matrix: Matrix, header: _Header) -> Scan:
         x, y = replace(x, length=None), replace(y, length=None)
     heights = np.ascontiguousarray(values.T) * header.factor
     return Scan(file, heights, header.units.get("height"), (x, y), layout, _marks(matrix), doubt)
+
+
+def _with_axis_in_headings(matrix: Matrix) -> Matrix:
+    """Return a matrix whose headings are a word and numbers with these numbers, x, in its first row."""
+    numbers = [heading.replace(matrix.decimal, ".") for heading in matrix.headings[1:]]
+    if len(numbers) < 2 or not all(
+        re.fullmatch(r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?", each) for each in numbers
+    ):
+        return matrix
+    first = np.array([np.nan, *map(float, numbers)])
+    return replace(matrix, values=np.vstack((first, matrix.values)), headings=[])
 
 
 def _has_axes(values: FloatArray) -> bool:
@@ -221,10 +236,11 @@ _FACTOR = re.compile(
     r"height conversion factor \(->\s*(?P<unit>[^)]+)\)\s*[=:]\s*(?P<number>[-+.\deE]+)", re.IGNORECASE
 )
 _LABELS = {
-    "x": "width|šířka|breite|anchura|largeur|larghezza|幅|폭|largura|ширина|x-length|x length|x size|size x|"
-    "x range|range x|scan size x|x scan size|scan width|x amplitude|length x|xlength|xsize|länge x|x dimension",
-    "y": "height|výška|höhe|altura|hauteur|altezza|高さ|높이|высота|y-length|y length|y size|size y|"
-    "y range|range y|scan size y|y scan size|scan height|y amplitude|length y|ylength|ysize|länge y|y dimension",
+    "x": "width|šířka|breite|anchura|largeur|larghezza|幅|폭|largura|ширина|x-length|x length|length x|"
+    "xlength|x size|size x|xsize|x range|range x|scan size x|x scan size|scan width|x amplitude|länge x|"
+    "x dimension",
+    "y": "height|výška|höhe|altura|hauteur|altezza|高さ|높이|высота|y-length|y length|length y|ylength|"
+    "y size|size y|ysize|y range|range y|scan size y|y scan size|scan height|y amplitude|länge y|y dimension",
     "xy": "scan size|scan range|scan area|image size|size|field of view",
     "unit": "value units|value unit|jednotky hodnot|einheiten|unités|unità valore|値の単位|값 단위|"
     "unidades de valor|единицы измерения|z-unit|z unit|z units|unit z|unit data|data unit|height unit|"
@@ -232,7 +248,8 @@ _LABELS = {
     "unit of xy": "lateral units|lateral unit|x-y units|xy unit|xy units|xy-units",
     "unit of x": "x-unit|x unit|unit x|xunit",
     "unit of y": "y-unit|y unit|unit y|yunit",
-    "spacing of xy": "pixel size|pixelsize|cellsize|cell size|grid spacing|pixel spacing|point spacing|spacing",
+    "spacing of xy": "pixel size|pixelsize|cellsize|cell size|grid spacing|pixel spacing|point spacing|"
+    "spacing",
     "spacing of x": "scale x|x spacing|spacing x|x step|dx|x increment|x pixel size|pixel size x",
     "spacing of y": "scale y|y spacing|spacing y|y step|dy|y increment|y pixel size|pixel size y",
     "count of x": "w|x-pixels|x pixels|nx|ncols|columns|number of columns|pixels x|points x|x points|cols",
@@ -265,7 +282,7 @@ class _Header:
 
     @classmethod
     def of(cls, matrix: Matrix) -> _Header:
-        """Read the lines above a matrix; TableError for units that are no lengths, and numbers with two readings."""
+        """Read the lines above a matrix; TableError for units that are no lengths and ambiguous numbers."""
         header = cls(matrix)
         for line in matrix.header:
             plain = re.sub(r"^[\s#%;!*/\"]+|[\s;,\"]+$", "", line)
@@ -307,7 +324,8 @@ class _Header:
         kind, _, axes = _LABEL.get(re.sub(r"[\s_]+", " ", label).strip().lower(), "").partition(" of ")
         if kind == "unit":
             if axes:
-                self.units |= dict.fromkeys(axes, self._unit(line, value))
+                self.units |= dict.fromkeys(axes, unit := self._unit(line, value))
+                self.units = dict.fromkeys("xy", unit) | self.units  # a single one is for both
             elif not self.of_factor and value.strip() not in {"1", "-"}:
                 self.units["height"] = self._unit(line, value, factor=True)
             return True
@@ -362,8 +380,8 @@ class _Header:
         whole, _, digits = re.split("[eE]", text)[0].replace(",", ".").partition(".")
         if len(marks) == 1 and marks[0] != self.matrix.decimal and len(digits) == 3 and whole.strip("+-0"):
             raise TableError(
-                f"{self.matrix.path}: {line!r}: {text} has a decimal mark or a mark of thousands; remove the line and "
-                "give punch.size"
+                f"{self.matrix.path}: {line!r}: {text} has a decimal mark or a mark of thousands; remove the "
+                "line and give punch.size"
             )
         if len(marks) > 1 and marks[-1] in marks[:-1]:
             raise TableError(f"{self.matrix.path}: {line!r}: cannot read the number {text}")

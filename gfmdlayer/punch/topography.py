@@ -3,12 +3,12 @@
 A measurement neither joins up with itself at the edges nor is it free of holes. The steps that the user asks
 for are taken in this order, and each describes its change:
 
-fill        points that were not measured, NaN, take the heights of a membrane spanned between their neighbours
+fill        points without a height, NaN, take those of a membrane spanned between their neighbours
 detrend     the plane, or the paraboloid, of least squares is subtracted
 taper       deviations from the mean height fade out towards the edges (Tukey's window; 1 is Hann's)
 resample    to the points of the grid, by the Fourier series
 
-Each returns the heights and a note, which is empty where nothing changed. `punch/scan_files.py` reads the files.
+Each returns the heights and a note, which is empty where nothing changed. The files: `punch/scan_files.py`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import LARGEST, TableError, read_table
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scan import Axis, Keys, Measured, Scan, on_grid, times, without_holes
+from gfmdlayer.punch.scan import Keys, Measured, Scan, ScanAxis, on_grid, times, without_holes
 from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.validation.problems import ConfigError
 
@@ -50,7 +50,7 @@ def _read_line(file: Path, grid: Grid, keys: Keys, length: str | None) -> Measur
         )
     table = read_table(file, ("x", "height"), keys.answers)
     x = table.take("x", length)
-    heights, _ = without_holes(Scan(file, table.take("height", length), None, (Axis(),)), keys)
+    heights, _ = without_holes(Scan(file, table.take("height", length), None, (ScanAxis(),)), keys)
     spacing = grid.period[0] / grid.points[0]
     if x.size == grid.size and not np.allclose(np.diff(x), spacing, rtol=1e-6, atol=0):
         row = int(np.argmax(np.abs(np.diff(x) - spacing))) + 1

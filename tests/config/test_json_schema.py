@@ -211,8 +211,10 @@ punch:
     SURFACE + """\
 punch:
   {shape: topography, file: heights.txt, dataset: a, unit: 2.0, fill: membrane, detrend: plane, taper: 0.1,
-   resample: fourier}
+   resample: fourier, size: [1, 2], transpose: true, hole: -9999, reading: {decimal: ","}}
 """,
+    SURFACE + "punch: {shape: topography, file: heights.txt, unit: nm, size: 3.0, hole: none}\n",
+    LINE + "punch: {shape: profile, file: heights.txt, hole: -1, reading: {decimal: \",\"}}\n",
 ]  # fmt: skip
 # Types and ranges that most keys refuse. What a problem rests on besides its own key, the schema cannot know.
 ODD = (None, True, "adaptif", {}, [[]], -1, math.inf)

@@ -112,6 +112,8 @@ def _separator(random, decimal):
 
 def _finish(surface, keys, heights, mark, holes, file, kind, unsettled=()):
     """Return the dialect; each key of `unsettled` is needed."""
+    if unsettled == ("NODATA",):  # which the header says
+        mark, unsettled = "", ()
     if mark == "-9999" and holes.any():
         keys, unsettled = keys._replace(hole=-9999.0), (*unsettled, "hole")
     open_ = keys
@@ -153,7 +155,11 @@ def _header(random, surface, transpose):
     )
     across, unit = surface.across, surface.unit
     comment = random.pick("# ", "% ", "#", "")
-    number = lambda x: f"{x:.10g}".replace(".", random.pick(".", ".", surface.decimal))
+    mark = random.pick(".", ".", surface.decimal)
+
+    def number(x):
+        return f"{x:.10g}".replace(".", mark)
+
     style = random.pick("none", "gwyddion", "gwyddion", "spip", "conversion", "brackets", "esri", "no values")
     if style == "none":
         unit_key = METRES[unit] / METRES[surface.length] if random.chance(0.5) else unit
@@ -169,21 +175,19 @@ def _header(random, surface, transpose):
             return [*lines, f"{comment}{values}: {unit}"], Keys(), ()
         return lines, Keys(unit=unit), ("unit",)
     if style == "spip":
-        lines = [f"x-pixels = {nx}", f"y-pixels = {ny}", f"x-length = {number(lx)}", f"y-length = {number(ly)}",
-                 f"x-unit = {across}", f"y-unit = {across}", f"z-unit = {unit}"]  # fmt: skip
+        lines = [f"x-pixels = {nx}", f"y-pixels = {ny}", f"x-length = {number(lx)}"]
+        lines += [f"y-length = {number(ly)}", f"x-unit = {across}", f"y-unit = {across}", f"z-unit = {unit}"]
         return [f"# {line}" for line in lines], Keys(), ()
     if style == "conversion":
-        return [f"h={ny} w={nx}", f"x step = {dx:.10g} {across}", f"y step = {dy:.10g} {across}", "data unit=rad",
-                f"height conversion factor (-> {unit})=1.0"], Keys(), ()  # fmt: skip
+        lines = [f"h={ny} w={nx}", f"x step = {dx:.10g} {across}", f"y step = {dy:.10g} {across}"]
+        return [*lines, "data unit=rad", f"height conversion factor (-> {unit})=1.0"], Keys(), ()
     if style == "brackets":
-        mark = random.pick(":", "=", ";")
-        return [f"{comment}Operator{mark} Müller", f"{comment}Width [{across}]{mark} {number(lx)}",
-                f"{comment}Height [{across}]{mark} {number(ly)}", f"{comment}Z unit{mark} {unit}"], Keys(), ()  # fmt: skip
-    return (
-        [f"ncols {nx}", f"nrows {ny}", "xllcorner 0.0", "yllcorner 0.0", "NODATA_value -9999"],
-        Keys(unit=unit, hole=-9999.0),
-        (),
-    )
+        equals = random.pick(":", "=", ";")
+        lines = [f"Operator{equals} Müller", f"Width [{across}]{equals} {number(lx)}"]
+        lines += [f"Height [{across}]{equals} {number(ly)}", f"Z unit{equals} {unit}"]
+        return [f"{comment}{line}" for line in lines], Keys(), ()
+    corner = ["xllcorner 0.0", "yllcorner 0.0"]
+    return [f"ncols {nx}", f"nrows {ny}", *corner, "NODATA_value -9999"], Keys(unit=unit), ("NODATA",)
 
 
 def _points(random, surface, folder):
