@@ -104,9 +104,9 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
         "nombre d'onde"),
     "stiffness": ("Pa/m", "stiffness, K, k(q), surface stiffness, steifigkeit, raideur, rigidité"),
     "radius": ("m", "radius, r, R, distance, x, rayon, abstand"),
-    "x": ("m", "x, position, distance, lateral position, ort, abscisse"),
+    "x": ("m", "x, position, distance, lateral, lateral position, ort, abscisse"),
     "y": ("m", "y"),
-    "height": ("m", "height, h, z, y, profile, elevation, höhe, profil, hauteur, altitude"),
+    "height": ("m", "height, h, z, y, raw, profile, elevation, höhe, profil, hauteur, altitude"),
     "stiffness of the cantilever": ("N/m", "spring constant, cantilever stiffness, federkonstante"),
 }  # fmt: skip
 # On a line of the grid forces are per length.
@@ -188,10 +188,16 @@ def _options(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 _WAYS = [
     re.compile(pattern)
     for pattern in (
-        r"(.+?)[\s_]*\[([^\[\]]*)\]", r"(.+?)[\s_]*\(([^()]*|[^()]*\([^()]*\)[^()]*)\)", r"(.+?)[\s_]+in[\s_]+(\S.*)",
-        r"(.+?)\s*/\s*\(?(\S.*?)\)?", r"(.+?)\s*[,:;]\s*(\S+)", r"(.+?)[_\s]+(\S.*)",
+        r"(.+?)[\s_]*\[([^\[\]]*)\]",
+        r"(.+?)[\s_]*\(([^()]*|[^()]*\([^()]*\)[^()]*)\)",
+        r"(.+?)[\s_]+in[\s_]+(\S.*)",
+        r"(.+?)\s*/\s*\(?(\S.*?)\)?",
+        r"(.+?)[\s_]*[,:;][\s_]*(\S.*)",
+        r"(.+)[_\s]+(\S+)",
+        r"(.+?)[_\s]+(\S.*)",
     )
-]  # fmt: skip
+]
+_SURE = 4  # ways in which the unit needs not be known
 
 
 @cache
@@ -202,14 +208,14 @@ def split(heading: str) -> tuple[str, str]:
         return heading, ""
     for way in _WAYS:
         match = way.fullmatch(heading)
-        if match and any(_options(match[1])) and (way not in _WAYS[-2:] or unit_of(match[2])):
+        if match and any(_options(match[1])) and (way in _WAYS[:_SURE] or unit_of(match[2])):
             return match[1], match[2].strip(" []()")
     return heading, ""
 
 
 def unit_in(heading: str) -> str:
     """Return the unit that a heading with any name has in brackets or behind a slash, "" without one."""
-    for way in _WAYS[:4]:
+    for way in _WAYS[:_SURE]:
         if (match := way.fullmatch(heading.strip())) and unit_of(match[2].strip(" []()")) is not None:
             return match[2].strip(" []()")
     return ""

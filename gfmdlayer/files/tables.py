@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import csv
-import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -33,126 +32,9 @@ if TYPE_CHECKING:
 
 LARGEST = 1e30  # results computed from larger numbers may leave the range of double precision
 
-_AS_SPACES = str.maketrans(",;", "  ")
-
-RowError = Callable[[Sequence[float]], str | None]
-Line = tuple[int, str, list[str]]  # number, text and words
-
 
 class TableError(ValueError):
     """A file of numbers cannot be used; the message names file, line if any, and allowed values."""
-
-
-def read_columns(
-    path: Path,
-    names: tuple[str, ...],
-    *,
-    increasing: bool = False,
-    at_least: int = 2,
-    row_error: RowError | None = None,
-) -> FloatArray:
-    """Read columns of numbers separated by commas, semicolons or white space.
-
-    Empty lines, lines that start with ``#``, and lines of words before the numbers are passed over.
-    `names` are the columns in messages; `increasing` asks for a first column that grows from row to row;
-    `row_error` gives the reason why the numbers of a row cannot be used. TableError names file and line.
-    """
-    import numpy as np
-
-    table = _read_at_once(path)
-    if table is not None and row_error is None and table.shape[1] == len(names) and len(table) >= at_least:
-        grows = not increasing or bool((np.diff(table[:, 0]) > 0).all())
-        if grows and bool((np.abs(table) <= LARGEST).all()):
-            return table
-    wanted = f"{len(names)} numbers ({', '.join(names)})"
-    lines = read_lines(path)
-    rows: list[list[float]] = []
-    for place, text, row in _rows(path, lines, wanted):
-        if len(row) != len(names):
-            raise TableError(f"{place}: holds {len(row)} numbers; must be {wanted}")
-        if not np.isfinite(row).all():
-            raise TableError(f"{place}: {text!r} is not finite; must be {wanted}")
-        if max(map(abs, row)) > LARGEST:
-            raise TableError(f"{place}: {text!r} is too large; must be {wanted}, up to {LARGEST:g}")
-        if increasing and rows and row[0] <= rows[-1][0]:
-            order = f"{names[0]} = {row[0]:g} after {rows[-1][0]:g}"
-            raise TableError(f"{place}: {order}; must increase from row to row")
-        if row_error is not None and (wrong := row_error(row)):
-            raise TableError(f"{place}: {wrong}")
-        rows.append(row)
-    if len(rows) < at_least:
-        end = lines[-1][0] if lines else 1
-        raise TableError(f"{path}:{end}: holds {len(rows)} rows of numbers; must be at least {at_least}")
-    return np.array(rows)
-
-
-def read_matrix_plain(path: Path) -> FloatArray:
-    """Read rows of equally many numbers, separated as in `read_columns`; a number may be nan."""
-    import numpy as np
-
-    if (matrix := _read_at_once(path)) is not None:
-        return matrix
-    rows: list[list[float]] = []
-    for place, _, row in _rows(path, read_lines(path), "numbers"):
-        if rows and len(row) != len(rows[0]):
-            raise TableError(f"{place}: holds {len(row)} numbers; must be {len(rows[0])}, as above")
-        rows.append(row)
-    if not rows:
-        raise TableError(f"{path}: holds no numbers")
-    return np.array(rows)
-
-
-def _read_at_once(path: Path) -> FloatArray | None:
-    """Return equal rows by NumPy's reader, ten times as fast; None where it finds anything else."""
-    import numpy as np
-
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-        if text.isascii():
-            lines = text.translate(_AS_SPACES).splitlines()
-            words = (line.partition("#")[0].split() for line in lines)
-            first = next((i for i, each in enumerate(words) if any(map(is_number, each))), None)
-            return None if first is None else np.loadtxt(lines[first:], ndmin=2)
-    except (OSError, ValueError):
-        pass
-    return None
-
-
-def _rows(path: Path, lines: Sequence[Line], wanted: str) -> Iterator[tuple[str, str, list[float]]]:
-    """Yield place, text and numbers of the lines of numbers."""
-    begun = False
-    for number, text, words in lines:
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            if begun or any(map(is_number, words)):
-                raise TableError(f"{path}:{number}: cannot read {text[:60]!r}; must be {wanted}") from None
-            continue  # the names of the columns
-        begun = True
-        yield f"{path}:{number}", text, row
-
-
-def read_lines(path: Path) -> list[Line]:
-    """Return number, text and words of the lines of a file that hold more than a comment."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise TableError(f"{path}: cannot be read as text ({error})") from error
-    texts = ((number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1))
-    return [
-        (number, text, [word for word in re.split(r"[,;\s]+", text) if word])
-        for number, text in texts
-        if text
-    ]
-
-
-def is_number(word: str) -> bool:
-    """Whether a word can be read as a number."""
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 # Tables that people bring: text in any dialect.
@@ -245,6 +127,7 @@ _CLOCK = re.compile(
 _BETWEEN = re.compile(
     r"^[-+]?[\d.,]+(?:[eE][-+]?\d+)?\s*[;|\t]|[;|\t]\s*[-+]?[\d.,]+(?:[eE][-+]?\d+)?$|^\d[\d.,eE+-]*\s.*\s[-+]?\d[\d.,eE+-]*$"
 )
+_LOOKALIKE = str.maketrans("OolI", "0011")
 _ABOVE = 8  # lines above the numbers in which headings are looked for
 
 
@@ -278,7 +161,9 @@ def _cells(line: str, separator: str) -> list[str]:
             return re.split(r"[ \t]+", line)
         line = re.sub(r"[ \t]+", " ", line)
     if '"' in line:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+        return [
+            cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+        ]
     return [cell.strip() for cell in line.split(separator)]
 
 
@@ -343,13 +228,12 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None)
         elif comment:
             gap = gap or _names_columns(line, dialect)
         else:
-            if kinds == "T" * len(kinds) and all(map(_JUNK.fullmatch, cells)):
-                message = f"{_shown(line, '')} is not a row of numbers with {dialect}"
+            words = [cell for cell, k in zip(cells, kinds, strict=True) if k == "T"]
+            damaged = any(map(_is_junk, words))
+            damaged = damaged or (last is not None and ("N" in kinds or _has_numbers(line, number)))
+            if (blocks and damaged) or all(map(_is_marks, words or [""])):
+                message = f"{_shown(line, ''.join(words[:1]))} is not a row of numbers like those above"
                 raise _Refusal(f"{path}:{i + 1}: {message}", len(blocks[-1]) if blocks else 0)
-            if last is not None and "N" in kinds:
-                wrong = next((c for c, k in zip(cells, kinds, strict=True) if k == "T"), "")
-                message = f"{_shown(line, wrong)} is not a row of numbers like those above"
-                raise _Refusal(f"{path}:{i + 1}: {message}", len(blocks[-1]))
             gap = True
     return _chosen_block(path, lines, dialect, blocks, table)
 
@@ -367,7 +251,8 @@ def _chosen_block(
     table: int | None,
 ) -> _Rows:
     """Return the rows of the only table, or of the one with a number."""
-    long = [block for block in blocks if len(block) > 1]
+    first = next((i for i, block in enumerate(blocks) if len(block) > 1), len(blocks))
+    long = blocks[first:]  # single rows above are remarks with numbers
     if not long:
         line = blocks[-1][0][0] if blocks else 0
         count = "1 row" if blocks else "no rows"
@@ -418,7 +303,13 @@ def _columns_of(
             found.holes[c] = [(r, cells[r]) for r, kind in enumerate(seen) if kind == "H"]
             cells = ["nan" if kind == "H" else cell for cell, kind in zip(cells, seen, strict=True)]
         if dialect.thousands:
-            both = both or any(len(re.findall(r"[^-+−\deEdD]", cell)) > 1 for cell in cells)
+            groups = [len(re.findall(_GROUPS[dialect.thousands], cell)) for cell in cells]
+            marked = [dialect.decimal in cell for cell in cells]
+            both = both or any(count and mark for count, mark in zip(groups, marked, strict=True))
+            both = both or any(count > 1 for count in groups)
+            for r, count in enumerate(groups if any(marked) else ()):
+                if count > 1 and not marked[r]:  # 6,790,831 may be 6,790.831
+                    raise _Refusal(_not_a_number(found, r, cells[r]), len(block))
             cells = [cell.replace(dialect.thousands, "") for cell in cells]
         marks += [cell for cell in cells if dialect.decimal in cell]
         values[:, c] = np.array([cell.translate(plain) for cell in cells], dtype=float)
@@ -437,11 +328,21 @@ def _not_a_number(rows: _Rows, row: int, cell: str) -> str:
     return f"{rows.place(row)}: {cell[:40]!r} in {_shown(rows.lines[rows.at[row]], cell)} is not a number"
 
 
+def _is_marks(cell: str) -> bool:
+    """Whether a cell has nothing but digits and marks, and is no time or date: a number, written otherwise."""
+    looks = _JUNK.fullmatch(cell.translate(_LOOKALIKE)) is not None and re.search(r"\d|inf", cell.lower())
+    return bool(looks) and not _CLOCK.fullmatch(cell)
+
+
+def _has_numbers(line: str, number: re.Pattern[str]) -> bool:
+    """Whether half the words of a line, or more, are numbers."""
+    words = re.split(r"[\s;|]+", line.strip())
+    return 2 * sum(number.fullmatch(word) is not None for word in words) >= len(words)
+
+
 def _is_junk(cell: str) -> bool:
-    """Whether a cell is a number that is written otherwise, or has numbers beside another separator."""
-    if _JUNK.fullmatch(cell):
-        return not _CLOCK.fullmatch(cell)
-    return _BETWEEN.search(cell) is not None
+    """Whether a cell is a number, written otherwise, or has numbers beside another separator."""
+    return _is_marks(cell) or _BETWEEN.search(cell) is not None
 
 
 def _may_be_thousands(text: str, dialect: _Dialect) -> bool:
@@ -490,17 +391,28 @@ def _at_once(path: Path, lines: list[str], dialect: _Dialect) -> _Rows | None:
     return _Rows(path, lines, dialect, at, values, "N" * values.shape[1])
 
 
+def _is_damage(cell: str) -> bool:
+    """Whether a cell stands for a number: one with a wrong letter, or a hole that is no rule of dashes."""
+    return _is_marks(cell) or (cell.lower() in _HOLES and not set(cell) <= {*"-–—*"})
+
+
 def _is_comment(line: str, dialect: _Dialect) -> bool:
     """Whether a line begins with the mark of a comment, and not with an empty cell or a hole."""
     match = _COMMENT.match(line)
-    return match is not None and not match[0].strip().startswith(dialect.separator)
+    if match is None or match[0].strip().startswith(dialect.separator):
+        return False
+    return _cells(line, dialect.separator)[0].lower() not in _HOLES
 
 
 def _is_units(cells: Iterable[str]) -> bool:
     """Whether most cells are units, with brackets or without, and none is a number but 1."""
-    filled = [cell.strip("[]() ") for cell in cells if cell]
-    units = [cell for cell in filled if unit_of(cell) is not None]
+    filled = [cell for cell in cells if cell]
+    units = [cell for cell in filled if _is_unit(cell)]
     return len(units) > len(filled) / 2 and any(not re.fullmatch(r"1|-+|%", unit) for unit in units)
+
+
+def _is_unit(cell: str) -> bool:
+    return unit_of(cell.strip("[]() ")) is not None
 
 
 def _names_columns(line: str, dialect: _Dialect) -> bool:
@@ -540,30 +452,25 @@ def _head(rows: _Rows) -> _Head | None:
         splittings = list(_splittings(line, rows.dialect))
         fitting = [cells for cells in splittings if len(cells) == width and cells[0][-1:] not in {":", "="}]
         if fitting:
-            cells = max(fitting, key=lambda row: sum(map(is_known, row)) + _is_units(row))
+            cells = max(fitting, key=lambda row: sum(is_known(cell) or _is_unit(cell) for cell in row))
             found.append(_Head(i, cells, [""] * width, sum(map(is_known, cells))))
         elif i == first - 1:
             _refuse_other_headings(rows, i, splittings)
     named = [head for head in found if not _is_units(head.cells)] or found
     best = max(named, key=lambda head: head.known, default=None)
     if best is None or not best.known:
-        nearest = next(iter(found), None)
-        if nearest is not None and nearest.line == first - 1:
-            _refuse_numbers(rows, nearest)
-            return nearest if _may_be_headings(rows, nearest) else None
-        return None
-    below = [head for head in found if head.line > best.line]
-    units = next((head for head in below if _is_units(head.cells)), None)
-    for head in below:
-        if head is not units:
-            _refuse_numbers(rows, head)
+        nearest = next((head for head in found if head.line == first - 1), None)
+        _refuse_numbers(rows, None)
+        return nearest if nearest is not None and _may_be_headings(rows, nearest) else None
+    units = next((head for head in found if head.line > best.line and _is_units(head.cells)), None)
+    _refuse_numbers(rows, best.line)
     return best if units is None else best._replace(units=units.cells)
 
 
 def _splittings(line: str, dialect: _Dialect) -> Iterator[list[str]]:
     """Yield the cells of a line above the numbers: in their dialect, and with another separator."""
     bare = _COMMENT.sub("", line, count=1) if _is_comment(line, dialect) else line
-    texts = dict.fromkeys((bare, line))
+    texts = dict.fromkeys((line, bare))
     separators = ("  ", " ") if dialect.by_space else (dialect.separator,)
     for separator in (*separators, *_SEPARATORS):
         for text in texts:
@@ -575,14 +482,23 @@ def _splittings(line: str, dialect: _Dialect) -> Iterator[list[str]]:
                     yield list(cells)
 
 
-def _refuse_numbers(rows: _Rows, head: _Head) -> None:
-    """Refuse a line right above the numbers that is one of them, but for a letter."""
-    number = _number(rows.dialect)
-    commented = _is_comment(rows.lines[head.line], rows.dialect)
-    if not commented and not _is_units(head.cells) and any(number.fullmatch(cell) for cell in head.cells):
-        wrong = next((cell for cell in head.cells if not number.fullmatch(cell)), "")
-        shown = _shown(rows.lines[head.line], wrong)
-        raise _Refusal(f"{rows.path}:{head.line + 1}: {shown} is not a row of numbers like those below", 1)
+def _refuse_numbers(rows: _Rows, head: int | None) -> None:
+    """Refuse a damaged row above the numbers: below the headings a line with numbers that are no units.
+
+    Without headings it is the line right above, if it has nothing but numbers, or as many cells.
+    """
+    number, first = _number(rows.dialect), rows.at[0]
+    for i in range(max(first - 1, 0) if head is None else head + 1, first):
+        line = rows.lines[i]
+        cells = _cells(line, rows.dialect.separator)
+        are = [number.fullmatch(cell) is not None for cell in cells]
+        damaged = any(are) and (head is not None or all(are) or len(cells) == rows.width)
+        damaged = damaged or (head is not None and any(map(_is_damage, cells)))
+        if not (damaged or _has_numbers(line, number)) or _is_units(cells) or _is_comment(line, rows.dialect):
+            continue
+        wrong = cells[are.index(False)] if False in are else ""
+        message = f"{_shown(line, wrong)} is not a row of numbers like those below"
+        raise _Refusal(f"{rows.path}:{i + 1}: {message}", 1)
 
 
 def _refuse_other_headings(rows: _Rows, i: int, splittings: list[list[str]]) -> None:
@@ -846,6 +762,8 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
     reasons: list[_Refusal] = []
     for marks in (_PLAIN, _WITH_THOUSANDS):  # a reading without marks of thousands needs no other
         for dialect in [] if found else _plausible(text, lines, marks, answers.decimal):
+            if dialect.by_space and any(rows.dialect.separator == "\t" for rows, _ in found):
+                continue  # tabs are white space too
             try:
                 rows = _rows_in(path, lines, dialect, answers.table)
                 found.append((rows, _head(rows)))
@@ -924,7 +842,7 @@ def _notes(rows: _Rows, head: _Head | None) -> list[str]:
     below = [i + 1 for i in range(rows.at[-1] + 1, len(rows.lines)) if rows.lines[i].strip()]
     for kind, unread in (("above", above), ("below", below)):
         if unread:
-            notes.append(f"{len(unread)} lines {kind} the table not read")
+            notes.append(f"{len(unread)} line{'s' * (len(unread) > 1)} {kind} not read")
     return notes
 
 
@@ -947,9 +865,9 @@ class Matrix:
         return rows, columns
 
 
-def read_matrix(path: Path, decimal: str | None = None) -> Matrix:
+def read_matrix(path: Path, answers: Answers = Answers()) -> Matrix:
     """Read rows of numbers of one width; holes are NaN. TableError where they are not certain."""
-    rows, head = _only_reading(path, Answers(decimal=decimal))
+    rows, head = _only_reading(path, answers)
     if "T" in rows.kinds:
         c = rows.kinds.index("T")
         raise TableError(_not_a_number(rows, 0, rows.words[c][0]))
@@ -957,83 +875,8 @@ def read_matrix(path: Path, decimal: str | None = None) -> Matrix:
     count = f"{path.name}: {rows.values.shape[0]} rows of {rows.width} numbers"
     holes = int(np.isnan(rows.values).sum())
     account = "; ".join([count, *_notes(rows, head), *([f"{holes} holes"] if holes else [])])
-    headings, units = ([], []) if head is None else (head.cells, head.units)
-    return Matrix(path, rows.values, header, headings, units, account, rows.dialect.decimal)
-
-
-# Long lists of plain numbers in YAML, which are read a hundred times faster than by a parser of YAML.
-#
-# One word replaces each of these lists before the text is parsed. It is the list again where it is the
-# only entry of a list. Lines and columns stay those of the file. A list that a parser of YAML would not
-# take for just these numbers, as inside of a quoted text, is left to that parser with all the others.
-
-_FEWEST = 500  # characters of a list in brackets, and half the lines of one with a line for each entry
-_FLOW = re.compile(rf"(?<=\[)[-+0-9.eE, \n]{{{_FEWEST},}}(?=\])")
-_BLOCK = re.compile(rf"^ *- [-+0-9.eE]+ *\n(?: *- [-+0-9.eE]+ *\n){{{_FEWEST // 2},}}", re.MULTILINE)
-_NUMBER = re.compile(r"[-+]?(?:0|[1-9][0-9]{0,99})(\.[0-9]*)?([eE][-+]?[0-9]+)?")
-_LAST = re.compile(r" *(?:\n|$)")  # after the bracket
-_MARK = "\ue000"  # of private use
-
-
-@dataclass(frozen=True)
-class NumberList:
-    """The numbers of a list, its text, and line and column of the file, from 1, at which that begins."""
-
-    numbers: list[int | float]
-    text: str
-    line: int
-    column: int
-    in_lines: bool
-
-    @cached_property
-    def places(self) -> list[tuple[int, int]]:
-        """Line and column of each number in the file."""
-        places = []
-        pattern = re.compile(r"(?<=- )[^\s]+" if self.in_lines else r"[^,\s]+")
-        for number, line in enumerate(self.text.split("\n")):
-            before = 1 if number else self.column
-            places += [(self.line + number, before + item.start()) for item in pattern.finditer(line)]
-        return places
-
-
-def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
-    """Replace long lists of numbers in YAML by words; return the text, and the list of each word."""
-    lists: dict[str, NumberList] = {}
-    if _MARK in content:
-        return content, lists
-    parts, end = [], 0
-    candidates = [(match, False) for match in _FLOW.finditer(content)]
-    candidates += [(match, True) for match in _BLOCK.finditer(content)]
-    for match, in_lines in sorted(candidates, key=lambda each: each[0].start()):
-        written = match[0]
-        items = [line.strip()[2:] for line in written.splitlines()] if in_lines else written.split(",")
-        if match.start() < end or (numbers := _numbers(items)) is None:
-            continue
-        indents = {line.index("-") for line in written.splitlines()} if in_lines else {0}
-        if len(indents) > 1:
-            continue
-        word = f"{_MARK}{len(lists)}{_MARK}"
-        line = content.count("\n", 0, match.start()) + 1
-        column = match.start() - content.rfind("\n", 0, match.start())
-        lists[word] = NumberList(numbers, written, line, column, in_lines)
-        dash = " " * indents.pop() + "- " if in_lines else ""
-        blank = "\n" * written.count("\n")
-        if not in_lines and not _LAST.match(content, match.end() + 1):  # the rest keeps its column
-            last = written.rpartition("\n")[2]
-            blank += " " * (len(last) if blank else len(last) - len(word))
-        parts += [content[end : match.start()], dash, word, blank]
-        end = match.end()
-    return "".join([*parts, content[end:]]), lists
-
-
-def _numbers(items: list[str]) -> list[int | float] | None:
-    """Return the numbers of a list; None where one of its items is something else, or infinite."""
-    numbers: list[int | float] = []
-    for item in items:
-        if (match := _NUMBER.fullmatch(item.strip(" \n"))) is None:
-            return None
-        numbers.append(int(match[0]) if match[1] is None and match[2] is None else float(match[0]))
-    return numbers if all(map(math.isfinite, numbers)) else None
+    headings, units = _headings(rows, head, answers)
+    return Matrix(path, rows.values, header, headings or [], units, account, rows.dialect.decimal)
 
 
 # HDF5 files of users: their contents must be in the file itself, because only they enter the digest.

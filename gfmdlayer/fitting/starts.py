@@ -133,7 +133,10 @@ def curve_parameters(
     spans = {
         "contact_point": (-depth, depth),
         "drift": (-depth / duration, depth / duration),
-        "force_offset": (-force, force),
+        "force_offset": (
+            min(-force, *(float(curve.force.min()) for curve in curves)),
+            max(force, *(float(curve.force.max()) for curve in curves)),
+        ),
         "force_drift": (-force / duration, force / duration),
         "tilt": (-force / depth, force / depth),
     }

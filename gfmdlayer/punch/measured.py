@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, PrivateAttr, Tag
+from pydantic import BeforeValidator, Discriminator, Field, PrivateAttr, Tag
 
-from gfmdlayer.files.units import unit_of
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.validation.fields import (
     File,
@@ -21,28 +20,24 @@ from gfmdlayer.validation.fields import (
     strict,
 )
 from gfmdlayer.validation.problems import Mistake
+from gfmdlayer.validation.reading import Reading, answers
+from gfmdlayer.validation.units import LENGTHS, UnitOf
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.grid.grid import Grid
-    from gfmdlayer.punch.scans import Keys
+    from gfmdlayer.punch.scan import Keys
 
 Name = Annotated[str, Field(strict=True, min_length=1), MustBe("the name of a dataset")]
 
 
-def _of_length(name: str) -> str:
-    unit = unit_of(name)
-    if unit is None or unit.dimension != (0, 1, 0, 0, 0, 0):
-        raise ValueError
-    return name
-
-
+_examples = "m, mm, um, nm or in"
 _number_or_word = Discriminator(lambda value: "word" if isinstance(value, str) else "number")
-_unit = MustBe("a number > 0, or a unit of length, such as m, mm, um, nm or in")
+_unit = MustBe(f"a number > 0, or a unit of length, such as {_examples}")
 _hole = MustBe("a number, or none")
 _UnitOfFile = Annotated[
     Annotated[float, strict, Field(gt=0), _unit, Tag("number")]
-    | Annotated[str, Field(strict=True), AfterValidator(_of_length), _unit, Tag("word")],
+    | Annotated[str, UnitOf("length", LENGTHS, _examples), Tag("word")],
     _number_or_word,
 ]
 _Hole = Annotated[
@@ -56,8 +51,8 @@ class FromFile(Shape):
 
     file: File
     """file of heights"""
-    decimal: Annotated[Annotated[str, Word(".", ",")] | None, given] = None
-    """decimal mark of a text, where 1,234 may be either"""
+    reading: Annotated[Reading | None, given] = None
+    """how a text is read, where it does not say so"""
     hole: Annotated[_Hole | None, given] = None
     """number that stands for a point without a height, or none"""
 
@@ -71,9 +66,9 @@ class FromFile(Shape):
 
     @property
     def _keys(self) -> Keys:
-        from gfmdlayer.punch.scans import Keys
+        from gfmdlayer.punch.scan import Keys
 
-        return Keys(decimal=self.decimal, hole=self.hole)
+        return Keys(answers=answers(self.reading), hole=self.hole)
 
 
 class Profile(FromFile):
@@ -120,7 +115,7 @@ class Topography(FromFile):
     dataset: Annotated[Name | None, given] = None
     """where the file holds several"""
     unit: Annotated[_UnitOfFile | None, given] = None
-    """unit of heights, and of lengths without one, if the file does not say it; a number in the configuration's"""
+    """unit, where the file says none, of heights and of lengths in the file: a name, or a number: length"""
     size: Annotated[Annotated[tuple[Positive, ...], BeforeValidator(sequence)] | None, given] = None
     """lengths [Lx, Ly] of the scan, if the file does not say them"""
     transpose: Switch = False
@@ -162,7 +157,7 @@ class Topography(FromFile):
     @property
     def whole_only(self) -> str:
         """A step that concerns distant points, or a file that is not read in parts."""
-        from gfmdlayer.punch.scans import IN_PARTS
+        from gfmdlayer.punch.scan_files import IN_PARTS
 
         if self.file.suffix.lower() not in IN_PARTS:
             return f"file: got {self.file.suffix or 'no ending'}, not {', '.join(IN_PARTS)}"
@@ -179,7 +174,8 @@ class Topography(FromFile):
     def _made_periodic(self, grid: Grid) -> tuple[FloatArray, list[str], str]:
         from gfmdlayer.grid.grid import Grid as Whole
         from gfmdlayer.punch import topography
-        from gfmdlayer.punch.scans import on_grid, read_scan
+        from gfmdlayer.punch.scan import on_grid
+        from gfmdlayer.punch.scan_files import read_scan
 
         scan = read_scan(self.file, len(grid.shape), self._keys, grid)
         measured = on_grid(scan, self._keys, grid, self._length, gaps=self.fill != "none")

@@ -3,12 +3,12 @@
 A measurement neither joins up with itself at the edges nor is it free of holes. The steps that the user asks
 for are taken in this order, and each describes its change:
 
-fill        points that were not measured, NaN, take the heights of a membrane spanned between their neighbours
+fill        points without a height, NaN, take those of a membrane spanned between their neighbours
 detrend     the plane, or the paraboloid, of least squares is subtracted
 taper       deviations from the mean height fade out towards the edges (Tukey's window; 1 is Hann's)
 resample    to the points of the grid, by the Fourier series
 
-Each returns the heights and a note, which is empty where nothing changed. `punch/scans.py` reads the files.
+Each returns the heights and a note, which is empty where nothing changed. The files: `punch/scan_files.py`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.files.tables import LARGEST, Answers, TableError, read_table
+from gfmdlayer.files.tables import LARGEST, TableError, read_table
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scans import Keys, Measured, on_grid, read_scan, times
+from gfmdlayer.punch.scan import Keys, Measured, Scan, ScanAxis, on_grid, times, without_holes
+from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.validation.problems import ConfigError
 
 _SEAM = 3.0  # a step across the seam beyond so many times the usual one is no part of the surface
@@ -47,8 +48,9 @@ def _read_line(file: Path, grid: Grid, keys: Keys, length: str | None) -> Measur
         raise TableError(
             f"{file}: two columns describe a line; a surface in two dimensions needs an array (.npy)"
         )
-    table = read_table(file, ("x", "height"), Answers(decimal=keys.decimal))
-    x, heights = table.take("x", length), table.take("height", length)
+    table = read_table(file, ("x", "height"), keys.answers)
+    x = table.take("x", length)
+    heights, _ = without_holes(Scan(file, table.take("height", length), None, (ScanAxis(),)), keys)
     spacing = grid.period[0] / grid.points[0]
     if x.size == grid.size and not np.allclose(np.diff(x), spacing, rtol=1e-6, atol=0):
         row = int(np.argmax(np.abs(np.diff(x) - spacing))) + 1
@@ -131,9 +133,10 @@ def resampled(file: Path, heights: FloatArray, shape: tuple[int, ...], method: s
     if heights.shape == shape:
         return heights, ""
     if method == "none":
+        swapped = " or transpose: true" if heights.shape[::-1] == shape else ""
         raise TableError(
             f"{file}: holds {times(heights.shape)} heights; must be {times(shape)}, as the grid, or "
-            "resample: fourier"
+            f"resample: fourier{swapped}"
         )
     from scipy.signal import resample
 

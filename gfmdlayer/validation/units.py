@@ -14,7 +14,7 @@ from gfmdlayer.files.units import PREFIXES, unit_of
 from gfmdlayer.validation.fields import MustBe, Word
 from gfmdlayer.validation.sections import Section
 
-_LENGTHS = "fm", "pm", "nm", "um", "µm", "μm", "mm", "m", "km", "cm", "angstrom", "in", "ft"
+LENGTHS = "fm", "pm", "nm", "um", "µm", "μm", "mm", "m", "km", "cm", "angstrom", "in", "ft"
 _STRESSES = (
     "uPa", "µPa", "μPa", "mPa", "Pa", "kPa", "MPa", "GPa", "TPa", "hPa", "N/m^2", "N/mm^2", "bar", "atm", "psi", "ksi"
 )  # fmt: skip
@@ -22,7 +22,7 @@ _TIMES = "fs", "ps", "ns", "us", "µs", "μs", "ms", "s", "ks", "min", "h", "d",
 _PERMITTIVITY = Fraction("8.8541878128e-12")  # of vacuum in F/m, CODATA 2018
 
 
-class _UnitOf(Word):
+class UnitOf(Word):
     """Annotation of a field that takes the name of a unit."""
 
     def __init__(self, quantity: str, names: tuple[str, ...], examples: str) -> None:
@@ -32,11 +32,11 @@ class _UnitOf(Word):
 class Units(Section):
     """Units of length, stress and time in which the numbers of a configuration are."""
 
-    length: Annotated[str, _UnitOf("length", _LENGTHS, "m, mm, um, nm or in")]
+    length: Annotated[str, UnitOf("length", LENGTHS, "m, mm, um, nm or in")]
     """of lengths: m, mm, um, ..."""
-    stress: Annotated[str, _UnitOf("stress", _STRESSES, "Pa, kPa, MPa, N/mm^2 or psi")]
+    stress: Annotated[str, UnitOf("stress", _STRESSES, "Pa, kPa, MPa, N/mm^2 or psi")]
     """of moduli and pressures: Pa, MPa, ..."""
-    time: Annotated[str, _UnitOf("time", _TIMES, "s, ms, min or h")]
+    time: Annotated[str, UnitOf("time", _TIMES, "s, ms, min or h")]
     """of times: s, ms, ..."""
 
     def label(self, words: str) -> str:

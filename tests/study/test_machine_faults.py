@@ -17,7 +17,7 @@ from gfmdlayer.cli import main
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
 from gfmdlayer.fitting.curve_files import entries
-from gfmdlayer.punch.scans import read_scan
+from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.study import schedule
 from gfmdlayer.study.preflight import machine_problem
 
