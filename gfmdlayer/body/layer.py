@@ -105,7 +105,7 @@ def in_units(value: Any, units: Units | None) -> Any:
         if units is None:
             stress, time = part.units
             message = (
-                f"the file has moduli in {stress} and times in {time}, and the configuration has no units; give "
+                f"the file has moduli in {stress} and times in {time}, the configuration has no units; give "
                 f"units: {{length: ..., stress: {stress}, time: {time}}}, or remove the units from the file"
             )
             raise InconsistentError([Mistake(("units",), message)])
@@ -161,7 +161,7 @@ class Layer(Section):
         self._take(
             {key: value if isinstance(value, Law) else plain(value) for key, value in parameters.items()}
         )
-        if problems := list(self.problems()):  # in a configuration a sweep may replace the values
+        if problems := list(contradictions(self)):  # in a configuration a sweep may replace the values
             raise ConfigError(map(str, problems))
 
     def problems(self) -> Iterator[Mistake]:

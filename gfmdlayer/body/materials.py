@@ -123,8 +123,11 @@ class Law(Kind):
         """Return a law from a file with moduli and times in these units."""
         from gfmdlayer.files.units import unit_of
 
-        pairs = zip(self._units or (stress, time), (stress, time), strict=True)
-        law = self.scaled(*(float(unit_of(own).size / unit_of(other).size) for own, other in pairs))
+        own, other = (
+            [unit.size for unit in map(unit_of, pair) if unit]
+            for pair in (self._units or (stress, time), (stress, time))
+        )
+        law = self.scaled(*(float(mine / theirs) for mine, theirs in zip(own, other, strict=True)))
         law._units = None
         return law
 
@@ -156,7 +159,7 @@ class Law(Kind):
 
     @property
     def unit(self) -> float:
-        """Modulus by which dimensionless pressures are divided: the relaxed one, or of a liquid the glassy."""
+        """Modulus by which dimensionless pressures are divided: the relaxed one, of a liquid the glassy."""
         return self.relaxed or self.glassy
 
     @property
@@ -269,7 +272,7 @@ class Material(Law):
         return self.relaxed or self._slowest(longest), self.maxwell_branches
 
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:  # noqa: ARG002
-        """Return the material itself, which is a series; a liquid with a spring that the run does not feel."""
+        """Return the material itself, which is a series; a liquid with a spring that no run feels."""
         if self.relaxed:
             return PronySeries(self, shortest, longest)
         spring = LEAST_SPRING * self._slowest(longest)

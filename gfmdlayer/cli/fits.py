@@ -138,7 +138,7 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
       such as force=nN; a model without units is then in SI
     --contact {given,detect} = given  detect: also fit the contact point and the offset of the force
       (default: given)
-    --sensitivity S  deflection of the cantilever per volt, in the model's unit of length, if the file lacks it
+    --sensitivity S  deflection of the cantilever per volt, in the model's units, if the file lacks it
     --sampling RATE  rows in a unit of time, for a curve without time; not needed where nothing relaxes
     --prescribed {depth,force,base}  quantity that the instrument prescribes, if the files do not name it
       (default: guessed)

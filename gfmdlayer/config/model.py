@@ -12,7 +12,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cache, reduce
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -24,7 +24,7 @@ from gfmdlayer.body.layer import Halfspace, Layer, StackedLayers, in_units
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.pair import Pair
-from gfmdlayer.body.solid import Solid
+from gfmdlayer.body.solid import OneModulus, Solid
 from gfmdlayer.config import sections, sweeps
 from gfmdlayer.config.bodies import Counterbody, layered, problems_of_the_body, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
@@ -72,13 +72,14 @@ def _problems_of_the_materials(config: Any) -> Iterator[Mistake]:
     """Yield liquids under a load that nothing solid carries, and moduli that no Poisson's ratio converts."""
     control = config.trajectory.control
     if control != "depth" and config.solid.flows:
-        at = tuple(dotted(at) for at, law in sections_in(config) if isinstance(law, Law) and not law.relaxed)
+        laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Law))
+        liquids = [dotted(at) for at, law in laws if not law.relaxed]
         reason = "a liquid (G0 = 0) on nothing solid has no equilibrium under it and sinks without end"
         allowed = "must be depth, or give the lowest material G0 > 0, or a base"
         message = f"got {control!r}: {reason}; {allowed}"
-        yield Mistake(("trajectory", "control"), message, (*at, "halfspace", "layer", "layers", "body"))
+        yield Mistake(("trajectory", "control"), message, (*liquids, "halfspace", "layer", "layers", "body"))
     for at, section in sections_in(config):
-        if isinstance(section, Solid) and not isinstance(section, Layers):
+        if isinstance(section, Solid) and not isinstance(section, (Layers, OneModulus)):
             for below, law in sections_in(section):
                 if isinstance(law, Law) and (law.moduli or getattr(law, "G", 0.0) is None):
                     message = "its moduli must be shear moduli: only a layer and a halfspace have a poisson"
@@ -410,7 +411,9 @@ class Config(Section):
         for at, section in sections_in(self):
             if not at or all(at != location[: len(at)] for location in swept):
                 continue
-            own = reduce(lambda above, part: above[part], at, data)
+            own: Any = data
+            for part in at:
+                own = own[part]
             for key, field in type(section).model_fields.items():
                 if field.default_factory_takes_validated_data and key not in section.model_fields_set:
                     own.pop(key, None)

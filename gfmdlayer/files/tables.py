@@ -643,11 +643,13 @@ def read_table(
     answers: Answers | None = None,
     *,
     orders: Sequence[Sequence[str]] | None = None,
+    apart: Collection[str] = (),
 ) -> Table:
     """Read the wanted quantities of a table in text.
 
     With headings the columns go by their names, in any order. Without headings they have one of the `orders`,
-    by default that of `wanted`. TableError where the file cannot be read with certainty.
+    by default that of `wanted`. Units of the quantities `apart` ask for none of the others. TableError where
+    the file cannot be read with certainty.
     """
     answers = answers or Answers()
     rows, head = _only_reading(path, answers)
@@ -677,7 +679,7 @@ def read_table(
         raise TableError(
             f"{path}:{head.line + 1}: no heading is known among {shown}; known names are {known}"
         )
-    _refuse_mixture(table)
+    _refuse_mixture(table, apart)
     return table
 
 
@@ -724,9 +726,9 @@ def _add_column(
         )
 
 
-def _refuse_mixture(table: Table) -> None:
+def _refuse_mixture(table: Table, apart: Collection[str]) -> None:
     """Refuse quantities without a unit beside others with one."""
-    having = [name for name, column in table.columns.items() if column.unit is not None]
+    having = [name for name, column in table.columns.items() if column.unit is not None and name not in apart]
     for name, column in list(table.columns.items()):
         if having and column.unit is None and dimension_of(name).dimension != _DIMENSIONLESS:
             table.refused[name] = f"{having[0]} has a unit, but {name} has none; give both, or neither"

@@ -184,11 +184,10 @@ def _text_columns(
     names: list[str] = [name for name in ("time", "depth", "base", "force") if name in table.columns]
     if "depth" in names and "base" in names:  # the base follows from depth, force and stiffness
         names.remove("base")
-    if "force" not in names or not {"depth", "base"} & {*names}:
-        table.take("force")
-        table.take("depth")  # both name what is missing
-    if "time" in table.refused:
-        table.take("time")
+    needed = ("force",) if "base" in names else ("force", "depth")
+    missing = [name for name in needed if name not in names]
+    if refused := [name for name in ("time", *missing) if name in table.refused] + missing:
+        table.take(refused[0])  # says why not
     target = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
     columns = {
         name: table.take(name, target[name] if table.columns[name].unit is not None else None)

@@ -177,7 +177,7 @@ def _origin(
     if unit:
         symbol = _unit_symbol(law)
         yield f"Moduli are in units of {symbol} = {unit:.6g} of the data, times in the unit of the data."
-    elif time:
+    elif time and modulus:
         yield f"Moduli are in {modulus}, times in {time}; a configuration with units converts them."
     else:
         yield "Moduli and times are in the units of the data."
@@ -231,7 +231,7 @@ def _warnings(fitted: FittedLaw, asked: int | None, relaxed: float | None) -> It
             f"Ginf = {material.glassy:.4g} is extrapolated: the highest measured modulus is "
             f"{elastic.max():.4g}"
         )
-    if abs(material.unit - 1) > 1e-6 and not fitted.measurement.units[0]:
+    if abs(material.unit - 1) > 1e-6 and not all(fitted.measurement.units):
         symbol = _unit_symbol(material)
         yield (
             f"the moduli are in the unit of the data ({symbol} = {material.unit:.6g}); give "

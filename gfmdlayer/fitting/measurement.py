@@ -18,6 +18,7 @@ and the relaxation times are the poles of G(s). Dynamic compliances are moduli, 
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -256,11 +257,13 @@ _WAYS: Sequence[tuple[type[Measurement], str, tuple[str, ...]]] = (
 )
 _STRESSES = ("Pa", "kPa", "MPa", "GPa", "mPa", "bar", "psi", "ksi")  # of configurations
 WANTED = (ANGULAR, ORDINARY, "time", "step time", _TAN, "phase", *_TENSION, *_TENSION.values())
+_APART = 4  # of these, the units of frequencies and times
 ORDERS = ((ANGULAR, "G'", "G''"), ("time", "G(t)"))
 WAYS = (
     "omega or f with two of G', G'', |G*|, tan delta or phase, or with J' and J''; or t with G(t) or J(t); "
     "E in place of G, and D of J, in tension"
 )
+_TAU = re.compile(r"(tau|τ)([ _]?[ikn]|_relax)?\b|relaxation[ _]times?", re.IGNORECASE)
 _AGREE = 0.05  # median of the relative differences of a further column from the two that are read
 
 
@@ -270,7 +273,7 @@ def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Meas
     The columns go by their names; without names they are omega, G', G'', or t, G. `poisson` converts moduli
     and compliances in tension. Rows are sorted by frequency or time.
     """
-    table = read_table(path, WANTED, answers, orders=ORDERS)
+    table = read_table(path, WANTED, answers, orders=ORDERS, apart=WANTED[:_APART])
     columns = _Columns(table, 1 / (2 * (1 + poisson)))
     kind, abscissa, needed = _way(columns)
     values = {name: columns.take(name) for name in (abscissa, *needed)}
@@ -315,6 +318,14 @@ def _way(columns: _Columns) -> tuple[type[Measurement], str, tuple[str, ...]]:
         reasons = dict.fromkeys(table.refused.values())
         asked = "; say which with --modulus G or E" if any("tension" in each for each in reasons) else ""
         raise TableError(f"{table.path}: {'; '.join(reasons)}{asked}")
+<<<<<<< HEAD
+=======
+    if tau := next((heading for heading in table.unread if _TAU.match(heading)), None):
+        raise TableError(
+            f"{table.path}: {tau!r} names the relaxation times of a Prony series, not a curve; write it as "
+            "material: {model: prony, G0: ..., branches: [{G: ..., tau: ...}, ...]}"
+        )
+>>>>>>> h-fits
     heads = [column.heading or name for name, column in table.columns.items()]
     unread = [f"{heading!r} is not read ({why})" for heading, why in table.unread.items()]
     message = f"the columns {', '.join(map(repr, heads))} make no curve; must be {WAYS}"
@@ -375,9 +386,9 @@ class _Columns:
         return values / self.in_shear if compliance else values * self.in_shear
 
     def units(self, abscissa: str) -> tuple[str, str]:
-        """Return the units of times and moduli."""
+        """Return the units of times and moduli, "" where the file does not have them."""
         has_unit = self.table.columns[self._sources(abscissa)[0]].unit is not None
-        return ("s", self.modulus) if has_unit and self.modulus else ("", "")
+        return "s" if has_unit else "", self.modulus
 
     def refuse_contradictions(self, moduli: NDArray[np.complex128], needed: Sequence[str]) -> None:
         """Refuse further columns that differ from the moduli by two of them."""

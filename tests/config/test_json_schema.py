@@ -94,6 +94,13 @@ temperature: {file: degrees.txt}
     LINE + "layer: {material: {model: havriliak_negami, Ginf: 10, alpha: 0.4, gamma: 1.5}}\n",
     LINE + "layer: {material: {model: kohlrausch, exponent: 1}}\n",
     LINE + "layer: {material: {model: elastic, G: 2}}\n",
+    LINE + "layer: {poisson: 0.3, material: {model: elastic, young: 2, bulk: 1.6666666667}}\n",
+    LINE + "layer: {material: {model: zener, moduli: young, Ginf: 10}}\nhalfspace: {young_modulus: 3}\n",
+    LINE + "halfspace: {poisson: 0.3, bulk_modulus: .inf}\ncounterbody: {halfspace: {young_modulus: 3}}\n",
+    LINE + "counterbody: {halfspace: {bulk_modulus: 3, poisson: 0.3}}\n",
+    LINE + "layers: [{thickness: 1, poisson: 0.3, material: {model: elastic, bulk: 2}},\n"
+    "  {thickness: 1, poisson: 0.3, material: {model: elastic, young: 2}},\n"
+    "  {thickness: 1, material: {model: prony, moduli: young, G0: 0, branches: [{G: 1, tau: 1}]}}]\n",
     LINE + """\
 layers:
   - {thickness: 0.01, poisson: 0.4, material: {model: prony, branches: [{G: 1, tau: 0.1}]}}

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from gfmdlayer import ConfigError, ForceCurve, cli, fit_indentation
-from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.curve_files import entries, read_curve
+from gfmdlayer.files.tables import Answers, TableError
+from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
 from gfmdlayer.fitting.estimates import detect
-from gfmdlayer.fitting.force_curve import StraightDrive, in_si
+from gfmdlayer.fitting.force_curve import StraightDrive
 from gfmdlayer.fitting.indentation_report import comparison, write_report
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
@@ -309,25 +309,25 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path):
     path.write_text(f"time (ms),depth (nm),force (nN)\n{rows}\n")
     units = {"length": "um", "stress": "kPa", "time": "s"}  # kPa um^2 = nN
     model = IndentationModel(body() | {"units": units})
-    found = read_curve(entries([path])[0], into=in_si(model.config.units))
+    found = read_curve(entries([path])[0], into=units_of(model.config.units))
     assert [found.time[1], found.depth[1], found.force[1]] == pytest.approx([1e-3, 1e-3, 1.0])
 
 
 @pytest.mark.parametrize(
     ("head", "units", "message"),
     [
-        ("time (s),depth (nm),force", None, "time and depth with a unit, but force without"),
-        ("time (s),depth (nN),force (nN)", None, "got the unit 'nN' for depth; must be m, mm, um or nm"),
-        ("time,width,force", None, "no column is named depth"),
-        ("time,depth,depth", None, "two columns are named depth"),
-        ("time,depth,force", ("s", "nm", "kg"), "got the unit 'kg' for force"),
+        ("time (s),depth (nm),force", {}, "time has a unit, but force has none; give both, or neither"),
+        ("time (s),depth (nN),force (nN)", {}, "'depth (nN)' is in 'nN', which is no unit of depth"),
+        ("time,width,force", {}, "no column is named depth"),
+        ("time,depth,depth", {}, "two columns are named depth"),
+        ("time,depth,force", {"time": "s", "depth": "nm", "force": "kg"}, "is in 'kg', which is no unit of"),
     ],
 )
 def test_units_and_headings_that_are_unknown_are_refused(tmp_path, head, units, message):
     path = tmp_path / "gel.csv"
     path.write_text(head + "\n" + "\n".join(f"{i},{i},{i}" for i in range(20)))
     with pytest.raises(TableError, match=message):
-        read_curve(entries([path])[0], units)
+        read_curve(entries([path])[0], Answers(units=tuple(units.items())))
 
 
 def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path):
