@@ -2,8 +2,8 @@
 
     python scripts/files_of_others.py > table.md
 
-It downloads the source distributions of the packages, and needs the extras `afm` and `topography`. A folder may
-stand in for one: `SurfaceTopography=FOLDER` with a copy of its repository, for its distribution has no examples.
+It downloads the source distributions of the packages, and needs the extras `afm` and `topography`. A folder
+may stand in for one: SurfaceTopography=FOLDER, a copy of its repository, as its distribution has no examples.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def topography(path: Path) -> str:
         except TableError as second:
             raise (second if "two columns" in str(error) else error) from None
     if scan.doubt:
-        raise TableError(f"{path}: {scan.doubt} may say a length or a unit; unit and size are asked for")
+        raise TableError(f"{path}: {scan.doubt} may say a length or a unit; unit and size are asked")
     sizes = [f"{axis.length:.6g} {axis.unit or ''}".strip() for axis in scan.axes if axis.length is not None]
     unequal = "unequal distances" * any(axis.positions is not None for axis in scan.axes)
     holes = int(np.isnan(scan.heights).sum())

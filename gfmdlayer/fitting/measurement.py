@@ -318,14 +318,11 @@ def _way(columns: _Columns) -> tuple[type[Measurement], str, tuple[str, ...]]:
         reasons = dict.fromkeys(table.refused.values())
         asked = "; say which with --modulus G or E" if any("tension" in each for each in reasons) else ""
         raise TableError(f"{table.path}: {'; '.join(reasons)}{asked}")
-<<<<<<< HEAD
-=======
     if tau := next((heading for heading in table.unread if _TAU.match(heading)), None):
         raise TableError(
             f"{table.path}: {tau!r} names the relaxation times of a Prony series, not a curve; write it as "
             "material: {model: prony, G0: ..., branches: [{G: ..., tau: ...}, ...]}"
         )
->>>>>>> h-fits
     heads = [column.heading or name for name, column in table.columns.items()]
     unread = [f"{heading!r} is not read ({why})" for heading, why in table.unread.items()]
     message = f"the columns {', '.join(map(repr, heads))} make no curve; must be {WAYS}"
