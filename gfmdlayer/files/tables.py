@@ -762,6 +762,8 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
     reasons: list[_Refusal] = []
     for marks in (_PLAIN, _WITH_THOUSANDS):  # a reading without marks of thousands needs no other
         for dialect in [] if found else _plausible(text, lines, marks, answers.decimal):
+            if dialect.by_space and any(rows.dialect.separator == "\t" for rows, _ in found):
+                continue  # tabs are white space too
             try:
                 rows = _rows_in(path, lines, dialect, answers.table)
                 found.append((rows, _head(rows)))
@@ -840,7 +842,7 @@ def _notes(rows: _Rows, head: _Head | None) -> list[str]:
     below = [i + 1 for i in range(rows.at[-1] + 1, len(rows.lines)) if rows.lines[i].strip()]
     for kind, unread in (("above", above), ("below", below)):
         if unread:
-            notes.append(f"{len(unread)} lines {kind} the table not read")
+            notes.append(f"{len(unread)} line{'s' * (len(unread) > 1)} {kind} not read")
     return notes
 
 

@@ -92,7 +92,7 @@ _MISWRITTEN = [
 ]  # fmt: skip
 
 _PLAIN = str.maketrans("µμ⁻−–⁰¹²³⁴⁵⁶·⋅×∙*", "uu---0123456.....")
-_FACTOR = re.compile(r"([^\W\d_]+|°|%|1(?!\d))(?:(?:\^|(?<!1))\(?([-+]?\d+)\)?)?")
+_FACTOR = re.compile(r"([^\W\d_]+|°|%|1(?!\d))(?:(?:\^|(?<!1))(?:\(([-+]?\d+)\)|([-+]?\d+)))?")
 _MARKS = re.compile(r"\s*([/.()]|\s)\s*")
 
 
@@ -138,7 +138,7 @@ def _product(text: str, at: int) -> tuple[Unit | None, int]:
             inner = _symbol(match[1]) if match else None
             if match is None or inner is None:
                 return None, at
-            exponent, at = int(match[2] or 1), match.end()
+            exponent, at = int(match[2] or match[3] or 1), match.end()
         if abs(exponent) > 9:
             return None, at
         exponent, factors = exponent * sign, factors + 1

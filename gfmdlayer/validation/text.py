@@ -79,7 +79,7 @@ def read(content: str | bytes, source: str, at: Location = ()) -> Document:
             place = _place(source, error.object[: error.start].decode("utf-8", errors="replace"))
             message = f"the byte 0x{error.object[error.start]:02x} is not UTF-8; must be a text file in UTF-8"
             return Document(problems=[(place, message)])
-    short, lists = _shortened(content)
+    short, lists = shortened(content)
     if lists:
         document = _parsed(short, source, at, lists)
         if not document.problems and len(document.lists) == len(lists):
@@ -296,7 +296,7 @@ class NumberList:
         return places
 
 
-def _shortened(content: str) -> tuple[str, dict[str, NumberList]]:
+def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
     """Replace long lists of numbers in YAML by words; return the text, and the list of each word."""
     lists: dict[str, NumberList] = {}
     if _MARK in content:
