@@ -43,11 +43,9 @@ def topography(path: Path) -> str:
     sizes = [f"{axis.length:.6g} {axis.unit or ''}".strip() for axis in scan.axes if axis.length is not None]
     unequal = "unequal distances" * any(axis.positions is not None for axis in scan.axes)
     holes = int(np.isnan(scan.heights).sum())
-    parts = (
-        f"{times(scan.shape)} points", " x ".join(sizes), unequal, f"heights in {scan.unit}" * bool(scan.unit),
-        f"{holes} holes" * bool(holes), *scan.notes[:1],
-    )  # fmt: skip
-    return ", ".join(filter(None, parts))
+    unit = f"heights in {scan.unit}" * bool(scan.unit)
+    parts = (f"{times(scan.shape)} points", " x ".join(sizes), unequal, unit, f"{holes} holes" * bool(holes))
+    return ", ".join(filter(None, [*parts, *scan.notes[:1]]))
 
 
 def force_curve(path: Path) -> str:
