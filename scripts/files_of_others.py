@@ -1,4 +1,4 @@
-"""The table of docs/guides/files-of-others.md: test files of other packages, read or refused.
+"""The table of docs/reference/files-of-others.md: test files of other packages, read or refused.
 
     python scripts/files_of_others.py > table.md
 
