@@ -61,12 +61,14 @@ layer: {poisson: 0.4, material: {model: elastic, bulk: 14.0}}
 layer: {poisson: 0.4, material: {model: elastic, moduli: young, G: 8.4}}    # as young: 8.4""",
     "FractionalZener": """\
 layer:
-  material: {model: fractional_zener, moduli: shear, G0: 1, Ginf: 50, tau: 1.0, exponent: 0.5, tolerance: 0.001}""",
+  material: {model: fractional_zener, moduli: shear, G0: 1, Ginf: 50, tau: 1.0, exponent: 0.5,
+    tolerance: 0.001}""",
     "PowerLaw": """\
-layer: {material: {model: power_law, moduli: young, G0: 0.1, G: 1.0, tau: 1.0, exponent: 0.3, tolerance: 1.0e-3}}""",
+layer:
+  material: {model: power_law, moduli: young, G0: 0.1, G: 1.0, tau: 1.0, exponent: 0.3, tolerance: 1.0e-3}""",
     "Kohlrausch": """\
 layer:
-  material: {model: kohlrausch, moduli: young, G0: 3, Ginf: 30, tau: 1.0, exponent: 0.5, tolerance: 1.0e-3}""",
+  material: {model: kohlrausch, moduli: young, G0: 3, Ginf: 30, tau: 1.0, exponent: 0.5, tolerance: 0.001}""",
     "HavriliakNegami": """\
 layer:
   material: {model: havriliak_negami, moduli: young, G0: 3, Ginf: 50, tau: 1, alpha: 0.6, gamma: 0.5,

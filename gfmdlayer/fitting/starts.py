@@ -126,7 +126,8 @@ def curve_parameters(
         for curve in curves:
             if curve.force.max() <= 0:
                 reason = "no force is positive; forces are positive where the indenter presses"
-                raise CurveError(f"curve {curve.name}: {reason}. Is the baseline below zero? Detect the contact")
+                asked = "Is the baseline below zero? Detect the contact"
+                raise CurveError(f"curve {curve.name}: {reason}. {asked}")
     depth = max(float(np.ptp(curve.depth)) for curve in curves)
     force = max(float(np.ptp(curve.force)) for curve in curves)
     duration = min(float(np.ptp(curve.time)) for curve in curves)

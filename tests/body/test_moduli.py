@@ -91,7 +91,7 @@ def test_a_sweep_of_the_modulus_reads_its_own_configuration_again():
          "halfspace.young_modulus: given beside material; remove one of the two"),
         ({"layer": {"material": {"model": "elastic", "young": 3.0, "moduli": "young"}}},
          "layer.material.moduli: given beside young or bulk; remove it"),
-        ({"layer": {"material": {"model": "zener", "moduli": "tensile"}}}, "must be one of shear, young, bulk"),
+        ({"layer": {"material": {"model": "zener", "moduli": "tensile"}}}, "one of shear, young, bulk"),
         ({"layer": {"material": {"model": "prony", "G0": 0.0}}}, "got 0 without a branch"),
     ],
 )  # fmt: skip
@@ -165,7 +165,7 @@ def test_the_pressure_on_a_liquid_layer_relaxes_as_its_modulus(law, geometry):
     late = found.time.values > 0.05
     t = found.time.values[late]
     ratio = force.values[late] / force.values[late][0]
-    # The ramp is a part 1e-4/0.05 of the first time, and moves the step by half of itself, of all times alike;
+    # The ramp is a part 1e-4/0.05 of the first time, and moves the step by half of itself;
     # steps and series keep to 1e-4, of the largest pressure.
     expected = made.relaxation_modulus(t - ramp / 2) / made.relaxation_modulus(t[0] - ramp / 2)
     np.testing.assert_allclose(ratio, expected, rtol=2e-3, atol=1e-4)
