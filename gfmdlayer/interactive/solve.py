@@ -233,6 +233,9 @@ def solve(
     loading = Loading(heights, Constant(target), law, by_depth=control == "depth")
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
+    if kappa.size > 1 and not kappa[1:].any():
+        message = "relaxes to nothing, as a liquid does; give instantaneous=True, or run it over time"
+        raise ConfigError([f"body: {message}"])
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     contact = NormalContact(Parts(config, grid=grid, body=body, punch=heights, interface=law))
     problem = contact.imprint.under(loading.problem(kappa, nothing, 0.0))

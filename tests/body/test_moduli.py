@@ -198,6 +198,28 @@ def test_a_maxwell_layer_sinks_under_a_load_as_its_compliance_grows():
     np.testing.assert_allclose(a**3, 3 * 0.5 * 0.1 * 1e-6 * J / 8, rtol=2e-2)
 
 
+def test_functions_take_liquids_over_time_and_refuse_them_at_rest():
+    """Of a halfspace: after a sudden depth the force falls as exp(-t/tau), and a^3 grows as J(t) (Lee & Radok)."""
+    body, punch, times = (
+        gfmdlayer.halfspace(Zener(0.0, 5.0, 0.5)),
+        gfmdlayer.Parabola(radius=1.0),
+        [0, 1e-4, 1.0],
+    )
+    held = gfmdlayer.indent(body, punch, times, depth=[0, 0.1, 0.1])
+    late = held.time.values > 0.05
+    ratio = held.force.values[late] / held.force.values[late][0]
+    # The ramp is sudden to its half, 1e-4 of tau; the tolerance is 1e-4 of the largest force.
+    np.testing.assert_allclose(
+        ratio, np.exp(-(held.time.values[late] - held.time.values[late][0]) / 0.5), atol=1e-3
+    )
+    loaded = gfmdlayer.indent(body, punch, times, force=[0, 0.01, 0.01])
+    late = loaded.time.values > 0.05
+    J = 0.2 + (loaded.time.values[late] - 5e-5) / 2.5
+    np.testing.assert_allclose(loaded.contact_radius.values[late] ** 3, 3 / 16 * 0.01 * J, rtol=2e-3)
+    with pytest.raises(ConfigError, match="relaxes to nothing, as a liquid does"):
+        gfmdlayer.solve(body, punch, depth=0.005, points=64)
+
+
 def test_a_liquid_that_only_flows_has_the_compliance_of_a_dashpot():
     t = np.geomspace(1e-3, 1e3, 13)
     np.testing.assert_allclose(Zener(0.0, 5.0, 0.5).creep_compliance(t), 0.2 + t / 2.5, rtol=1e-12)
