@@ -126,18 +126,17 @@ def curve_parameters(
         for curve in curves:
             if curve.force.max() <= 0:
                 reason = "no force is positive; forces are positive where the indenter presses"
-                asked = "Is the baseline below zero? Detect the contact"
-                raise CurveError(f"curve {curve.name}: {reason}. {asked}")
+                hint = "Is the baseline below zero? Detect the contact"
+                raise CurveError(f"curve {curve.name}: {reason}. {hint}")
     depth = max(float(np.ptp(curve.depth)) for curve in curves)
     force = max(float(np.ptp(curve.force)) for curve in curves)
+    lowest = min(float(curve.force.min()) for curve in curves)
+    highest = max(float(curve.force.max()) for curve in curves)
     duration = min(float(np.ptp(curve.time)) for curve in curves)
     spans = {
         "contact_point": (-depth, depth),
         "drift": (-depth / duration, depth / duration),
-        "force_offset": (
-            min(-force, *(float(curve.force.min()) for curve in curves)),
-            max(force, *(float(curve.force.max()) for curve in curves)),
-        ),
+        "force_offset": (min(-force, lowest), max(force, highest)),
         "force_drift": (-force / duration, force / duration),
         "tilt": (-force / depth, force / depth),
     }

@@ -199,7 +199,7 @@ def test_a_maxwell_layer_sinks_under_a_load_as_its_compliance_grows():
 
 
 def test_functions_take_liquids_over_time_and_refuse_them_at_rest():
-    """Of a halfspace: after a sudden depth the force falls as exp(-t/tau), and a^3 grows as J(t) (Lee & Radok)."""
+    """Of a halfspace the force falls as exp(-t/tau) after a sudden depth; a^3 grows as J(t) under a force."""
     body, punch, times = (
         gfmdlayer.halfspace(Zener(0.0, 5.0, 0.5)),
         gfmdlayer.Parabola(radius=1.0),
