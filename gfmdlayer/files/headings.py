@@ -245,7 +245,7 @@ def meaning(
         return Meaning()
     symbol = symbol or below.strip(" []()")
     for key, answer in dict(units).items():
-        if key in options or _folded(key) in {_folded(heading), _folded(name)}:
+        if _folded(key) in {_folded(heading), _folded(name)} or {*quantities_named(key)} & {*options}:
             if (given := unit_of(answer)) is None:
                 return Meaning(options, None, answer, f"the unit {answer!r} given for it is not known")
             own = unit_of(symbol) if symbol else None

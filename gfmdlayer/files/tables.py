@@ -21,6 +21,7 @@ from gfmdlayer.files.headings import (
     is_known,
     meaning,
     names_of,
+    quantities_named,
     split,
     unit_in,
 )
@@ -685,7 +686,8 @@ def read_table(
 
 def _of_position(quantity: str, answers: Answers) -> Meaning:
     """Return the meaning of a column without a heading."""
-    if (symbol := dict(answers.units).get(quantity)) is None:
+    given = (unit for name, unit in answers.units if quantity in quantities_named(name))
+    if (symbol := next(given, None)) is None:
         return Meaning((quantity,))
     return meaning(names_of(quantity)[0], symbol, (quantity,))
 
@@ -748,7 +750,14 @@ def _headings(rows: _Rows, head: _Head | None, answers: Answers) -> tuple[list[s
             raise TableError(f"{rows.path}: columns: {name!r} is not a known name")
     units = [""] * rows.width
     if head is not None:
-        units = [below or unit_in(cell) for cell, below in zip(head.cells, head.units, strict=True)]
+        units = [
+            below.strip("[]() ") or unit_in(cell) for cell, below in zip(head.cells, head.units, strict=True)
+        ]
+    for name, unit in zip(given, units, strict=True):
+        if (own := split(name)[1]) and unit and unit_of(own) != unit_of(unit):
+            raise TableError(
+                f"{rows.path}: columns: {name!r}, but the file says {unit}; leave one of them out"
+            )
     return given, units
 
 
