@@ -1,9 +1,9 @@
-"""What the headings of columns mean: quantities by their names in English, German and French, and their units.
+"""The meaning of headings: quantities by their names in English, German and French, and their units.
 
-A heading is a name with or without a unit: ``time [ms]``, ``Eindringtiefe (nm)``, ``force in mN``, ``G' / Pa``,
-``velocity, um/s``, ``time_ms``. A name may stand for several quantities (delta is a depth or a phase angle):
-then the dimension of the unit chooses, then the case of a single letter, then what the reader of the file
-wants. What remains open is refused, with the meanings among which to choose.
+A heading is a name with or without a unit: ``time [ms]``, ``Eindringtiefe (nm)``, ``force in mN``,
+``G' / Pa``, ``velocity, um/s``, ``time_ms``. A name may stand for several quantities (delta is a depth or a
+phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities that
+the reader of the file wants. If several remain, the message names them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from gfmdlayer.files.units import Unit, unit_of
 
 ANGULAR, ORDINARY = "angular frequency", "frequency"
 
-# Each quantity: a unit of its dimension, and its names. Names are compared in small letters, but a single
-# letter by its case first. Of moduli and compliances that do not say shear or tension, the reader must be told.
+# Each quantity: a unit of its dimension, and its names. Names are compared in small letters, but single letters
+# by their case first.
 _QUANTITIES: dict[str, tuple[str, str]] = {
     "time": ("s", "time, t, elapsed time, test time, time stamp, timestamp, zeit, messzeit, prüfzeit, "
         "versuchszeit, laufzeit, zeit gesamt, temps, temps écoulé, durée, time (sequence), total time"),
@@ -245,7 +245,7 @@ def meaning(
         return Meaning()
     symbol = symbol or below.strip(" []()")
     for key, answer in dict(units).items():
-        if key in options or _folded(key) in {_folded(heading), _folded(name)}:
+        if _folded(key) in {_folded(heading), _folded(name)} or {*quantities_named(key)} & {*options}:
             if (given := unit_of(answer)) is None:
                 return Meaning(options, None, answer, f"the unit {answer!r} given for it is not known")
             own = unit_of(symbol) if symbol else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -21,6 +21,7 @@ from gfmdlayer.files.headings import (
     is_known,
     meaning,
     names_of,
+    quantities_named,
     split,
     unit_in,
 )
@@ -39,10 +40,9 @@ class TableError(ValueError):
 
 # Tables that people bring: text in any dialect.
 #
-# Each separator, decimal mark and mark of thousands is tried. A dialect stands only if the columns of numbers are
-# numbers throughout, in rows of one width. Other numbers in another dialect are a refusal: a file is read as its
-# author meant it, or not at all. Columns have their meaning by name (`files.headings`), by position only where
-# no headings are.
+# Each separator, decimal mark and mark of thousands is tried. A dialect stands only if the columns of numbers
+# are numbers throughout, in rows of one width. If another dialect stands with other numbers, the file is refused.
+# Columns have their meaning by name (`files.headings`), by position only where no headings are.
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,12 @@ _PLAIN = (".", ""), (",", "")  # decimal mark, mark of thousands
 _WITH_THOUSANDS = (".", ","), (",", "."), (".", "'"), (",", "'"), (".", " "), (",", " ")
 _USUAL = _Dialect(",", "."), _Dialect("\t", "."), _Dialect("  ", "."), _Dialect(" ", ".")
 _GROUPS = {",": ",", ".": r"\.", "'": "['’]", " ": "[ \xa0\u202f\u2009]"}  # marks of thousands as patterns
+_IN_GROUPS = " \xa0\u202f\u2009’'"
 _HOLES = {
-    "", "nan", "n/a", "na", "n.a.", "-", "--", "---", "----", "–", "—", "*", "**", "***", "****", "bad", "#nv", "#n/a",
-    "#na", "none", "null", "#wert!", "#value!", "#div/0!", "#zahl!", "#num!", "?", "missing", "invalid", "void",
+    "", "nan", "n/a", "na", "n.a.", "-", "--", "---", "----", "–", "—", "*", "**", "***", "****", "bad",
+    "#nv", "#n/a",
+    "#na", "none", "null", "#wert!", "#value!", "#div/0!", "#zahl!", "#num!", "?", "missing", "invalid",
+    "void",
     "1.#qnan", "-1.#ind", "1,#qnan", "-1,#ind", "-nan", "nan(ind)", "-nan(ind)", "nodata", "no data",
 }  # fmt: skip
 _COMMENT = re.compile(r"\s*(?:#|%|//|;|!|\*|\"#)+ *(?!\S*\d*[*]{2})")
@@ -121,7 +124,8 @@ _JUNK = re.compile(
     re.IGNORECASE,
 )
 _CLOCK = re.compile(
-    r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T]\d{1,2}:\d{2}(?::\d{2})?(?:[.,]\d+)?)?|\d{1,2}:\d{2}(?::\d{2})?(?:[.,]\d+)?"
+    r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T]\d{1,2}:\d{2}(?::\d{2})?(?:[.,]\d+)?)?"
+    r"|\d{1,2}:\d{2}(?::\d{2})?(?:[.,]\d+)?"
 )
 # Parts of numbers and another separator in one cell: the dialect is wrong.
 _BETWEEN = re.compile(
@@ -143,7 +147,7 @@ def _number(dialect: _Dialect) -> re.Pattern[str]:
     return re.compile(rf"[-+−]?(?:{whole}(?:{fraction})?|{decimal}\d+)(?:[eEdD][-+−]?\d{{1,3}})?")
 
 
-class _Refusal(TableError):
+class _DialectError(TableError):
     """A dialect does not stand; `rows` tells how far it came."""
 
     def __init__(self, message: str, rows: float = 0) -> None:
@@ -198,7 +202,7 @@ class _Rows:
 
 
 def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None) -> _Rows:
-    """Find the rows of numbers in a dialect; a _Refusal where it does not stand."""
+    """Find the rows of numbers in a dialect; a _DialectError where it does not stand."""
     if table is None and not dialect.thousands and (rows := _at_once(path, lines, dialect)) is not None:
         return rows
     number = _number(dialect)
@@ -221,7 +225,7 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None)
             if last is None or len(last[2]) != len(kinds):
                 if last is not None and len(blocks[-1]) > 1:
                     message = f"holds {len(kinds)} columns; must be {len(last[2])}, as above"
-                    raise _Refusal(f"{path}:{i + 1}: {_shown(line, '')} {message}", len(blocks[-1]))
+                    raise _DialectError(f"{path}:{i + 1}: {_shown(line, '')} {message}", len(blocks[-1]))
                 blocks.append([])
             blocks[-1].append((i, cells, kinds))
             gap = False
@@ -233,7 +237,7 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None)
             damaged = damaged or (last is not None and ("N" in kinds or _has_numbers(line, number)))
             if (blocks and damaged) or all(map(_is_marks, words or [""])):
                 message = f"{_shown(line, ''.join(words[:1]))} is not a row of numbers like those above"
-                raise _Refusal(f"{path}:{i + 1}: {message}", len(blocks[-1]) if blocks else 0)
+                raise _DialectError(f"{path}:{i + 1}: {message}", len(blocks[-1]) if blocks else 0)
             gap = True
     return _chosen_block(path, lines, dialect, blocks, table)
 
@@ -256,7 +260,7 @@ def _chosen_block(
     if not long:
         line = blocks[-1][0][0] if blocks else 0
         count = "1 row" if blocks else "no rows"
-        raise _Refusal(f"{path}:{line + 1}: holds {count} of numbers; must be at least 2", len(blocks))
+        raise _DialectError(f"{path}:{line + 1}: holds {count} of numbers; must be at least 2", len(blocks))
     for block in blocks:
         later = next((each for each in long if each[0][0] > block[-1][0]), None)
         if len(block) == 1 and later is not None:
@@ -266,11 +270,13 @@ def _chosen_block(
                 and "T" not in block[0][2]
             ):
                 message = f"holds {len(block[0][1])} columns; must be {len(later[0][1])}, as below"
-                raise _Refusal(f"{path}:{block[0][0] + 1}: {_shown(lines[block[0][0]], '')} {message}", 1)
+                raise _DialectError(
+                    f"{path}:{block[0][0] + 1}: {_shown(lines[block[0][0]], '')} {message}", 1
+                )
     if (len(long) > 1 and table is None) or not 1 <= (table or 1) <= len(long):
         ends = ", ".join(f"{block[0][0] + 1} to {block[-1][0] + 1}" for block in long)
-        raise _Refusal(f"{path}: holds {len(long)} tables, in lines {ends}; give its number, table: 1 to {len(long)}",
-                       max(map(len, long)))  # fmt: skip
+        message = f"holds {len(long)} tables, in lines {ends}; give its number, table: 1 to {len(long)}"
+        raise _DialectError(f"{path}: {message}", max(map(len, long)))
     block = long[(table or 1) - 1]
     return _columns_of(path, lines, dialect, block)
 
@@ -278,11 +284,13 @@ def _chosen_block(
 def _columns_of(
     path: Path, lines: list[str], dialect: _Dialect, block: list[tuple[int, list[str], str]]
 ) -> _Rows:
-    """Convert the cells of rows to numbers; a _Refusal where a column has numbers and words."""
+    """Convert the cells of rows to numbers; a _DialectError where a column has numbers and words."""
     width = len(block[0][1])
     values = np.full((len(block), width), np.nan)
     found = _Rows(path, lines, dialect, [i for i, _, _ in block], values, "")
-    plain = str.maketrans({"−": "-", "d": "e", "D": "e", dialect.decimal: ".", " ": "", "\xa0": "", "\u202f": "", "\u2009": "", "’": "", "'": ""})  # fmt: skip
+    plain = str.maketrans(
+        {"−": "-", "d": "e", "D": "e", dialect.decimal: "."} | dict.fromkeys(_IN_GROUPS, "")
+    )
     marks, both = [], not dialect.thousands
     kinds = ""
     for c in range(width):
@@ -291,13 +299,13 @@ def _columns_of(
         if "N" not in seen:
             junk = next((r for r, cell in enumerate(cells) if _is_junk(cell)), None)
             if junk is not None and seen[junk] == "T":
-                raise _Refusal(_not_a_number(found, junk, cells[junk]), 1)
+                raise _DialectError(_not_a_number(found, junk, cells[junk]), 1)
             kinds += "T" if "T" in seen else "H"
             found.words[c] = cells
             continue
         if "T" in seen:
             # The word is wrong, or the number where words are the rule.
-            raise _Refusal(_not_a_number(found, seen.index("T"), cells[seen.index("T")]), len(block))
+            raise _DialectError(_not_a_number(found, seen.index("T"), cells[seen.index("T")]), len(block))
         kinds += "N"
         if "H" in seen:
             found.holes[c] = [(r, cells[r]) for r, kind in enumerate(seen) if kind == "H"]
@@ -309,7 +317,7 @@ def _columns_of(
             both = both or any(count > 1 for count in groups)
             for r, count in enumerate(groups if any(marked) else ()):
                 if count > 1 and not marked[r]:  # 6,790,831 may be 6,790.831
-                    raise _Refusal(_not_a_number(found, r, cells[r]), len(block))
+                    raise _DialectError(_not_a_number(found, r, cells[r]), len(block))
             cells = [cell.replace(dialect.thousands, "") for cell in cells]
         marks += [cell for cell in cells if dialect.decimal in cell]
         values[:, c] = np.array([cell.translate(plain) for cell in cells], dtype=float)
@@ -329,7 +337,7 @@ def _not_a_number(rows: _Rows, row: int, cell: str) -> str:
 
 
 def _is_marks(cell: str) -> bool:
-    """Whether a cell has nothing but digits and marks, and is no time or date: a number, written otherwise."""
+    """Whether a cell has digits and marks only, and is no time or date: a number, written otherwise."""
     looks = _JUNK.fullmatch(cell.translate(_LOOKALIKE)) is not None and re.search(r"\d|inf", cell.lower())
     return bool(looks) and not _CLOCK.fullmatch(cell)
 
@@ -350,7 +358,8 @@ def _may_be_thousands(text: str, dialect: _Dialect) -> bool:
     if dialect.thousands or (dialect.decimal == "." and dialect.separator != ";"):
         return False  # a point is a decimal mark, but beside the separator of lands with a comma
     mark = re.escape(dialect.decimal)
-    certain = rf"(?<!\d)0\d*{mark}|(?<!\d){mark}\d|\d{{4}}{mark}|{mark}\d{{1,2}}(?!\d)|{mark}\d{{4}}|{mark}\d*[eEdD]"
+    before = rf"(?<!\d)0\d*{mark}|(?<!\d){mark}\d|\d{{4}}{mark}"
+    certain = rf"{before}|{mark}\d{{1,2}}(?!\d)|{mark}\d{{4}}|{mark}\d*[eEdD]"
     return dialect.decimal in text and re.search(certain, text) is None
 
 
@@ -441,7 +450,7 @@ class _Head(NamedTuple):
 def _head(rows: _Rows) -> _Head | None:
     """Find headings above the numbers: the row with most known names; None without headings.
 
-    A _Refusal for damaged rows above the first, and for headings that are not those of these columns.
+    A _DialectError for damaged rows above the first, and for headings that are not those of these columns.
     """
     first, width = rows.at[0], rows.width
     found: list[_Head] = []
@@ -498,7 +507,7 @@ def _refuse_numbers(rows: _Rows, head: int | None) -> None:
             continue
         wrong = cells[are.index(False)] if False in are else ""
         message = f"{_shown(line, wrong)} is not a row of numbers like those below"
-        raise _Refusal(f"{rows.path}:{i + 1}: {message}", 1)
+        raise _DialectError(f"{rows.path}:{i + 1}: {message}", 1)
 
 
 def _refuse_other_headings(rows: _Rows, i: int, splittings: list[list[str]]) -> None:
@@ -506,7 +515,7 @@ def _refuse_other_headings(rows: _Rows, i: int, splittings: list[list[str]]) -> 
     for cells in splittings:
         if len(cells) > 1 and all(is_known(cell) for cell in cells if cell):
             message = f"names {len(cells)} columns; the rows below have {rows.width}"
-            raise _Refusal(f"{rows.path}:{i + 1}: {_shown(rows.lines[i], '')} {message}", len(rows.at))
+            raise _DialectError(f"{rows.path}:{i + 1}: {_shown(rows.lines[i], '')} {message}", len(rows.at))
 
 
 def _may_be_headings(rows: _Rows, head: _Head) -> bool:
@@ -582,7 +591,10 @@ class Table:
         return values
 
     def ascending(self, values: FloatArray, quantity: str) -> IntArray:
-        """Return the order of rows, which has no meaning, in which values ascend; TableError for equal ones."""
+        """Return the order in which values ascend, where that of the rows has no meaning.
+
+        TableError for equal values.
+        """
         order = np.argsort(values, kind="stable")
         if (same := np.flatnonzero(np.diff(values[order]) == 0)).size:
             row, other = sorted((int(order[same[0]]), int(order[same[0] + 1])))
@@ -595,11 +607,12 @@ class Table:
             return f"{self.path}: {self.refused[quantity]}"
         known = ", ".join(names_of(quantity)[:8])
         heads = [column.heading for column in self.columns.values()] + list(self.unread)
-        return f"{self.path}: no column is named {quantity}; headings are {', '.join(map(repr, heads))}; names are {known}"
+        listed = ", ".join(map(repr, heads))
+        return f"{self.path}: no column is named {quantity}; headings are {listed}; names are {known}"
 
     @property
     def account(self) -> str:
-        """One line: rows, columns and their units, the dialect where it is not usual, and what is not read."""
+        """One line: rows, columns and their units, an unusual dialect, and what is not read."""
         parts = [f"{len(self.at)} rows"]
         for quantity, column in self.columns.items():
             unit = f" [{column.symbol}]" if column.unit is not None else " [no unit]"
@@ -685,7 +698,8 @@ def read_table(
 
 def _of_position(quantity: str, answers: Answers) -> Meaning:
     """Return the meaning of a column without a heading."""
-    if (symbol := dict(answers.units).get(quantity)) is None:
+    given = (unit for name, unit in answers.units if quantity in quantities_named(name))
+    if (symbol := next(given, None)) is None:
         return Meaning((quantity,))
     return meaning(names_of(quantity)[0], symbol, (quantity,))
 
@@ -748,7 +762,14 @@ def _headings(rows: _Rows, head: _Head | None, answers: Answers) -> tuple[list[s
             raise TableError(f"{rows.path}: columns: {name!r} is not a known name")
     units = [""] * rows.width
     if head is not None:
-        units = [below or unit_in(cell) for cell, below in zip(head.cells, head.units, strict=True)]
+        units = [
+            below.strip("[]() ") or unit_in(cell) for cell, below in zip(head.cells, head.units, strict=True)
+        ]
+    for name, unit in zip(given, units, strict=True):
+        if (own := split(name)[1]) and unit and unit_of(own) != unit_of(unit):
+            raise TableError(
+                f"{rows.path}: columns: {name!r}, but the file says {unit}; leave one of them out"
+            )
     return given, units
 
 
@@ -759,7 +780,7 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = text.split("\n")
     found: list[tuple[_Rows, _Head | None]] = []
-    reasons: list[_Refusal] = []
+    reasons: list[_DialectError] = []
     for marks in (_PLAIN, _WITH_THOUSANDS):  # a reading without marks of thousands needs no other
         for dialect in [] if found else _plausible(text, lines, marks, answers.decimal):
             if dialect.by_space and any(rows.dialect.separator == "\t" for rows, _ in found):
@@ -767,7 +788,7 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
             try:
                 rows = _rows_in(path, lines, dialect, answers.table)
                 found.append((rows, _head(rows)))
-            except _Refusal as error:
+            except _DialectError as error:
                 reasons.append(error)
     found = [each for each in found if each[1] is not None and each[1].known] or found
     if not found:
@@ -779,15 +800,16 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
     if others:
         ways = f"{rows.dialect}; or {others[0].dialect}"
         raise TableError(
-            f"{path}: has two readings with other numbers: {ways}; say which decimal mark, decimal: '.' or ','"
+            f"{path}: has two readings with other numbers: {ways}; say which is the decimal mark, "
+            "decimal: '.' or ','"
         )
     if not rows.sure and answers.decimal is None:
         example = next(
             (word for i in rows.at for word in re.findall(r"\d+[.,]\d{3}(?!\d)", lines[i])), "1,234"
         )
         raise TableError(
-            f"{path}: may have decimal marks or marks of thousands, as in {example}; say which is the decimal "
-            "mark, decimal: '.' or ','"
+            f"{path}: may have decimal marks or marks of thousands, as in {example}; say which is the "
+            "decimal mark, decimal: '.' or ','"
         )
     if encoding != "UTF-8":
         rows.encoding = encoding

@@ -53,11 +53,13 @@ _METRIC: dict[str, tuple[str, Dimension]] = {
     "m": ("1", _LENGTH), "s": ("1", _TIME), "g": ("1e-3", (1, 0, 0, 0, 0, 0)), "N": ("1", _FORCE),
     "Pa": ("1", _STRESS), "bar": ("1e5", _STRESS), "Hz": ("1", (0, 0, -1, 0, 0, 0)), "K": ("1", _KELVIN),
     "A": ("1", (0, 0, 0, 0, 1, 0)), "V": ("1", (1, 2, -3, 0, -1, 0)), "J": ("1", (1, 2, -2, 0, 0, 0)),
-    "W": ("1", (1, 2, -3, 0, 0, 0)), "rad": ("1", _ANGLE), "dyn": ("1e-5", _FORCE), "Pas": ("1", (1, -1, -1, 0, 0, 0)),
+    "W": ("1", (1, 2, -3, 0, 0, 0)), "rad": ("1", _ANGLE), "dyn": ("1e-5", _FORCE),
+    "Pas": ("1", (1, -1, -1, 0, 0, 0)),
     "Nm": ("1", (1, 2, -2, 0, 0, 0)),
 }  # fmt: skip
 _WORDS = {
-    "meter": "m", "metre": "m", "second": "s", "newton": "N", "pascal": "Pa", "hertz": "Hz", "volt": "V", "dyne": "dyn",
+    "meter": "m", "metre": "m", "second": "s", "newton": "N", "pascal": "Pa", "hertz": "Hz", "volt": "V",
+    "dyne": "dyn",
 }  # fmt: skip
 _POUND = Fraction("4.4482216152605")  # of force, in N
 _INCH = Fraction("0.0254")
@@ -66,16 +68,22 @@ _TURN = Fraction(2 * math.pi)
 # Units without prefixes.
 _SINGLE: dict[str, tuple[Fraction | str, Dimension]] = {
     "%": ("0.01", _NONE), "percent": ("0.01", _NONE), "1": ("1", _NONE),
-    "sec": ("1", _TIME), "msec": ("1e-3", _TIME), "min": ("60", _TIME), "h": ("3600", _TIME), "hr": ("3600", _TIME),
+    "sec": ("1", _TIME), "msec": ("1e-3", _TIME), "min": ("60", _TIME), "h": ("3600", _TIME),
+    "hr": ("3600", _TIME),
     "d": ("86400", _TIME), "yr": ("31557600", _TIME), "minute": ("60", _TIME), "hour": ("3600", _TIME),
     "day": ("86400", _TIME), "sekunde": ("1", _TIME), "sekunden": ("1", _TIME), "minuten": ("60", _TIME),
     "stunden": ("3600", _TIME),
-    "angstrom": ("1e-10", _LENGTH), "Å": ("1e-10", _LENGTH), "micron": ("1e-6", _LENGTH), "in": (_INCH, _LENGTH),
+    "angstrom": ("1e-10", _LENGTH), "Å": ("1e-10", _LENGTH), "micron": ("1e-6", _LENGTH),
+    "in": (_INCH, _LENGTH),
     "inch": (_INCH, _LENGTH), "mil": ("25.4e-6", _LENGTH), "ft": ("0.3048", _LENGTH),
-    "gf": ("9.80665e-3", _FORCE), "kgf": ("9.80665", _FORCE), "kp": ("9.80665", _FORCE), "lbf": (_POUND, _FORCE),
-    "psi": (_PSI, _STRESS), "ksi": (1000 * _PSI, _STRESS), "Msi": (10**6 * _PSI, _STRESS), "atm": ("101325", _STRESS),
-    "kelvin": ("1", _KELVIN), "°": (_TURN / 360, _ANGLE), "deg": (_TURN / 360, _ANGLE), "degree": (_TURN / 360, _ANGLE),
-    "radian": ("1", _ANGLE), "rev": (_TURN, _ANGLE), "U": (_TURN, _ANGLE), "rpm": (_TURN / 60, (0, 0, -1, 0, 0, 1)),
+    "gf": ("9.80665e-3", _FORCE), "kgf": ("9.80665", _FORCE), "kp": ("9.80665", _FORCE),
+    "lbf": (_POUND, _FORCE),
+    "psi": (_PSI, _STRESS), "ksi": (1000 * _PSI, _STRESS), "Msi": (10**6 * _PSI, _STRESS),
+    "atm": ("101325", _STRESS),
+    "kelvin": ("1", _KELVIN), "°": (_TURN / 360, _ANGLE), "deg": (_TURN / 360, _ANGLE),
+    "degree": (_TURN / 360, _ANGLE),
+    "radian": ("1", _ANGLE), "rev": (_TURN, _ANGLE), "U": (_TURN, _ANGLE),
+    "rpm": (_TURN / 60, (0, 0, -1, 0, 0, 1)),
     "rps": (_TURN, (0, 0, -1, 0, 0, 1)),
 }  # fmt: skip
 _FAHRENHEIT = Fraction(5, 9)
@@ -87,7 +95,8 @@ _TEMPERATURES = {
 # Prefixes and symbols in the wrong case that have one meaning: Kpa is kPa, but mpa may be mPa or MPa.
 _MISWRITTEN = [
     (re.compile(r"\b[kK]p[aA]\b|\bKPa\b|\bKPA\b"), "kPa"), (re.compile(r"\bM(pa|PA)\b"), "MPa"),
-    (re.compile(r"\bG(pa|PA)\b"), "GPa"), (re.compile(r"\b[kK][hH][zZ]\b"), "kHz"), (re.compile(r"\b(hz|HZ)\b"), "Hz"),
+    (re.compile(r"\bG(pa|PA)\b"), "GPa"), (re.compile(r"\b[kK][hH][zZ]\b"), "kHz"),
+    (re.compile(r"\b(hz|HZ)\b"), "Hz"),
     (re.compile(r"\brads(?=\^?-)"), "rad s"),
 ]  # fmt: skip
 
@@ -98,7 +107,7 @@ _MARKS = re.compile(r"\s*([/.()]|\s)\s*")
 
 @cache
 def unit_of(text: str) -> Unit | None:
-    """Return the unit of a text, such as nm, N/mm², Pa·s, s^-1, rad/s, °C, % or "-"; None if it is not known."""
+    """Return the unit of a text, such as nm, N/mm², Pa·s, s^-1, rad/s, °C, % or "-"; None for others."""
     text = text.strip()
     if text in _TEMPERATURES or text.lower() == "celsius":
         return _TEMPERATURES.get(text, _CELSIUS)

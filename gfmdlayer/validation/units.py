@@ -16,7 +16,8 @@ from gfmdlayer.validation.sections import Section
 
 LENGTHS = "fm", "pm", "nm", "um", "µm", "μm", "mm", "m", "km", "cm", "angstrom", "in", "ft"
 _STRESSES = (
-    "uPa", "µPa", "μPa", "mPa", "Pa", "kPa", "MPa", "GPa", "TPa", "hPa", "N/m^2", "N/mm^2", "bar", "atm", "psi", "ksi"
+    "uPa", "µPa", "μPa", "mPa", "Pa", "kPa", "MPa", "GPa", "TPa", "hPa", "N/m^2", "N/mm^2", "bar", "atm",
+    "psi", "ksi"
 )  # fmt: skip
 _TIMES = "fs", "ps", "ns", "us", "µs", "μs", "ms", "s", "ks", "min", "h", "d", "yr"
 _PERMITTIVITY = Fraction("8.8541878128e-12")  # of vacuum in F/m, CODATA 2018

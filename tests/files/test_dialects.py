@@ -19,26 +19,35 @@ from gfmdlayer.files.tables import Answers, TableError, read_table
 TURN = Fraction(2 * math.pi)
 PSI = Fraction("4.4482216152605") / Fraction("0.0254") ** 2
 UNITS: dict[str, dict[str, Any]] = {
-    "time": {"s": 1, "ms": "1e-3", "us": "1e-6", "µs": "1e-6", "min": 60, "h": 3600, "sec": 1, "seconds": 1, "ns": "1e-9"},
-    "angular": {"rad/s": 1, "1/s": 1, "s^-1": 1, "s⁻¹": 1, "rad·s⁻¹": 1, "rad s-1": 1, "krad/s": None, "rpm": TURN / 60},
+    "time": {"s": 1, "ms": "1e-3", "us": "1e-6", "µs": "1e-6", "min": 60, "h": 3600, "sec": 1, "seconds": 1,
+    "ns": "1e-9"},
+    "angular": {"rad/s": 1, "1/s": 1, "s^-1": 1, "s⁻¹": 1, "rad·s⁻¹": 1, "rad s-1": 1, "krad/s": None,
+    "rpm": TURN / 60},
     "frequency": {"Hz": 1, "mHz": "1e-3", "kHz": "1e3", "MHz": "1e6"},
-    "modulus": {"Pa": 1, "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/m²": 1, "N/mm^2": "1e6", "N mm⁻²": "1e6",
-                "dyn/cm²": "0.1", "psi": PSI, "bar": "1e5", "kgf/cm²": "98066.5", "hPa": 100, "kN/m^2": "1e3"},
+    "modulus": {"Pa": 1, "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/m²": 1, "N/mm^2": "1e6",
+    "N mm⁻²": "1e6",
+                "dyn/cm²": "0.1", "psi": PSI, "bar": "1e5", "kgf/cm²": "98066.5", "hPa": 100,
+                "kN/m^2": "1e3"},
     "compliance": {"1/Pa": 1, "MPa^-1": "1e-6", "Pa⁻¹": 1, "mm²/N": "1e-6", "cm²/dyn": 10},
-    "length": {"m": 1, "mm": "1e-3", "µm": "1e-6", "μm": "1e-6", "um": "1e-6", "nm": "1e-9", "pm": "1e-12", "micron": "1e-6",
+    "length": {"m": 1, "mm": "1e-3", "µm": "1e-6", "μm": "1e-6", "um": "1e-6", "nm": "1e-9", "pm": "1e-12",
+    "micron": "1e-6",
                "Å": "1e-10", "in": "0.0254", "cm": "1e-2", "nanometers": "1e-9"},
-    "force": {"N": 1, "mN": "1e-3", "µN": "1e-6", "nN": "1e-9", "pN": "1e-12", "kN": "1e3", "gf": "9.80665e-3", "dyn": "1e-5"},
-    "velocity": {"µm/s": "1e-6", "mm/s": "1e-3", "nm/s": "1e-9", "m/s": 1, "mm/min": Fraction(1, 60000), "um s^-1": "1e-6",
+    "force": {"N": 1, "mN": "1e-3", "µN": "1e-6", "nN": "1e-9", "pN": "1e-12", "kN": "1e3",
+    "gf": "9.80665e-3", "dyn": "1e-5"},
+    "velocity": {"µm/s": "1e-6", "mm/s": "1e-3", "nm/s": "1e-9", "m/s": 1, "mm/min": Fraction(1, 60000),
+    "um s^-1": "1e-6",
                  "nm/ms": "1e-6"},
     "voltage": {"V": 1, "mV": "1e-3", "kV": "1e3"},
     "temperature": {"°C": 1, "degC": 1, "C": 1, "K": 1},
-    "stiffness": {"Pa/m": 1, "MPa/um": "1e12", "N/m^3": 1, "kPa/nm": "1e12", "MPa µm^-1": "1e12", "N/mm³": "1e9"},
+    "stiffness": {"Pa/m": 1, "MPa/um": "1e12", "N/m^3": 1, "kPa/nm": "1e12", "MPa µm^-1": "1e12",
+    "N/mm³": "1e9"},
     "wavenumber": {"1/m": 1, "1/um": "1e6", "µm^-1": "1e6", "nm⁻¹": "1e9", "rad/m": None, "1/mm": "1e3"},
     "ratio": {"-": 1, "1": 1, "%": "0.01"},
 }  # fmt: skip
 SI = {
     "time": "s", "angular": "rad/s", "frequency": "Hz", "modulus": "Pa", "compliance": "1/Pa", "length": "m",
-    "force": "N", "velocity": "m/s", "voltage": "V", "temperature": "K", "stiffness": "Pa/m", "wavenumber": "1/m",
+    "force": "N", "velocity": "m/s", "voltage": "V", "temperature": "K", "stiffness": "Pa/m",
+    "wavenumber": "1/m",
     "ratio": "1",
 }  # fmt: skip
 # Quantity: kind of unit, and names.
@@ -70,7 +79,8 @@ NAMES = {
     "G(t)": ("modulus", "G(t)|G|Shear relaxation modulus"),
 }  # fmt: skip
 FILES = [
-    ("time", "depth"), ("time", "mean pressure"), ("time", "force"), ("time", "velocity"), ("time", "voltage"),
+    ("time", "depth"), ("time", "mean pressure"), ("time", "force"), ("time", "velocity"), ("time",
+    "voltage"),
     ("time", "temperature"), ("time", "displacement"), ("time", "tangential force"), ("speed", "coefficient"),
     ("wavenumber", "stiffness"), ("radius", "height"), ("angular frequency", "G'", "G''"),
     ("frequency", "G'", "G''"), ("frequency", "E'", "tan delta"), ("angular frequency", "E'", "E''"),
@@ -81,7 +91,8 @@ OTHERS = [
     ("Torque", "mNm", "numbers"), ("Comment", "", "words"), ("Date", "", "dates"),
 ]  # fmt: skip
 REMARKS = [
-    "Sample: PDMS 10:1, batch 3", "Operator: Müller", "Date: 2024-03-12 14:41:52", "Gap: 1{d}000 mm", "[Parameters]",
+    "Sample: PDMS 10:1, batch 3", "Operator: Müller", "Date: 2024-03-12 14:41:52", "Gap: 1{d}000 mm",
+    "[Parameters]",
     "Temperature: 25{d}0 °C", "exported by the instrument", "Points: 24", "Versuch Nr. 7",
 ]  # fmt: skip
 

@@ -43,10 +43,13 @@ def test_plain_rows_are_read_by_numpy_whatever_their_decimal_mark(table, monkeyp
 @pytest.mark.parametrize(
     ("text", "size", "dimension"),
     [
-        ("nm", "1e-9", "m"), ("µm", "1e-6", "m"), ("Å", "1e-10", "m"), ("in", "0.0254", "m"), ("min", "60", "s"),
+        ("nm", "1e-9", "m"), ("µm", "1e-6", "m"), ("Å", "1e-10", "m"), ("in", "0.0254", "m"), ("min", "60",
+        "s"),
         ("N/mm²", "1e6", "Pa"), ("N mm^-2", "1e6", "Pa"), ("dyn/cm2", "0.1", "Pa"), ("Kpa", "1e3", "Pa"),
-        ("kgf/cm^2", "98066.5", "Pa"), ("mPas", "1e-3", "Pa s"), ("mPa.s", "1e-3", "Pa s"), ("mNm", "1e-3", "N m"),
-        ("s⁻¹", "1", "1/s"), ("rads^-1", "1", "rad/s"), ("kg/(m s^2)", "1", "Pa"), ("um per s", "1e-6", "m/s"),
+        ("kgf/cm^2", "98066.5", "Pa"), ("mPas", "1e-3", "Pa s"), ("mPa.s", "1e-3", "Pa s"), ("mNm", "1e-3",
+        "N m"),
+        ("s⁻¹", "1", "1/s"), ("rads^-1", "1", "rad/s"), ("kg/(m s^2)", "1", "Pa"), ("um per s", "1e-6",
+        "m/s"),
         ("nanometers", "1e-9", "m"), ("kV", "1e3", "V"), ("mm/mm", "1", "-"), ("%", "0.01", "1"),
     ],
 )  # fmt: skip
@@ -70,7 +73,8 @@ def test_degrees_are_temperatures_and_no_electric_charges():
 @pytest.mark.parametrize(
     ("heading", "quantity"),
     [
-        ("Frequency [rad/s]", ANGULAR), ("f [Hz]", ORDINARY), ("Kreisfrequenz [1/s]", ANGULAR), ("ω", ANGULAR),
+        ("Frequency [rad/s]", ANGULAR), ("f [Hz]", ORDINARY), ("Kreisfrequenz [1/s]", ANGULAR), ("ω",
+        ANGULAR),
         ("f [1/s]", None), ("omega [Hz]", None), ("delta [nm]", "depth"), ("delta [deg]", "phase"),
         ("T", "temperature"), ("t", "time"), ("T [s]", "time"), ("load [nN]", "force"),
         ("load [MPa]", "mean pressure"), ("Spannung [V]", "voltage"), ("Spannung [MPa]", "stress"),

@@ -199,7 +199,15 @@ def test_what_a_file_does_not_say_is_said_beside_it(tmp_path):
     text = "Zeit [s];Weg von links [x]\n0,0;0,0\n1,0;1,5\n"
     reading = {"columns": ["time", "depth [nm]"], "decimal": ","}
     assert drives(tmp_path, text, reading=reading).drive(1.0) == pytest.approx(1.5e-3, rel=1e-15)
+    reading = {"columns": ["time", "depth [um]"]}
+    with pytest.raises(TableError, match="columns: 'depth \\[um\\]', but the file says nm"):
+        _ = drives(tmp_path, "Z;Weg von links\ns;nm\n0;0\n1;1\n", reading=reading).drive
     assert drives(tmp_path, "t;d\n0;0\n1;1\n", reading={"units": {"t": "ms", "d": "nm"}}).drive(1e-3) == 1e-3
+    assert (
+        drives(tmp_path, "time;depth\n0;0\n1;1\n", reading={"units": {"t": "ms", "d": "nm"}}).drive(1e-3)
+        == 1e-3
+    )
+    assert drives(tmp_path, "0 0\n1 1\n", reading={"units": {"t": "ms", "depth": "nm"}}).drive(1e-3) == 1e-3
     two = "t d\n0 0\n1 1\n\nt d\n0 0\n1 2\n"
     assert drives(tmp_path, two, reading={"table": 2}).drive(1.0) == 2.0
     for wrong, said in [
