@@ -316,7 +316,7 @@ def _columns_of(
             both = both or any(count and mark for count, mark in zip(groups, marked, strict=True))
             both = both or any(count > 1 for count in groups)
             for r, count in enumerate(groups if any(marked) else ()):
-                if count > 1 and not marked[r]:  # 6,790,831 may be 6,790.831
+                if count and not marked[r]:  # beside 1,234.5 there may be 1.234 with the wrong mark
                     raise _DialectError(_not_a_number(found, r, cells[r]), len(block))
             cells = [cell.replace(dialect.thousands, "") for cell in cells]
         marks += [cell for cell in cells if dialect.decimal in cell]

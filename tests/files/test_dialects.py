@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gfmdlayer.files.tables import Answers, TableError, read_table
+from gfmdlayer.files.tables import TableError, read_table
 
 TURN = Fraction(2 * math.pi)
 PSI = Fraction("4.4482216152605") / Fraction("0.0254") ** 2
 UNITS: dict[str, dict[str, Any]] = {
     "time": {"s": 1, "ms": "1e-3", "us": "1e-6", "µs": "1e-6", "min": 60, "h": 3600, "sec": 1, "seconds": 1,
     "ns": "1e-9"},
-    "angular": {"rad/s": 1, "1/s": 1, "s^-1": 1, "s⁻¹": 1, "rad·s⁻¹": 1, "rad s-1": 1, "krad/s": None,
+    "angular": {"rad/s": 1, "1/s": 1, "s^-1": 1, "s⁻¹": 1, "rad·s⁻¹": 1, "rad s-1": 1, 
     "rpm": TURN / 60},
     "frequency": {"Hz": 1, "mHz": "1e-3", "kHz": "1e3", "MHz": "1e6"},
     "modulus": {"Pa": 1, "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/m²": 1, "N/mm^2": "1e6",
@@ -41,7 +41,7 @@ UNITS: dict[str, dict[str, Any]] = {
     "temperature": {"°C": 1, "degC": 1, "C": 1, "K": 1},
     "stiffness": {"Pa/m": 1, "MPa/um": "1e12", "N/m^3": 1, "kPa/nm": "1e12", "MPa µm^-1": "1e12",
     "N/mm³": "1e9"},
-    "wavenumber": {"1/m": 1, "1/um": "1e6", "µm^-1": "1e6", "nm⁻¹": "1e9", "rad/m": None, "1/mm": "1e3"},
+    "wavenumber": {"1/m": 1, "1/um": "1e6", "µm^-1": "1e6", "nm⁻¹": "1e9", "1/mm": "1e3"},
     "ratio": {"-": 1, "1": 1, "%": "0.01"},
 }  # fmt: skip
 SI = {
@@ -112,161 +112,163 @@ class Written:
     decimal: str = "."
 
 
+class Dialect:
+    """A random dialect."""
+
+    def __init__(self, seed: int) -> None:
+        self.r = np.random.default_rng(seed)
+        self.encoding = self.pick(
+            ["utf-8", "utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"]
+        )
+        self.separator = self.pick([",", ";", "\t", "|", "  ", " ", ", ", "; "])
+        self.mark = self.separator.strip()
+        self.decimal = "." if self.mark == "," and self.chance(0.8) else self.pick([".", ","])
+        self.thousands = self.pick(
+            ["", "", "", "", "", "", "'", ",.".replace(self.decimal, ""), "\u00a0", "\u202f"]
+        )
+        wide = {"\u00a0", "\u202f"} if not self.mark else {"\u202f"} if self.encoding == "cp1252" else {""}
+        self.thousands = "" if self.thousands in wide else self.thousands
+        self.quoted = self.mark == "," and "," in (self.decimal, self.thousands)
+        self.style = self.pick([".5f", ".6g", ".6e", ".4E", ".3f", "D"])
+        self.places = self.pick(["[]", "()", "/", "in", "row", "row", "[row]", ",", "_", "none"])
+        if self.places == "," and self.mark == ",":
+            self.places = "[]"
+        self.comment = self.pick(["#", "%", "//"])
+        self.trailing = self.mark if self.mark in {",", ";"} and self.chance(0.15) else ""
+
+    def pick(self, items: Any) -> Any:
+        """Return one of some items."""
+        return items[int(self.r.integers(len(items)))]
+
+    def chance(self, p: float) -> bool:
+        """Whether an event of a probability happens."""
+        return bool(self.r.random() < p)
+
+    def number(self, x: float) -> tuple[str, Fraction]:
+        """Return a number as it is written, and what that means."""
+        text = f"{x:.5e}".replace("e", "D") if self.style == "D" else f"{x:{self.style}}"
+        value = Fraction(text.replace("D", "e"))
+        head, point, tail = text.partition(".")
+        whole = head.lstrip("-")
+        if self.thousands and whole.isdigit() and len(whole) > 3:
+            head = "-" * head.startswith("-") + f"{int(whole):,}".replace(",", self.thousands)
+        return head + self.decimal * bool(point) + tail, value
+
+    def heading(self, name: str, unit: str) -> str:
+        """Return a heading with its unit."""
+        between = "_" if self.separator == " " else self.pick(["", " "])
+        if unit in {"", "-"} or self.places in {"row", "[row]", "none"}:
+            shown = name
+        elif self.places in {"[]", "()"}:
+            shown = f"{name}{between}{self.places[0]}{unit}{self.places[1]}"
+        else:
+            shown = name + {"/": "/", ",": ", ", "_": "_", "in": " in "}[self.places] + unit
+        return shown.replace(" ", "_") if self.separator == " " else shown
+
+    def unit(self, unit: str) -> str:
+        """Return a unit in a row of its own."""
+        unit = unit.replace(" ", ".") if self.separator == " " else unit
+        return f"[{unit}]" if self.places == "[row]" and unit else unit or "" if self.mark else unit or "-"
+
+    def line(self, cells: list[str]) -> str:
+        """Join cells, those in quotes that need them."""
+        for i, text in enumerate(cells):
+            if (self.quoted and "0" <= text[-1:] <= "9") or (self.mark and self.mark in text):
+                cells[i] = '"' + text.replace('"', '""') + '"'
+        wide = self.separator == "  "
+        return (
+            "   ".join(f"{text:<12}" for text in cells) if wide else self.separator.join(cells)
+        ) + self.trailing
+
+
+Columns = list[tuple[str, str, list[str]]]  # heading, unit, cells
+
+
 def write(seed: int) -> Written:
     """Write a random table in a random dialect."""
-    r = np.random.default_rng(seed)
-
-    def pick(items: Any) -> Any:
-        return items[int(r.integers(len(items)))]
-
-    def chance(p: float) -> bool:
-        return bool(r.random() < p)
-
-    wanted = list(pick(FILES))
-    encoding = pick(["utf-8", "utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
-    separator = pick([",", ";", "\t", "|", "  ", " ", ", ", "; "])
-    decimal = "." if separator.strip() == "," and chance(0.8) else pick([".", ","])
-    quoted = separator.strip() == "," and decimal == ","
-    thousands = pick(["", "", "", "", "", "", "'", "." if decimal == "," else ",", "\u00a0", "\u202f"])
-    if (separator.isspace() and thousands in {"\u00a0", "\u202f"}) or (
-        thousands == "\u202f" and encoding == "cp1252"
-    ):
-        thousands = ""
-    quoted = quoted or (separator.strip() == "," and thousands == ",")
-    style = pick(["fixed", "short", "scientific", "E+00", "fortran", "three"])
-    rows = int(r.integers(3, 30))
-
-    def number(x: float) -> tuple[str, Fraction]:
-        text = {"fixed": f"{x:.5f}", "short": f"{x:.6g}", "scientific": f"{x:.6e}", "E+00": f"{x:.4E}",
-                "fortran": f"{x:.5e}".replace("e", "D"), "three": f"{x:.3f}"}[style]  # fmt: skip
-        value = Fraction(text.replace("D", "e"))
-        head, _, tail = text.partition(".")
-        whole = head.lstrip("-")
-        if thousands and whole.isdigit() and len(whole) > 3:
-            head = "-" * head.startswith("-") + f"{int(whole):,}".replace(",", thousands)
-        return (head + decimal + tail if "." in text else text.replace(".", decimal)), value
-
-    places = pick(["[]", "()", "/", "in", "row", "row", "[row]", ",", "_", "none"])
-    if places == "," and separator.strip() == ",":
-        places = "[]"
-    doubt = "no units" if places == "none" else ""
-    columns: list[tuple[str, str, list[str]]] = []  # heading, unit, cells
-    values: dict[str, list[Fraction]] = {}
-    holes: dict[str, set[int]] = {}
-    order = r.permutation(rows) if wanted[0] not in {"time"} else np.arange(rows)
-    for quantity in [wanted[i] for i in r.permutation(len(wanted))]:
-        kind, names = NAMES[quantity]
-        unit = pick(
-            [name for name, size in UNITS[kind].items() if size is not None and encodable(name, encoding)]
-        )
-        if places in {"_", "none"} and kind == "temperature":
-            unit = "K"
-        size = Fraction(UNITS[kind][unit])
-        name = pick([name for name in names.split("|") if encodable(name, encoding)])
-        x = (
-            np.sort(r.uniform(0, 10 ** r.uniform(0, 4), rows))
-            if quantity == wanted[0]
-            else r.normal(0, 500, rows)
-        )
-        cells, exact = map(list, zip(*(number(float(value)) for value in x[order]), strict=True))
-        offset = Fraction("273.15") if kind == "temperature" and unit != "K" else Fraction(0)
-        holes[quantity] = set()
-        if quantity != wanted[0] and chance(0.15):
-            word = pick(
-                [
-                    "nan",
-                    "NaN",
-                    "n/a",
-                    "--",
-                    "---",
-                    "***",
-                    "Bad",
-                    "#NV",
-                    "-",
-                    *([] if separator.isspace() else [""]),
-                ]
-            )
-            holes[quantity] = set(np.flatnonzero(r.random(rows) < 0.2).tolist()) if rows > 4 else set()
-            cells = [word if i in holes[quantity] else cell for i, cell in enumerate(cells)]
-        values[quantity] = [value * size + offset for value in exact]
-        columns.append((name, unit, cells))
-    if places in {"_", "/"} and any("/" in unit or " " in unit for _, unit, _ in columns):
-        places = "()"
-    for heading, unit, what in OTHERS:
-        if chance(0.08):
-            word = pick(["ok", "hold", "WMa", "load"] if separator.isspace() else ["ok", "Pre Shear", "a b"])
-            cells = {"count": [str(i + 1) for i in range(rows)], "words": [word] * rows,
-                     "numbers": [number(v)[0] for v in r.uniform(1, 9, rows)],
-                     "dates": ["2024-03-12"] * rows}[what]  # fmt: skip
-            columns.insert(int(r.integers(len(columns) + 1)), (heading, unit, cells))
-    spaced = separator == " "
-
-    def heading(name: str, unit: str) -> str:
-        between = "_" if spaced else pick(["", " "])
-        if unit in {"", "-"} or places in {"row", "[row]", "none"}:
-            shown = name
-        elif places in {"[]", "()"}:
-            shown = f"{name}{between}{places[0]}{unit}{places[1]}"
-        elif places == "in":
-            shown = f"{name} in {unit}"
-        else:
-            shown = {"/": f"{name}/{unit}", ",": f"{name}, {unit}", "_": f"{name}_{unit}"}[places]
-        return shown.replace(" ", "_") if spaced else shown
-
-    def cell(text: str, number: bool = False) -> str:
-        if (number and quoted) or (separator.strip() and separator.strip() in text):
-            return '"' + text.replace('"', '""') + '"'
-        return text
-
-    def joined(cells: list[str]) -> str:
-        return separator.join(cells) if separator != "  " else "   ".join(f"{text:<12}" for text in cells)
-
-    trailing = separator.strip() if separator.strip() in {",", ";"} and chance(0.15) else ""
-    head = [joined([cell(heading(name, unit)) for name, unit, _ in columns]) + trailing]
-    if places in {"row", "[row]"}:
-        units = [unit.replace(" ", ".") if spaced else unit for _, unit, _ in columns]
-        units = [
-            f"[{unit}]" if places == "[row]" and unit else unit or ("-" if separator.isspace() else "")
-            for unit in units
-        ]
-        head.append(joined([cell(unit) for unit in units]) + trailing)
-    mark = pick(["#", "%", "//"])
-    if chance(0.2):
-        head = [f"{mark} {line}" for line in head]
-    lines = []
-    if chance(0.4):
-        remarks = [pick(REMARKS).format(d=decimal) for _ in range(int(r.integers(1, 7)))]
-        lines = [f"{mark} {line}" if chance(0.5) else line for line in remarks if encodable(line, encoding)]
-        lines += [""] * chance(0.6)
-    lines += head
-    written = Written(b"", values, holes, doubt, encoding=encoding, separator=separator, decimal=decimal)
-    for i in range(rows):
-        if chance(0.03):
-            lines.append(pick(["", f"{mark} a remark"]))
+    dialect = Dialect(seed)
+    written = Written(
+        b"", {}, {}, encoding=dialect.encoding, separator=dialect.separator, decimal=dialect.decimal
+    )
+    columns = columns_of(dialect, written)
+    lines = lines_above(dialect, columns)
+    for i in range(len(columns[0][2])):
+        if dialect.chance(0.03):
+            lines.append(dialect.pick(["", f"{dialect.comment} a remark"]))
         written.line_of_row.append(len(lines))
-        lines.append(
-            joined([cell(cells[i], "0" <= cells[i][-1:] <= "9") for _, _, cells in columns]) + trailing
-        )
-    if chance(0.1):
-        lines += ["", pick(["End of data", f"{mark} end"])]
-    end = pick(["\n", "\r\n", "\r"])
-    written.text = end.join([*lines, ""] if chance(0.8) else lines)
-    shown = "\n".join(lines[written.line_of_row[0] :])
-    if decimal == "," and not quoted and not any(certain(text) for _, _, cells in columns for text in cells):
-        written.doubt = "1,234"
-    if decimal == "." and separator.strip() == ";" and "." in shown:
-        if not any(certain(text, ".") for _, _, cells in columns for text in cells):
-            written.doubt = "1.234"
-    if thousands and not any(
-        thousands in text and decimal in text for _, _, cells in columns for text in cells
-    ):
-        written.doubt = (
-            "thousands"
-            if any(thousands in text for _, _, cells in columns for text in cells)
-            else written.doubt
-        )
-    written.data = written.text.encode(encoding)
+        lines.append(dialect.line([cells[i] for _, _, cells in columns]))
+    if dialect.chance(0.1):
+        lines += ["", dialect.pick(["End of data", f"{dialect.comment} end"])]
+    written.text = dialect.pick(["\n", "\r\n", "\r"]).join([*lines, ""] if dialect.chance(0.8) else lines)
+    written.data = written.text.encode(dialect.encoding)
+    written.doubt = doubt(dialect, [text for _, _, cells in columns for text in cells])
     return written
+
+
+def columns_of(dialect: Dialect, written: Written) -> Columns:
+    """Make the columns of a file, in any order, with others that nobody asks for; put their meaning down."""
+    r, names = dialect.r, list(dialect.pick(FILES))
+    rows = int(r.integers(3, 30))
+    order = np.arange(rows) if names[0] == "time" else r.permutation(rows)
+    columns: Columns = []
+    for quantity in [names[i] for i in r.permutation(len(names))]:
+        kind, headings = NAMES[quantity]
+        sizes = {name: size for name, size in UNITS[kind].items() if encodable(name, dialect.encoding)}
+        unit = "K" if kind == "temperature" and dialect.places in {"_", "none"} else dialect.pick([*sizes])
+        size, offset = Fraction(sizes[unit]), Fraction("273.15") * (kind == "temperature" and unit != "K")
+        heading = dialect.pick([name for name in headings.split("|") if encodable(name, dialect.encoding)])
+        first = quantity == names[0]
+        x = np.sort(r.uniform(0, 10 ** r.uniform(0, 4), rows)) if first else r.normal(0, 500, rows)
+        cells, exact = map(list, zip(*(dialect.number(float(value)) for value in x[order]), strict=True))
+        holes = set()
+        if not first and rows > 4 and dialect.chance(0.15):
+            word = dialect.pick(
+                ["nan", "NaN", "n/a", "--", "---", "***", "Bad", "#NV", "-", "" if dialect.mark else "NA"]
+            )
+            holes = set(np.flatnonzero(r.random(rows) < 0.2).tolist())
+            cells = [word if i in holes else cell for i, cell in enumerate(cells)]
+        written.holes[quantity], written.values[quantity] = holes, [value * size + offset for value in exact]
+        columns.append((heading, unit, cells))
+    if dialect.places in {"_", "/"} and any({*"/ "} & {*unit} for _, unit, _ in columns):
+        dialect.places = "()"
+    for heading, unit, kind in OTHERS:
+        if dialect.chance(0.08):
+            word = dialect.pick(["ok", "Pre Shear", "a b"] if dialect.mark else ["ok", "hold", "WMa", "load"])
+            cells = {"count": [str(i + 1) for i in range(rows)], "words": [word] * rows,
+                     "numbers": [dialect.number(v)[0] for v in r.uniform(1, 9, rows)],
+                     "dates": ["2024-03-12"] * rows}[kind]  # fmt: skip
+            columns.insert(int(r.integers(len(columns) + 1)), (heading, unit, cells))
+    return columns
+
+
+def lines_above(dialect: Dialect, columns: Columns) -> list[str]:
+    """Return remarks, headings and units."""
+    head = [dialect.line([dialect.heading(name, unit) for name, unit, _ in columns])]
+    if dialect.places in {"row", "[row]"}:
+        head.append(dialect.line([dialect.unit(unit) for _, unit, _ in columns]))
+    if dialect.chance(0.2):
+        head = [f"{dialect.comment} {line}" for line in head]
+    lines = []
+    if dialect.chance(0.4):
+        remarks = [
+            dialect.pick(REMARKS).format(d=dialect.decimal) for _ in range(int(dialect.r.integers(1, 7)))
+        ]
+        lines = [f"{dialect.comment} {line}" if dialect.chance(0.5) else line for line in remarks]
+        lines += [""] * dialect.chance(0.6)
+    return lines + head
+
+
+def doubt(dialect: Dialect, cells: list[str]) -> str:
+    """Return why a reader cannot be certain of a table."""
+    if dialect.thousands and any(dialect.thousands in text for text in cells):
+        grouped = [text for text in cells if dialect.thousands in text]
+        if not all(dialect.decimal in text for text in grouped):
+            return "thousands"
+    elif dialect.decimal == "," or dialect.mark == ";":
+        marked = [text for text in cells if dialect.decimal in text]
+        if marked and not any(certain(text, dialect.decimal) for text in marked):
+            return f"1{dialect.decimal}234"
+    return "no units" if dialect.places == "none" else ""
 
 
 def encodable(text: str, encoding: str) -> bool:
@@ -342,9 +344,8 @@ def test_a_damaged_table_is_refused_or_read_as_if_it_were_sound(damage, tmp_path
             continue
         try:
             check(read(tmp_path / "table.csv", check_damaged), written)
-        except TableError as error:
+        except TableError:
             refused += 1
-            assert "table.csv" in str(error)
     assert refused > 20
 
 
@@ -376,5 +377,7 @@ def damaged(written: Written, damage: str, seed: int) -> Written | None:
         return Written("\n".join(lines).encode(written.encoding), written.values, written.holes)
     else:
         cells[i] = {"less than": f"<{cells[i].strip()}", "infinite": "inf", "word": "overflow"}[damage]
+    if not "".join(cells).strip():
+        return None
     lines[at] = between.join(cells)
     return Written("\n".join(lines).encode(written.encoding), written.values, written.holes)
