@@ -2,8 +2,8 @@
 
 A heading is a name with or without a unit: ``time [ms]``, ``Eindringtiefe (nm)``, ``force in mN``,
 ``G' / Pa``, ``velocity, um/s``, ``time_ms``. A name may stand for several quantities (delta is a depth or a
-phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities that
-the reader of the file wants. If several remain, the message names them.
+phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities that the
+reader of the file wants. If several remain, the message names them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from gfmdlayer.files.units import Unit, unit_of
 
 ANGULAR, ORDINARY = "angular frequency", "frequency"
 
-# Each quantity: a unit of its dimension, and its names. Names are compared in small letters, but single letters
-# by their case first.
+# Each quantity: a unit of its dimension, and its names. Names are compared in small letters, but single
+# letters by their case first.
 _QUANTITIES: dict[str, tuple[str, str]] = {
     "time": ("s", "time, t, elapsed time, test time, time stamp, timestamp, zeit, messzeit, prüfzeit, "
         "versuchszeit, laufzeit, zeit gesamt, temps, temps écoulé, durée, time (sequence), total time"),

@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.files.headings import dimension_of, is_known, quantities_named
 from gfmdlayer.files.units import unit_of
-from gfmdlayer.validation.fields import MustBe, Word, given, sequence
+from gfmdlayer.validation.fields import MustBe, Word, given
 from gfmdlayer.validation.problems import Mistake, shown
 from gfmdlayer.validation.sections import Section
 
@@ -69,9 +69,7 @@ class Reading(Section):
     """decimal mark of the file, where 1,234 may be either"""
     units: Annotated[tuple[tuple[str, str], ...] | None, _UnitsOfColumns(), given] = None
     """units of columns whose headings have none: {depth: nm}"""
-    columns: Annotated[
-        tuple[Annotated[str, BeforeValidator(_name), _column], ...] | None, BeforeValidator(sequence), given
-    ] = None
+    columns: Annotated[tuple[Annotated[str, BeforeValidator(_name), _column], ...] | None, given] = None
     """names of all columns in place of the headings; "-" for one that is not read"""
     table: Annotated[
         Annotated[int, Field(strict=True, ge=1), MustBe("a whole number >= 1")] | None, given

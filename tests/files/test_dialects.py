@@ -21,7 +21,7 @@ PSI = Fraction("4.4482216152605") / Fraction("0.0254") ** 2
 UNITS: dict[str, dict[str, Any]] = {
     "time": {"s": 1, "ms": "1e-3", "us": "1e-6", "µs": "1e-6", "min": 60, "h": 3600, "sec": 1, "seconds": 1,
     "ns": "1e-9"},
-    "angular": {"rad/s": 1, "1/s": 1, "s^-1": 1, "s⁻¹": 1, "rad·s⁻¹": 1, "rad s-1": 1, 
+    "angular": {"rad/s": 1, "1/s": 1, "s^-1": 1, "s⁻¹": 1, "rad·s⁻¹": 1, "rad s-1": 1,
     "rpm": TURN / 60},
     "frequency": {"Hz": 1, "mHz": "1e-3", "kHz": "1e3", "MHz": "1e6"},
     "modulus": {"Pa": 1, "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/m²": 1, "N/mm^2": "1e6",
