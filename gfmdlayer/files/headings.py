@@ -2,8 +2,8 @@
 
 A heading is a name with or without a unit: ``time [ms]``, ``Eindringtiefe (nm)``, ``force in mN``,
 ``G' / Pa``, ``velocity, um/s``, ``time_ms``. A name may stand for several quantities (delta is a depth or a
-phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities that the
-reader of the file wants. If several remain, the message names them.
+phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities
+that the reader of the file wants. If several remain, the message names them.
 """
 
 from __future__ import annotations
