@@ -2,7 +2,8 @@
 
     python scripts/files_of_others.py > table.md
 
-It downloads the source distributions of the packages, and needs the extra `afm`.
+It downloads the source distributions of the packages, and needs the extras `afm` and `topography`. A folder
+may stand in for one: SurfaceTopography=FOLDER, a copy of its repository, as its distribution has no examples.
 """
 
 from __future__ import annotations
@@ -16,12 +17,35 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from gfmdlayer.files.tables import Answers, TableError
 from gfmdlayer.fitting.curve_files import entries, read_curve
 from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.measurement import FitError, read
+from gfmdlayer.punch.scan import times
+from gfmdlayer.punch.scan_files import read_scan
 
 Reader = Callable[[Path], str]
+
+
+def topography(path: Path) -> str:
+    """Read heights of a surface, or of a line."""
+    try:
+        scan = read_scan(path, 2)
+    except TableError as error:
+        try:
+            scan = read_scan(path, 1)
+        except TableError as second:
+            raise (second if "two columns" in str(error) else error) from None
+    if scan.doubt:
+        raise TableError(f"{path}: {scan.doubt} may say a length or a unit; unit and size are asked")
+    sizes = [f"{axis.length:.6g} {axis.unit or ''}".strip() for axis in scan.axes if axis.length is not None]
+    unequal = "unequal distances" * any(axis.positions is not None for axis in scan.axes)
+    holes = int(np.isnan(scan.heights).sum())
+    unit = f"heights in {scan.unit}" * bool(scan.unit)
+    parts = (f"{times(scan.shape)} points", " x ".join(sizes), unequal, unit, f"{holes} holes" * bool(holes))
+    return ", ".join(filter(None, [*parts, *scan.notes[:1]]))
 
 
 def force_curve(path: Path) -> str:
@@ -54,6 +78,7 @@ def material(path: Path) -> str:
 
 # Packages, the files in their source distributions, and how each is read.
 PACKAGES: dict[str, tuple[tuple[str, Reader], ...]] = {
+    "SurfaceTopography": (("test/file_format_examples/*", topography), ("test/*.txt.gz", topography)),
     "afmformats": (("tests/data/*", force_curve),),
     "nanite": (("tests/data/fmt-*", force_curve), ("tests/data/*.h5", force_curve)),
     "pyvisco": (("sample_data/*.csv", material), ("sample_data/*.xls", material),
@@ -96,9 +121,10 @@ def results(root: Path, patterns: tuple[tuple[str, Reader], ...]) -> Iterator[tu
 def main() -> None:
     """Print the tables."""
     warnings.simplefilter("ignore")
+    given = dict(argument.split("=", 1) for argument in sys.argv[1:])
     for package, patterns in PACKAGES.items():
         with tempfile.TemporaryDirectory() as folder:
-            root = unpacked(package, Path(folder))
+            root = Path(given[package]) if package in given else unpacked(package, Path(folder))
             print(f"\n## {root.name.replace('-', ' ')}\n\n| file | result |\n|-|-|")
             for name, result in results(root, patterns):
                 print(f"| `{name}` | {result} |")

@@ -109,7 +109,7 @@ grid: {points: [256, 256]}
 punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.02, rms_height: 0.002, seed: 1}""",
     "Profile": """\
 grid: {points: 512}
-punch: {shape: profile, file: heights.txt, touches_first: lowest}""",
+punch: {shape: profile, file: heights.txt, touches_first: lowest, hole: none, reading: {decimal: "."}}""",
     "Topography": """\
 grid: {points: [256, 256], period: 0.2}
 punch: {shape: topography, file: surface.h5, dataset: scan/height, unit: 1.0e-3, fill: membrane,

@@ -503,7 +503,9 @@ def _refuse_numbers(rows: _Rows, head: int | None) -> None:
         are = [number.fullmatch(cell) is not None for cell in cells]
         damaged = any(are) and (head is not None or all(are) or len(cells) == rows.width)
         damaged = damaged or (head is not None and any(map(_is_damage, cells)))
-        if not (damaged or _has_numbers(line, number)) or _is_units(cells) or _is_comment(line, rows.dialect):
+        labelled = len(cells) != rows.width and re.match(r"\s*[^\W\d_]{2}", line) is not None  # NODATA -9999
+        damaged = damaged or (_has_numbers(line, number) and not labelled)
+        if not damaged or _is_units(cells) or _is_comment(line, rows.dialect):
             continue
         wrong = cells[are.index(False)] if False in are else ""
         message = f"{_shown(line, wrong)} is not a row of numbers like those below"

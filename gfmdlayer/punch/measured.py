@@ -117,7 +117,7 @@ class Topography(FromFile):
     unit: Annotated[_UnitOfFile | None, given] = None
     """unit, where the file says none, of heights and of lengths in the file: a name, or a number: length"""
     size: Annotated[Annotated[tuple[Positive, ...], BeforeValidator(sequence)] | None, given] = None
-    """lengths [Lx, Ly] of the scan, if the file does not say them"""
+    """lengths [Lx, Ly] of the scan, if the file does not say them: length"""
     transpose: Switch = False
     """exchange x and y of the file"""
     fill: Annotated[str, Word("none", "membrane")] = "none"

@@ -226,6 +226,7 @@ def _chosen(file: Path, data: Any, axes: int, name: str) -> Any:
 
 # Its readers of tables take unequal x for equal, and drop units and decimals; of HDF5 they take any array.
 _NOT_BELIEVED = frozenset({"asc", "xyz", "matrix", "h5", "npy"})
+_WITHOUT_MARK = frozenset({"nms", "hgt"})  # formats that a file of any kind may seem to have
 
 
 def _instrument(file: Path, _axes: int, keys: Keys, _rows: slice) -> Scan:
@@ -249,11 +250,10 @@ def _by_surface_topography(file: Path, keys: Keys) -> Scan | str:
         )
     try:
         with warnings.catch_warnings(action="ignore"), open_topography(str(file)) as reader:
-            wyko = "wyko" in str(getattr(reader, "_metadata", ""))
-            if reader.format() in _NOT_BELIEVED and not wyko:
-                return (
-                    f"SurfaceTopography takes it for {reader.format()}, which it does not read with certainty"
-                )
+            kind, wyko = reader.format(), "wyko" in str(getattr(reader, "_metadata", ""))
+            named = file.suffix.lower() == f".{kind}"
+            if (kind in _NOT_BELIEVED and not wyko) or (kind in _WITHOUT_MARK and not named):
+                return f"SurfaceTopography takes it for {kind}, which it does not read with certainty"
             return _checked(file, reader, keys)
     except TableError:
         raise
