@@ -61,7 +61,7 @@ def force_curve(path: Path) -> str:
             _curves(path, replace(options, **{key: None}))
         except (FitError, TableError):
             lacks.append(f"`--{key}`")
-    return f"{found}, with {' and '.join(lacks)}"
+    return f"{found}, with {' and '.join(filter(None, (', '.join(lacks[:-1]), *lacks[-1:])))}"
 
 
 def _curves(path: Path, options: FitOptions) -> str:
@@ -115,7 +115,8 @@ def results(root: Path, patterns: tuple[tuple[str, Reader], ...]) -> Iterator[tu
             except (TableError, FitError) as error:
                 result = f"refused: {error}"
             lines = result.replace(f"{path}:", "").replace(str(path), path.name).split("\n")
-            yield path.name, " ".join(lines[0].split()).replace("|", "\\|")
+            shown = lines[0].partition("; known names are")[0]
+            yield path.name, " ".join(shown.split()).replace("|", "\\|")
 
 
 def main() -> None:

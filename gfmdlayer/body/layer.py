@@ -27,6 +27,7 @@ from gfmdlayer.validation.sections import (
     explained,
     plain,
     replaced,
+    sections_in,
 )
 from gfmdlayer.validation.units import Units
 
@@ -98,21 +99,25 @@ def read_material(path: Path) -> Law:
 
 def in_units(value: Any, units: Units | None) -> Any:
     """Return a section, or several, with the materials of files in the units of the configuration."""
+    parts = value if isinstance(value, tuple) else (value,)
+    for i, part in enumerate(parts):
+        for at, law in sections_in(part) if isinstance(part, Section) else ():
+            if units is None and isinstance(law, Law) and law.units is not None:
+                stress, time = law.units
+                message = (
+                    f"the file has moduli in {stress} and times in {time}, the configuration has no units; "
+                    f"give units: {{length: ..., stress: {stress}, time: {time}}}, or remove its units"
+                )
+                place = (i, *at) if isinstance(value, tuple) else at
+                raise InconsistentError([Mistake(place, message, ("units",))])
 
     def converted(part: Any) -> Any:
-        if not isinstance(part, Law) or part.units is None:
+        if units is None or not isinstance(part, Law) or part.units is None:
             return part
-        if units is None:
-            stress, time = part.units
-            message = (
-                f"the file has moduli in {stress} and times in {time}, the configuration has no units; give "
-                f"units: {{length: ..., stress: {stress}, time: {time}}}, or remove the units from the file"
-            )
-            raise InconsistentError([Mistake(("units",), message)])
         return part.in_units(units.stress, units.time)
 
-    several = isinstance(value, tuple)
-    return tuple(replaced(each, converted) for each in value) if several else replaced(value, converted)
+    found = tuple(replaced(part, converted) if isinstance(part, Section) else part for part in parts)
+    return found if isinstance(value, tuple) else found[0]
 
 
 def _refuse(messages: Iterable[str]) -> NoReturn:

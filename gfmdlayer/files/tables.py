@@ -476,6 +476,9 @@ def _head(rows: _Rows) -> _Head | None:
     return best if units is None else best._replace(units=units.cells)
 
 
+_NAME_AND_UNIT = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")
+
+
 def _splittings(line: str, dialect: _Dialect) -> Iterator[list[str]]:
     """Yield the cells of a line above the numbers: in their dialect, and with another separator."""
     bare = _COMMENT.sub("", line, count=1) if _is_comment(line, dialect) else line
@@ -489,6 +492,11 @@ def _splittings(line: str, dialect: _Dialect) -> Iterator[list[str]]:
                 while len(cells) > 1 and not cells[-1]:
                     cells.pop()
                     yield list(cells)
+    if dialect.by_space:  # single spaces, also before units: omega [rad/s] G' [Pa]
+        for text in texts:
+            cells = _NAME_AND_UNIT.findall(text)
+            if all(map(is_known, cells)):
+                yield cells
 
 
 def _refuse_numbers(rows: _Rows, head: int | None) -> None:

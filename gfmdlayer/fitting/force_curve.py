@@ -131,8 +131,8 @@ class ForceCurve:
             yield f"time does not increase in {_rows(back)}; it must increase from row to row"
         elif sound and np.ptp(self.depth) == 0:
             yield "the depth never changes"
-        elif sound and self.force.max() <= 0:
-            yield "no force is positive; forces are positive where the indenter presses"
+        elif sound and np.ptp(self.force) == 0:
+            yield "the force never changes"
         for key in ("noise", "depth_noise", "stiffness", "stiffness_error"):
             value = getattr(self, key)
             if value is not None and not 0 < value < math.inf:

@@ -274,7 +274,7 @@ def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Meas
     and compliances in tension. Rows are sorted by frequency or time.
     """
     table = read_table(path, WANTED, answers, orders=ORDERS, apart=WANTED[:_APART])
-    columns = _Columns(table, 1 / (2 * (1 + poisson)))
+    columns = _Quantities(table, 1 / (2 * (1 + poisson)))
     kind, abscissa, needed = _way(columns)
     values = {name: columns.take(name) for name in (abscissa, *needed)}
     x, notes = values[abscissa], []
@@ -307,7 +307,7 @@ def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Meas
     return kind(path.name, x[order], parts[:, order], columns.units(abscissa), table.account, tuple(notes))
 
 
-def _way(columns: _Columns) -> tuple[type[Measurement], str, tuple[str, ...]]:
+def _way(columns: _Quantities) -> tuple[type[Measurement], str, tuple[str, ...]]:
     """Return the kind of curve that the columns make, its abscissa, and the columns that are needed."""
     known = columns.known
     found = next((way for way in _WAYS if {way[1], *way[2]} <= known), None)
@@ -330,7 +330,7 @@ def _way(columns: _Columns) -> tuple[type[Measurement], str, tuple[str, ...]]:
 
 
 @dataclass
-class _Columns:
+class _Quantities:
     """The columns of a table as quantities in shear, in rad/s, and in one unit of moduli."""
 
     table: Table

@@ -1,6 +1,7 @@
 """Moduli of other kinds than shear, liquids, and the units of material files."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_an_elastic_solid_and_a_base_take_one_modulus_of_any_kind(key, ratio):
     made = config(
         layer={"poisson": POISSON, "material": law}, halfspace={"poisson": POISSON, f"{key}_modulus": 8.0}
     )
-    assert made.laws[0].G == pytest.approx(6 * ratio, rel=1e-14)
+    assert pytest.approx(6 * ratio, rel=1e-14) == made.laws[0].G
     assert made.solid.base.shear_modulus == pytest.approx(8 * ratio, rel=1e-14)
     rigid = config(halfspace={"poisson": POISSON, f"{key}_modulus": math.inf})
     assert rigid.solid.base.shear_modulus == math.inf
@@ -90,7 +91,7 @@ def test_a_sweep_of_the_modulus_reads_its_own_configuration_again():
          "halfspace.young_modulus: given beside material; remove one of the two"),
         ({"layer": {"material": {"model": "elastic", "young": 3.0, "moduli": "young"}}},
          "layer.material.moduli: given beside young or bulk; remove it"),
-        ({"layer": {"material": {"model": "zener", "moduli": "tensile"}}}, "must be one of shear, young, bulk"),
+        ({"layer": {"material": {"model": "zener", "moduli": "tensile"}}}, "one of shear, young, bulk"),
         ({"layer": {"material": {"model": "prony", "G0": 0.0}}}, "got 0 without a branch"),
     ],
 )  # fmt: skip
@@ -133,7 +134,7 @@ def test_a_liquid_runs_wherever_something_holds_it_and_is_refused_elsewhere(law)
                   {"layer": {"material": law}, "halfspace": {"shear_modulus": 0.0}}):  # fmt: skip
         config(**alone)
         with pytest.raises(
-            ConfigError, match="trajectory.control: got 'load': a liquid .* sinks without end"
+            ConfigError, match=r"trajectory.control: got 'load': a liquid .* sinks without end"
         ):
             config(**alone, **load_control)
 
@@ -152,7 +153,8 @@ def test_the_pressure_on_a_liquid_layer_relaxes_as_its_modulus(law, geometry):
     """On a rigid base K(q, t) = K(q) G(t): after a sudden depth the force falls as G(t)."""
     depth, ramp, end = 0.002, 1e-4, 2.0
     sections = {
-        "layer": {"thickness": 0.05, "poisson": 0.4, "material": law}, "halfspace": {"shear_modulus": math.inf},
+        "layer": {"thickness": 0.05, "poisson": 0.4, "material": law},
+        "halfspace": {"shear_modulus": math.inf},
         "trajectory": {"depth": depth, "ramp_time": ramp}, "time": {"end": end, "step": "adaptive"},
         "grid": {"points": 256} if geometry == "line" else {"geometry": "axisymmetric"},
         "output": {"times": [0.1, 0.5, 1.0, end]},
@@ -163,7 +165,7 @@ def test_the_pressure_on_a_liquid_layer_relaxes_as_its_modulus(law, geometry):
     late = found.time.values > 0.05
     t = found.time.values[late]
     ratio = force.values[late] / force.values[late][0]
-    # The ramp is a part 1e-4/0.05 of the first time, and moves the step by half of itself, of all times alike;
+    # The ramp is a part 1e-4/0.05 of the first time, and moves the step by half of itself;
     # steps and series keep to 1e-4, of the largest pressure.
     expected = made.relaxation_modulus(t - ramp / 2) / made.relaxation_modulus(t[0] - ramp / 2)
     np.testing.assert_allclose(ratio, expected, rtol=2e-3, atol=1e-4)
@@ -171,7 +173,8 @@ def test_the_pressure_on_a_liquid_layer_relaxes_as_its_modulus(law, geometry):
 
 def test_a_liquid_that_has_relaxed_carries_nothing():
     found = gfmdlayer.run(config(
-        layer={"thickness": 0.05, "material": MAXWELL}, halfspace={"shear_modulus": math.inf}, grid={"points": 256},
+        layer={"thickness": 0.05, "material": MAXWELL}, halfspace={"shear_modulus": math.inf},
+        grid={"points": 256},
         trajectory={"depth": 0.002, "ramp_time": 0.01}, time={"end": 15.0, "step": "adaptive"},
     ))  # fmt: skip
     p = found.mean_pressure.values
@@ -195,6 +198,28 @@ def test_a_maxwell_layer_sinks_under_a_load_as_its_compliance_grows():
     np.testing.assert_allclose(a**3, 3 * 0.5 * 0.1 * 1e-6 * J / 8, rtol=2e-2)
 
 
+def test_functions_take_liquids_over_time_and_refuse_them_at_rest():
+    """Of a halfspace the force falls as exp(-t/tau) after a sudden depth; a^3 grows as J(t) under a force."""
+    body, punch, times = (
+        gfmdlayer.halfspace(Zener(0.0, 5.0, 0.5)),
+        gfmdlayer.Parabola(radius=1.0),
+        [0, 1e-4, 1.0],
+    )
+    held = gfmdlayer.indent(body, punch, times, depth=[0, 0.1, 0.1])
+    late = held.time.values > 0.05
+    ratio = held.force.values[late] / held.force.values[late][0]
+    # The ramp is sudden to its half, 1e-4 of tau; the tolerance is 1e-4 of the largest force.
+    np.testing.assert_allclose(
+        ratio, np.exp(-(held.time.values[late] - held.time.values[late][0]) / 0.5), atol=1e-3
+    )
+    loaded = gfmdlayer.indent(body, punch, times, force=[0, 0.01, 0.01])
+    late = loaded.time.values > 0.05
+    J = 0.2 + (loaded.time.values[late] - 5e-5) / 2.5
+    np.testing.assert_allclose(loaded.contact_radius.values[late] ** 3, 3 / 16 * 0.01 * J, rtol=2e-3)
+    with pytest.raises(ConfigError, match="relaxes to nothing, as a liquid does"):
+        gfmdlayer.solve(body, punch, depth=0.005, points=64)
+
+
 def test_a_liquid_that_only_flows_has_the_compliance_of_a_dashpot():
     t = np.geomspace(1e-3, 1e3, 13)
     np.testing.assert_allclose(Zener(0.0, 5.0, 0.5).creep_compliance(t), 0.2 + t / 2.5, rtol=1e-12)
@@ -209,7 +234,7 @@ def test_creep_and_relaxation_are_inverse(law):
     for t in (0.01, 1.0, 20.0):
         edges = np.concatenate(([0.0], t * np.geomspace(1e-10, 0.5, 40)))
         total = 0.0
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges):
             at, weight = first + (last - first) * (x + 1) / 2, (last - first) * w / 2
             for one, other in ((at, t - at), (t - at, at)):
                 total += float(weight @ (law.relaxation_modulus(one) * law.creep_compliance(other)))
@@ -218,7 +243,10 @@ def test_creep_and_relaxation_are_inverse(law):
 
 # Material files carry their units.
 
-FILE = "units: {length: m, stress: MPa, time: min}\nlayer: {material: {model: prony, G0: 0.5, branches: [{G: 2, tau: 3}]}}\n"
+FILE = """\
+units: {length: m, stress: MPa, time: min}
+layer: {material: {model: prony, G0: 0.5, branches: [{G: 2, tau: 3}]}}
+"""
 UNITS = {"length": "mm", "stress": "kPa", "time": "s"}
 
 
