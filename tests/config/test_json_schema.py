@@ -262,7 +262,12 @@ def is_of_one_value(problem):
     """Whether no other value, key or file has a part in a problem."""
     own = unswept(problem.key)
     related = ("does not exist", "> from", "log with from", "lists of the same length", "row by row")
-    related += ("positive definite", "must be perpendicular")
+    related += (
+        "positive definite",
+        "must be perpendicular",
+        "is not a unit of it",
+        "is not the name of a quantity",
+    )
     return (
         all(f"{other}.".startswith(f"{own}.") for other in problem.others)
         and not problem.at_key
