@@ -209,9 +209,7 @@ class Drives:
     def output_times(self) -> tuple[float, ...]:
         """Times of the rows on which adaptive steps land."""
         times, end = self.config.output.times, self.config.time.end
-        if isinstance(times, float):
-            return tuple(times * i for i in range(1, math.floor(end / times + 1e-9) + 1))
-        return times or ()
+        return _multiples(times, end) if isinstance(times, float) else times or ()
 
     @cached_property
     def landings(self) -> Sequence[Instant]:
@@ -343,3 +341,8 @@ def _read(
         return next(filter(None, (shift.refused(value) for shift in felt)), "")
 
     return Table.read(file, quantity, into, reading, refused if felt else None)
+
+
+@lru_cache(maxsize=4)
+def _multiples(spacing: float, end: float) -> tuple[float, ...]:
+    return tuple(spacing * i for i in range(1, math.floor(end / spacing + 1e-9) + 1))

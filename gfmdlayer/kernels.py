@@ -19,12 +19,14 @@ from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numba as nb
+import numpy as np
 from llvmlite import ir
 from numba._dispatcher import compute_fingerprint
 from numba.core import cgutils
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
 from numba.core.runtime.nrt import rtsys
+from numba.cpython.unsafe.tuple import tuple_setitem
 from numba.extending import intrinsic
 
 from gfmdlayer.files.cache import is_writable, user_cache
@@ -44,6 +46,14 @@ _BEGUN = time.time()
 _IMPORT = re.compile(rb"^from gfmdlayer((?:\.\w+)*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+# NUMBA_DISABLE_JIT=1 leaves kernels to Python, for debuggers and coverage, a thousand times slower.
+IN_PYTHON = bool(nb.config.DISABLE_JIT)  # type: ignore[attr-defined]
+
+
+def primitive(in_python: Callable[..., Any], *, constants: bool = False) -> Callable[[Any], Any]:
+    """Make a function an intrinsic of kernels, `constants` in its types if wanted; another for Python."""
+    return lambda typed: in_python if IN_PYTHON else intrinsic(prefer_literal=constants)(typed)
 
 
 @overload
@@ -72,9 +82,30 @@ def _compiled(function: Any, reorder: bool, inner: bool, borrows: bool) -> Any:
     if reorder:
         options |= {"fastmath": FASTMATH, "error_model": "numpy"}
     dispatcher = nb.njit(**options)(function)
-    if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
+    if isinstance(dispatcher, Dispatcher):  # not where Python runs it
         dispatcher._cache = _LateCache(function)  # type: ignore[attr-defined]  # as cache=True does
     return dispatcher
+
+
+def in_python(called: Function) -> Function:
+    """Return the Python function of a kernel, for a call by Python that needs no compilation."""
+    return getattr(called, "py_func", called)
+
+
+class _InPython(np.record):  # type: ignore[misc]  # not final at run time
+    """A record whose fields are attributes for Python too, also those named as methods of NumPy."""
+
+    def __getattribute__(self, name: str) -> Any:
+        names = super().__getattribute__("dtype").names
+        return self[name] if name in names else super().__getattribute__(name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self[name] = value
+
+
+def record_type(fields: list[Any]) -> np.dtype[np.void]:
+    """Return the type of a record whose fields are attributes in kernels."""
+    return np.dtype((_InPython, fields) if IN_PYTHON else fields)
 
 
 @cache
@@ -173,7 +204,7 @@ def by_address(called: Any, *results: Any) -> Any:
     address. Where the types of its `results` are given, other kernels of these types may be called too.
     """
 
-    @intrinsic
+    @primitive(lambda address, arguments: _in_python[address](*arguments))
     def call(_context: Any, _address: Any, arguments: Any) -> tuple[Any, Any]:
         kinds = tuple(map(nb.types.unliteral, arguments))
         if not (results or kinds in called.overloads):
@@ -199,8 +230,10 @@ def by_address(called: Any, *results: Any) -> Any:
 
 def address_of(called: Any, *arguments: Any) -> int:
     """Return the address of a kernel for arguments of these types, compiled or from the cache."""
-    # Numba's own short form of the types, which takes a hundredth of the time of the types themselves.
-    key = called, compute_fingerprint(arguments)
+    if IN_PYTHON:
+        _in_python[id(called)] = called
+        return id(called)
+    key = called, types_of(*arguments)
     if key not in _addresses:
         kinds = tuple(map(nb.typeof, arguments))
         called.compile(kinds)
@@ -210,9 +243,16 @@ def address_of(called: Any, *arguments: Any) -> int:
 
 
 _addresses: dict[tuple[Any, bytes], int] = {}
+_in_python: dict[int, Callable[..., Any]] = {}  # kernels that Python runs, by the addresses of their objects
 
 
-def _filled(_context: Any, count: Any, value: Any) -> tuple[Any, Any]:
+def types_of(*arguments: Any) -> bytes:
+    """Return Numba's own short form of types, which takes a hundredth of the time of the types themselves."""
+    return compute_fingerprint(arguments)
+
+
+@primitive(np.full, constants=True)
+def filled(_context: Any, count: Any, value: Any) -> tuple[Any, Any]:
     """Return a number of copies of a value on the stack of the kernel; the number is a constant."""
     of_row = nb.types.Array(value, 1, "C")
 
@@ -238,7 +278,11 @@ def _filled(_context: Any, count: Any, value: Any) -> tuple[Any, Any]:
     return of_row(count, value), generate
 
 
-filled: Any = intrinsic(prefer_literal=True)(_filled)
+def _with_item(values: tuple[Any, ...], i: int, value: Any) -> tuple[Any, ...]:
+    return (*values[:i], value, *values[i + 1 :])
+
+
+with_item: Any = _with_item if IN_PYTHON else tuple_setitem  # a tuple with another item in one place
 
 
 @kernel(inner=True, borrows=True)
@@ -268,7 +312,7 @@ def minimum(lanes: Any) -> Any:
     return found
 
 
-@intrinsic
+@primitive(lambda a, b, c: a * b + c)
 def _fused(_context: Any, a: Any, b: Any, c: Any) -> tuple[Any, Any]:
     """Return a b + c, rounded once."""
     return a(a, b, c), lambda _context, builder, _signature, values: builder.fma(*values)
@@ -278,8 +322,8 @@ def _fused(_context: Any, a: Any, b: Any, c: Any) -> tuple[Any, Any]:
 def product(a: complex, b: complex) -> complex:
     """Product of two complex numbers with the bits of numpy's loops on processors that fuse operations."""
     return complex(
-        _fused(a.real, b.real, -(a.imag * b.imag)),  # type: ignore[call-arg]
-        _fused(a.real, b.imag, a.imag * b.real),  # type: ignore[call-arg]
+        _fused(a.real, b.real, -(a.imag * b.imag)),
+        _fused(a.real, b.imag, a.imag * b.real),
     )
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -118,10 +120,19 @@ class Table:
         return tuple(self.times[1:].tolist())
 
     def __call__(self, time: float) -> float:
-        """Value at a time."""
-        import numpy as np
+        """Value at a time, as `numpy.interp` has it."""
+        times, values = self._rows
+        after = bisect_right(times, time)
+        if not 0 < after < len(times):
+            return values[-1 if after else 0]
+        begun, value = times[after - 1], values[after - 1]
+        slope = (values[after] - value) / (times[after] - begun)
+        return value if time == begun else float(slope * (time - begun) + value)
 
-        return float(np.interp(time, self.times, self.values))
+    @cached_property
+    def _rows(self) -> tuple[list[float], list[float]]:
+        """Times and values as Python's numbers, which take a tenth of the time of arrays."""
+        return self.times.tolist(), self.values.tolist()
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,9 @@
 ``body: {file: mine.py, k: 5.0}`` runs the Python code in mine.py when the configuration is read, and takes
 the one class there that derives from `gfmdlayer.Solid`; the other keys are its fields. The contents of the
 file enter the digest, and results keep a copy, as of every file that a configuration names.
+
+The configuration of results may be somebody else's: `code_refused` runs no code that this process has not run
+before, for a configuration of the user.
 """
 
 from __future__ import annotations
@@ -11,9 +14,10 @@ import hashlib
 import inspect
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import replace
-from functools import lru_cache
 from types import ModuleType
 from typing import Any, ClassVar
 
@@ -62,10 +66,11 @@ class _BodyOrFile(OneOf[Any]):
     """Annotation of a field that holds a body, or names a file that defines it."""
 
     def word(self, value: object) -> str:
-        """Return the kind; a mapping that names a file needs none."""
-        if isinstance(value, _OfFile) or (isinstance(value, Mapping) and "file" in value):
-            return "file"
-        return super().word(value)
+        """Return the kind; a mapping that names a file of code needs none, or one that is not known."""
+        word = super().word(value)
+        named = isinstance(value, Mapping) and "file" in value
+        known = isinstance(value, Mapping) and "kind" in value and word in BODIES
+        return "file" if isinstance(value, _OfFile) or (named and not known) else word
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Validate by the class that is chosen."""
@@ -96,6 +101,9 @@ def _of_file(value: Any) -> Solid:
         problems = [replace(problem, chooses=True) for problem in explained(error, BodyFile, ())]
         raise InconsistentError(problems) from None
     try:
+        if path.suffix != ".py":
+            table = f"a table of stiffness is body: {{kind: table, table: {path.name}}}"
+            raise ValueError(f"got {path}, which is no code; must be a .py file; {table}")  # noqa: TRY301
         section = body_class(path.read_bytes(), str(path))
     except ValueError as error:
         raise InconsistentError([Mistake(("file",), str(error), chooses=True)]) from None
@@ -117,9 +125,35 @@ def _restored(source: bytes, path: str, state: Any) -> Solid:
     return body
 
 
-@lru_cache(maxsize=64)
+_run: dict[tuple[bytes, str], type[Solid]] = {}  # classes of the files that were run
+_refused: ContextVar[bool] = ContextVar("refused", default=False)
+
+
+@contextmanager
+def code_refused(refused: bool = True) -> Iterator[None]:
+    """Run no code within the block that was not run before it."""
+    before = _refused.set(refused)
+    try:
+        yield
+    finally:
+        _refused.reset(before)
+
+
+class CodeRefusedError(ValueError):
+    """A body is code that is not run, because it is named by results."""
+
+
 def body_class(source: bytes, path: str) -> type[Solid]:
-    """Run a file, and return its one class that derives from `Solid`; a ValueError names file and line."""
+    """Run a file once, and return its one class that derives from `Solid`; a ValueError names file, line."""
+    if (source, path) not in _run:
+        if _refused.get():
+            asked = "which is not run where results are read; to run it, give --trust, in Python trust=True"
+            raise CodeRefusedError(f"{path} is code, {asked}")
+        _run[source, path] = _class_in(source, path)
+    return _run[source, path]
+
+
+def _class_in(source: bytes, path: str) -> type[Solid]:
     module = ModuleType(f"gfmdlayer_body_{hashlib.sha256(source + path.encode()).hexdigest()[:16]}")
     module.__file__ = path
     sys.modules[module.__name__] = module  # where annotations of the class are resolved
@@ -148,4 +182,5 @@ def place_of(error: BaseException, path: str) -> str:
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == path]
     line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
     message = error.msg if isinstance(error, SyntaxError) else error
-    return f"{path}{'' if line is None else f':{line}'}: {type(error).__name__}: {message}"
+    place = f"{path}{'' if line is None else f':{line}'}: " if path else ""
+    return f"{place}{type(error).__name__}: {message}"

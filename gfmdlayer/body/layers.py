@@ -17,7 +17,7 @@ from pydantic import PrivateAttr
 
 from gfmdlayer.body.layer import Halfspace, Layer, StackedLayer
 from gfmdlayer.body.materials import Elastic, Law, Material
-from gfmdlayer.body.solid import Solid
+from gfmdlayer.body.solid import Relaxation, Solid
 from gfmdlayer.validation.problems import ConfigError, Mistake
 from gfmdlayer.validation.sections import alone
 
@@ -236,6 +236,13 @@ class Layers(Solid):
         """The laws of the layers from the surface down, and of the halfspace where it has one."""
         base = self._base.material
         return (*(layer.material for layer in self._above), *(() if base is None else (base,)))
+
+    def roughly(self, longest: float) -> tuple[Relaxation, ...]:
+        """Return the relaxation of each material of which there is any: no layer without thickness."""
+        felt = [layer.material for layer in self._above if layer.thickness]
+        if self._base.material is not None and math.inf not in self.thicknesses:
+            felt.append(self._base.material)
+        return tuple(law.roughly(longest) for law in felt) or ((self._base.shear_modulus or self.unit, ()),)
 
     @property
     def moduli(self) -> tuple[float, ...]:

@@ -165,9 +165,10 @@ def _array(file: Path, kind: str, _changed: int) -> tuple[FloatArray, tuple[floa
         elif kind == ".npy":
             K = np.asarray(np.load(file, allow_pickle=False))
         else:
-            import h5py
+            from gfmdlayer.files.hdf5 import open_hdf5, refuse_other_files
 
-            with h5py.File(file) as h5:
+            with open_hdf5(file) as h5:
+                refuse_other_files(file, h5)
                 dataset = h5["stiffness"]
                 K = np.asarray(dataset[()])
                 if "period" in dataset.attrs:

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from itertools import islice
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeGuard, cast
 
 import numba as nb
 import numpy as np
@@ -54,9 +55,9 @@ from gfmdlayer.history.adaptive_steps import (
 )
 from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
 from gfmdlayer.history.modes import ModeArrays, Modes
-from gfmdlayer.history.sliding_modes import SlidingModes
+from gfmdlayer.history.sliding_modes import SlidingArrays, SlidingModes
 from gfmdlayer.history.time_points import FixedSteps
-from gfmdlayer.kernels import address_of, by_address, kernel
+from gfmdlayer.kernels import address_of, by_address, compiling, kernel, record_type
 from gfmdlayer.observables import Observable, columns
 from gfmdlayer.observables.contact import ContactMeans, ContactStatistics, Force, Resolution
 from gfmdlayer.observables.contact_statistics import extent_of_line, extent_of_surface
@@ -69,6 +70,7 @@ from gfmdlayer.time_functions import Constant, RampHold, Table
 if TYPE_CHECKING:
     from gfmdlayer.case.contact import Contact
     from gfmdlayer.case.model import Progress
+    from gfmdlayer.config import Config
     from gfmdlayer.history.adaptive_steps import Steps
     from gfmdlayer.observables.numerics import SteadyState
 
@@ -102,7 +104,11 @@ class LoopConstants(NamedTuple):
     unit: float  # of mean_pressure
     cell: float  # area of the cell, of a line its length
     shape: tuple[int, int]  # rows and columns; a line has one row
-    extent: int  # address of `contact_statistics.extent_of_line` or `extent_of_surface`
+    # Addresses of `contact_statistics.extent_of_line` or `extent_of_surface`, and of kernels of `errors`.
+    extent: int
+    terms: int
+    estimate: int
+    advance: int
 
 
 class PressedSurface(NamedTuple):
@@ -129,7 +135,7 @@ class FixedPoints(NamedTuple):
     marks: IntArray
 
 
-NOW = np.dtype(
+NOW = record_type(
     [
         ("time", np.float64),  # of the last attempt
         ("point", np.int64),  # number of the next one of `FixedPoints`
@@ -157,6 +163,11 @@ def measures(observable: Observable) -> bool:
     return type(observable).measure is not Observable.measure
 
 
+# Parts of a step that are called at addresses: as parts of the loop they would be compiled twice.
+_extent = by_address(extent_of_line, nb.int64, nb.float64, nb.float64)
+_set_terms, _estimate, _advance = (by_address(called) for called in (set_terms, estimate, advance))
+
+
 @kernel(borrows=True)
 def march(
     solver: SolverArrays,
@@ -171,10 +182,10 @@ def march(
     rows: FloatArray,
     most: int,
     moving: MovingPunch | None,
+    sliding: SlidingArrays | None,  # those of `moving`
 ) -> int:
     """Take at most so many attempts at steps; return why it comes back."""
     now, adaptive = record[0], constants.adaptive
-    sliding = None if moving is None else moving.sliding
     for _ in range(most):
         if (control.now[0].next_stop == control.stops.size) if adaptive else now.point == fixed.times.size:
             return DONE
@@ -182,7 +193,8 @@ def march(
         now.time = point.time
         if point.fresh:
             errors.now[0].has_velocity = False
-        set_terms(modes, sliding, errors, point.step, surface.b.view(np.float64))  # 5, 6
+        b, u = surface.b.view(np.float64), surface.spectrum.view(np.float64)
+        _set_terms(constants.terms, (modes, sliding, errors, point.step, b))  # 5, 6
         prescribed = _value_at(constants.ramp, surface.drive_times, surface.drive_values, point.time)
         place = (ring.now[0].last + 1) % 3
         predict(ring, point.time, surface.guess)
@@ -196,9 +208,11 @@ def march(
         depth, response = prescribed, pressure
         if not constants.by_depth:
             depth = response = _depth_under_load(surface, modes, constants, record, prescribed)
-        if adaptive and not _accepted(control, modes, errors, surface, point, response, depth, moving):
+        if adaptive and not _accepted(
+            constants, control, modes, errors, (u, b), point, response, depth, sliding
+        ):
             continue  # a shorter one follows
-        advance(modes, sliding, errors, surface.spectrum.view(np.float64), adaptive)  # 8, 9
+        _advance(constants.advance, (modes, sliding, errors, u, adaptive))  # 8, 9
         remember(ring, place, point.time, (point.marks & BREAKPOINT) != 0)
         if adaptive:
             control.now[0] = control.behind[0]
@@ -221,23 +235,23 @@ def _fixed_point(fixed: FixedPoints, i: int) -> Point:
 
 @kernel(inner=True, borrows=True)
 def _accepted(
+    constants: LoopConstants,
     control: StepControl,
     modes: ModeArrays,
     errors: ErrorArrays,
-    surface: PressedSurface,
+    fields: tuple[FloatArray, FloatArray],
     point: Point,
     response: float,
     depth: float,
-    moving: MovingPunch | None,
+    sliding: SlidingArrays | None,
 ) -> bool:
     """`AdaptiveSteps.accepts`."""
-    u, error, deforms = surface.spectrum.view(np.float64), 0.0, False
-    sliding = None if moving is None else moving.sliding
+    (u, b), error, deforms = fields, 0.0, False
     if point.step != 0.0:
         moves = depth != control.now[0].depth
         deep = depth >= RETRACTED * scales(control, response, depth)[1]
-        b = surface.b.view(np.float64)
-        relative, displacement = estimate(modes, sliding, errors, u, b, moves, deep)
+        estimated = modes, sliding, errors, u, b, moves, deep
+        relative, displacement = _estimate(constants.estimate, estimated)
         error = relative_error(control, response, depth, relative, displacement)
     else:
         for i in range(u.size):
@@ -325,9 +339,6 @@ def _depth_under_load(
     return float(shift + constants.lowest)
 
 
-_extent = by_address(extent_of_line, nb.int64, nb.float64, nb.float64)
-
-
 @kernel(inner=True, borrows=True)
 def _measure(
     solver: SolverArrays,
@@ -397,6 +408,12 @@ POINTS = 1 << 18  # points times attempts between two looks at signals
 ATTEMPTS = 256  # between two looks at signals, at most
 
 
+def takes(config: Config) -> bool:
+    """Whether the loop takes cases of this size and these tolerances, if they are ordinary."""
+    small = math.prod(config.grid.points) <= MOST_POINTS
+    return small and config.finer_tolerance == config.solver.tolerance
+
+
 class March:
     """The compiled loop of a case: its arrays, and the way of the state into them and back.
 
@@ -409,6 +426,8 @@ class March:
     observables : dict
         Its observables.
     """
+
+    _left_before: ClassVar[bool] = False  # whether this process has taken a step that is not ordinary
 
     def __init__(self, contact: NormalContact, steps: Steps, observables: Mapping[str, Observable]) -> None:
         loading, config, grid = contact.loading, contact.config, contact.grid
@@ -445,6 +464,16 @@ class March:
         measured = extent_of_line if rows == 1 else extent_of_surface
         self._ring = Ring(np.empty((3, size)), np.empty((3, size)), np.zeros(1, RING))
         adaptive = isinstance(steps, AdaptiveSteps)
+        weights, state = (sums.weights, sums.weights_twice), np.zeros(1, ERROR_STATE)
+        work = np.empty((5, 2 * count if adaptive else 0))
+        self._errors = ErrorArrays(*weights, *work, state)  # type: ignore[call-arg]
+        self._control = steps.control if isinstance(steps, AdaptiveSteps) else _NO_CONTROL
+        self._fixed = _NO_POINTS
+        self._moving: MovingPunch | None = None
+        if isinstance(self._modes, SlidingModes):
+            self._moving = arrays_of(contact, self._modes, observables)
+        self._sliding = None if self._moving is None else self._moving.sliding
+        history = self._modes.arrays, self._sliding, self._errors
         self._constants = LoopConstants(
             by_depth=by_depth,
             ramp=isinstance(drive, RampHold),
@@ -459,15 +488,10 @@ class March:
             cell=math.prod(grid.period),
             shape=(rows, line),
             extent=address_of(measured, *_EXTENT),
+            terms=address_of(set_terms, *history, 0.0, _NONE),
+            estimate=address_of(estimate, *history, _NONE, _NONE, False, False),
+            advance=address_of(advance, *history, _NONE, False),
         )
-        weights, state = (sums.weights, sums.weights_twice), np.zeros(1, ERROR_STATE)
-        work = np.empty((5, 2 * count if adaptive else 0))
-        self._errors = ErrorArrays(*weights, *work, state)  # type: ignore[call-arg]
-        self._control = steps.control if isinstance(steps, AdaptiveSteps) else _NO_CONTROL
-        self._fixed = _NO_POINTS
-        self._moving: MovingPunch | None = None
-        if isinstance(self._modes, SlidingModes):
-            self._moving = arrays_of(contact, self._modes, observables)
         self._attempts = max(1, min(ATTEMPTS, POINTS // size))
         self._columns = COLUMNS if self._moving is None else COLUMNS_MOVING
         self._now, self._rows = np.zeros(1, NOW), np.empty((self._attempts, len(self._columns)))
@@ -494,19 +518,22 @@ class March:
             and cast("ActiveSet", solver).rounds == ROUNDS
             and {type(each) for each in observables.values() if measures(each)} <= measured
             and grid.ranks.count == 1
-            and grid.size <= MOST_POINTS
+            and takes(config)
             and not loading.interface.attracts
             and not contact.imprint.yields
             and contact.reach is None
             and contact.drives.reduced_time is None
             and contact.parts.interior is None
-            and contact.finer_tolerance == config.solver.tolerance
         )
 
     def left_over(self, recorder: BlockRecorder, progress: Progress) -> Iterator[Instant]:
         """Take the steps; yield the instants of those that are not ordinary."""
         while not self._run(recorder, progress):
-            yield self._left.pop(0) if self._left else next(self._instants)
+            with ExitStack() as stack:
+                if not March._left_before:  # Python's kernels are rarely needed, and not compiled beforehand
+                    stack.enter_context(compiling())
+                yield self._left.pop(0) if self._left else next(self._instants)
+            March._left_before = True
 
     def _run(self, recorder: BlockRecorder, progress: Progress) -> bool:
         """Take the steps up to one that is not ordinary; return whether the run is over."""
@@ -523,7 +550,7 @@ class March:
             reason = march(
                 self._solver.arrays, surface, modes,
                 self._errors, self._ring, self._constants, self._control, self._fixed, self._now, self._rows,
-                self._attempts, self._moving,
+                self._attempts, self._moving, self._sliding,
             )  # fmt: skip
             reached = self._record(recorder)
             self._give_back()
@@ -624,7 +651,8 @@ def _points(instants: list[Instant]) -> FixedPoints:
     )
 
 
-_EXTENT = np.zeros(0, np.bool_), np.zeros(0), np.zeros(0), (1, 1)  # arguments, for their types
+_NONE = np.zeros(0)  # arguments, for their types
+_EXTENT = np.zeros(0, np.bool_), _NONE, _NONE, (1, 1)
 _NO_POINTS = _points([])
 _NO_CONTROL = StepControl(
     _NO_POINTS.times, _NO_POINTS.marks, 0.0, 0.0, 0.0, 0.0, False, *np.zeros((2, 1), STEP_STATE)

@@ -27,7 +27,7 @@ from gfmdlayer.contact.residual import ResidualFloor
 from gfmdlayer.grid.sums import pairwise_sum
 from gfmdlayer.grid.transforms import Plans, forward
 from gfmdlayer.history.sliding_modes import SlidingArrays, SlidingModes
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import kernel, record_type
 
 if TYPE_CHECKING:
     from gfmdlayer.observables import Observable
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _PROBLEMS = 2  # without loss, for one step; a third one is made by mixing surfaces
 
-STEADY = np.dtype(
+STEADY = record_type(
     [
         ("asked", np.bool_),  # whether the run ends in a steady state
         ("tolerance", np.float64),

@@ -26,6 +26,7 @@ VERBS: tuple[Verb, ...] = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
+    _open_closed_streams()
     threads = os.environ.get("NUMBA_NUM_THREADS", "1")
     if not (threads.isdecimal() and int(threads) >= 1):  # Numba raises an error, or prints one, when imported
         return refuse(f"NUMBA_NUM_THREADS={threads}: must be 1 or more, or unset")
@@ -55,6 +56,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"gfmdlayer: {problem}", file=sys.stderr)
         return FAILED
     return status
+
+
+def _open_closed_streams() -> None:
+    """Open the null device for streams that are closed: the next file opened would get their numbers."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null != number:
+                try:
+                    os.fstat(number)  # another file has taken the number before
+                except OSError:
+                    os.dup2(null, number)
+            setattr(sys, name, os.fdopen(null, "w" if number else "r", encoding="utf-8"))
 
 
 def _end_ranks() -> None:

@@ -119,7 +119,8 @@ output.patches: true
 
 
 def _options_of_new(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE", nargs="?", help="YAML file to write (default: KIND.yaml)")
+    meaning = "YAML file to write, or folder for KIND.yaml (default: here)"
+    parser.add_argument("file", metavar="FILE", nargs="?", help=meaning)
     meaning = f"{', '.join(TEMPLATES)} (default: indentation)"
     parser.add_argument("--like", metavar="KIND", choices=TEMPLATES, default="indentation", help=meaning)
     parser.add_argument("--force", action="store_true", help="overwrite FILE")
@@ -132,9 +133,9 @@ def new(options: argparse.Namespace) -> int:
     The text follows from the model of the configuration; editors show the same meanings.
     """
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.files.whole import write_text
+    from gfmdlayer.files.whole import output_file, write_text
 
-    path = Path(options.file or f"{options.like}.yaml")
+    path = output_file(options.file, Path(f"{options.like}.yaml"))
     try:
         content = commented(path.stem, options.like)
         write_text(path, content, replace=options.force)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from gfmdlayer.cli.terminal import (
     COMPLETE,
     FAILED,
-    OUT,
     STATUSES,
     arguments,
     conclude,
@@ -39,7 +38,7 @@ data DATA  table with headings: omega or f with moduli or compliances, or t with
 --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
   (default: a Prony series)
 --poisson NU = 0.5  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
---out PATH  YAML file, or folder for it (default: NAME.yaml here)
+--out PATH  YAML file, or folder for NAME.yaml; the figure lies beside it (default: here)
 --branches N  number of branches (default: the fewest that fit)
 --relaxed-modulus G0  relaxed modulus (default: fitted)
 --normalise  write moduli in units of G0
@@ -70,7 +69,7 @@ def fit_material(options: argparse.Namespace) -> int:
     try:
         summary = material.fit_material(
             Path(options.data),
-            None if options.out is None else Path(options.out),
+            options.out,
             law=options.law,
             poisson=options.poisson,
             answers=_answers(options, _units(options.units), options.modulus),
@@ -87,6 +86,13 @@ def fit_material(options: argparse.Namespace) -> int:
         return refuse(str(error))
     print(summary)
     return COMPLETE
+
+
+_OUT_OF_INDENTATION = """
+--out PATH  YAML file, or folder for NAME-fit.yaml; the other files lie beside it (default: here); with --each
+  the results folder (default: results/NAME-fits)
+--jobs N = 1  processes (default: 1)
+"""
 
 
 def _answers(
@@ -154,7 +160,7 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
     """
     arguments(parser, text, S=float, RATE=float)
     arguments(parser, _READING)
-    arguments(parser, OUT)
+    arguments(parser, _OUT_OF_INDENTATION)
     arguments(parser, "--restart  with --each: remove earlier results in DIR\n--force  overwrite files")
 
 
@@ -220,8 +226,7 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, an
     from gfmdlayer.fitting.problem import IndentationModel
     from gfmdlayer.fitting.starts import read_model
 
-    out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
-    report.targets(out, options.force)
+    out, *_ = report.targets(options.out, options.force, f"{Path(options.data[0]).stem}-fit")
     models = {str(path): read_model(path, free) for path in options.model}
     checked = {path: (IndentationModel(data), keys) for path, (data, keys) in models.items()}
     measured = entries([Path(each) for each in options.data])

@@ -37,7 +37,7 @@ def status(options: argparse.Namespace) -> int:
         if options.watch:
             _watch(folder)
         else:
-            print("\n".join(_lines(overview(folder))))
+            print("\n".join(_lines(overview(folder, verify=True))))
     except KeyboardInterrupt:
         pass  # ends --watch
     return COMPLETE
@@ -73,7 +73,7 @@ def _overviews(folder: Folder) -> Iterator[Overview]:
     before = signal.signal(signal.SIGINT, interrupt)
     try:
         while not interrupted:
-            seen = overview(folder)
+            seen = overview(folder, verify=True)
             yield seen
             if seen.over:
                 return
@@ -94,13 +94,17 @@ def _lines(seen: Overview) -> list[str]:
     lines = [_counts(seen), *cut_short(running)]
     lines += _records(seen.failures, seen.failed, "failed")
     lines += _records(seen.ended, len(seen.ended), "complete")
+    words = "holds other bytes than were written; the same run sets it aside and computes it again"
+    lines += cut_short(f"  {index:04d} damaged: {words}" for index in seen.damaged)
+    lines += cut_short([f"warning: {text}" for text in seen.warnings])
     return [printable(line).replace("\n", " ") for line in lines]
 
 
 def _counts(seen: Overview) -> str:
+    damaged = f", {len(seen.damaged)} damaged" * bool(seen.damaged)
     return (
         f"{count_cases(seen.total)}: {seen.complete} complete, {len(seen.running)} running, "
-        f"{seen.failed} failed, {seen.waiting} waiting"
+        f"{seen.failed} failed, {seen.waiting} waiting{damaged}"
     )
 
 

@@ -42,6 +42,7 @@ KINDS_WITH: dict[str, tuple[str | None, ...]] = {
     "z": ("map", "inside"),
     "time": ("map", "curves", None),
     "fps": ("movie",),
+    "trust": ("body",),
 }
 
 MOST_FRAMES = 100  # per second, the limit of a GIF
@@ -50,7 +51,7 @@ MOST_FRAMES = 100  # per second, the limit of a GIF
 def _options_of_plot(parser: argparse.ArgumentParser) -> None:
     text = """
     path DIR  results folder, or the file of one case
-    --out FILE  .png, .pdf or .svg; a movie: .mp4 or .gif (default: with the results)
+    --out PATH  .png, .pdf or .svg, a movie .mp4 or .gif, or folder for it (default: with the results)
     """
     arguments(parser, text)
     kinds = parser.add_mutually_exclusive_group()
@@ -78,6 +79,7 @@ def _options_of_plot(parser: argparse.ArgumentParser) -> None:
     --time T  time of a map, or of curves over a swept key: a number, end (default), or the max or min over
       time
     --fps N  frames per second of a movie
+    --trust  body: run the Python code that the results name; without it such a body is refused
     """
     arguments(parser, text, T=str)
 
@@ -129,7 +131,7 @@ def plot(options: argparse.Namespace) -> int:
     from gfmdlayer.figures.plots import plot_results
 
     given = {name: getattr(options, name) for name in ("kind", "case", "times", "log", "log_time", "inset")}
-    given |= {name: getattr(options, name) for name in ("y", "z", "fps")}
+    given |= {name: getattr(options, name) for name in ("y", "z", "fps", "trust")}
     style = options.style or ("screen" if options.kind == "movie" else "paper")
     more = {"x": options.x or "", "style": style, "time": time, "select": selected}
     for picture in plot_results(options.path, options.out, **given, **more):
@@ -140,7 +142,7 @@ def plot(options: argparse.Namespace) -> int:
 
 _REPORT = """
 path DIR  results folder, or the file of one case
---out FILE  the page, .html (default: DIR/report.html)
+--out PATH  the page, .html, or folder for it (default: DIR/report.html)
 """
 
 
@@ -148,6 +150,7 @@ path DIR  results folder, or the file of one case
 def report(options: argparse.Namespace) -> int:
     """Write a page for the browser: curves, surfaces, cases, configuration, provenance."""
     from gfmdlayer.figures.report.page import Listed, write_report
+    from gfmdlayer.files.whole import output_file
     from gfmdlayer.results.reader import open_case
     from gfmdlayer.study.folder import Folder
 
@@ -161,7 +164,7 @@ def report(options: argparse.Namespace) -> int:
         out, folder = path / "report.html", Folder(path)
         cases, title = _listed(folder), path.resolve().name
         config = folder.config.read_text(encoding="utf-8", errors="replace")
-    print(write_report(cases, Path(options.out or out), title, config))
+    print(write_report(cases, output_file(options.out, out), title, config))
     note_incomplete(path)
     return COMPLETE
 
@@ -199,9 +202,10 @@ path DIR  results folder, or the file of one case
 --pressure-drop P  over the length of the seal: pressure
 --length L  length of the seal along the flow (default: the cell's)
 --width W  width of the seal across the flow (default: the cell's)
---out FILE  the picture, .png, .pdf or .svg (default: NAME-leak.png with the results)
+--out PATH  the picture, .png, .pdf or .svg, or folder for it (default: NAME-leak.png with the results)
 --style {paper,screen} = paper  of the picture
---fields FILE  write flow, pressure and all numbers of the case drawn to an .h5
+--trust  run the Python code that the results name as their body, for the lift
+--fields PATH  write flow, pressure and all numbers of the case drawn to an .h5, or into a folder
 """
 _EXAMPLE_OF_LEAK = (
     "gfmdlayer run configs/seal-quick.yaml && "
@@ -215,39 +219,42 @@ def leak(options: argparse.Namespace) -> int:
     from gfmdlayer.figures.field_plots import flow_figure
     from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
     from gfmdlayer.figures.snapshots import cases_with_snapshots
-    from gfmdlayer.files.whole import unfinished
+    from gfmdlayer.files.whole import output_file, unfinished
     from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.results.names import ResultsError
     from gfmdlayer.results.reader import open_case, open_results
 
     path, style = Path(options.path), STYLES[options.style]
-    if options.fields is not None:
-        check_suffix(Path(options.fields), (".h5",))
+    written = options.fields and output_file(options.fields, Path(f"{path.resolve().stem}-leak.h5"))
+    if written:
+        check_suffix(written, (".h5",))
     keys = ("viscosity", "pressure_drop", "along", "length", "width")
     seal = {key: getattr(options, key) for key in keys}
     with open_case(path) if path.is_file() else open_results(path) as results:
         name = str(results.attrs.get("name") or path.resolve().stem)
         default = path.with_name(f"{path.stem}-leak.png") if path.is_file() else path / f"{name}-leak.png"
-        picture = default if options.out is None else Path(options.out)
+        picture = output_file(options.out, default)
         check_suffix(picture)
         most = 1 if options.case is not None else sys.maxsize
         with cases_with_snapshots(path, results, options.case, most) as cases:
             if not cases:
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
+            if options.out is not None and "y" not in next(iter(cases.values())).dims:
+                return refuse("--out: the flow along a line has no map to draw; leave --out away")
             for i, (title, case) in enumerate(cases.items()):
                 label = title.replace("$", "")
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always", UserWarning)
-                    flow = leakage(case, fields=i == 0, **seal)
+                    flow = leakage(case, fields=i == 0, trust=options.trust, **seal)
                 _print(label, flow, options.along)
                 for warning in caught:
                     print(f"gfmdlayer: {label}{': ' * bool(label)}{warning.message}", file=sys.stderr)
                 if i > 0:
                     continue
-                if options.fields is not None:
-                    with unfinished(Path(options.fields), ".h5") as part:
+                if written:
+                    with unfinished(written, ".h5") as part:
                         flow.to_netcdf(part, engine="h5netcdf")
-                    print(options.fields)
+                    print(written)
                 if "fluid_pressure" in flow:
                     save(flow_figure(flow, title, style), picture, style)
                     print(picture)

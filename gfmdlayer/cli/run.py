@@ -132,6 +132,7 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
 
 
 MOST_EXPLAINED = 8  # cases whose methods are listed
+CERTAIN = 1.0  # seconds; below them, those of loading the kernels and of single steps decide
 
 
 @verb(_options_of_cases, "gfmdlayer check configs/figure2.yaml")
@@ -148,6 +149,9 @@ def check(options: argparse.Namespace) -> int:
     some: Sequence[SweepCase] = list(every.sample())
     part = len(some) / len(every)
     some, found = _in_folder(directory, every, some) if part == 1 else (some, [])
+    counted = part == 1 and all(
+        c.config.time.step != "adaptive" and c.config.time.steady is None for c in some
+    )
     cost = total((case.cost for case in some), part)
     explained = some[:: -(-len(some) // MOST_EXPLAINED)]
     lines = [f"{config.name}: {count_cases(len(every))}"]
@@ -158,7 +162,7 @@ def check(options: argparse.Namespace) -> int:
         checks = "as a run does; it checks each before its start"
         lines.append(f"examined   {len(some)} cases at random, {checks}")
     lines += [
-        f"steps      {'about ' * (part < 1)}{cost.steps:,}",
+        f"steps      {'about ' * (not counted)}{cost.steps:,}",
         *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
@@ -210,5 +214,8 @@ def _time(directory: Path, every: Sequence[SweepCase], part: float) -> str:
     left = [case for case in every if case.index not in complete]
     each = (expected_seconds(case.config, cost=case.cost) * model.factor(case.config) for case in left)
     seconds = sum(each) / part
+    if not all(model.knows(case.config) for case in left):
+        return "time       not known before a case with friction is complete"
+    about = "a few seconds" if seconds < CERTAIN else f"about {duration(seconds)}"
     of = "" if len(left) == len(every) else f" for the {count_cases(round(len(left) / part))} left"
-    return f"time       about {duration(seconds)} on one core{of}"
+    return f"time       {about} on one core{of}"

@@ -108,8 +108,10 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     arguments(parser, "config CONFIG  YAML file, or the result file of a case to run it again")
     meaning = "set a key, such as layer.thickness=0.1; may be given several times"
     parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], help=meaning)
+    arguments(parser, f"--trust  {TRUST}")
 
 
+TRUST = "run the Python code that a result file names as its body; without it such a file is refused"
 OUT = "--out DIR  results folder (default: results/NAME)\n--jobs N = 1  processes (default: 1)"
 
 
@@ -149,9 +151,10 @@ def read_cases(options: argparse.Namespace, ranks_per_case: int = 1) -> tuple[Ca
             from gfmdlayer.study.groups import input_errors_together, with_shared_solver
 
             inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
-            cases = Cases(with_shared_solver(read_config(options.config, options.set, inspect)))
+            config = read_config(options.config, options.set, inspect, trust=options.trust)
+            cases = Cases(with_shared_solver(config))
         else:
-            cases = checked(partial(read_config, options.config, options.set))
+            cases = checked(partial(read_config, options.config, options.set, trust=options.trust))
     except PermissionError as error:
         raise ConfigError(list(input_problems(error))) from None
     rerun = f"-{Path(options.config).stem}" if is_result(options.config) else ""
@@ -194,7 +197,10 @@ def conclude(summary: Summary, directory: Path, noun: str) -> int:
     if summary.failures:
         print(f"{len(summary.failures)} of {summary.total} {noun}s failed:")
         print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
-        print(f"complete {noun}s are in {directory}; the same command retries the failed ones")
+        complete = (
+            f"complete {noun}s are in {directory}" if summary.count("complete") else f"no {noun} is complete"
+        )
+        print(f"{complete}; the same command retries the failed ones")
         return FAILED
     if waiting := summary.count("waiting"):
         print(f"no failed case is left; {count_cases(waiting)} wait: run again without --only-failed")

@@ -10,7 +10,7 @@ import copy
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -39,6 +39,7 @@ from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, f
 from gfmdlayer.interface.adhesion import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import FrictionLaw, Interface
 from gfmdlayer.interface.laws import LAWS
+from gfmdlayer.made_once import kept_with
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
@@ -130,7 +131,10 @@ def _problems_of_the_hardness(config: Any) -> Iterator[Mistake]:
 Name = Annotated[
     str,
     Field(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,127}$"),
-    MustBe("text of at most 128 letters, digits and . _ -, not beginning with . or - (it names a folder)"),
+    MustBe(
+        "text of at most 128 letters, digits and . _ -, with letters from a to z or A to Z, "
+        "not beginning with . or - (it names a folder)"
+    ),
 ]
 
 
@@ -278,14 +282,7 @@ class Config(Section):
     @property
     def solid(self) -> Solid:
         """The body: layers, or another one; with the counterbody, where that deforms."""
-        own: Solid
-        if self.body is not None and not isinstance(self.body, Layers):
-            own = self.body.in_units(self.units)
-        else:
-            assert self.halfspace is not None
-            own = Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
-        second = None if self.counterbody is None else self.counterbody.solid
-        return own if second is None else Pair(own, second.in_units(self.units))
+        return _solid(self)
 
     @property
     def two_bodies(self) -> bool:
@@ -301,12 +298,12 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract; they add. Empty for the hard wall."""
-        return tuple(law for law in self.interface_laws.values() if law.attracts)
+        return _laws(self)[0]
 
     @property
     def friction(self) -> tuple[FrictionLaw, ...]:
         """The laws of friction, of which the smaller traction counts; empty without friction."""
-        return tuple(law for law in self.interface_laws.values() if isinstance(law, FrictionLaw))
+        return _laws(self)[1]
 
     @property
     def interface_laws(self) -> dict[Location, Interface]:
@@ -356,21 +353,17 @@ class Config(Section):
         return len(self.grid.points) == 1 and self.geometry.on_grid
 
     def unit(self, words: str) -> str:
-        """Return the label of a unit from its dimension in words; the force on a line is per length.
-
-        A "drive" is what the trajectory prescribes: a length, pressure or force.
-        """
-        drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
-        words = words.replace("drive", drive)
-        if words == "force" and self.forces_per_length:
-            words = "force / length"
-        return words if self.units is None else self.units.label(words)
+        """Return the label of a unit from its dimension in words, see `unit_label`."""
+        return unit_label(words, self.units, self.trajectory.control, is_line=self.forces_per_length)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
         """Return the case in which the dotted keys have these values; it has no sweep."""
         if not values and not self.sweep:
             return self
-        data = self._case_data(plain(values))
+        values = plain(values)
+        if (known := _known_cases(self).pop(_key(values), None)) is not None:
+            return known
+        data = self._case_data(values)
         try:
             return Config.model_validate(data)
         except ValidationError as error:
@@ -384,7 +377,14 @@ class Config(Section):
         return sweeps.assigned(data, values)
 
     def _problems_with(self, values: Mapping[str, object]) -> list[Mistake]:
-        return problems(self._case_data(values))
+        data, known = self._case_data(values), _known_cases(self)
+        try:
+            case = Config.model_validate(data)
+        except ValidationError as error:
+            return explain(error)
+        if len(known) < _CASES:
+            known[_key(values)] = case
+        return []
 
     @classmethod
     def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Mistake]:
@@ -404,9 +404,10 @@ class Config(Section):
 
         A default that follows from a swept key differs between the cases, and is left out.
         """
-        data = self.model_dump(exclude_none=True)
         if not self.sweep:
-            del data["sweep"]
+            held = ((key, getattr(self, key)) for key in type(self).model_fields if key != "sweep")
+            return "".join(_entry(self, key, value) for key, value in held if value is not None)
+        data = self.model_dump(exclude_none=True)
         swept = {location_of_key(key) for key in sweeps.swept_keys(self.sweep)}
         for at, section in sections_in(self):
             if not at or all(at != location[: len(at)] for location in swept):
@@ -423,6 +424,65 @@ class Config(Section):
             if head == "interface" and "method" not in self.solver.model_fields_set:
                 data["solver"].pop("method", None)
         return text.written(data)
+
+
+_CASES = 2_000  # of a sweep that are kept between the check of the sweep and their run
+
+
+@kept_with
+def _known_cases(_sweep: Config) -> dict[str, Config]:
+    """Return the cases of a sweep that have been validated with it, by their values."""
+    return {}
+
+
+def _key(values: Mapping[str, object]) -> str:
+    return repr(sorted(values.items()))
+
+
+def _entry(config: Config, key: str, value: object) -> str:
+    """Return a key of a configuration as YAML."""
+    if isinstance(value, Section):
+        return _entry_of(value)(key)
+    return text.written(config.model_dump(include={key}, exclude_none=True))
+
+
+@kept_with
+def _entry_of(section: Section) -> Callable[[str], str]:
+    """Return the YAML of a section under a key; most sections belong to all cases of a sweep."""
+    data = section.model_dump(exclude_none=True)
+    return cache(lambda key: text.written({key: data}))
+
+
+@kept_with
+def _laws(config: Config) -> tuple[tuple[Interface, ...], tuple[FrictionLaw, ...]]:
+    """Return the laws of the interface that attract, and those of friction."""
+    every = config.interface_laws.values()
+    attracting = tuple(law for law in every if law.attracts)
+    return attracting, tuple(law for law in every if isinstance(law, FrictionLaw))
+
+
+@kept_with
+def _solid(config: Config) -> Solid:
+    own: Solid
+    if config.body is not None and not isinstance(config.body, Layers):
+        own = config.body.in_units(config.units)
+    else:
+        assert config.halfspace is not None
+        own = Layers.of(config.layers or (() if config.layer is None else (config.layer,)), config.halfspace)
+    second = None if config.counterbody is None else config.counterbody.solid
+    return own if second is None else Pair(own, second.in_units(config.units))
+
+
+def unit_label(words: str, units: Units | None, control: str, *, is_line: bool) -> str:
+    """Return the label of a unit from its dimension in words; the force on a line is per length.
+
+    A "drive" is what the trajectory prescribes, of which `control` is the name: a length, pressure or force.
+    """
+    drive = {"depth": "length", "load": "pressure"}.get(control, "force")
+    words = words.replace("drive", drive)
+    if is_line and words == "force":
+        words = "force / length"
+    return words if units is None else units.label(words)
 
 
 def digest(config: Config) -> str:

@@ -331,7 +331,7 @@ def _with_loss(
     state = make_solution(under, u, pressure, spectrum, spent=spent, within=tolerance, gap=gap, flow=flow)
     if flow is None:
         return state
-    wall = problem.wall_pressure(pressure, solution.gap)
+    wall = state.wall_pressure
     over, scale = wall - problem.hardness, scales_over(problem.ranks, wall, u, problem.residual_floor)[0]
     over = np.where(problem.at_hardness(solution.pressure, solution.gap), abs(over), over)
     residual = max(state.residual, problem.ranks.maximum(float(over.max())) / scale)

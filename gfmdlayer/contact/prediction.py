@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import kernel, record_type
 from gfmdlayer.resumable import Saving
 
 _REACH = 32  # part of the surface, at least, on either side of the contact where the next may be
@@ -127,7 +127,7 @@ class PressurePrediction(DisplacementPrediction):
 
 # The same for compiled loops, which keep pressures and gaps in a ring of three.
 
-RING = np.dtype(
+RING = record_type(
     [
         ("count", np.int64),  # of accepted steps that are kept, at most two
         ("last", np.int64),  # place of the last one

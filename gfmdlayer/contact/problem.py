@@ -80,7 +80,7 @@ class Problem:
         """The smallest depth that rounding of the heights lets count."""
         return DEPTH_FLOOR * self.height
 
-    @property
+    @cached_property
     def residual_floor(self) -> ResidualFloor:
         """Bounds of the residual's scales."""
         if not self.interface.attracts:
@@ -111,6 +111,7 @@ class Solution:
 
     displacement: FloatArray  # u <= h + flow, with the mean constraint satisfied to rounding
     pressure: FloatArray  # p = f + lambda, the compressive stress at every point
+    wall_pressure: FloatArray  # p_c, of the wall
     gap: FloatArray  # h + flow - u
     spectrum: ComplexArray  # unnormalised transform of u, with which the history is carried on
     mean_pressure: float  # pbar, the mean of p
@@ -130,7 +131,7 @@ class Solution:
 
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Whether each point is in contact: pressure larger than gap, each in the scale of the residual."""
-    wall = problem.wall_pressure(solution.pressure, solution.gap)
+    wall = solution.wall_pressure
     scales = scales_over(problem.ranks, wall, solution.displacement, problem.residual_floor)
     touching = np.empty(wall.size, bool)
     mark_contact(wall, solution.gap, 1.0 / scales[0], 1.0 / scales[1], touching)
@@ -212,10 +213,13 @@ def make_solution(
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
     flow: FloatArray | None = None,
+    least_residual: float = 0.0,
+    released_energy: float = 0.0,
+    margin: float = math.nan,
 ) -> Solution:
     """Return a state with its residual and means; it converged if its residual is `within` a bound."""
     # `spent` are FFT pairs and iterations, `assessment` the result of `residual.assess`, `gap` is h - u; the
-    # last two where they are known.
+    # last two where they are known. The residual counts as `least_residual` at least.
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)
     if assessment is None:
@@ -224,15 +228,18 @@ def make_solution(
     return Solution(
         displacement=displacement,
         pressure=pressure,
+        wall_pressure=wall,
         gap=gap,
         spectrum=spectrum,
         mean_pressure=assessed.mean_pressure if wall is pressure else problem.ranks.mean(pressure),
         mean_gap=assessed.mean_gap,
         contact_area=assessed.contact_area,
-        residual=assessed.residual,
+        residual=max(assessed.residual, least_residual),
         transforms=spent[0],
         iterations=spent[1],
         converged=bool(assessed.residual <= within),
+        released_energy=released_energy,
+        margin=margin,
         flow=flow,
     )
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.grid.ranks import Ranks
-from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum
+from gfmdlayer.kernels import LANES, filled, in_python, kernel, maximum, minimum
 
 # Pressures count against at least this part of what the lowest mode carries at the depth of the surface.
 # Without it a surface out of contact would compare rounding errors with rounding errors: those reach
@@ -86,7 +86,7 @@ def scales_over(
     largest, lowest, total = _extrema_part(pressure, u)
     total, size = ranks.total(np.array([total, u.size])).tolist()
     largest, depth = ranks.maximum(np.array([largest, -lowest])).tolist()
-    pressure_scale, depth_scale = scales.py_func(largest, max(total / size, 0.0) + depth, floor)
+    pressure_scale, depth_scale = in_python(scales)(largest, max(total / size, 0.0) + depth, floor)
     return float(pressure_scale), float(depth_scale)
 
 

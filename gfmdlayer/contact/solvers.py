@@ -64,7 +64,7 @@ SOLVERS: Mapping[str, Declaration] = {
     "fire": Declaration(
         "gfmdlayer.contact.fire:Fire",
         "displacement",
-        93,
+        60,
         0.03,
         fields=34,
         adhesive=True,

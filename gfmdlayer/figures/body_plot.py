@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from gfmdlayer.body.bodies import code_refused
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config, load
@@ -18,7 +19,8 @@ from gfmdlayer.drives import Drives
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
 from gfmdlayer.results.names import ResultsError
-from gfmdlayer.results.reader import attributes, case_path
+from gfmdlayer.results.reader import case_path, stored_config
+from gfmdlayer.results.stored import is_stored
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,15 +44,19 @@ class Block(NamedTuple):
     modulus: float  # of the relaxed material, in the units of the configuration
 
 
-def config_of(path: Path, case: int | None) -> tuple[Config, str]:
-    """Return the configuration of a YAML file or of a case, by default the first of a folder; and a title."""
+def config_of(path: Path, case: int | None, *, trust: bool = False) -> tuple[Config, str]:
+    """Return the configuration of a YAML file or of a case, by default the first of a folder; and a title.
+
+    Code that results name is run only with `trust`.
+    """
     if path.suffix in {".yaml", ".yml"}:
-        return load(path), ""
+        with code_refused(not trust and is_stored(path)):
+            return load(path), ""
     if path.is_file():
-        return load(path, content=str(attributes(path)["config"])), ""
+        return stored_config(path, trust=trust), ""
     file, number = case_path(path, case or 0), len(list(path.glob("cases/*.h5")))
     title = f"case {case or 0:04d}, {'the first ' * (case is None)}of {number}" if number > 1 else ""
-    return load(file, content=str(attributes(file)["config"])), title
+    return stored_config(file, trust=trust), title
 
 
 def body_figure(config: Config, style: Style = PAPER, title: str = "") -> Figure:

@@ -46,9 +46,18 @@ class Scale(NamedTuple):
     quantity: Quantity  # in the power of ten of the labels
 
     @classmethod
-    def of(cls, values: Sequence[Any], drawn: Quantity = Quantity(""), *, log: bool = False) -> Scale:  # noqa: B008
+    def of(
+        cls,
+        values: Sequence[Any],
+        drawn: Quantity = Quantity(""),  # noqa: B008
+        *,
+        log: bool = False,
+        measured: bool = False,
+    ) -> Scale:
         """Find the scale on which the median lies nearest to the middle; text and infinity lie in order.
 
+        So do values of which one is zero, where a logarithm would suit the others, as colours; not where
+        distances are `measured`, along an axis: there equal ones would show a wrong law.
         ResultsError for text, infinity or zero on a scale that must be logarithmic.
         """
         unique = list(dict.fromkeys(values))
@@ -59,8 +68,8 @@ class Scale(NamedTuple):
             if np.isfinite(numbers).all():
                 middle = [_off_middle(each) for each in (np.log(positive), np.asarray(unique))]
                 is_log = log or (unique[0] >= 0 and middle[0] < middle[1])
-                if not is_log or unique[0] > 0:
-                    return cls("log" if is_log else "linear", numbers, [], [], drawn)
+                if unique[0] > 0 or not is_log or (measured and not log):
+                    return cls("log" if is_log and unique[0] > 0 else "linear", numbers, [], [], drawn)
             drawn = drawn.fit(unique) if drawn.unit else drawn
         if log:
             raise ResultsError(

@@ -37,6 +37,7 @@ from gfmdlayer.figures.selection import (
     notes,
     rows,
     swept,
+    with_values,
 )
 from gfmdlayer.figures.snapshots import Inset
 from gfmdlayer.observables import SPARSE
@@ -105,7 +106,8 @@ def curves_figure(
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     dataset, y = each_interface(dataset, y)
-    names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
+    asked = [column_name(dataset, name, of_cases=bool(along)) for name in y]
+    names, empty = with_values(dataset, asked, default_columns(dataset))
     x = along or column_name(dataset, x)
     for given, needed, name in ((log_time or inset, "time", "log_time or inset"), (time, along, "time")):
         if given and x != needed:
@@ -125,11 +127,12 @@ def curves_figure(
             log = ["x"] * (x == "time" and inset is None and differ)
         for axes in panels.flat[len(names) :]:
             axes.remove()
+        said_of_panels: list[str] = []
         for i, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
             if along:
-                when = _draw_against_key(axes, drawn, x, name, time, log)
+                said_of_panels += _draw_against_key(axes, drawn, x, name, time, log)
             else:
-                when = _draw_against_column(axes, drawn, x, name, [*log, *["x"] * log_time])
+                said_of_panels += _draw_against_column(axes, drawn, x, name, [*log, *["x"] * log_time])
             if len(names) > 1:
                 axes.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[i % 26]})", loc="left")
             if columns == 1 and i < len(names) - 1:
@@ -139,9 +142,9 @@ def curves_figure(
         more = _draw_legend(figure, drawn, columns, style)
         if inset is not None:
             inset.draw(panels[0, 0])
-        said = [*notes(drawn.sweep, names), *drawn.notes, *more]
+        said = [*notes(drawn.sweep, names), *drawn.notes, *more, *empty]
         symbols = explained(drawn.sweep, [*names, x], [*drawn.written, *said])
-        finish(figure, [*when, *symbols, *said])
+        finish(figure, [*dict.fromkeys(said_of_panels), *symbols, *said])
     return figure
 
 
@@ -178,7 +181,8 @@ def _scale_axes(axes: Axes, names: Mapping[str, str], log: Sequence[str]) -> lis
         values = np.concatenate([np.asarray(getattr(line, f"get_{axis}data")()) for line in axes.lines])
         if not (values > 0).any():
             raise ResultsError(f"log {axis}: {names[axis]} has no positive value; draw it without")
-        axes.set(**{f"{axis}scale": "log"})
+        # Else a curve falls upright from its last positive point, as if it ended there.
+        getattr(axes, f"set_{axis}scale")("log", nonpositive="mask")
         if (values <= 0).any():
             said.append(f"values of {names[axis].replace('_', ' ')} that are not positive are left out")
     return said
@@ -189,7 +193,7 @@ def _draw_against_key(
 ) -> list[str]:
     """Draw a column at a time against a swept key, a failed case being a gap in the line; say the time."""
     key, up = drawn.sweep[x], quantity(drawn.sweep[y], drawn.sweep.attrs)
-    scale = Scale.of(key.to_numpy().tolist(), quantity(key), log="x" in log)
+    scale = Scale.of(key.to_numpy().tolist(), quantity(key), log="x" in log, measured=True)
     order = np.argsort(scale.positions, kind="stable")
     row, when = at_time(drawn.sweep, y, time)
     if key.dims == ("case",):

@@ -21,6 +21,7 @@ from gfmdlayer.figures.plot_style import (
     new_figure,
     styled,
 )
+from gfmdlayer.figures.selection import warnings_of
 from gfmdlayer.figures.snapshots import (
     MAP_POINTS,
     MOST_MAPS,
@@ -174,7 +175,7 @@ def flow_figure(flow: Dataset, title: str = "", style: Style = PAPER, notes: Seq
         for axes in panels[:, 0]:
             name_axes(axes, y=quantity(case["y"], case.attrs))
         panels[0, 0].set_title(f"{title}\n" if title else "", loc="left")
-        said = [*notes, "black: contact, and fluid at rest", *more]
+        said = [*notes, "black: contact, and fluid at rest", *more, *warnings_of(flow)]
         finish(figure, [*explained(case, ["fluid_pressure"], [title]), *said])
     return figure
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from types import MappingProxyType
@@ -399,9 +400,13 @@ def _lines(notes: Sequence[str], inches: float) -> list[str]:
     room = inches * 72 / (0.5 * rcParams["font.size"] * font_scalings["small"])
     lines = [""]
     for note in notes:
-        longer = f"{lines[-1]}; {note}" if lines[-1] else note
-        if len(re.sub(r"\\[a-z]+|[${}]", "", longer)) > room and lines[-1]:
-            lines.append(note)
-        else:
-            lines[-1] = longer
+        whole = _letters(note) <= room or "$" in note
+        first, *rest = [note] if whole else textwrap.wrap(note, int(room))
+        longer = f"{lines[-1]}; {first}" if lines[-1] else first
+        lines[-1:] = [longer] if _letters(longer) <= room or not lines[-1] else [lines[-1], first]
+        lines += rest
     return lines
+
+
+def _letters(text: str) -> int:
+    return len(re.sub(r"\\[a-z]+|[${}]", "", text))

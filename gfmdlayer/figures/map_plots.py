@@ -12,7 +12,16 @@ import numpy as np
 from matplotlib.colors import LogNorm, Normalize
 
 from gfmdlayer.figures.curve_family import Scale
-from gfmdlayer.figures.labels import Quantity, explained, finish, label_places, name_axes, quantity, symbol
+from gfmdlayer.figures.labels import (
+    Quantity,
+    Ticks,
+    explained,
+    finish,
+    label_places,
+    name_axes,
+    quantity,
+    symbol,
+)
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -24,6 +33,7 @@ from gfmdlayer.figures.selection import (
     find_key,
     notes,
     swept,
+    with_values,
 )
 from gfmdlayer.results.names import ResultsError
 
@@ -79,8 +89,9 @@ def map_figure(
     held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]
     for name in held:
         sweep = chosen(sweep, sweep[name], [sweep.sizes[name] // 2])
-    columns = [column_name(sweep, name, of_cases=True) for name in z] or default_columns(sweep)[:2]
-    said = notes(sweep, columns)
+    asked = [column_name(sweep, name, of_cases=True) for name in z]
+    columns, empty = with_values(sweep, asked, default_columns(sweep)[:2])
+    said = [*notes(sweep, columns), *empty]
     if sweep[x].dims == ("case",) and (others := [key for key in swept(sweep) if key.name not in (x, y)]):
         said.append(f"also varied: {', '.join(map(symbol, others))}")
     with styled(style):
@@ -122,7 +133,9 @@ def _axes(sweep: Dataset, x: str, y: str) -> tuple[str, str]:
 
 def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity) -> None:
     """Draw a dot for each case of a list; one that failed is an open circle."""
-    across, up = (Scale.of(values[name].to_numpy().tolist(), quantity(values[name])) for name in (x, y))
+    across, up = (
+        Scale.of(values[name].to_numpy().tolist(), quantity(values[name]), measured=True) for name in (x, y)
+    )
     lost = np.isnan(values.to_numpy())
     dots = axes.scatter(
         across.positions[~lost],
@@ -138,10 +151,12 @@ def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity) -
     up.apply(axes, "y")
 
 
-def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
-    """Draw the colour bar of a quantity beside a panel."""
-    bar = axes.figure.colorbar(drawn_in, ax=axes)
-    name_axes(bar.ax, y=drawn)
+def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> int:
+    """Draw the colour bar of a quantity beside a panel; return the power of ten of its numbers."""
+    axis = axes.figure.colorbar(drawn_in, ax=axes).ax.yaxis
+    name_axes(axis.axes, y=drawn)
+    is_fitted = isinstance(axis.get_major_formatter(), Ticks)
+    return drawn.fit(axis.get_view_interval()).power if is_fitted else 0
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
@@ -193,7 +208,7 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
     mesh = axes.imshow(
         cells, origin="lower", aspect="auto", interpolation="nearest", cmap="viridis", norm=_norm(cells)
     )
-    _draw_bar(axes, mesh, drawn)
+    power = _draw_bar(axes, mesh, drawn)
     axes.tick_params(which="both", top=False, right=False, direction="out")
     axes.minorticks_off()
     for axis, coordinate in ((axes.xaxis, across), (axes.yaxis, up)):
@@ -203,7 +218,7 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
         labels = along.numbers(known)
         label_places(axis, ticks, [labels[i] for i in ticks])
         axis.set_label_text(along.label)
-    _write_numbers(axes, mesh, cells, drawn)
+    _write_numbers(axes, mesh, cells, power)
 
 
 def _norm(values: FloatArray) -> Normalize:
@@ -214,11 +229,10 @@ def _norm(values: FloatArray) -> Normalize:
     return Normalize(min(finite, default=0.0), max(finite, default=1.0))
 
 
-def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray, drawn: Quantity) -> None:
+def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray, power: int) -> None:
     """Write the values into their cells where all have room, in the power of ten of the colour bar."""
     finite = {at: value for at, value in np.ndenumerate(cells) if np.isfinite(value)}
-    unit = 1.0 if isinstance(mesh.norm, LogNorm) else 10.0 ** drawn.fit(finite.values()).power
-    texts = {at: f"{value / unit:#.3g}".rstrip(".") for at, value in finite.items()}
+    texts = {at: f"{value / 10.0**power:#.3g}".rstrip(".") for at, value in finite.items()}
     longest = max(map(len, texts.values()), default=0)
     if max(cells.shape) > MOST_NUMBERS or longest * cells.shape[1] > MOST_LETTERS:
         return

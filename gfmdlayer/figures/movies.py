@@ -67,6 +67,7 @@ def write_movie(
     with styled(style):
         figure, show = animated(case, title, style)
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             with unfinished(path, path.suffix) as part, writer.saving(figure, str(part), FRAME_DPI):
                 for i in range(frames):
                     show(i)

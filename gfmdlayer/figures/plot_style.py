@@ -135,6 +135,7 @@ def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
 def save(figure: Figure, path: Path, style: Style = PAPER) -> None:
     """Write a figure in the format that the suffix names; ResultsError if it cannot be written."""
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with styled(style), unfinished(path, path.suffix) as part:
             figure.savefig(part, dpi=style.dpi)
     except OSError as error:

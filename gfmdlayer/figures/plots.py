@@ -21,9 +21,11 @@ from gfmdlayer.figures.snapshots import (
     Inset,
     at_times,
     cases_with_snapshots,
+    of_one_kind,
     snapshots_figure,
     waterfall_figure,
 )
+from gfmdlayer.files.whole import output_file
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import open_case, open_results
 
@@ -51,6 +53,7 @@ def plot_results(
     log_time: bool = False,
     fps: int | None = None,
     style: Literal["paper", "screen"] = "paper",
+    trust: bool = False,
 ) -> list[Path]:
     """Draw results and write the pictures, as `gfmdlayer plot` does.
 
@@ -89,6 +92,8 @@ def plot_results(
         Frames of a movie in a second.
     style : {"paper", "screen"}
         For the columns of a journal, or for a talk.
+    trust : bool
+        Of the body of results: run the Python code that they name; without it such a body is refused.
 
     Returns
     -------
@@ -104,9 +109,9 @@ def plot_results(
     kind = kind or ("curves" if x or y else None)
     if kind == "body":
         picture = path.with_name(f"{path.stem}-body.png") if path.is_file() else path / "body.png"
-        picture = picture if out is None else Path(out)
+        picture = output_file(out, picture)
         check_suffix(picture)
-        config, title = config_of(path, case)
+        config, title = config_of(path, case, trust=trust)
         save(body_figure(config, look, title), picture, look)
         return [picture]
     with ExitStack() as stack:
@@ -115,6 +120,7 @@ def plot_results(
             if kind not in (None, "map"):
                 raise ResultsError(f"{path}: is a map of fits; use --kind map")
             kind = "map"
+        selection.must_be_complete(path, opened)
         dataset = selection.select(opened, select)
         cases: dict[str, Dataset] = {}
         if inset or kind not in ("curves", "loop", "map"):
@@ -124,8 +130,9 @@ def plot_results(
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
             if times:
                 cases = {title: at_times(each, sorted(set(times))) for title, each in cases.items()}
+        cases, others = of_one_kind(cases)
         among = dataset["case"].size if "case" in dataset.coords else 1
-        said = [*notes(dataset), *[f"{len(cases)} of {among} cases"] * (len(cases) < among)]
+        said = [*notes(dataset), *[f"{len(cases)} of {among} cases{others}"] * (len(cases) < among)]
         title, first = next(iter(cases.items()), ("", dataset))
         ending = "" if kind in (None, "movie") else f"-{kind}"
         if kind in (None, "curves"):
@@ -133,7 +140,7 @@ def plot_results(
         ending += default_suffix() if kind == "movie" else ".png"
         name = dataset.attrs.get("name") or path.resolve().name
         beside = path.with_name(path.stem + ending) if path.is_file() else path / f"{name}{ending}"
-        picture = beside if out is None else Path(out)
+        picture = output_file(out, beside)
         if kind == "movie":
             write_movie(first, picture, title, look, fps)
             return [picture]

@@ -18,12 +18,15 @@ from gfmdlayer.results.names import OVER_TIME, SAME_TIME, ResultsError
 from gfmdlayer.validation.problems import nearest
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from xarray import DataArray, Dataset
 
 Time = float | Literal["end", "max", "min"]
 Wanted = str | float | tuple[float, float]
 INTERPOLATED = "contact_area_interpolated"
 MOST_NAMED = 3  # failed cases
+MOST_WARNINGS = 2  # below a figure
 
 
 def swept(dataset: Dataset) -> list[DataArray]:
@@ -102,9 +105,10 @@ def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "
 
 
 def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
-    """Return the notes below a figure on fixed values, values and cases not drawn, and missing columns."""
+    """Return the notes below a figure: fixed values, cases not drawn, missing columns, warnings."""
+    doubts = warnings_of(dataset)
     if "case" not in dataset.coords or not swept(dataset):
-        return []
+        return doubts
     fixed, parts = [], []
     for key in swept(dataset):
         among, asked = int(key.attrs.get("among", 1)), key.attrs.get("asked")
@@ -125,12 +129,27 @@ def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
     drawn = {name.removesuffix(OVER_TIME) for name in columns}
     lines = str(dataset.attrs.get("notes", "")).splitlines()
     parts += [line for line in lines if drawn & set(line.partition(":")[0].split(", "))]
-    return [f"fixed: {', '.join(fixed)}"] * bool(fixed) + parts
+    return [*[f"fixed: {', '.join(fixed)}"] * bool(fixed), *parts, *doubts]
+
+
+def warnings_of(dataset: Dataset) -> list[str]:
+    """Return the first warnings of results, and how many there are more."""
+    said = str(dataset.attrs.get("warnings", "")).splitlines()
+    shown = [f"warning: {line}".replace("$", "\\$") for line in said[:MOST_WARNINGS]]
+    more = len(said) - MOST_WARNINGS
+    return shown + [f"{more} more warning{'s' * (more > 1)}"] * (more > 0)
 
 
 def failed_numbers(sweep: Dataset) -> set[int]:
     """Return the numbers of the cases of a sweep that failed."""
     return {int(line.partition(":")[0]) for line in str(sweep.attrs.get("failed", "")).splitlines()}
+
+
+def must_be_complete(path: Path, results: Dataset) -> None:
+    """Raise ResultsError, with the first reason, if every case of a sweep failed."""
+    lost = str(results.attrs.get("failed", "")).splitlines()
+    if lost and "case" in results.coords and len(lost) == results["case"].size:
+        raise ResultsError(f"{path}: no complete case to draw; all {len(lost)} failed: {lost[0]}")
 
 
 def _titles(sweep: Dataset, lost: Collection[int]) -> list[str]:
@@ -249,16 +268,31 @@ def _own_name(dataset: Dataset, name: str) -> str:
 
 def each_interface(dataset: Dataset, names: Sequence[str]) -> tuple[Dataset, list[str]]:
     """Give each interface columns of its own, interface_peel_0 for interface_peel, in results and names."""
+    is_swept = "interface" in case_dimensions(dataset)
     parts = {
         str(name): [
             column.isel(interface=i, drop=True).rename(f"{name}_{i}") for i in range(column.interface.size)
         ]
         for name, column in dataset.data_vars.items()
-        if "interface" in column.dims
+        if "interface" in column.dims and not is_swept
     }
     single = {str(column.name): column for columns in parts.values() for column in columns}
     wanted = [[str(column.name) for column in parts[name]] if name in parts else [name] for name in names]
     return dataset.drop_vars(parts).assign(single), [column for group in wanted for column in group]
+
+
+def with_values(dataset: Dataset, asked: Sequence[str], usual: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the columns to draw, those asked for or else the usual ones, and notes on those without a value.
+
+    ResultsError if a column that was asked for, or every column, is NaN in all rows.
+    """
+    empty = [name for name in asked or usual if not dataset[name].notnull().any()]
+    if empty and (asked or len(empty) == len(usual)):
+        lost = str(dataset.attrs.get("failed", "")).splitlines()
+        why = f"; {len(lost)} of {dataset['case'].size} cases failed: {lost[0]}" if lost else ""
+        raise ResultsError(f"{', '.join(empty)}: no value to draw, NaN in every row{why}")
+    shown = [name for name in asked or usual if name not in empty]
+    return shown, [f"{', '.join(empty)}: no value in any row".replace("_", " ")] * bool(empty)
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:

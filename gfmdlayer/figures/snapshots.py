@@ -88,6 +88,16 @@ def cases_with_snapshots(
         yield {title: case for title, case in opened.items() if case.sizes["snapshot"]}
 
 
+def of_one_kind(cases: dict[str, Dataset]) -> tuple[dict[str, Dataset], str]:
+    """Return the cases whose contact is along a line, or on a surface, as the first; words on the others."""
+    on_surface = "y" in next(iter(cases.values())).dims if cases else False
+    alike = {title: case for title, case in cases.items() if ("y" in case.dims) == on_surface}
+    if len(alike) == len(cases):
+        return cases, ""
+    other = "along a line" if on_surface else "on a surface"
+    return alike, f" (others are contacts {other}: --select or --case draws them)"
+
+
 def at_times(case: Dataset, times: Sequence[float]) -> Dataset:
     """Select the snapshots at some times, in the units of the config; ResultsError if one is missing."""
     present = case["snapshot"].to_numpy()

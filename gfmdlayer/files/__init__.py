@@ -1,1 +1,1 @@
-"""Reading tables of numbers, writing files whole, and locks between processes."""
+"""Reading tables of numbers and HDF5, writing files whole, and locks between processes."""

@@ -31,14 +31,18 @@ def no_link(path: str, flags: int) -> int:
 
 def write_new(path: Path, contents: bytes | bytearray) -> None:
     """Write a file that must not exist, not even as a symbolic link."""
-    with open(path, "xb", opener=no_link) as file:
-        file.write(contents)
+    with open(path, "xb", buffering=0, opener=no_link) as file:
+        rest = memoryview(contents)
+        while rest:
+            rest = rest[file.write(rest) :]
 
 
 def read_small(path: Path) -> bytes:
     """Read a small regular file; any other, such as a pipe, is not waited for."""
-    with open(path, "rb", opener=regular_and_no_link) as file:
-        contents = file.read(_LARGEST + 1)
+    contents = b""
+    with open(path, "rb", buffering=0, opener=regular_and_no_link) as file:
+        while len(contents) <= _LARGEST and (part := file.read(_LARGEST + 1)):
+            contents += part
     if len(contents) > _LARGEST:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
     return contents

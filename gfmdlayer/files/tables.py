@@ -1,4 +1,4 @@
-"""Tables of numbers in files of users: text in any dialect, with errors that name the line, and HDF5."""
+"""Tables of numbers in text files of users, in any dialect, with errors that name the line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,10 +26,6 @@ from gfmdlayer.files.headings import (
     unit_in,
 )
 from gfmdlayer.files.units import Unit, unit_of
-
-if TYPE_CHECKING:
-    import h5py
-
 
 LARGEST = 1e30  # results computed from larger numbers may leave the range of double precision
 
@@ -909,33 +905,3 @@ def read_matrix(path: Path, answers: Answers = Answers()) -> Matrix:
     account = "; ".join([count, *_notes(rows, head), *([f"{holes} holes"] if holes else [])])
     headings, units = _headings(rows, head, answers)
     return Matrix(path, rows.values, header, headings or [], units, account, rows.dialect.decimal)
-
-
-# HDF5 files of users: their contents must be in the file itself, because only they enter the digest.
-
-
-def refuse_other_files(path: Path, group: h5py.Group) -> None:
-    """Refuse a group with links to other files, or data that are stored in them; not the groups in it."""
-    import h5py
-
-    for name in group:
-        link = group.get(name, getlink=True)
-        if isinstance(link, h5py.ExternalLink):
-            raise TableError(f"{path}: {name} is a link to {link.filename}; must be in the file itself")
-        kind = group.get(name, getclass=True)
-        if kind is h5py.Dataset and (group[name].external or group[name].is_virtual):
-            raise TableError(f"{path}: {name} is stored in another file; must be in the file itself")
-
-
-def open_group(path: Path, file: h5py.File, name: str) -> h5py.Group:
-    """Return a group of a file, refusing other files on the way to it and in it."""
-    import h5py
-
-    group: h5py.Group = file
-    refuse_other_files(path, group)
-    for part in filter(None, name.split("/")):
-        if group.get(part, getclass=True) is not h5py.Group:
-            raise TableError(f"{path}: has no group {name!r}")
-        group = group[part]
-        refuse_other_files(path, group)
-    return group

@@ -18,11 +18,25 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from gfmdlayer.files.hdf5 import SIGNATURE
 from gfmdlayer.files.locks import regular, write_new
 
 UNFINISHED = ".part"
 
 _UNFINISHED_NAME = re.compile(rf".+-\d+-[0-9a-f]{{8}}{re.escape(UNFINISHED)}(\.\w+)?")
+
+
+def output_file(out: str | Path | None, default: Path) -> Path:
+    """Return the file that `--out` means: in a folder, the default name; without an ending, the default's.
+
+    A folder is one that is there, or has a name that ends in a slash.
+    """
+    if out is None:
+        return default
+    file = Path(out)
+    if file.is_dir() or str(out).endswith(os.sep):
+        return file / default.name
+    return file if file.suffix else file.with_name(file.name + default.suffix)
 
 
 def unfinished_path(path: Path, suffix: str = "") -> Path:
@@ -143,7 +157,7 @@ def is_intact(path: Path, most: float = float("inf")) -> bool | None:
 def _lost_seal(head: bytes, size: int) -> bool:
     """Whether other bytes are in the place of the seal, behind the end of the file that HDF5 knows."""
     # A program that changes the file cuts the seal off.
-    if head[:8] != b"\x89HDF\r\n\x1a\n" or len(head) < _HEAD:
+    if head[:8] != SIGNATURE or len(head) < _HEAD:
         return False
     place = 28 if head[8] >= 2 else 40  # of the end in the superblock
     return size == int.from_bytes(head[place : place + 8], "little") + _LENGTH

@@ -31,8 +31,9 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.files.hdf5 import open_hdf5, refuse_other_files
 from gfmdlayer.files.headings import WORDS
-from gfmdlayer.files.tables import Answers, TableError, converted, read_table, refuse_other_files
+from gfmdlayer.files.tables import Answers, TableError, converted, read_table
 from gfmdlayer.files.units import unit_of
 from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_curve import BASE, COLUMNS, FORCE, ForceCurve
@@ -264,10 +265,8 @@ def _hdf5_columns(
 
 @contextmanager
 def _hdf5(path: Path) -> Iterator[Any]:
-    import h5py
-
     try:
-        with h5py.File(path, locking=False) as file:
+        with open_hdf5(path) as file:
             refuse_other_files(path, file)
             yield file
     except TableError:

@@ -37,7 +37,7 @@ from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import Free, IndentationModel
 from gfmdlayer.fitting.starts import keys_with_adhesion
 from gfmdlayer.results.names import parameter
-from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
+from gfmdlayer.results.netcdf import add_variable, new_file, opened, set_attributes
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.study.case_run import record_failure
 from gfmdlayer.study.claims import PATIENCE, Claim, Taken, in_use, locked
@@ -164,7 +164,7 @@ def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
     try:
         if is_intact(path) is False:
             return None
-        with h5py.File(path, locking=False) as h5:
+        with opened(path) as h5:
             if h5.attrs["complete"] != 1 or (digest is not None and h5.attrs["digest"] != digest):
                 return None
             keys = [key.decode() for key in h5["parameter"][:]]
@@ -380,7 +380,7 @@ class ForceMap:
                 folder.path.mkdir(parents=True, exist_ok=True)
                 known = folder.is_results()
                 if not known and any(entry.name != "cases" for entry in folder.path.iterdir()):
-                    raise FolderError(f"{folder.path}: {FOREIGN}")
+                    raise FolderError(f"{folder.path}: {FOREIGN.format(folder.lacking)}")
                 if known and not restart:
                     self._refuse_other()
                 folder.cases.mkdir(exist_ok=True)
@@ -399,8 +399,7 @@ class ForceMap:
             try:
                 yield
             finally:
-                with suppress(OSError):
-                    folder.stop.unlink(missing_ok=True)
+                folder.end_run()
 
     def _refuse_other(self) -> None:
         """Reject a folder of another model, other curves or other options."""

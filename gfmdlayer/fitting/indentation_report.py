@@ -18,8 +18,10 @@ import numpy as np
 
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
+from gfmdlayer.files.whole import output_file
 from gfmdlayer.fitting.estimates import CurveFit, Estimate, IndentationFit
-from gfmdlayer.fitting.material import plain_name, with_suffixes, written
+from gfmdlayer.fitting.material import YAML, plain_name, with_suffixes, written
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.validation import text
@@ -36,13 +38,25 @@ SHOWN_CURVES = 6
 SECTIONS = ("units", "grid", "layer", "layers", "halfspace", "punch")
 
 
-def targets(out: Path, force: bool) -> list[Path]:
-    """Return the names of YAML, JSON, picture, CSV and HDF5; existing files are an error unless `force`."""
-    material = out if out.suffix.lower() in {".yaml", ".yml"} else out.with_name(f"{out.name}.yaml")
-    return with_suffixes(material, [".json", ".png", ".csv", ".h5"], force)
+def _yaml_file(out: str | Path | None, name: str) -> Path:
+    """Return the YAML file of a fit, see `output_file`; a name of another ending gets .yaml behind it."""
+    file = output_file(out, Path(f"{name}.yaml"))
+    if file.suffix.lower() in YAML:
+        return file
+    if file.exists():
+        raise ResultsError(f"{file}: cannot be written: is another file; must be .yaml, .yml, or a folder")
+    return file.with_name(f"{file.name}.yaml")
 
 
-def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[str]:
+def targets(out: str | Path | None, force: bool, name: str = "fit") -> list[Path]:
+    """Return the names of YAML, JSON, picture, CSV and HDF5; existing files are an error unless `force`.
+
+    `name` is theirs where `out` is a folder, or None.
+    """
+    return with_suffixes(_yaml_file(out, name), [".json", ".png", ".csv", ".h5"], force)
+
+
+def write_report(fit: IndentationFit, out: str | Path, force: bool = False) -> list[str]:
     """Write YAML to `out`, the other files beside it, and return the lines of a summary."""
     material, numbers, picture, rows, everything = targets(out, force)
     data = json.dumps(as_data(fit), indent=2, allow_nan=False) + "\n"

@@ -15,7 +15,7 @@ from gfmdlayer.body.shifts import WLF
 from gfmdlayer.figures.labels import SPAN_OF_ROUND, Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.tables import Answers
-from gfmdlayer.files.whole import write_text
+from gfmdlayer.files.whole import output_file, write_text
 from gfmdlayer.fitting.laws import FittedLaw, fit, fit_law
 from gfmdlayer.fitting.measurement import CreepCurve, FitError, MasterCurve, read
 from gfmdlayer.results.names import ResultsError
@@ -28,9 +28,12 @@ POOR, POOR_RMS = 3.0, 0.02  # a fit is poor if its rms error exceeds both: times
 PLATEAU = 1.2  # beyond this factor from the measured range a modulus is extrapolated
 
 
+YAML = {".yaml", ".yml"}
+
+
 def fit_material(
     data: Path,
-    out: Path | None = None,
+    out: str | Path | None = None,
     *,
     law: str = "prony",
     branches: int | None = None,
@@ -44,15 +47,15 @@ def fit_material(
 ) -> str:
     """Fit a law to a file of measurements, write the material and a figure, and return a summary.
 
-    `out` is the YAML file or its folder (default: NAME.yaml in the working folder); the figure NAME.png lies
-    beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of G0;
-    `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`, for
-    `poisson` and `answers` see `measurement.read`. The relaxation times are shifted to a `temperature` by
-    a `shift` with the reference of the data.
+    `out` is the YAML file, or with any other name a folder for NAME.yaml (default: the working folder); the
+    figure NAME.png lies beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of
+    G0; `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`, for
+    `poisson` and `answers` see `measurement.read`.
+    The relaxation times are shifted to a `temperature` by a `shift` with the reference of the data.
     """
-    is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
-    material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
-    _, picture = with_suffixes(material, [".png"], force, data)
+    if out is not None and Path(out).suffix.lower() not in YAML:
+        out = f"{out}/"  # a folder, which is made
+    material, picture = with_suffixes(output_file(out, Path(f"{data.stem}.yaml")), [".png"], force, data)
     measured = read(data, poisson, answers)
     if shift is not None and temperature is not None:
         if reason := shift.refused(temperature):

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.friction.line import LineIntervals, LineSystem, invert, solve_on_line
 from gfmdlayer.friction.problem import FrictionProblem, FrictionState, admissible, assess, in_disks, norms
 from gfmdlayer.friction.response import Operator
 
@@ -103,7 +104,8 @@ class Sets:
 
     def moved(self, fields: NDArray[Any]) -> NDArray[Any]:
         """Add to fields of free unknowns the shear that follows the pressure where the points slip."""
-        fields[1:, self.slip] += self.slope * fields[0, self.slip] * self.n
+        if self.slip.size:
+            fields[1:, self.slip] += self.slope * fields[0, self.slip] * self.n
         return fields
 
     def compressed(self, fields: NDArray[Any]) -> NDArray[Any]:
@@ -140,12 +142,13 @@ class BlockInverse:
         self._made: dict[int, tuple[FloatArray, FloatArray, float]] = {}
 
     def of(self, points: int) -> tuple[FloatArray, FloatArray, float]:
-        """Return the inverse without a load, the shape of a load, and the displacement under it."""
+        """Return the inverse without a load, flat, the shape of a load, and the displacement under it."""
         if points not in self._made:
             apart = np.abs(np.subtract.outer(np.arange(points), np.arange(points)))
             inverse = np.linalg.inv(self.kernel[apart])
             w = inverse.sum(axis=1)
-            self._made[points] = inverse - np.outer(w, w) / w.sum(), w / w.sum(), 1 / float(w.sum())
+            rest = (inverse - np.outer(w, w) / w.sum()).astype(np.float32).ravel()
+            self._made[points] = rest, w / w.sum(), 1 / float(w.sum())
         return self._made[points]
 
 
@@ -154,37 +157,45 @@ class Intervals:
 
     def __init__(self, blocks: BlockInverse, points: NDArray[Any]) -> None:
         kernel, n = blocks.kernel, blocks.kernel.size
-        first, self._length = intervals(points)
-        self._first = first
-        self._shape, own = np.empty(points.size), np.empty(first.size)
-        self._alike = []
-        for length in np.unique(self._length).tolist():
-            chosen = self._length == length
-            rows = first[chosen, np.newaxis] + np.arange(length)
-            inverse, self._shape[rows], own[chosen] = blocks.of(length)
-            self._alike.append((rows, inverse.astype(np.float32)))
-        twice = 2 * points[first] + self._length - 1  # of the middles
-        apart = np.abs(np.subtract.outer(twice, twice)) % (2 * n)
-        among = 0.5 * (kernel[apart // 2 % n] + kernel[(apart + 1) // 2 % n])
-        np.fill_diagonal(among, own)
-        self._among = np.linalg.inv(among) if first.size else among
+        first, length = intervals(points)
+        lengths = np.unique(length).tolist() if first.size > 1 else length.tolist()
+        inverses: list[NDArray[Any]] = [np.zeros(0, np.float32)]
+        shapes, own = np.empty(points.size), np.empty(first.size)
+        place, end = np.zeros(first.size, dtype=np.int64), 0
+        for some in lengths:
+            chosen = length == some
+            rows = first[chosen, np.newaxis] + np.arange(some)
+            inverse, shapes[rows], own[chosen] = blocks.of(some)
+            inverses.append(inverse)
+            place[chosen], end = end, end + inverse.size
+        if first.size > 1:
+            twice = 2 * points[first] + length - 1  # of the middles
+            apart = np.abs(np.subtract.outer(twice, twice)) % (2 * n)
+            among = 0.5 * (kernel[apart // 2 % n] + kernel[(apart + 1) // 2 % n])
+            np.fill_diagonal(among, own)
+            among = np.linalg.inv(among)
+        else:
+            among = 1 / own[:, np.newaxis]
+        self.arrays = LineIntervals(first, length, place, np.concatenate(inverses), shapes, among)
 
     def __call__(self, v: NDArray[Any]) -> NDArray[Any]:
         """Return the tractions that give displacements."""
-        if not v.size:
-            return v
         tractions = np.empty(v.size, dtype=np.float32)
-        for rows, inverse in self._alike:
-            tractions[rows] = v[rows] @ inverse
-        loads = self._among @ np.add.reduceat(self._shape * v, self._first)
-        tractions += self._shape * np.repeat(loads, self._length)
+        invert(self.arrays, np.asarray(v, dtype=np.float32), tractions)
         return tractions
 
 
 def intervals(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return where each interval of sorted points begins, and its points."""
-    first = np.flatnonzero(np.diff(points, prepend=-2) > 1)
-    return first, np.diff(first, append=points.size)
+    begins = np.ones(points.size, dtype=bool)
+    begins[1:] = points[1:] - points[:-1] > 1
+    first = np.flatnonzero(begins)
+    length = np.full(first.size, points.size)
+    length[:-1] = first[1:]
+    return first, length - first
+
+
+_NO_INTERVALS = Intervals(BlockInverse(np.zeros(1)), np.zeros(0, np.int64)).arrays
 
 
 class LinearSystem:
@@ -207,6 +218,7 @@ class LinearSystem:
             groups = sets.points, sets.points[sets.stick]
             self._inverses = [Intervals(block, points) for block, points in zip(blocks, groups, strict=True)]
         self._C, self._K = C.among(sets.points), K.among(sets.points)
+        self._of_line, self._damping = (C, K), damping
         self.unit = at.W_s / at.p_s
         axes, size = sets.axes, sets.size
         self.which = [0] if problem.load is not None else []
@@ -286,6 +298,33 @@ class LinearSystem:
         sums = self._sums(v) / math.sqrt(sets.size)
         return np.concatenate((left - sets.compressed(ones), sums.astype(np.float32)))
 
+    def solve_on_line(self, b: FloatArray, inexact: float) -> FloatArray:
+        """Return the solution on a line, by `line.solve_on_line` in place of `gmres`."""
+        sets, solution = self.sets, np.empty(b.size)
+        C, K = self._of_line
+        by_intervals = [each.arrays for each in self._inverses] or [_NO_INTERVALS] * 2
+        system = LineSystem(
+            stick=sets.stick,
+            slip=sets.slip,
+            follows=(sets.slope * sets.n[0]).astype(np.float32),
+            share=self.share,
+            unit=self.unit,
+            damping=self._damping,
+            load_given=0 in self.which,
+            force_given=1 in self.which,
+            C=C.on_line(sets.points),
+            K=K.on_line(sets.points),
+            touching=by_intervals[0],
+            sticking=by_intervals[1],
+            ones=np.array(self.ones, dtype=np.float32).reshape(-1, sets.free),
+            multipliers=_inverse(self.sums_of_ones),
+        )
+        iterations = solve_on_line(system, b, inexact, INNER, solution)
+        C.spend_on_line(sets.points, iterations)
+        if not self._inverses:
+            K.spend_on_line(sets.points, iterations)
+        return solution
+
     def right_side(self, gap: FloatArray, slip: FloatArray, base: FloatArray) -> NDArray[Any]:
         """Return the right side left by the tractions `base`, from their gap and slip in contact."""
         sets = self.sets
@@ -297,6 +336,14 @@ class LinearSystem:
             return right
         sums = np.array([base[i].sum() for i in self.which])
         return np.concatenate((right, (self.goal - sums) / math.sqrt(sets.size)))
+
+
+def _inverse(sums: FloatArray) -> FloatArray:
+    """Return the inverse of a matrix of sums, zero for a sum over no points."""
+    if len(sums) == 1:
+        total = float(sums[0, 0])
+        return np.array([[1 / total if total else 0.0]])
+    return np.asarray(np.linalg.pinv(sums)) if len(sums) else np.zeros((0, 0))
 
 
 def gmres(
@@ -400,7 +447,10 @@ class FrictionNewton:
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
         least = _LEAST_INEXACT[len(at.t) - 1]
         inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), least))
-        solution, _ = gmres(system.apply, system.precondition, b, inexact, INNER)
+        if sets.axes == 1:
+            solution = system.solve_on_line(b, inexact)
+        else:
+            solution, _ = gmres(system.apply, system.precondition, b, inexact, INNER)
         moved = base + sets.moved(sets.expanded(solution[: sets.free]))
         if sets.axes == 2:  # a direction of slip that has turned far: back to the circle
             p = moved[0, sets.slip]

@@ -33,8 +33,10 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.friction.response import Response
+from gfmdlayer.grid.sums import pairwise_sum
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL, Interaction
+from gfmdlayer.kernels import kernel
 
 
 @dataclass(frozen=True)
@@ -187,14 +189,23 @@ def admissible(problem: FrictionProblem, x: FloatArray) -> FloatArray:
 
 def balanced_depth(y: FloatArray, total: float) -> float:
     """Return d of sum max(y + d, 0) = total: convex and rising, so Newton's method falls to it from above."""
-    d = total - float(y.max())
+    return float(_balanced_depth(y, np.empty(y.size), total - float(y.max()), total))
+
+
+@kernel(borrows=True)
+def _balanced_depth(y: FloatArray, over: FloatArray, d: float, total: float) -> float:
+    """Fall to the root from a value above it, with a work array."""
     for _ in range(200):
-        y = y[y + d > 0]
-        if not y.size:  # the total is rounding beside the values
+        count = 0
+        for i in range(y.size):
+            if y[i] + d > 0.0:
+                over[count] = y[i] + d
+                count += 1
+        if count == 0:  # the total is rounding beside the values
             break
-        change = (total - float((y + d).sum())) / y.size
+        change = (total - pairwise_sum(over[:count])) / count
         d += change
-        if not abs(change) > 1e-14 * (abs(d) + 1):
+        if not abs(change) > 1e-14 * (abs(d) + 1.0):
             break
     return d
 
@@ -330,7 +341,7 @@ def assess(
 
 def _scales(problem: FrictionProblem, p: FloatArray, W: FloatArray) -> tuple[float, float]:
     """Units of pressure and of length: the largest ones of a state, or those of an overlap."""
-    softest = float(problem.response.normal.max())
+    softest = problem.response.softest
     largest = float(p.max())
     if largest > 0:
         return largest, max(float(W.max()), 1e-3 * largest * softest)

@@ -17,14 +17,14 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import blake2b
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.grid import Grid, parts
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import kernel
 
 
@@ -73,6 +73,11 @@ class Response:
         return bool(self.coupling.any())
 
     @cached_property
+    def softest(self) -> float:
+        """Largest compliance of a wave to pressure."""
+        return float(self.normal.max())
+
+    @cached_property
     def critical_coefficient(self) -> float:
         """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
         coupled = self.coupling != 0
@@ -112,6 +117,7 @@ class SharedTransforms:
         self._transforms, self.spent, self._share = transforms, spent, share
         self._parts = parts(self.shape)
         self._made: dict[tuple[int, bool], CountedFields] = {}
+        self._last: tuple[Any, tuple[int, NDArray[Any]]] = None, (1, np.zeros(0, int))  # see `window`
 
     def fields(self, part: int = 1, *, single: bool) -> CountedFields:
         """Return transforms and fields of a window with 1/part of the points of each axis."""
@@ -129,6 +135,11 @@ class SharedTransforms:
 
     def window(self, points: NDArray[Any]) -> tuple[int, NDArray[Any]]:
         """Return the part of the smallest window twice as wide as some points, and where they are in it."""
+        if points is not self._last[0]:  # two responses are asked for at the same points in turn
+            self._last = points, self._window(points)
+        return self._last[1]
+
+    def _window(self, points: NDArray[Any]) -> tuple[int, NDArray[Any]]:
         places = np.unravel_index(points, self.shape)
         extents = [_extent(place, n) for place, n in zip(places, self.shape, strict=True)]
         fitting = (
@@ -151,6 +162,10 @@ class CountedFields:
         count = 1 + len(plan.shape)
         self.points = [plan.empty_field() for _ in range(count)]
         self.waves = [plan.empty_spectrum() for _ in range(count)]
+
+    def spend(self, pairs: float) -> None:
+        """Count FFT pairs."""
+        self._spent.pairs += pairs * self._share
 
     def transform(self, number: int) -> None:
         """Transform a field."""
@@ -186,7 +201,8 @@ def _extent(places: NDArray[Any], n: int) -> tuple[int, int]:
     held = np.flatnonzero(np.bincount(places, minlength=n))
     if not held.size:
         return 0, 0
-    steps = np.diff(held, append=held[0] + n)
+    steps = np.empty_like(held)
+    steps[:-1], steps[-1] = held[1:] - held[:-1], held[0] + n - held[-1]
     longest = int(np.argmax(steps))
     return int(held[(longest + 1) % held.size]), n - int(steps[longest]) + 1
 
@@ -255,6 +271,19 @@ class Operator:
 
         return response
 
+    def on_line(self, points: NDArray[Any]) -> LineWindow:
+        """Return what `respond_on_line` needs for the response at points of a line to fields there."""
+        part, places = self.work.window(points)
+        work = self.work.fields(part, single=True)
+        (p, t), (of_p, of_t) = work.points, work.waves
+        normal, coupling, along = self._in_window(part)
+        return LineWindow(work.plan.plans, p, t, of_p, of_t, normal, coupling, along, places)
+
+    def spend_on_line(self, points: NDArray[Any], times: int) -> None:
+        """Count the FFT pairs of such responses."""
+        part, _ = self.work.window(points)
+        self.work.fields(part, single=True).spend(2.0 * times)
+
     def kernel(self, number: int) -> FloatArray:
         """Return the response to a load on the first point, of a component of `_parts`; not counted."""
         work, before = self.work.fields(single=False), self.work.spent.pairs
@@ -300,6 +329,36 @@ class Operator:
             if part in self._counted:
                 self.work.spent.pairs = before
         return self._single[part]
+
+
+class LineWindow(NamedTuple):
+    """The transforms of a window of a line, in single precision, and a response there."""
+
+    plans: Plans
+    p: Any
+    t: Any
+    of_p: Any  # transforms
+    of_t: Any
+    normal: Any  # factors on them
+    coupling: Any
+    along: Any
+    places: NDArray[Any]  # of the points
+
+
+@kernel(reorder=True, inner=True)
+def respond_on_line(window: LineWindow, fields: Any) -> None:
+    """Replace pressure and shear at the points by the displacements under them."""
+    p, t, places, none = window.p, window.t, window.places, np.float32(0.0)
+    p[:], t[:] = none, none
+    for i in range(places.size):
+        p[places[i]], t[places[i]] = fields[0, i], fields[1, i]
+    forward(window.plans, p, window.of_p)
+    forward(window.plans, t, window.of_t)
+    _line(window.normal, window.coupling, window.along, window.of_p, window.of_t)
+    backward(window.plans, window.of_p, p)
+    backward(window.plans, window.of_t, t)
+    for i in range(places.size):
+        fields[0, i], fields[1, i] = p[places[i]], t[places[i]]
 
 
 @kernel(reorder=True)

@@ -403,7 +403,7 @@ def _rough_guess(problem: FrictionProblem) -> FloatArray:
     h = problem.gap_at_rest
     p = np.maximum(np.quantile(h, 0.3) - h, 0.0) + 1e-12 * (np.ptp(h) + 1e-300)
     axes = problem.response.normal.ndim
-    softest = float(problem.response.normal.max())
+    softest = problem.response.softest
     mean = problem.load
     if mean is None:
         mean = 1e-3 * max(problem.depth - h.min(), 0) / softest

@@ -51,7 +51,7 @@ def _library() -> Any:
 WORTH_THREADS = 1 << 18
 
 _ESTIMATE, _DESTROY_INPUT = 1 << 6, 1 << 0  # fftw3.h
-_ALIGNED = 64  # bytes
+ALIGNED = 64  # bytes
 
 _INT, _POINTER = ctypes.c_int, ctypes.c_void_p
 
@@ -180,8 +180,8 @@ def aligned(size: int, single: bool = False) -> Any:
     """Uninitialised flat real numbers, aligned as any plan accepts them."""
     kind = np.float32 if single else np.float64
     count = np.dtype(kind).itemsize * size
-    memory = np.empty(count + _ALIGNED, np.uint8)
-    start = -memory.ctypes.data % _ALIGNED
+    memory = np.empty(count + ALIGNED, np.uint8)
+    start = -memory.ctypes.data % ALIGNED
     return memory[start : start + count].view(kind)
 
 

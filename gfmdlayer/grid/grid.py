@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from math import gcd, prod
+from functools import cache, cached_property
+from math import ceil, gcd, log2, prod
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,12 @@ from gfmdlayer.made_once import made_once
 COARSEST = 64  # points of an axis of the coarsest of nested grids, at least
 _SHORTEST = 64  # points of an axis of the smallest windows
 _FIELDS = 3  # that a grid may make of its waves and their weights
+
+
+def finer(points: Sequence[int], factor: float) -> str:
+    """Write the powers of two that are at least so many times as many points along each axis."""
+    enough = [1 << ceil(log2(factor * count)) for count in points]
+    return str(enough[0] if len(enough) == 1 else enough)
 
 
 @dataclass(frozen=True)
@@ -191,6 +197,7 @@ def _waves(grid: Grid) -> Wavevectors:
     return waves
 
 
+@cache
 def parts(shape: tuple[int, ...]) -> tuple[int, ...]:
     """Divisors m for which a window of 1/m of the points of each axis has a transform, ascending."""
     divisors: list[int] = []

@@ -45,7 +45,7 @@ class Ranks:
 
     def mean(self, field: NDArray[Any]) -> float:
         """Mean of a field over the surface."""
-        return float(np.mean(field))
+        return float(field.sum() / field.size)  # that of numpy takes twice the time
 
     def mean_wave(self, values: NDArray[Any]) -> Any:
         """Return the value at the wave q = 0, of one value a mode."""

@@ -36,7 +36,7 @@ from gfmdlayer.grid.fftw import DOUBLE, FUNCTION, SINGLE, address, call, row_pla
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import MpiRanks, wait
 from gfmdlayer.grid.sums import Completion
-from gfmdlayer.grid.transforms import Columns, Plans, Transforms, by_blocks
+from gfmdlayer.grid.transforms import Columns, Plans, Transforms, by_blocks, shared_transforms
 
 _SHARED = Path("/dev/shm")  # the memory that processes share, on Linux
 _ALIGNED = 64  # bytes
@@ -456,4 +456,4 @@ def transforms_of(grid: Grid, threads: int = 1) -> Transforms:
     """Return the transforms of a grid, of one process or over ranks; see `Transforms`."""
     if isinstance(grid, SlabGrid):
         return SlabTransforms(grid, threads=threads)
-    return Transforms(grid.shape, threads=threads)
+    return shared_transforms(grid.shape, threads)

@@ -12,12 +12,11 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.cpython.unsafe.tuple import tuple_setitem
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.transforms import execute
-from gfmdlayer.kernels import filled, kernel
+from gfmdlayer.kernels import filled, kernel, with_item
 
 
 class Completion(NamedTuple):
@@ -44,9 +43,9 @@ def _completed(function: int, values: Any) -> Any:
     work = np.empty(len(values))
     for i in range(len(values)):
         work[i] = values[i]
-    execute(function, work.size, work, work)  # type: ignore[call-arg]
+    execute(function, work.size, work, work)
     for i in range(len(values)):
-        values = tuple_setitem(values, i, work[i])
+        values = with_item(values, i, work[i])
     return values
 
 
@@ -64,8 +63,9 @@ class Sums:
 
     def spectral_means(self, v: ComplexArray, f: ComplexArray, g: ComplexArray) -> tuple[float, ...]:
         """Means <v f>, <v g> and <v v> over the surface, from the transforms."""
-        numbers = (spectrum.view(np.float64) for spectrum in (v, f, g))
-        return tuple(self.total(np.array(products(self.weights_twice, *numbers))).tolist())
+        real = np.float64
+        means: tuple[float, ...] = products(self.weights_twice, v.view(real), f.view(real), g.view(real))
+        return means if self.ranks.count == 1 else tuple(self.total(np.array(means)).tolist())
 
     @cached_property
     def weights_twice(self) -> FloatArray:

@@ -9,7 +9,9 @@ Plans and functions reach compiled kernels as addresses, plain integers, which a
 
 from __future__ import annotations
 
+import ctypes
 import math
+from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -18,12 +20,23 @@ import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.fftw import DOUBLE, SINGLE, address, aligned, column_plans, row_plans, whole_plans
+from gfmdlayer.grid.fftw import (
+    ALIGNED,
+    DOUBLE,
+    FUNCTION,
+    SINGLE,
+    address,
+    aligned,
+    call,
+    column_plans,
+    row_plans,
+    whole_plans,
+)
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import IN_PYTHON, kernel, primitive
+from gfmdlayer.made_once import made_once
 
 
 class Plans(NamedTuple):
@@ -35,7 +48,13 @@ class Plans(NamedTuple):
     execute_backward: int
 
 
-@intrinsic
+def _execute_in_python(function: int, plan: int, source: Any, target: Any) -> None:
+    # Addresses in arrays are numbers of NumPy, which ctypes does not take.
+    places = (each.ctypes.data if isinstance(each, np.ndarray) else int(each) for each in (source, target))
+    call(int(function), int(plan), *places)
+
+
+@primitive(_execute_in_python)
 def execute(
     _context: Any, _function: Any, _plan: Any, source: Any, target: Any
 ) -> tuple[Any, Any]:  # numba's own types, which carry no annotations
@@ -60,19 +79,19 @@ def execute(
 @kernel(borrows=True)
 def _execute(function: int, plan: int, source: Any, target: Any) -> None:
     """`execute` for Python: a tenth of the time of a call through ctypes."""
-    execute(function, plan, source, target)  # type: ignore[call-arg]
+    execute(function, plan, source, target)
 
 
 @nb.njit(inline="always")
 def forward(plans: Plans, field: FloatArray, spectrum: ComplexArray) -> None:
     """Transform ``field`` into ``spectrum``, real-to-complex, both flat and from `Transforms`."""
-    execute(plans.execute_forward, plans.forward_plan, field, spectrum)  # type: ignore[call-arg]
+    execute(plans.execute_forward, plans.forward_plan, field, spectrum)
 
 
 @nb.njit(inline="always")
 def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
     """Unnormalised complex-to-real transform of ``spectrum``, which is destroyed, into ``field``."""
-    execute(plans.execute_backward, plans.backward_plan, spectrum, field)  # type: ignore[call-arg]
+    execute(plans.execute_backward, plans.backward_plan, spectrum, field)
 
 
 # Of more points than this, surfaces are transformed along the rows and then along blocks of columns. FFTW's
@@ -113,18 +132,18 @@ class Columns:
 def _transform_columns(work: Any, spectrum: int) -> None:
     _, _, function, buffer, blocks, size, there, back, rest_there, rest_back = work
     for _ in range(blocks):
-        execute(function, there, spectrum, buffer)  # type: ignore[call-arg]
+        execute(function, there, spectrum, buffer)
         execute(function, back, buffer, spectrum)
         spectrum += size
     if rest_there:
-        execute(function, rest_there, spectrum, buffer)  # type: ignore[call-arg]
+        execute(function, rest_there, spectrum, buffer)
         execute(function, rest_back, buffer, spectrum)
 
 
 def _forward_by_blocks(place: Any, field: int, spectrum: int) -> None:
     work = place[0]
     if work[1]:
-        execute(work[0], work[1], field, spectrum)  # type: ignore[call-arg]
+        execute(work[0], work[1], field, spectrum)
     _transform_columns(work, spectrum)
 
 
@@ -132,20 +151,30 @@ def _backward_by_blocks(place: Any, spectrum: int, field: int) -> None:
     work = place[0]
     _transform_columns(work, spectrum)
     if work[1]:
-        execute(work[0], work[1], spectrum, field)  # type: ignore[call-arg]
+        execute(work[0], work[1], spectrum, field)
 
 
 @cache
-def _compiled() -> tuple[Any, Any]:
-    integers = types.UniTuple(types.int64, 10)  # type: ignore[no-untyped-call]
-    kind = types.void(types.CPointer(integers), types.int64, types.int64)  # type: ignore[no-untyped-call]
-    return nb.cfunc(kind)(_forward_by_blocks), nb.cfunc(kind)(_backward_by_blocks)
+def _of_c() -> tuple[Any, Any]:
+    """Return both as functions of C, which live as long as the process."""
+    made: Any = _called_in_python
+    if not IN_PYTHON:
+        integers = types.UniTuple(types.int64, 10)  # type: ignore[no-untyped-call]
+        kind = types.void(types.CPointer(integers), types.int64, types.int64)  # type: ignore[no-untyped-call]
+        made = nb.cfunc(kind)
+    return made(_forward_by_blocks), made(_backward_by_blocks)
+
+
+def _called_in_python(own: Callable[..., None]) -> Any:
+    work = ctypes.c_int64 * 10
+    return FUNCTION(lambda place, *fields: own([work.from_address(place or 0)], *fields))
 
 
 def by_blocks() -> tuple[int, int]:
     """Addresses of the functions of a forward and a backward transform for the work of `Columns`."""
-    forward, backward = _compiled()
-    return forward.address, backward.address
+    functions = (each if IN_PYTHON else each.ctypes for each in _of_c())
+    forward, backward = map(address, functions)
+    return forward, backward
 
 
 class Transforms:
@@ -158,7 +187,8 @@ class Transforms:
         # than OMP_NUM_THREADS allowed when the process began.
         self.shape, self.threads, self.single = shape, threads, single
         self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)
-        if len(shape) == 2 and self.size > BY_BLOCKS:
+        self.by_blocks = len(shape) == 2 and self.size > BY_BLOCKS
+        if self.by_blocks:
             self._columns = Columns(self.spectral_shape, threads, single, row_plans(shape, threads, single))
             self.plans = Plans(self._columns.forward, self._columns.backward, *by_blocks())
         else:
@@ -172,7 +202,7 @@ class Transforms:
 
     def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
         """Transforms of another shape or precision, with as many threads."""
-        return Transforms(shape, threads=self.threads, single=single)
+        return shared_transforms(shape, self.threads, single)
 
     def empty_field(self) -> Any:
         """Uninitialised flat field, aligned as the plans need it."""
@@ -182,6 +212,10 @@ class Transforms:
         """Uninitialised flat spectrum, aligned as the plans need it."""
         kind = np.complex64 if self.single else np.complex128
         return aligned(2 * math.prod(self.spectral_shape), self.single).view(kind)
+
+    def reserved(self, fields: int, spectra: int) -> Reserve:
+        """Return so many empty fields and spectra in one piece of memory."""
+        return Reserve(self, fields, spectra)
 
     def forward(self, field: npt.ArrayLike) -> ComplexArray:
         """Return the unnormalised transform of a field of any layout, as a new flat spectrum."""
@@ -209,6 +243,33 @@ class Transforms:
         """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum."""
         # It is complex of a field, or real of an even function of the wavevector.
         return truncated(spectrum, self.shape, coarser.shape)
+
+
+class Reserve:
+    """Uninitialised fields and spectra of some transforms, cut from one piece of memory."""
+
+    def __init__(self, transforms: Transforms, fields: int, spectra: int) -> None:
+        self.shape, self._spectral = transforms.shape, 2 * math.prod(transforms.spectral_shape)
+        self._size, self._kind = math.prod(self.shape), np.complex64 if transforms.single else np.complex128
+        # Each begins as far from a multiple of `ALIGNED` as the first, and not a power of two after another.
+        self._spaces = [-(-size // ALIGNED) * ALIGNED + ALIGNED for size in (self._size, self._spectral)]
+        self._left = aligned(fields * self._spaces[0] + spectra * self._spaces[1], transforms.single)
+
+    def empty_field(self) -> Any:
+        """Return the next field."""
+        field, self._left = self._left[: self._size], self._left[self._spaces[0] :]
+        return field
+
+    def empty_spectrum(self) -> Any:
+        """Return the next spectrum."""
+        spectrum, self._left = self._left[: self._spectral], self._left[self._spaces[1] :]
+        return spectrum.view(self._kind)
+
+
+@made_once(lambda transforms: math.inf if transforms.by_blocks else 0.0, count=64)
+def shared_transforms(shape: tuple[int, ...], threads: int = 1, single: bool = False) -> Transforms:
+    """Return the transforms of a shape, made once unless they have a work array, as those by blocks do."""
+    return Transforms(shape, threads=threads, single=single)
 
 
 def truncated(

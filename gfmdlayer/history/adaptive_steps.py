@@ -39,7 +39,7 @@ from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.time_points import SAME_TIME, Course, FixedSteps, fingerprint
 from gfmdlayer.interface.law import Interaction
-from gfmdlayer.kernels import LANES, filled, kernel, maximum
+from gfmdlayer.kernels import LANES, filled, kernel, maximum, record_type
 from gfmdlayer.resumable import Saving, State
 from gfmdlayer.step import Change, Instant, Step
 
@@ -106,7 +106,7 @@ def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
 
 
 # Position of the run in time, and the quantities that set the length of the next step.
-STEP_STATE = np.dtype(
+STEP_STATE = record_type(
     [
         ("time", np.float64),
         ("next_stop", np.int64),

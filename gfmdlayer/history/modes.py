@@ -293,6 +293,25 @@ def set_curvature_stress(modes: ModeArrays, gain: float, curvature: FloatArray, 
             stress[k] += local_gain * curvature[k]
 
 
+@kernel(borrows=True)
+def set_curved_terms(
+    gain: FloatArray,
+    step: float,
+    stiffness: FloatArray,
+    new_stiffness: FloatArray,
+    u: FloatArray,
+    velocity: FloatArray,
+    b: FloatArray,
+    new_b: FloatArray,
+) -> None:
+    """Write stiffness + gain, and b + gain (u + step velocity), with that of `set_curvature_stress`."""
+    for k in range(stiffness.size):
+        some = gain[2 * k]
+        new_stiffness[k] = stiffness[k] + some
+        for i in range(2 * k, 2 * k + 2):
+            new_b[i] = b[i] + some * (u[i] + step * velocity[i])
+
+
 @kernel(reorder=True, borrows=True)
 def set_force(stiffness: FloatArray, u: FloatArray, b: FloatArray, force: FloatArray) -> None:
     """Write -sigma = stiffness u - b."""
@@ -419,8 +438,11 @@ class Modes(Saving):
     def curved(self, ratio: float, velocity: ComplexArray) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b of the last `terms` with the curvature, which is linear in u."""
         # `ratio` is the step over the last two; `velocity` belongs to the last step.
-        gain = self.curvature_stress(np.full(self.u.shape, ratio, dtype=np.complex128)).real
-        return self.stiffness + gain, self._b + gain * (self.u + self.step * velocity)
+        gain = self.curvature_stress(np.full(self.u.shape, ratio, dtype=np.complex128))
+        kappa, b = np.empty_like(self.stiffness), np.empty_like(self._b)
+        spectra = (_numbers(each) for each in (self.u, velocity, self._b, b))
+        set_curved_terms(_numbers(gain), self.step, self.stiffness, kappa, *spectra)
+        return kappa, b
 
     def parts(self, spectrum: ComplexArray) -> ComplexArray:
         """Return the displacement itself: there is one body."""

@@ -26,7 +26,11 @@ if TYPE_CHECKING:
 
 
 def inside(
-    data: xarray.Dataset, depths: Sequence[float] | FloatArray, *, body: Body | None = None
+    data: xarray.Dataset,
+    depths: Sequence[float] | FloatArray,
+    *,
+    body: Body | None = None,
+    trust: bool = False,
 ) -> xarray.Dataset:
     """Return displacements and stresses below the surface.
 
@@ -40,6 +44,8 @@ def inside(
     body : Body, optional
         A `LayerStack`, or a body of `halfspace` or `bonded_layer`; default: the body of the case's
         configuration.
+    trust : bool
+        Run the Python code that the configuration names as its body; without it such a body is refused.
 
     Returns
     -------
@@ -76,7 +82,7 @@ def inside(
     """
     axes = _checked(data)
     has_springs = "spring_force" in data and body is None
-    layers = _layers(body, data, known=has_springs)
+    layers = _layers(body, data, known=has_springs, trust=trust)
     rows = _places(layers, depths)
     leads = [str(name) for name in data["pressure"].dims if name not in axes]
     steps = [float(data[name][1] - data[name][0]) for name in axes]
@@ -134,13 +140,13 @@ def _checked(data: xarray.Dataset) -> list[str]:
     return [name for name in ("x", "y") if name in data["pressure"].dims]
 
 
-def _layers(body: object, data: xarray.Dataset, *, known: bool) -> Layers:
+def _layers(body: object, data: xarray.Dataset, *, known: bool, trust: bool) -> Layers:
     """Return layers whose moduli count only relative to each other; ConfigError where none determine it.
 
     `known`: the data have the springs of the layers, which determine the stresses whatever the laws.
     """
     if body is None:
-        if (config := config_of(data)) is None:
+        if (config := config_of(data, trust=trust)) is None:
             raise ConfigError(["body: missing; data has no configuration that names it; give body"])
         body, needs = config.solid, "layers without a counterbody"
     else:

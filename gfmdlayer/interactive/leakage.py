@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -46,6 +45,7 @@ def leakage(
     width: float | None = None,
     body: Body | None = None,
     fields: bool = False,
+    trust: bool = False,
 ) -> xarray.Dataset:
     """Return the flow of a thin fluid film through the gap of a contact, by the Reynolds equation.
 
@@ -67,6 +67,8 @@ def leakage(
         For the lift of the surface; default: the body of the case's configuration.
     fields : bool
         Whether to return the pressure and the flow at each point of a surface.
+    trust : bool
+        Run the Python code that the configuration names as its body; without it there is no lift.
 
     Returns
     -------
@@ -117,8 +119,10 @@ def leakage(
         cell = (*period, 1.0)[:2] if along == "x" else (*period, 1.0)[1::-1]  # 1 along the ridges of a line
         rate = pressure_drop / (12 * viscosity) / (length or cell[0]) * (width or cell[1])
     if body is None and pressure_drop is not None:
-        with suppress(ConfigError):  # of files that have moved
-            body = None if (config := config_of(data)) is None else config.solid
+        try:
+            body = None if (config := config_of(data, trust=trust)) is None else config.solid
+        except ConfigError as error:  # of code, or of files that have moved
+            warnings.warn(f"lift is left out, which needs the body: {error}", stacklevel=2)
     shape = tuple(data.sizes[name] for name in leads)
     quantities: dict[str, FloatArray] = {}
     said: list[str] = []
@@ -134,7 +138,7 @@ def leakage(
         reasons: list[str] = []
         depth, residual = _depth_and_residual(state)
         for axis, throat in narrow.items():
-            reasons += doubts(axis, throat, depth, residual)
+            reasons += doubts(axis, throat, depth, residual, gap.shape)
         if pressure_drop is not None and along in narrow:
             lift, more = _lift(narrow[along], gap, state, spacing, body, pressure_drop)
             row |= {} if body is None else {"lift": lift}
@@ -153,7 +157,8 @@ def leakage(
     meanings = {column.name: (column.long_name, column.units) for column in columns} | _LONG_NAMES
     dims = {name: [*leads, *grid] if array.ndim > len(leads) else leads for name, array in quantities.items()}
     values = {name: (dims[name], array) for name, array in quantities.items()}
-    return derived(data, values, meanings, {*leads, *(grid if "fluid_pressure" in quantities else ())})
+    found = derived(data, values, meanings, {*leads, *(grid if "fluid_pressure" in quantities else ())})
+    return found.assign_attrs(warnings="\n".join(said)) if said else found
 
 
 def _grid(data: xarray.Dataset, along: str, seal: Mapping[str, float | None]) -> tuple[str, ...]:

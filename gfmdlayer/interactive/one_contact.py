@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.config import Config, load
+from gfmdlayer.config import Config
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.results.case_file import Labelled, labelled
 from gfmdlayer.results.names import VARIABLES
 from gfmdlayer.results.provenance import provenance
+from gfmdlayer.results.reader import config_in
 from gfmdlayer.validation.units import Units
 
 if TYPE_CHECKING:
@@ -62,9 +63,9 @@ def number_in(value: Any) -> float:
         return math.nan
 
 
-def config_of(data: xarray.Dataset) -> Config | None:
-    """Return the configuration of a case; None where the data have none."""
-    return load(Path("case"), content=str(data.attrs["config"])) if "config" in data.attrs else None
+def config_of(data: xarray.Dataset, *, trust: bool) -> Config | None:
+    """Return the configuration of a case; None where the data have none. Code is run only with `trust`."""
+    return config_in(data.attrs, Path("case"), trust=trust) if "config" in data.attrs else None
 
 
 def derived(

@@ -281,7 +281,8 @@ def _one_after_the_other(every: Sequence[SweepCase], display: Display | None, th
             reporter.at_work = lambda: [case.index for case in at_work]
             reporter.claims = lambda _: [case.running for case in at_work]
         for case in every:
-            at_work[:] = [AtWork(case.index, case.config.time.end, label(case.values))]
+            steps = case.cost.steps if reporter is not None else 0
+            at_work[:] = [AtWork(case.index, case.config.time.end, label(case.values), steps)]
             outcomes.append(_compute(case, threads, at_work[0]))
             at_work.clear()
             if reporter is not None:
@@ -307,7 +308,7 @@ def _side_by_side(
 
 def _compute_claimed(case: SweepCase, folder: Folder, threads: int) -> Outcome:
     """Run a case in memory, with its claim in a folder."""
-    claim = Claim(folder, case.index, case.config.time.end, label(case.values))
+    claim = Claim(folder, case.index, case.config.time.end, label(case.values), case.cost.steps)
     return _compute(case, threads, claim)
 
 
@@ -362,6 +363,7 @@ def run(
     progress: bool | None = None,
     jobs: int = 1,
     threads: int = 1,
+    trust: bool = False,
     **values: object,
 ) -> xarray.Dataset:
     """Run a configuration and return its results.
@@ -388,6 +390,9 @@ def run(
         ``if __name__ == "__main__":``.
     threads : int
         Threads for the transforms of a large grid.
+    trust : bool
+        Of the file of a case: run the Python code that it names as its body; without it such a file is
+        refused.
     **values
         Keys of the configuration and their values: ``layer__thickness=0.1``, or
         ``**{"layer.thickness": 0.1}``; None leaves a key out. The `voltage` of an interface law may be an
@@ -428,7 +433,7 @@ def run(
     if not isinstance(jobs, int) or jobs < 1:
         raise ConfigError([f"jobs: got {jobs!r}; must be a whole number >= 1"])
     keys = {key.replace("__", "."): value for key, value in values.items()}
-    cases = checked(partial(_configuration, config, punch, history, keys))
+    cases = checked(partial(_configuration, config, punch, history, keys, trust))
     if out is not None:
         return _run_in_folder(cases, Path(out), progress, jobs, threads)
     return _run_in_memory(cases, progress, jobs, threads)
@@ -439,6 +444,7 @@ def _configuration(
     punch: Punch | None,
     history: History | None,
     values: dict[str, object],
+    trust: bool,
     inspect: Inspection,
 ) -> Config:
     """Return the checked configuration, with arrays as files in memory."""
@@ -464,7 +470,7 @@ def _configuration(
             given = {**given, "interface": with_voltages(given["interface"])}
         found = from_python(given, values, inspect if punch is None else None)
     else:
-        found = read_config(config, values, inspect if punch is None else None)
+        found = read_config(config, values, inspect if punch is None else None, trust=trust)
     return found if punch is None else from_python(found, with_punch(found, punch), inspect)
 
 

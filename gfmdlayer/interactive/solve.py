@@ -383,8 +383,7 @@ def _dataset(
     """Return fields and scalars of a solution; an isolated contact has a `reach`."""
     touching = in_contact(problem, solution)
     imprint = {} if solution.flow is None else {"imprint": solution.flow}
-    wall = problem.wall_pressure(solution.pressure, solution.gap)
-    extent = contact_extent(touching, wall, solution.gap, grid)
+    extent = contact_extent(touching, solution.wall_pressure, solution.gap, grid)
     fields = {
         "displacement": surface.displacement,
         "pressure": solution.pressure,

@@ -53,9 +53,14 @@ class SpeedTable:
         return float(self.values.min()), float(self.values.max())
 
     @property
+    def steepest_rise(self) -> float:
+        """The largest rise of the coefficient over a rise of the speed; 0 where it never rises."""
+        return float((np.diff(self.values) / np.diff(self.speeds)).max(initial=0.0))
+
+    @property
     def steepest_fall(self) -> float:
         """The largest fall of the coefficient over a rise of the speed; 0 where it never falls."""
-        return max(float((-np.diff(self.values) / np.diff(self.speeds)).max(initial=0.0)), 0.0)
+        return float((-np.diff(self.values) / np.diff(self.speeds)).max(initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -95,20 +100,29 @@ class ShearBound:
     @property
     def is_frictionless(self) -> bool:
         """Whether the bound is zero everywhere, at the present slip speeds."""
-        return self.strength == 0 or not np.any(self.coefficient)
+        mu = self.coefficient
+        return self.strength == 0 or not (mu if isinstance(mu, float) else np.any(mu))
 
     @property
     def sticks(self) -> bool:
         """Whether no traction is too large."""
         return math.isinf(self.strength) and bool(np.isinf(self.coefficient).all())
 
+    @property
+    def _is_cone(self) -> bool:
+        """Whether it is Coulomb's law with one coefficient, which takes less time."""
+        return isinstance(self.coefficient, float) and self.coefficient < math.inf == self.strength
+
     def at(self, points: NDArray[Any]) -> ShearBound:
         """Bound at some points."""
-        return self if np.ndim(self.coefficient) == 0 else replace(self, coefficient=self.coefficient[points])  # type: ignore[index]
+        mu = self.coefficient
+        return self if isinstance(mu, float) or np.ndim(mu) == 0 else replace(self, coefficient=mu[points])
 
     def bound(self, pressure: FloatArray, touching: BoolArray | None = None) -> FloatArray:
         """Largest traction under a pressure, at points that touch: by default where it is positive."""
         touching = pressure > 0 if touching is None else touching
+        if self._is_cone:
+            return np.where(touching, self.coefficient * pressure, 0.0)
         with np.errstate(invalid="ignore"):
             cone = np.where(touching, self.coefficient * pressure, 0.0)
         if np.isinf(self.coefficient).any():
@@ -117,6 +131,8 @@ class ShearBound:
 
     def slope(self, pressure: FloatArray) -> FloatArray:
         """Derivative of the bound in the pressure, at points that touch."""
+        if self._is_cone:
+            return np.full(pressure.shape, self.coefficient)
         with np.errstate(invalid="ignore"):
             on_cone = np.isfinite(self.coefficient) & (self.coefficient * pressure < self.strength)
         return np.where(on_cone, self.coefficient, 0.0)

@@ -11,13 +11,13 @@ compiled anew for another law; `energy`, `traction` and `curvature` are the same
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.interface.forms import Terms
+from gfmdlayer.interface.forms import Terms, add_curvature, add_energy, add_traction
 from gfmdlayer.time_functions import Table
 
 
@@ -58,27 +58,25 @@ class Interaction:
 
     def energy(self, gap: FloatArray) -> FloatArray:
         """Energy w(g) per area, in the shape of the gap; it falls as the gap closes."""
-        return self._sum("add_energy", gap)
+        return self._sum(add_energy, gap)
 
     def traction(self, gap: FloatArray) -> FloatArray:
         """Traction dw/dg, positive where it attracts."""
-        return self._sum("add_traction", gap)
+        return self._sum(add_traction, gap)
 
     def curvature(self, gap: FloatArray) -> FloatArray:
         """Curvature d^2w/dg^2, a stiffness per area."""
-        return self._sum("add_curvature", gap)
+        return self._sum(add_curvature, gap)
 
     def times(self, factor: float) -> Interaction:
         """Return the law with all of its tractions multiplied by a factor >= 0."""
         terms = self.terms._replace(stress=factor * self.terms.stress)
         return Interaction(terms, factor * self.work, factor * self.strength)
 
-    def _sum(self, add: str, gap: FloatArray) -> FloatArray:
-        sums = np.zeros(np.shape(gap))
+    def _sum(self, add: Callable[[FloatArray, Terms, FloatArray], None], gap: FloatArray) -> FloatArray:
+        sums = np.zeros(gap.shape)
         if self.attracts:
-            from gfmdlayer.interface import forms  # which configurations and their checks do not compile
-
-            getattr(forms, add)(np.ravel(gap), self.terms, np.ravel(sums))
+            add(gap.reshape(-1), self.terms, sums.reshape(-1))
         return sums
 
 

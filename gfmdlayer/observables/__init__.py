@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gfmdlayer.made_once import kept_with
 from gfmdlayer.observables.adhesion import AdhesionColumns, Instabilities
 from gfmdlayer.observables.contact import (
     INDENTATION,
@@ -86,6 +87,7 @@ def observables(case: Observed) -> dict[str, Observable]:
     return {name: made(case) for name, made in OBSERVABLES.items() if made.columns(case.config) is not None}
 
 
+@kept_with
 def columns(config: Config) -> tuple[Column, ...]:
     """Return the columns of a case on a grid, in the order of its rows."""
     every = [column for observable in OBSERVABLES.values() for column in observable.columns(config) or ()]

@@ -68,7 +68,7 @@ class AdhesionColumns(Observable):
         return cls.COLUMNS if config.interfaces else None
 
     def __init__(self, case: Observed) -> None:
-        self._sums = case.grid.sums
+        self._sums, self._size = case.grid.sums, case.grid.size
         self._force = self._stress = self._work = 0.0
         self._last: tuple[float, ...] = ()  # depth and mean pressure
 
@@ -80,14 +80,16 @@ class AdhesionColumns(Observable):
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the columns, and remember the pull."""
-        law, fields = step.interface, step.fields
-        apart = ~fields["touching"]
+        from gfmdlayer.observables.contact_statistics import attracted
+
+        law, fields, sums, points = step.interface, step.fields, self._sums, 0
         self._pull(step.depth, step.mean_pressure, float(step.row["force"]))
-        attracted = apart & (fields["traction"] >= PART * law.strength) if law.attracts else apart & False
+        if law.attracts:
+            points = attracted(fields["touching"], fields["traction"], PART * law.strength)
         return {
-            "interface_energy": self._sums.mean(law.energy(fields["distance"])),
-            "attractive_area": self._sums.mean(attracted.astype(float)),
-            "largest_tension": max(-self._sums.minimum(float(fields["pressure"].min())), 0.0),
+            "interface_energy": sums.mean(law.energy(fields["distance"])),
+            "attractive_area": sums.total(points) / self._size,
+            "largest_tension": max(-sums.minimum(float(fields["pressure"].min())), 0.0),
         }
 
     def _pull(self, depth: float, pressure: float, force: float) -> None:

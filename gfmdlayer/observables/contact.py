@@ -98,7 +98,11 @@ class Resolution(Observable):
         from gfmdlayer.observables.contact_statistics import is_upside_down
 
         touching = f"{self._most} point{'s' * (self._most != 1)}"
-        advice = UPSIDE_DOWN if is_upside_down(self._punch, self._grid) else "take more grid.points"
+        from gfmdlayer.grid.grid import finer
+
+        enough = finer(self._grid.points, (FEWEST / self._most) ** (1 / len(self._grid.points)))
+        upside_down = is_upside_down(self._punch, self._grid)
+        advice = UPSIDE_DOWN if upside_down else f"take more grid.points: {enough}"
         return f"COARSE: at most {touching} in contact; {advice}"
 
     def measure(self, step: Step) -> Mapping[str, float]:

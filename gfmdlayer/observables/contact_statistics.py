@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, Ranks
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import in_python, kernel
 
 _CUSP = 3.0  # a cusp bends so many times more than the smooth part; on a parabola of n points it is n times
 
@@ -55,6 +55,15 @@ def _counts(values: FloatArray, chosen: BoolArray, edges: FloatArray) -> NDArray
         if chosen[i]:
             counts[max(np.searchsorted(edges, values[i], side="right") - 1, 0)] += 1
     return counts
+
+
+@kernel(borrows=True)
+def attracted(touching: BoolArray, traction: FloatArray, least: float) -> int:
+    """Count the points out of contact with a traction of at least so much."""
+    points = 0
+    for i in range(touching.size):
+        points += 1 if traction[i] >= least and not touching[i] else 0
+    return points
 
 
 def count_patches(touching: BoolArray, grid: Grid) -> int:
@@ -146,7 +155,7 @@ def contact_extent(touching: BoolArray, pressure: FloatArray, gap: FloatArray, g
     shape = grid.shape[0], grid.shape[1]
     parts = _area(marks, fields[0], fields[1], (far, near), shape, grid.points[0])
     number, area, crossings = ranks.total(np.array(parts)).tolist()
-    return ContactExtent(*_extent.py_func(int(number), area, crossings, grid.size, 2))
+    return ContactExtent(*in_python(_extent)(int(number), area, crossings, grid.size, 2))
 
 
 @kernel(borrows=True)

@@ -165,7 +165,7 @@ class LeakageColumns(Every):
         row, narrow = _whole(self._grid, step.fields["gap"], self._measured)
         depth = max(-self._grid.ranks.minimum(float(step.fields["displacement"].min())), 0.0)
         for axis, throat in narrow.items():
-            for reason in doubts(axis, throat, depth, step.residual):
+            for reason in doubts(axis, throat, depth, step.residual, self._grid.points):
                 self._said[reason[:_KIND]] = f"t = {step.time:.6g}: {reason}"
         return dict(row)
 

@@ -17,7 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import LARGEST, Answers, TableError, open_group
+from gfmdlayer.files.hdf5 import READING, is_hdf5, open_group, open_hdf5
+from gfmdlayer.files.tables import LARGEST, Answers, TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.scan import Keys, Length, Scan, ScanAxis, axis_of, length_unit, lengths_in_words, times
 from gfmdlayer.punch.scan_text import read_text
@@ -141,17 +142,16 @@ def _text(file: Path, axes: int, keys: Keys, _rows: slice) -> Scan:
 
 
 def _own_labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
-    import h5py
     import xarray
 
     group, _, name = (keys.dataset or "").strip("/").rpartition("/")
-    hdf5 = bool(h5py.is_hdf5(file))
+    hdf5 = is_hdf5(file)
     options: dict[str, Any] = {"engine": "h5netcdf", "phony_dims": "sort"} if hdf5 else {"engine": "scipy"}
     try:
         if hdf5:
-            with h5py.File(file, locking=False) as h5:
+            with open_hdf5(file) as h5:
                 open_group(file, h5, group)
-            options["driver_kwds"] = {"locking": False}
+            options["driver_kwds"] = READING
         with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as opened:
             chosen = _chosen(file, opened, axes, name)
             layout = "first axis x, second y" if chosen.ndim == 2 else ""

@@ -242,8 +242,8 @@ def case_contents(
             beside = tuple(name for name, *_ in column.along.ends if name != column.along.name)
             parts = (part.reshape(-1, column.size) for part in recording.parts(column.name))
             add(column, ("time", column.along.name), *parts, inner=(column.size,), beside=beside)
-    # The values of the swept keys are coordinates; a name that a column has is the whole key.
-    names = dimension_names([*swept], declared)
+    # The values of the swept keys are coordinates; none has the name of a column or of a dimension.
+    names = dimension_names([*swept], {*declared, *variables})
     for name, (key, value) in zip(names, swept.items(), strict=True):
         about = {"long_name": key, **described_key(key, unit)}
         del about["key"]
@@ -256,7 +256,12 @@ def case_contents(
         "wall_seconds": recording.elapsed,
     }
     counts = {"rows": recording.count, "snapshots": len(recording.times), "complete": 1}
-    return CaseContents(variables, {**provenance(), **ended, **attributes, **recording.noted, **counts})
+    noted = {**provenance(), **ended, **attributes, **recording.noted, **counts}
+    # The notes on the configuration, then the doubts that arose in the run.
+    said = [str(held["warnings"]) for held in (attributes, recording.noted) if held.get("warnings")]
+    if said:
+        noted["warnings"] = "\n".join(said)
+    return CaseContents(variables, noted)
 
 
 @lru_cache(maxsize=256)

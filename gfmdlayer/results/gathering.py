@@ -11,16 +11,19 @@ its end. Cases with steps of their own keep all of their rows, and time depends 
 A case with fewer rows than the longest is NaN, in time too, in the rows that it does not have. With
 `output.times` these cases too lie along `time`: the times of the configuration, and others that all share.
 
+The times of the snapshots are a coordinate likewise: `snapshot` (snapshot) of cases with the same ones, or
+with the first of them, else `snapshot` (swept key, ..., snapshot_row).
+
 A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
 trajectory.depth. A case without a column that others have is NaN there, and a line of the notes names it.
 A case that ended in a steady state keeps its last row at all later times of a common axis; one whose punch
 was pulled off is NaN there.
 
 A sweep over the product of its keys has one dimension for each key, named by the last part of the key
-(thickness, shear_modulus, Ginf), or by the whole key where two keys share the last part. Any other list of
-cases (zip, samples) has one dimension, `case`, with the swept values along it. Labels are numbers if all
-values of the key are numbers, else text. Arguments of xarray's `sel` do not name a dimension: the dimension
-of solver.method has the whole key, and `sel({"solver.method": "fire"})` selects from it.
+(thickness, shear_modulus, Ginf), or by the whole key where another key has the last part too or a dataset
+has another meaning of it (`names.dimension_names`): `sel({"solver.method": "fire"})`. Any other list of cases
+(zip, samples) has one dimension, `case`, with the swept values along it. Labels are numbers if all values of
+the key are numbers, else text.
 
 The names and units of columns are those in the files: results of an earlier version, or of an observable that
 is no longer declared, are gathered like any other.
@@ -29,7 +32,10 @@ is no longer declared, are gathered like any other.
 from __future__ import annotations
 
 import math
+import re
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +44,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import h5py
 import numpy as np
-from h5py import h5a, h5f, h5g
+from h5py import h5a, h5d, h5f, h5g
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
@@ -54,6 +60,7 @@ from gfmdlayer.results.names import (
     ROW,
     SAME_TIME,
     SNAPSHOT_FIELDS,
+    SNAPSHOT_ROW,
     SWEEP_FILE,
     VARIABLES,
     ResultsError,
@@ -73,14 +80,14 @@ INCOMPLETE = "no complete result file"
 WAITING = "not complete yet"  # in place of the reason of a failure
 OF_ONE_CASE = {
     "config", "digest", "coordinates", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots",
-    "complete", *known_numbers(), "instabilities", "instability_time", "instability_depth",
+    "complete", "warnings", *known_numbers(), "instabilities", "instability_time", "instability_depth",
     "instability_energy", "instability_error", "ended",
 }  # fmt: skip
 
-SMALL, MEDIUM = (
-    1 << 18,
-    1 << 22,
-)  # bytes of a file that is read at once; and of one that is verified as a whole
+# Bytes of a file that is read at once; and of one that is verified as a whole.
+SMALL, MEDIUM = 1 << 18, 1 << 22
+# Bytes of columns in memory between the two looks at a case; the files of others are read twice.
+KEPT = 1 << 26
 _NAMED = 5  # cases in a line of the notes
 
 
@@ -184,7 +191,7 @@ class _CaseBytes:
     def about(self, name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
         """Return dimensions and attributes of a variable, none of one without dimensions."""
         with opened(self._path) as file:
-            return _CaseFile(file).about(name)
+            return _CaseFile(file.id).about(name)
 
 
 CaseData: TypeAlias = (
@@ -205,7 +212,7 @@ def _open(record: CaseRecord) -> Iterator[CaseData]:
             yield _CaseBytes(record.source, contents, template)
             return
         with opened(record.source) as file:
-            yield _CaseFile(file)
+            yield _CaseFile(file.id)
     elif record.source is not None:
         yield record.source
 
@@ -221,6 +228,20 @@ def _columns(case: CaseData) -> Iterator[tuple[str, GatheredColumn]]:
         ends = [end for end in (bins, f"{bins}_end") if end in names]
         edges = {end: (case.about(end)[1], case.values(end)) for end in ends}
         yield name, GatheredColumn(described, bins, edges)
+
+
+class _Curves(NamedTuple):
+    """The columns of a case."""
+
+    times: FloatArray
+    columns: Mapping[str, FloatArray]
+    settled: bool
+
+    @classmethod
+    def of(cls, case: CaseData, names: Iterable[str]) -> _Curves:
+        """Read them."""
+        columns = {name: case.values(name) for name in sorted(names)}
+        return cls(case.values(TIME.name), columns, bool(case.attribute("settled")))
 
 
 class _Times:
@@ -258,7 +279,7 @@ def _same(one: object, other: object) -> bool:
 
 
 class Gathered:
-    """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
+    """The cases of a sweep, labelled by the swept keys; `KEPT` bytes of their columns are in memory.
 
     `failed` has the reason for each case without results, `places` the indices of each case along
     `dimensions`; `along` is the dimension of the rows, time or row.
@@ -266,18 +287,20 @@ class Gathered:
 
     def __init__(self, records: Sequence[CaseRecord], swept: Swept) -> None:
         self._records, self._swept, self._unit = records, swept, swept.unit
-        self._layout = lay_out([record.values for record in records], swept.keys, swept.listed)
-        self.dimensions, self.places = tuple(self._layout.lengths), self._layout.places
-        self.shape = tuple(self._layout.lengths.values())
         self.failed = {each.index: each.failed for each in records if each.failed is not None}
         self._columns: dict[str, GatheredColumn] = {}
         self._numbers: dict[str, dict[int, float]] = {}
         self._shared: dict[str, Any] = {}
         self._of_first: frozenset[str] | None = None
         self._layouts: dict[tuple[str, ...], dict[str, GatheredColumn]] = {}
+        self._warned: dict[str, tuple[str, list[int]]] = {}  # by the words without numbers
         self._held: dict[int, frozenset[str]] = {}
+        self._plain: dict[tuple[str, ...], frozenset[str]] = {}
         self._alike: dict[frozenset[str], frozenset[str]] = {}  # one set for all cases with equal columns
-        times = _Times()
+        times, self._snapshots = _Times(), _Times()
+        self._snapshot_times: dict[int, FloatArray] = {}
+        self._kept: dict[int, _Curves] = {}
+        self._room, self._known = KEPT, known_numbers()
         for record in records:
             if record.index not in self.failed and not self._add(record, times):
                 self.failed[record.index] = INCOMPLETE
@@ -291,6 +314,11 @@ class Gathered:
             for each in ContactMeans.COLUMNS
             if each.name != TIME.name
         }
+        names = {name for gathered in self._columns.values() for name in (gathered.bins, *gathered.edges)}
+        values = [record.values for record in records]
+        self._layout = lay_out(values, swept.keys, swept.listed, names)
+        self.dimensions, self.places = tuple(self._layout.lengths), self._layout.places
+        self.shape = tuple(self._layout.lengths.values())
 
     def _add(self, record: CaseRecord, every: _Times) -> bool:
         """Read times, columns and attributes of a case; False if it is not complete."""
@@ -302,10 +330,18 @@ class Gathered:
                 names = case.noted if self._of_first is None else self._shared
                 attributes: dict[str, Any] = {n: case.attribute(n) for n in names if n not in OF_ONE_CASE}
                 held = self._columns_of(case)
-                own = {name: case.attribute(name) for name in known_numbers()}
+                snapshots = case.values("snapshot") if case.attribute("snapshots") else np.empty(0)
+                self._warn(record.index, str(case.attribute("warnings") or ""))
+                own = {name: case.attribute(name) for name in self._known}
+                if isinstance(case, _CaseBytes) and self._room > 0:
+                    kept = _Curves.of(case, held)
+                    self._room -= sum(values.nbytes for values in kept.columns.values())
+                    self._kept[record.index] = kept
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
         every.add(times)
+        self._snapshots.add(snapshots)
+        self._snapshot_times[record.index] = snapshots
         self._held[record.index] = self._alike.setdefault(held, held)
         for name, value in own.items():
             if value is not None:
@@ -322,6 +358,8 @@ class Gathered:
         if names not in self._layouts:
             self._layouts[names] = dict(_columns(case))
         held = self._layouts[names]
+        if names in self._plain:
+            return self._plain[names]
         for name, gathered in held.items():
             self._columns.setdefault(name, gathered)
         fitting = []
@@ -330,7 +368,10 @@ class Gathered:
             ends = ((case.values(end), edges) for end, (_, edges) in known.edges.items())
             if gathered.bins == known.bins and all(np.array_equal(*each) for each in ends):
                 fitting.append(name)
-        return frozenset(fitting)
+        found = frozenset(fitting)
+        if not any(gathered.edges or self._columns[name].edges for name, gathered in held.items()):
+            self._plain[names] = found  # no values decide
+        return found
 
     @property
     def coordinates(self) -> dict[str, Labelled]:
@@ -352,7 +393,28 @@ class Gathered:
             for gathered in self._columns.values()
             for end, (described, edges) in gathered.edges.items()
         }
-        return {self.along: Labelled((self.along,), along, self._times), **both, **bins}
+        return {
+            self.along: Labelled((self.along,), along, self._times),
+            **both,
+            **bins,
+            **self._snapshots_of_cases,
+        }
+
+    @property
+    def _snapshots_of_cases(self) -> dict[str, Labelled]:
+        """Times of the snapshots, common ones or those of each case; nothing without snapshots."""
+        described = VARIABLES["snapshot"].in_units(self._unit).described
+        if not (most := self._snapshots.longest.size):
+            return {}
+        if (common := self._snapshots.common(None)) is not None:
+            return {"snapshot": Labelled(("snapshot",), described, common)}
+        times = np.full((*self.shape, most), np.nan)
+        for record, place in zip(self._records, self.places, strict=True):
+            own = self._snapshot_times.get(record.index, np.empty(0))
+            times[place][: own.size] = own
+        number = {"long_name": "number of the snapshot in the case", "units": "1"}
+        rows = Labelled((SNAPSHOT_ROW,), number, np.arange(most))
+        return {SNAPSHOT_ROW: rows, "snapshot": Labelled((*self.dimensions, SNAPSHOT_ROW), described, times)}
 
     @property
     def numbers(self) -> dict[str, Labelled]:
@@ -362,7 +424,7 @@ class Gathered:
             held = np.full(self.shape, np.nan)
             for record, place in zip(self._records, self.places, strict=True):
                 held[place] = values.get(record.index, np.nan)
-            described = known_numbers()[name].in_units(self._unit).described
+            described = self._known[name].in_units(self._unit).described
             numbers[name] = Labelled(self.dimensions, described, held)
         return numbers
 
@@ -399,20 +461,22 @@ class Gathered:
                 yield place, columns
 
     def _read(self, record: CaseRecord) -> dict[str, FloatArray]:
-        with _open(record) as case:
-            names = sorted(self._held[record.index])
-            if self.along == ROW:
-                columns = {self._name(name): case.values(name) for name in (TIME.name, *names)}
-                if len(columns[TIME.name]) > self._times.size:
-                    raise ValueError(f"{record.source}: has been changed")
-                return columns
-            settled = bool(case.attribute("settled"))
-            rows = rows_at(case.values(TIME.name), self._times, steady=settled)
-            columns = {self._name(name): case.values(name)[rows] for name in names}
-        if (rows < 0).any():  # behind the end of the case
-            columns = {name: values.astype(np.float64) for name, values in columns.items()}
-            for values in columns.values():
-                values[rows < 0] = np.nan
+        case = self._kept.pop(record.index, None)
+        if case is None:
+            with _open(record) as opened_case:
+                case = _Curves.of(opened_case, self._held[record.index])
+        times, columns = case.times, {self._name(name): values for name, values in case.columns.items()}
+        if self.along == ROW:
+            if len(times) > self._times.size:
+                raise ValueError(f"{record.source}: has been changed")
+            return {self._name(TIME.name): times, **columns}
+        if not np.array_equal(times, self._times):
+            rows = rows_at(times, self._times, steady=case.settled)
+            columns = {name: values[rows] for name, values in columns.items()}
+            if (rows < 0).any():  # behind the end of the case
+                columns = {name: values.astype(np.float64) for name, values in columns.items()}
+                for values in columns.values():
+                    values[rows < 0] = np.nan
         return columns
 
     @property
@@ -434,6 +498,20 @@ class Gathered:
             )
         return lines
 
+    def _warn(self, index: int, said: str) -> None:
+        for line in dict.fromkeys(said.splitlines()):
+            kind = re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", line)
+            self._warned.setdefault(kind, (line, []))[1].append(index)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings of the cases; of those that differ only in numbers the first, with the cases."""
+        whole = len(self._held)
+        return [
+            line if len(cases) == whole else f"{numbered(cases, _NAMED)}: {line}"
+            for line, cases in self._warned.values()
+        ]
+
     @property
     def attributes(self) -> dict[str, object]:
         """Attributes that all cases share, swept keys, failed and waiting cases, notes."""
@@ -442,6 +520,7 @@ class Gathered:
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in lost if reason != WAITING)
         own = {"swept": " ".join(self._swept.keys), "complete": int(not waiting), "failed": report}
         own |= {"incomplete": waiting, "notes": "\n".join(self.notes)}
+        own |= {"warnings": "\n".join(self.warnings)} if self.warnings else {}
         return {**self._shared, **self._swept.sampling, **own}
 
 
@@ -474,10 +553,15 @@ class SweepLayout(NamedTuple):
     places: list[tuple[int, ...]]
 
 
-def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> SweepLayout:
-    """Return the dimensions of a sweep and the places of its cases, from the swept values of each."""
+def lay_out(
+    values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool, names: Iterable[str] = ()
+) -> SweepLayout:
+    """Return the dimensions of a sweep and the places of its cases, from the swept values of each.
+
+    `names` are those of further dimensions of the results.
+    """
     columns = [labels(key, [each[key] for each in values]) for key in keys]
-    named = list(zip(dimension_names(keys), keys, columns, strict=True))
+    named = list(zip(dimension_names(keys, names), keys, columns, strict=True))
     axes = [{label: i for i, label in enumerate(dict.fromkeys(column))} for column in columns]
     cells = list(zip(*columns, strict=True)) if keys else [()]
     is_product = len(set(cells)) == len(values) == math.prod(map(len, axes))
@@ -496,11 +580,67 @@ def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed:
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
 
+class _Packer:
+    """Writes a column of all cases in whole chunks, which a thread packs while other cases are read."""
+
+    def __init__(self, dataset: h5d.DatasetID, axes: int, pool: Executor) -> None:
+        self._dataset, self._axes, self._pool = dataset, axes, pool
+        shape = dataset.shape
+        self._chunk: tuple[int, ...] = dataset.get_create_plist().get_chunk() if math.prod(shape) else shape
+        self._whole = self._chunk[axes:] == shape[axes:]  # a chunk has whole curves
+        self._at: tuple[int, ...] | None = None  # the chunk that is being filled, by its first place
+        self._left: set[tuple[int, ...]] = set()
+        self._buffer: FloatArray = np.empty(0)
+        self._packed: list[tuple[tuple[int, ...], Future[bytes]]] = []
+
+    def put(self, place: tuple[int, ...], curve: FloatArray) -> None:
+        """Take the curve of a case."""
+        if not curve.size:
+            return
+        first = tuple([i - i % length for i, length in zip(place, self._chunk, strict=False)])
+        if first != self._at:
+            if first in self._left or not self._whole:
+                self.write()
+                start = (*place, *(0 for _ in curve.shape))
+                write_at(self._dataset, start, curve.reshape(*(1 for _ in place), *curve.shape))
+                return
+            self.leave()
+            self._at, self._buffer = first, np.full(self._chunk, np.nan)
+        self._buffer[tuple(map(int.__sub__, place, first))][: len(curve)] = curve
+
+    def leave(self) -> None:
+        """Have the chunk packed; write the one before it."""
+        if self._at is None:
+            return
+        self.write()
+        start = (*self._at, *(0 for _ in self._chunk[self._axes :]))
+        try:
+            packed = self._pool.submit(_packed, self._buffer)
+        except RuntimeError:  # no thread can be started
+            packed = Future()
+            packed.set_result(_packed(self._buffer))
+        self._packed.append((start, packed))
+        self._left.add(self._at)
+        self._at = None
+
+    def write(self) -> None:
+        """Write what has been packed."""
+        for start, packed in self._packed:
+            self._dataset.write_direct_chunk(start, packed.result())
+        self._packed.clear()
+
+
+def _packed(values: FloatArray) -> bytes:
+    """Pack a chunk as the filters of `PACKED` do."""
+    by_byte = np.ascontiguousarray(values.reshape(-1).view(np.uint8).reshape(-1, values.itemsize).T)
+    return zlib.compress(by_byte.data, PACKED["compression_opts"])
+
+
 def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) -> Path:
     """Write DIR/sweep.h5 from the files of the cases; a case without results is NaN, named in `failed`."""
     path = Path(directory) / SWEEP_FILE
     sweep = Gathered(records, swept)
-    with new_file(path) as file:
+    with new_file(path) as file, ThreadPoolExecutor(1) as pool:
         h5 = file.begin()
         coordinates = sweep.coordinates
         for name, (dimensions, described, values) in coordinates.items():
@@ -525,13 +665,19 @@ def collect(directory: str | Path, records: Sequence[CaseRecord], swept: Swept) 
                 for length in reversed(shape):
                     chunks.insert(0, max(1, min(length, CHUNK // math.prod(chunks))))
                 options |= {"chunks": tuple(chunks), **PACKED}
-            columns[name] = add(name, dimensions, described, **options)
+            variable = add(name, dimensions, described, **options)
+            columns[name] = _Packer(variable.id, len(sweep.shape), pool)
         for place, curves in sweep.curves():
             for name, values in curves.items():
-                if values.size:
-                    start = (*place, *(0 for _ in values.shape))
-                    write_at(columns[name].id, start, values.reshape(*(1 for _ in place), *values.shape))
+                columns[name].put(place, values)
             file.check()
+        for packer in columns.values():
+            packer.leave()
+        for packer in columns.values():
+            packer.write()
+        file.check()
+        if SNAPSHOT_ROW in coordinates:  # no variable of this file lies beside these times
+            h5.attrs["coordinates"] = "snapshot"
         h5.attrs.update(sweep.attributes)
     return path
 
@@ -553,18 +699,24 @@ def labelled(records: Sequence[CaseRecord], swept: Swept) -> xarray.Dataset:
     }
     held |= {name: (dims, values, described) for name, (dims, described, values) in sweep.numbers.items()}
     cases = [record.source for record in records if isinstance(record.source, CaseContents)]
-    if cases and cases[0].attributes["snapshots"] and _agree(cases, "snapshot", "x", "y"):
+    cases = [case for case in cases if case.attributes["snapshots"]]
+    if cases and _agree(cases, "x", "y"):
         first, below = cases[0].variables, _agree(cases, "z", "layer", "spring")
+        (*_, along), snapshots, _ = coords["snapshot"]
         for name in SNAPSHOT_FIELDS if below else FIELDS:
-            if not all(name in case.variables for case in cases):
+            if name not in first:
                 continue
-            fields = np.full((*sweep.shape, *first[name].shape), np.nan)
+            fields = np.full((*sweep.shape, snapshots.shape[-1], *first[name].shape[1:]), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
-                if isinstance(record.source, CaseContents):
-                    fields[place] = record.source.values(name)
-            dimensions, described = cases[0].about(name)
-            held[name] = ((*sweep.dimensions, *dimensions), fields, described)
-        for name in ("snapshot", "x", "y", *(("z", "layer", "spring") if below else ())):
+                if not isinstance(record.source, CaseContents) or name not in record.source.names:
+                    continue
+                own, settled = record.source.values("snapshot"), bool(record.source.attribute("settled"))
+                wanted = snapshots[place] if along == SNAPSHOT_ROW else snapshots
+                rows = rows_at(own, wanted, steady=settled)
+                fields[place][rows >= 0] = record.source.values(name)[rows[rows >= 0]]
+            axes, described = cases[0].about(name)
+            held[name] = ((*sweep.dimensions, along, *axes[1:]), fields, described)
+        for name in ("x", "y", *(("z", "layer", "spring") if below else ())):
             if name in first:
                 dimensions, described = cases[0].about(name)
                 coords[name] = (dimensions, first[name].values, described)

@@ -8,6 +8,7 @@ and "1" for dimensionless quantities.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
@@ -15,6 +16,7 @@ from typing import NamedTuple
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME
 from gfmdlayer.observables.observable import declared
 from gfmdlayer.validation.sections import described
@@ -100,8 +102,12 @@ SAME_TIME = 1e-9  # relative: times that are reached by different steps differ b
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 
 ROW = "row"  # the dimension of the rows of cases with times of their own
+SNAPSHOT_ROW = "snapshot_row"  # likewise of their snapshots
 # These dimensions cannot be selected by keyword: sel(tolerance=1e-6) selects nothing, without an error.
 _ARGUMENTS_OF_SEL = ("indexers", "method", "tolerance", "drop")
+# Of a coordinate with such a name xarray gives its own method or attribute: data.load is no load.
+_OF_XARRAY = ("load", "max", "mean", "min", "name", "resample", "shape", "shift")
+_SAYS_NOTHING = re.compile(r"value|\d+")  # last parts without a meaning of their own: temperature.value
 
 # Name and symbol of the keys that have one; the dimension is declared with the key, in its section.
 SYMBOLS: dict[str, tuple[str, str]] = {
@@ -136,6 +142,7 @@ SYMBOLS: dict[str, tuple[str, str]] = {
     "trajectory.approach_speed": ("speed of the approach", "v_in"),
     "trajectory.retract_speed": ("speed of the retraction", "v_out"),
     "trajectory.dwell": ("dwell time", "t_d"),
+    "temperature.value": ("temperature", "T"),
     "time.step": ("time step", "dt"),
     "grid.points": ("grid points", "n"),
     "grid.period": ("period of the surface", "L"),
@@ -154,10 +161,22 @@ def numbered(cases: Sequence[int], most: int = 8) -> str:
 
 
 def dimension_names(keys: Sequence[str], names: Iterable[str] = ()) -> list[str]:
-    """Name the swept keys by their last parts, or by the whole key where the last part, or a name, is it."""
+    """Name the swept keys by their last parts, or by the whole keys where these are not free or say nothing.
+
+    A last part is not free if another key has it, or if it is one of `names`, a variable or dimension of the
+    results, an argument of `sel`, or a method of xarray. A key of one part then is `sweep.interface`.
+    """
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, TIME.name, ROW, *VARIABLES, *_ARGUMENTS_OF_SEL, *names])
-    return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
+    own = (TIME.name, ROW, SNAPSHOT_ROW, *VARIABLES, *known_numbers())
+    taken = Counter([*last, *{*own, *_ARGUMENTS_OF_SEL, *_OF_XARRAY, *names}])
+    return [
+        part
+        if taken[part] == 1 and not _SAYS_NOTHING.fullmatch(part)
+        else key
+        if "." in key
+        else f"sweep.{key}"
+        for key, part in zip(keys, last, strict=True)
+    ]
 
 
 def labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:

@@ -13,16 +13,17 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5f, h5p, h5s, h5t
+from h5py import h5a, h5d, h5f, h5s, h5t
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute, FloatArray
+from gfmdlayer.files.hdf5 import open_hdf5, other_file
 from gfmdlayer.files.whole import publish, seal, unfinished_path
 from gfmdlayer.results.names import ResultsError
 
@@ -169,23 +170,18 @@ _KINDS = {
 _SCALAR = h5s.create(h5s.SCALAR)
 
 
+def opened(path: str | Path) -> h5py.File:
+    """Open a result file for reading; ResultsError where a part of it is in another file."""
+    with ExitStack() as held:
+        h5 = held.enter_context(open_hdf5(path))
+        if not (member := other_file(h5, deep=True)):
+            held.pop_all()
+            return h5
+    raise ResultsError(f"{path}: {member}; must be as it was written")
+
+
 # A sweep may have 10 000 cases, of which the sweep file needs a few attributes and columns each. These
 # functions read them through h5py's low-level interface, in 60 % of the time of the other.
-#
-# Files under their final names do not change any more, and HDF5 refuses to read where a file system's locks
-# fail. (A file that another program has open for writing is found by `files.locks`.)
-_NO_LOCK = h5p.create(h5p.FILE_ACCESS)
-_NO_LOCK.set_file_locking(False, True)
-
-
-@contextmanager
-def opened(path: Path) -> Iterator[h5f.FileID]:
-    """Open an HDF5 file for reading with `column` and `attribute`."""
-    file = h5f.open(bytes(path), h5f.ACC_RDONLY, _NO_LOCK)
-    try:
-        yield file
-    finally:
-        file.close()
 
 
 def column(file: h5f.FileID, name: str) -> FloatArray:

@@ -10,7 +10,7 @@ data are opened.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -20,13 +20,18 @@ import h5py
 import numpy as np
 from h5py import h5ds
 
-from gfmdlayer.config import ConfigError, load
+from gfmdlayer.body.bodies import code_refused
+from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.config.reader import Inspection
 from gfmdlayer.config.sweeps import combinations
-from gfmdlayer.files.locks import open_for_writing, read_json, regular
+from gfmdlayer.files.hdf5 import is_hdf5
+from gfmdlayer.files.locks import open_for_writing, read_json
 from gfmdlayer.files.whole import is_intact
 from gfmdlayer.results.gathering import WAITING, CaseRecord, Swept, labelled
 from gfmdlayer.results.names import FIELDS, SNAPSHOT_FIELDS, SWEEP_FILE, ResultsError
-from gfmdlayer.results.stored import case_numbers, document, must_agree
+from gfmdlayer.results.netcdf import opened
+from gfmdlayer.results.stored import case_numbers, document, must_agree, unit_of
+from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     import xarray
@@ -44,23 +49,28 @@ def case_path(directory: str | Path, index: int) -> Path:
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
-    """Whether a file holds a complete case, of this `digest` if one is given; raises nothing.
+    """Whether a file holds a complete case, of this `digest` if one is given.
 
     A complete file is marked so, its columns and snapshots have as many rows as its attributes say, and its
-    bytes are those that were written.
+    bytes are those that were written. An OSError says that the system cannot read a file, which may be sound.
     """
-    return _is_whole(Path(path), math.inf, digest)
+    return not flaw(Path(path), digest=digest)
 
 
-def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
-    """As `is_complete`; of files of more bytes than `most`, only the rows are verified."""
+def flaw(path: Path, most: float = math.inf, digest: str | None = None) -> str:
+    """Return why a file is no complete case; empty for one that is. See `is_complete`.
+
+    Of files of more bytes than `most`, only the rows are verified.
+    """
+    if (place := _no_file(path)) or (place := "" if is_hdf5(path) else "not a result file (no HDF5)"):
+        return place
+    intact = is_intact(path, most)
+    if intact is False and not open_for_writing(path):  # HDF5 marks a file while it is
+        return DAMAGED
     try:
-        intact = is_intact(path, most)
-        if intact is False and not open_for_writing(path):  # HDF5 marks a file while it is
-            return False
-        with h5py.File(path, locking=False) as h5:
-            if h5.attrs["complete"] != 1 or digest not in (None, h5.attrs.get("digest")):
-                return False
+        with opened(path) as h5:
+            if h5.attrs.get("complete") != 1 or digest not in (None, h5.attrs.get("digest")):
+                return INCOMPLETE
             count, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]  # fits of curves have none
             columns, fields = _growing(h5)
             growing = [(column, count, math.inf) for column in columns.values()]
@@ -68,15 +78,35 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
             for dataset, length, largest in growing:
                 small = dataset.size * dataset.dtype.itemsize <= largest
                 if _length(dataset, read=small and not intact) != length:
-                    return False
-            return True
+                    return INCOMPLETE
+    except ResultsError as error:  # not all of it is in the file
+        return str(error).removeprefix(f"{path}: ")
+    except OSError as error:
+        if intact:  # the bytes are sound: the system fails
+            raise ResultsError(f"{path}: cannot be read ({error})") from error
+        return INCOMPLETE
+    except MemoryError:
+        raise
     except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
-        return False
+        return INCOMPLETE
+    return ""
+
+
+DAMAGED = "is damaged: it holds other bytes than were written; run the configuration again"
+INCOMPLETE = "not a complete result file"
+
+
+def _no_file(path: Path) -> str:
+    if path.is_file():
+        return ""
+    if not path.exists():
+        return "no such file"
+    return "is a folder, not a result file" if path.is_dir() else "is no regular file"
 
 
 def replay(path: Path, until: float, recording: Recording) -> None:
     """Record the rows, then the snapshots of a complete case up to the time `until`."""
-    with h5py.File(path, locking=False) as h5:
+    with opened(path) as h5:
         columns, fields = _growing(h5)
         rows = int(np.searchsorted(h5["time"][:], until, side="right"))
         for start in range(0, rows, _ROWS_READ):
@@ -121,12 +151,53 @@ def _length(dataset: h5py.Dataset, *, read: bool) -> int:
 
 def attributes(path: str | Path) -> dict[str, object]:
     """Return the attributes of a result file; ResultsError if it is missing or is not HDF5."""
+    path = Path(path)
     try:
-        open(path, "rb", opener=regular).close()
-        with h5py.File(path, locking=False) as h5:
+        with opened(path) as h5:
             return dict(h5.attrs)
+    except ResultsError:
+        raise
     except OSError as error:
-        raise ResultsError(f"{path}: {_reason(Path(path))}") from error
+        raise ResultsError(f"{path}: {_reason(path)}") from error
+
+
+def stored_config(
+    path: str | Path,
+    overrides: Iterable[str] | Mapping[str, object] = (),
+    inspect: Inspection | None = None,
+    *,
+    trust: bool = False,
+) -> Config:
+    """Return the configuration of a case, see `load`; ConfigError where a file that it names has changed.
+
+    Code that the configuration names is run only with `trust`.
+    """
+    try:
+        if is_intact(Path(path)) is False:
+            raise ConfigError([f"{path}: is damaged: it holds other bytes than were written"])
+        known = attributes(path)
+    except ResultsError as error:
+        raise ConfigError([str(error)]) from None
+    if "config" not in known:
+        raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
+    return config_in(known, path, overrides, inspect, trust=trust)
+
+
+def config_in(
+    known: Mapping[Any, object],
+    path: str | Path,
+    overrides: Iterable[str] | Mapping[str, object] = (),
+    inspect: Inspection | None = None,
+    *,
+    trust: bool = False,
+) -> Config:
+    """Return the configuration in the attributes of a case, see `stored_config`."""
+    with code_refused(not trust):
+        config = load(path, overrides, inspect, str(known["config"]))
+    files = [str(file) for file in files_named(config).values()]
+    if files and not overrides and digest(config) != known.get("digest"):
+        raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
+    return config
 
 
 def open_case(path: str | Path) -> xarray.Dataset:
@@ -149,9 +220,10 @@ def open_case(path: str | Path) -> xarray.Dataset:
     >>> gfmdlayer.open_case("one/cases/0000.h5").time.values
     array([0. , 0.5, 1. ])
     """
-    if not _is_whole(Path(path), VERIFIED):
-        raise ResultsError(f"{path}: {_reason(Path(path))}")
-    return _open(Path(path))
+    path = Path(path)
+    if reason := flaw(path, VERIFIED):
+        raise ResultsError(f"{path}: {_reason(path, reason)}")
+    return _open(path)
 
 
 def open_results(directory: str | Path) -> xarray.Dataset:
@@ -192,9 +264,9 @@ def open_results(directory: str | Path) -> xarray.Dataset:
         is_of_all = not numbers or held == numbers  # else the sweep has grown since
         if is_of_all and collected.attrs.get("swept"):
             return _with_snapshots(collected, directory)
-        with collected:  # of the only case, beside which earlier ones may lie
+        with collected:  # of the only case, beside which earlier ones may lie, or of a smaller sweep
             files = [case_path(directory, int(collected["case"]))] if is_of_all else files
-    complete = [path for path in files if _is_whole(path, VERIFIED)]
+    complete = [path for path in files if not flaw(path, VERIFIED)]
     if complete and (gathered := _gathered(directory, config)) is not None:
         return _with_snapshots(gathered, directory)
     if len(complete) == 1:
@@ -218,10 +290,7 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
     if all(record.failed for record in records):
         raise ResultsError(f"{directory}: no complete case")
     times = (data.get("output") or {}).get("times")
-    unit: Callable[[str], str] = str
-    with suppress(ConfigError):  # words, where it cannot be read in full
-        unit = load(config).unit
-    return labelled(records, Swept.of(sweep, unit, times))
+    return labelled(records, Swept.of(sweep, unit_of(data), times))
 
 
 def _open(path: Path) -> xarray.Dataset:
@@ -230,16 +299,17 @@ def _open(path: Path) -> xarray.Dataset:
 
     try:
         if is_intact(path, VERIFIED) is not False:
-            file = CachingFileManager(_measured, str(path), mode="r", kwargs={"locking": False})
-            data = xarray.open_dataset(H5NetCDFStore(file, mode="r"))
+            data = xarray.open_dataset(H5NetCDFStore(CachingFileManager(_measured, str(path)), mode="r"))
             data.encoding["source"] = str(path)
             return data
+    except ResultsError:
+        raise
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ResultsError(f"{path}: {_reason(path)}") from error
-    raise ResultsError(f"{path}: {_reason(path)}")
+    raise ResultsError(f"{path}: {DAMAGED}")
 
 
-def _measured(path: str, mode: str, **options: Any) -> Any:
+def _measured(path: str) -> Any:
     """Open a file whose dimensions keep their sizes; xarray then takes a quarter of the time.
 
     h5netcdf looks at all variables for the size of a growing dimension, and does so for each variable.
@@ -248,35 +318,46 @@ def _measured(path: str, mode: str, **options: Any) -> Any:
     from h5netcdf.dimensions import Dimension
 
     known = type("Known", (Dimension,), {"size": cached_property(Dimension.size.fget)})
-    file = h5netcdf.File(path, mode, decode_vlen_strings=True, **options)
+    h5 = opened(path)
+    try:
+        file = h5netcdf.File(h5, "r", decode_vlen_strings=True)
+    except BaseException:
+        h5.close()
+        raise
     for dimension in file.dimensions.values():
         dimension.__class__ = known
+    of_names = file.close
+
+    def close() -> None:  # h5netcdf leaves a file open that it has not opened
+        of_names()
+        h5.close()
+
+    file.close = close
     return file
 
 
-def _reason(path: Path) -> str:
-    if not path.exists():
-        return "no such file"
-    if not path.is_file():
-        return "is a folder, not a result file" if path.is_dir() else "is no regular file"
+def _reason(path: Path, reason: str = INCOMPLETE) -> str:
+    """Return why a file cannot be used as results, as far as another reason than the given is known."""
+    if place := _no_file(path):
+        return place
     if path.suffix in {".yaml", ".yml"}:
         return "is a configuration; must be results, such as the folder results/NAME after its run"
     with suppress(OSError):
         if is_intact(path, VERIFIED) is False:
-            return "is damaged: it holds other bytes than were written; run the configuration again"
-    if not h5py.is_hdf5(path):
-        return "not a result file (no HDF5)"
-    return "not a complete result file"
+            return DAMAGED
+    return reason if is_hdf5(path) else "not a result file (no HDF5)"
 
 
 def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     """Add the snapshots of all cases to a sweep whose cases share grid and times."""
     files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
-    first = next((path for path in files.flat if _is_whole(path, VERIFIED)), None)
-    if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
+    having = (path for path in files.flat if not flaw(path, VERIFIED) and attributes(path)["snapshots"])
+    if any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
+        return sweep
+    if (first := next(having, None)) is None:
         return sweep
     with _open(first) as example:
-        if not example.sizes["snapshot"] or "axes" in example.attrs:  # each case has its own
+        if "axes" in example.attrs:  # each case has its own
             return sweep
         import xarray
         from xarray.core import indexing
@@ -287,12 +368,17 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
         # Cases of other layers have fields below the surface at other depths.
         ends, heads = ("thickness", "shear_modulus"), ("layer", "layers", "halfspace", "body")
         alike = not any(key.endswith(ends) or key in heads or key.startswith("output") for key in keys)
-        names = ("snapshot", "x", "y", *(("z", "layer", "spring") if alike else ()))
+        names = ("x", "y", *(("z", "layer", "spring") if alike else ()))
         axes = {name: example[name].variable.load() for name in names if name in example.variables}
-        added = {}
+        # A sweep file of an earlier version has no times of snapshots: all cases then have the same ones.
+        added, snapshots = {}, (sweep if "snapshot" in sweep.coords else example)["snapshot"].load()
         for name in SNAPSHOT_FIELDS if alike else FIELDS:
             if name in example:
-                field, times = example[name].variable, axes["snapshot"].to_numpy()
-                lazy = indexing.LazilyIndexedArray(FieldOfCases(files, name, field.shape, times))
-                added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
-    return sweep.assign_coords(axes).assign(added)
+                field = example[name].variable
+                of_cases = FieldOfCases(files, name, field.shape[1:], snapshots.to_numpy())
+                lazy = indexing.LazilyIndexedArray(of_cases)
+                dimensions = (*sweep["case"].dims, snapshots.dims[-1], *field.dims[1:])
+                added[name] = xarray.Variable(dimensions, lazy, field.attrs)
+    labelled_sweep = sweep.assign_coords(axes).assign(added)
+    labelled_sweep.set_close(sweep.close)  # which a copy does not have
+    return labelled_sweep

@@ -6,14 +6,18 @@ The head of config.yaml says how many cases the sweep has, and their numbers whe
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.config import sweeps
+from gfmdlayer.config import ConfigError, sweeps
+from gfmdlayer.config.geometries import GEOMETRIES
+from gfmdlayer.config.model import unit_label
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.validation import text
+from gfmdlayer.validation.units import Units
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 _CASES, _FILES = "# Cases: ", "# Files: "
@@ -27,12 +31,31 @@ def head(numbers: Sequence[int]) -> str:
     return f"{MARK}{_CASES}{len(numbers)}\n{files * grown}"
 
 
+def is_stored(config: Path) -> bool:
+    """Whether a file of YAML is the configuration of results."""
+    with config.open("rb") as file:
+        return file.readline() == MARK.encode()
+
+
 def document(config: Path) -> dict[str, Any]:
     """Return the data of a stored configuration; works without the input files that it names."""
     parsed = text.read(config.read_text(encoding="utf-8", errors="replace"), str(config))
     if not isinstance(parsed.data, dict):
         raise ResultsError(f"{config}: cannot be read; must be as the run wrote it")
     return parsed.data
+
+
+def unit_of(config: Mapping[str, Any]) -> Callable[[str], str]:
+    """Return how a stored configuration labels units; no file or code that it names is needed, or read."""
+    given, trajectory, grid = (config.get(key) or {} for key in ("units", "trajectory", "grid"))
+    try:
+        units = Units(**given) if given else None
+        geometry = GEOMETRIES[grid.get("geometry") or "periodic"]
+        points, control = grid.get("points"), str(trajectory.get("control", "depth"))
+    except (AttributeError, ConfigError, KeyError, TypeError):  # forged, or of another version
+        return str
+    is_line = geometry.on_grid and not (isinstance(points, list) and len(points) > 1)
+    return partial(unit_label, units=units, control=control, is_line=is_line)
 
 
 def case_numbers(config: Path) -> Sequence[int]:

@@ -7,7 +7,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -249,7 +249,7 @@ class Checkpoints:
         self._due = ended + max(self._interval, pause)
 
     def _warn(self, line: str) -> None:
-        if line != self._warned:
+        if line != self._warned and self._folder.is_there:
             self._warned = line
             self.log(line)
 
@@ -322,6 +322,7 @@ class CaseRun:
             ranks,
         )
         with ExitStack() as held:
+            self._stop_without_folder()
             with ranks.agreeing(Taken):
                 held.enter_context(claim)
             if ranks.shared(folder.case(case.index).exists()):
@@ -357,10 +358,16 @@ class CaseRun:
         warnings = model.run(recording, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(Taken):
             claim.confirm()
+        self._stop_without_folder()
         with ranks.agreeing(ResultsError):
             if ranks.first:
                 self._write(model, recording)
         return "; ".join(warnings)
+
+    def _stop_without_folder(self) -> None:
+        """Stop where somebody has removed the folder: another one would lack the cases before."""
+        if not self.ranks.shared(self.folder.is_there):
+            raise Stopped
 
     def _write(self, model: Model, recording: Recording) -> None:
         """Write the file of the case."""
@@ -393,15 +400,22 @@ def attributes(
     return attributes
 
 
-def warm_up(todo: Sequence[SweepCase]) -> list[str]:
-    """Compile the kernels of each kind of case; return warnings."""
+def warm_up(todo: Sequence[SweepCase], *, stepwise: bool = False) -> list[str]:
+    """Compile the kernels of each kind of case, with `stepwise` those of Python's loop; return warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        for config in {kind(case.config): case.config for case in todo}.values():
+        for config in {_kind(case.config): case.config for case in todo}.values():
             with suppress(Exception):  # the case will meet it again, and be recorded as failed
-                model_of(config).warm_up()
+                model = model_of(config)
+                model.stepwise = stepwise or config.output.keep_state
+                model.warm_up()
     said = [str(warning.message) for warning in caught if warning.category is UserWarning]
     return list(dict.fromkeys(said))
+
+
+def _kind(config: Config) -> Hashable:
+    """Return the kind of a case, and what else decides whether the compiled loop takes it."""
+    return kind(config), config.output.keep_state, config.finer_tolerance < config.solver.tolerance
 
 
 # Ranks of a case fail together: an error of one of them ends the case on all.

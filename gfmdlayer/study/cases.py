@@ -20,6 +20,7 @@ from gfmdlayer.body.materials import shifts
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, axes
 from gfmdlayer.drives import Drives
+from gfmdlayer.results.names import dimension_names
 from gfmdlayer.study.cost import estimate
 from gfmdlayer.validation.sections import Part, replaced
 
@@ -218,7 +219,5 @@ def with_files(section: Part, files: Mapping[Path, Path]) -> Part:
 
 def label(values: dict[str, object]) -> str:
     """Write swept values for people: ``thickness = 0.1, Ginf = 10``."""
-    short = [key.rpartition(".")[2] for key in values]
-    names = [last if short.count(last) == 1 else key for key, last in zip(values, short, strict=True)]
     texts = [as_label(key, value) for key, value in values.items()]
-    return ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True))
+    return ", ".join(f"{name} = {text}" for name, text in zip(dimension_names([*values]), texts, strict=True))

@@ -9,6 +9,9 @@ is replaced by rename. Its former process may only have been suspended: it looks
 writes, and gives the case up where the claim is not its own. So a case that was claimed is computed once as
 long as its process gives a sign, and in the worst case twice, to the same bits.
 
+A process that gives a claim back keeps its file, renamed, for the next claim until the run ends. A file made
+and removed for each case takes a file system longer than all else that a short case writes.
+
 `cases/.lock` is locked by all runs that share the folder, and locked against all others while the folder's
 configuration or all of its results are replaced, or files of dead runs are removed.
 """
@@ -31,7 +34,15 @@ from typing import IO, Annotated, Any, Self
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
-from gfmdlayer.files.locks import born, no_link, read_json, try_lock, write_new
+from gfmdlayer.files.locks import (
+    born,
+    no_link,
+    read_json,
+    read_small,
+    regular_and_no_link,
+    try_lock,
+    write_new,
+)
 from gfmdlayer.files.whole import unfinished_path, write_text
 from gfmdlayer.study.folder import Folder, FolderError
 from gfmdlayer.study.interrupts import Listener, Stopped, stop_requested
@@ -66,10 +77,11 @@ class Claim:
         expected: int = 0,
         together: bool = False,
     ) -> None:
-        self._path = folder.case(index, "running")
+        self._folder, self._path = folder, folder.case(index, "running")
+        self._spare = folder.spare(index, os.getpid()) if folder.run else None
         self._stop, self._together = folder.stop, together
         self._written = self._looked = -math.inf  # when the claim was written, and when it was still this one
-        self._token = secrets.token_hex(8)
+        self._token, self._known = secrets.token_hex(8), b""
         case = {"started": time.time(), "end": end, "label": label, "expected": expected}
         self._fixed: dict[str, object] = _process(os.getpid()) | case
         self._steps = -1  # the call on entering is not a step
@@ -92,7 +104,7 @@ class Claim:
         _claims.discard(self)
         with suppress(OSError):
             if time.monotonic() - self._looked < WRITE_INTERVAL or self._is_own():
-                self._path.unlink(missing_ok=True)
+                self._give_back()
 
     def advance(self, simulated_time: float) -> None:
         """Record the time reached; `Stopped` after a signal or with a stop file, `Taken` for a lost claim."""
@@ -103,6 +115,8 @@ class Claim:
         due = now - self._written >= WRITE_INTERVAL
         if due:
             self.confirm()
+            if not self._stop.parent.is_dir():
+                raise Stopped  # somebody has removed the folder
         with suppress(OSError):  # the folder may be unreadable for a while
             if stop_requested() or ((due or not self._steps) and self._stop.exists()):
                 raise Stopped
@@ -128,14 +142,40 @@ class Claim:
 
     def _is_own(self) -> bool:
         """Whether the claim is that of this process, or nobody's."""
+        with suppress(OSError):
+            if read_small(self._path) == self._known:
+                self._looked = time.monotonic()
+                return True
         claim = read_json(self._path)
         own = claim is None or claim.get("token") == self._token
         self._looked = time.monotonic() if own else -math.inf
         return own
 
-    def _take(self) -> None:
+    def _give_back(self) -> None:
+        if self._spare is None:
+            self._path.unlink(missing_ok=True)
+        else:
+            self._path.replace(self._spare)
+            _spares[self._folder] = self._spare
+
+    def _prepared(self) -> Path:
+        """Write the claim into the file of an earlier one of this process, or into a new one."""
+        self._known, spare = self._content().encode(), _spares.pop(self._folder, None)
+        if spare is not None:
+            with suppress(OSError), open(spare, "r+b", buffering=0, opener=regular_and_no_link) as file:
+                # Of another link it is also another file of this user. Emptied first, it would be written to
+                # the disk at once.
+                if (
+                    os.fstat(file.fileno()).st_nlink == 1
+                    and file.write(self._known) == len(self._known) == file.truncate()
+                ):
+                    return spare
         part = unfinished_path(self._path)
-        write_new(part, self._content().encode())
+        write_new(part, self._known)
+        return part
+
+    def _take(self) -> None:
+        part = self._prepared()
         try:
             os.link(part, self._path)
         except OSError:  # there is one, or the file system has no hard links
@@ -146,7 +186,7 @@ class Claim:
             self.confirm()
         finally:
             part.unlink(missing_ok=True)
-        self._written = time.monotonic()
+        self._written = self._looked = time.monotonic()
 
 
 @cache
@@ -155,6 +195,7 @@ def _process(pid: int) -> dict[str, object]:
 
 
 _claims: set[Claim] = set()  # of this process
+_spares: dict[Folder, Path] = {}  # its file for the next claim in a folder
 
 
 @cache
@@ -227,8 +268,9 @@ class Running:
 class AtWork(Listener):
     """Stands in for the claim on a case in memory: its progress, for a display of this process."""
 
-    def __init__(self, index: int, end: float, label: str) -> None:
+    def __init__(self, index: int, end: float, label: str, expected: int = 0) -> None:
         self.index, self._end, self._label, self._started = index, end, label, time.time()
+        self._expected = expected
         self._steps, self._time, self._since = 0, 0.0, (math.nan, math.nan)
 
     def advance(self, simulated_time: float) -> None:
@@ -244,6 +286,7 @@ class AtWork(Listener):
         status: dict[str, Any] = {
             "host": socket.gethostname(), "pid": os.getpid(), "label": self._label, "started": self._started,
             "since": self._since[0], "since_time": self._since[1], "updated": time.time(),
+            "expected": self._expected,
         }  # fmt: skip
         return Running(self.index, **status, simulated_time=self._time, end=self._end, steps=self._steps)
 

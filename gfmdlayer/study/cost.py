@@ -20,8 +20,10 @@ from gfmdlayer.config import Config
 from gfmdlayer.drives import Drives
 from gfmdlayer.files.cache import user_cache
 
-AROUND = 3  # seconds of a pair with the solver's passes around it, over those of the bare pair; measured
-CASE_SECONDS = 0.03  # of a case beside its steps
+# Seconds of a pair with the solver's passes around it, over those of the bare pair, and of its calls; on a
+# surface that attracts, and under tractions in all directions, the passes are longer. All measured.
+AROUND, AROUND_LONGER, CALLS = 2, 10, 3e-6
+CASE_SECONDS = 0.01  # of a case beside its steps
 SAMPLE = 500  # finished cases that are read, at most
 
 
@@ -48,7 +50,9 @@ def expected_seconds(
 ) -> float:
     """Estimate the seconds of a case on one core from those of an FFT pair, by default on this machine."""
     cost = cost or estimate(config)
-    transforms = AROUND * cost.pairs * pair(config.grid.points) if cost.pairs else 0.0
+    longer = config.friction or (config.interfaces and len(config.grid.points) == 2)
+    around = AROUND_LONGER if longer else AROUND
+    transforms = cost.pairs * (around * pair(config.grid.points) + CALLS) if cost.pairs else 0.0
     return CASE_SECONDS + cost.seconds + transforms
 
 
@@ -87,6 +91,10 @@ class CostModel:
     def seconds(self, config: Config) -> float:
         """Return the expected seconds of a case."""
         return self._expected(config) * self.factor(config)
+
+    def knows(self, config: Config) -> bool:
+        """Whether the seconds are right within a factor of two: not with friction before a finished case."""
+        return not config.friction or kind(config) in self._rates
 
     def factor(self, config: Config) -> float:
         """Return the seconds of finished cases of the same kind over those that were expected."""

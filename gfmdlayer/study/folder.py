@@ -14,6 +14,7 @@
     DIR/cases/.lock        locked while runs share the folder, or one changes it (`gfmdlayer.study.claims`)
     DIR/arrays/            punch and history of a run from Python that were arrays
     DIR/sweep.h5           all cases, labelled
+    DIR/warnings.txt       the warnings in sweep.h5, if there are any
 
 Every file is written whole (`gfmdlayer.files.whole`), so that a reader never sees half of one.
 
@@ -36,20 +37,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.body.bodies import code_refused
+from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.config.reader import Inspection
+from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import open_for_writing, regular, write_new
-from gfmdlayer.files.whole import is_intact, is_unfinished, unfinished, write_text
+from gfmdlayer.files.whole import UNFINISHED, is_unfinished, unfinished, write_text
 from gfmdlayer.results import stored
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.study.cases import input_errors
-from gfmdlayer.validation.sections import files_named
 
 MARK = stored.MARK
-FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
+FOREIGN = "is not empty and not a results folder of gfmdlayer: {}; choose another with --out"
+NO_CONFIG = "no config.yaml"
 ASIDE = ".aside"
 Numbers: TypeAlias = Mapping[str, set[int]]  # kind of file -> numbers of the cases that have one
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 Found = TypeVar("Found")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
@@ -80,6 +82,11 @@ class Folder:
         """All cases in one file."""
         return self.path / "sweep.h5"
 
+    @property
+    def warnings(self) -> Path:
+        """The warnings in the sweep file as text, for an overview that opens no result file."""
+        return self.path / "warnings.txt"
+
     @cached_property
     def stop(self) -> Path:
         """A file that asks every process of the run to stop, whatever host it is on."""
@@ -88,6 +95,19 @@ class Folder:
     def case(self, index: int, kind: str = "h5") -> Path:
         """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or snapshots."""
         return self.cases / f"{index:04d}.{kind}"
+
+    def spare(self, index: int, process: int) -> Path:
+        """Return the name of the file that a process of the run keeps between its claims."""
+        return self.cases / f"{index:04d}.running.{process}-{self.run}{UNFINISHED}"
+
+    def end_run(self) -> None:
+        """Remove the files of the run itself, when none of its processes computes any more."""
+        with suppress(OSError):
+            self.stop.unlink(missing_ok=True)
+        ending = f"-{self.run}{UNFINISHED}"
+        for path in _files(self.cases, lambda name: name.endswith(ending)):
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
     def numbers(self) -> Numbers:
         """Return the numbers of the cases that have a file, by its kind, from one listing of the folder."""
@@ -127,7 +147,7 @@ class Folder:
         """Remove the results in a locked folder, known by their exact names, and nothing else."""
         results = _files(self.cases, lambda name: _matched(_RESULT, name))
         inputs = _files(self.path / "inputs", _INPUT.fullmatch)
-        for path in (self.sweep, *results, *inputs, self.config):
+        for path in (self.sweep, self.warnings, *results, *inputs, self.config):
             path.unlink(missing_ok=True)
 
     def set_damaged_aside(self, numbers: Iterable[int]) -> list[str]:
@@ -154,7 +174,22 @@ class Folder:
         # A run killed in its first instant leaves folders and an unfinished configuration.
         foreign = [name for name in names if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
         if foreign and not self.is_results():
-            raise FolderError(f"{self.path}: {FOREIGN}")
+            raise FolderError(f"{self.path}: {FOREIGN.format(self.lacking)}")
+
+    @property
+    def is_there(self) -> bool:
+        """Whether nobody has removed the folder during a run."""
+        return self.cases.is_dir()
+
+    @property
+    def lacking(self) -> str:
+        """The reason why this folder does not hold results."""
+        if not self.config.exists():
+            return NO_CONFIG
+        with suppress(OSError):
+            if self.config.stat().st_size == 0:
+                return "config.yaml is empty; restore it where this was one"
+        return "config.yaml does not begin as a run writes it"
 
     def is_results(self) -> bool:
         """Whether the folder was made by gfmdlayer; FolderError where this user may not read that."""
@@ -169,7 +204,8 @@ class Folder:
     def stored_config(self) -> Config:
         """Return the configuration of the results."""
         try:
-            return self._stored(load)
+            with code_refused():  # but that of the user's own configuration, which was run before
+                return self._stored(load)
         except ConfigError as error:
             reasons = "; ".join(error.problems)
             raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
@@ -220,7 +256,7 @@ class Folder:
         if not self.path.is_dir():
             raise FolderError(f"{self.path}: no such folder")
         if not self.is_results():
-            raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
+            raise FolderError(f"{self.path}: not a results folder of gfmdlayer: {self.lacking}")
 
 
 # Files of dead runs are removed, and results with --restart; records of failures, files set aside for the
@@ -230,7 +266,7 @@ class Folder:
 _RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint|snapshots|journal|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 _OWN = r"\..+-\d+-[0-9a-f]{8}"  # of a process; see `unfinished_path`
-_IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_OWN}\.part")
+_IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5|warnings\.txt){_OWN}\.part")
 _OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint|state){_OWN}\.part)")
 _STATE = re.compile(r"(\d{4,})\.(checkpoint|snapshots|journal)")
 # The last three of the version before, whose shards had locks.
@@ -267,10 +303,8 @@ def name_of_run() -> str:
 
 def is_result(path: str | Path) -> bool:
     """Tell whether a file is one of results, and not a configuration in YAML; a pipe is not, and not read."""
-    if not Path(path).is_file():
-        return False
-    with suppress(OSError), Path(path).open("rb") as file:
-        return file.read(len(_SIGNATURE)) == _SIGNATURE
+    with suppress(OSError):
+        return is_hdf5(path)
     return False
 
 
@@ -278,30 +312,15 @@ def read_config(
     path: str | Path,
     overrides: Iterable[str] | Mapping[str, object] = (),
     inspect: Inspection | None = input_errors,
+    *,
+    trust: bool = False,
 ) -> Config:
-    """Read a configuration, from YAML or a case's result file, and check its numbers and input files."""
-    return stored_config(path, overrides, inspect) if is_result(path) else load(path, overrides, inspect)
+    """Read a configuration, from YAML or a case's result file, and check its numbers and input files.
 
+    Code that a result file names is run only with `trust`.
+    """
+    if is_result(path):
+        from gfmdlayer.results.reader import stored_config
 
-def stored_config(
-    path: str | Path,
-    overrides: Iterable[str] | Mapping[str, object] = (),
-    inspect: Inspection | None = input_errors,
-) -> Config:
-    """Return the configuration of a case, see `load`; ConfigError where a file that it names has changed."""
-    from gfmdlayer.results.reader import attributes
-
-    try:
-        if is_intact(Path(path)) is False:
-            raise ConfigError([f"{path}: is damaged: it holds other bytes than were written"])
-        known = attributes(path)
-    except ResultsError as error:
-        raise ConfigError([str(error)]) from None
-    if "config" not in known:
-        raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
-    content = str(known["config"])
-    config = load(path, overrides, inspect, content)
-    files = [str(file) for file in files_named(config).values()]
-    if files and not overrides and digest(config) != known.get("digest"):
-        raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
-    return config
+        return stored_config(path, overrides, inspect, trust=trust)
+    return load(path, overrides, inspect)

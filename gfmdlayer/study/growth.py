@@ -87,8 +87,7 @@ def opened(folder: Folder, cases: Cases, restart: bool = False) -> Iterator[Grow
         try:
             yield growth
         finally:
-            with suppress(OSError):
-                folder.stop.unlink(missing_ok=True)
+            folder.end_run()
 
 
 def _prepare(folder: Folder, cases: Cases, restart: bool, lock: Lock) -> Growth:

@@ -17,7 +17,10 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Self
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+# Of a terminal that is closed, of a user, and of batch systems before the end of a job's time.
+STOP_SIGNALS = (
+    signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU
+)  # fmt: skip
 AGAIN = 1.0  # seconds
 WATCH_INTERVAL = 1.0  # seconds between two checks that the launcher's process is alive
 
@@ -42,9 +45,15 @@ def stop_requested() -> bool:
     return _Flag.raised
 
 
+def heard() -> list[signal.Signals]:
+    """Return the signals that stop this process: all, or without SIGHUP where `nohup` has it ignored."""
+    ignored = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    return [each for each in STOP_SIGNALS if not (ignored and each == signal.SIGHUP)]
+
+
 def listen() -> None:
-    """Make SIGINT, SIGTERM and SIGUSR1 requests to stop, for the rest of this process's life."""
-    for signum in STOP_SIGNALS:
+    """Make the stop signals requests to stop, for the rest of this process's life."""
+    for signum in heard():
         signal.signal(signum, request_stop)
 
 
@@ -54,7 +63,7 @@ def listening() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {signum: signal.getsignal(signum) for signum in STOP_SIGNALS}
+    before = {signum: signal.getsignal(signum) for signum in heard()}
     listen()
     try:
         yield
@@ -80,7 +89,7 @@ def at_once() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, AGAIN)
         raise KeyboardInterrupt
 
-    signals = (*STOP_SIGNALS, signal.SIGALRM)
+    signals = (*heard(), signal.SIGALRM)
     before = {signum: signal.signal(signum, interrupt) for signum in signals}
     try:
         _raise_where_asked()

@@ -47,7 +47,7 @@ class Progress:
     @property
     def done(self) -> float:
         """Number of cases done, fractions of running ones included."""
-        parts = sum(case.fraction for case in self.at_work)
+        parts = sum(case.effort for case in self.at_work)
         return min(self.complete + self.failed + parts, self.total)
 
     @property
@@ -143,12 +143,12 @@ class Screen(Display):
             return Text(name), bar, Text(f"{fraction:4.0%}"), *cells
 
         room = max(min(_CASE_LINES, self._live.console.height - _OTHER_LINES), 1)
-        shown = sorted(progress.at_work, key=lambda case: case.fraction)[:room]
+        shown = sorted(progress.at_work, key=lambda case: case.effort)[:room]
         cases, total = Table.grid(padding=(0, 2)), Table.grid(padding=(0, 2))
         for case in sorted(shown, key=lambda case: case.index):
             left = "" if case.seconds_left is None else f"{duration(case.seconds_left)} left"
             reached = f"time {case.simulated_time:.3g} of {case.end:g}"
-            cases.add_row(*row(f"{case.index:04d}", case.fraction, reached, left, case.label))
+            cases.add_row(*row(f"{case.index:04d}", case.effort, reached, left, case.label))
         others = len(progress.at_work) - len(shown)
         more = [Text(f"      and {others} more at work")] if others else []
         total.add_row(*row(" all", progress.fraction), Text(progress.words))

@@ -26,7 +26,7 @@ from gfmdlayer.case.notes import accounts, notes
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.files.locks import read_json
-from gfmdlayer.files.whole import synchronise
+from gfmdlayer.files.whole import synchronise, write_text
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes, is_complete
@@ -291,8 +291,9 @@ class Study:
         solvers = f": contact solver {', '.join(chosen)}" if chosen else ""
         work = f"compiling kernels, once per machine (about 20 s){solvers}"
         said: list[str] = []
+        stepwise = self._options.checkpoint_every == 0 or self._options.ranks_per_case > 1
         with suppress(KeyboardInterrupt), reporter.preparing(work), interrupts.at_once():
-            said = warm_up(todo)
+            said = warm_up(todo, stepwise=stepwise)
         for line in said if not interrupts.stop_requested() else ():
             reporter.note(f"warning: {line}")
 
@@ -316,6 +317,12 @@ class Study:
 
     def _concluded(self) -> Summary:
         """Write the sweep file, if no case is missing any more."""
+        if not self._folder.is_there:
+            raise ResultsError(
+                f"{self._folder.path}: was removed during the run; the same command starts over"
+            )
+        if not self._folder.config.exists():
+            self._folder.store(self._cases.config, self._numbers)
         counts = self._counts + Counter(outcome.state for outcome in self._ended.values())
         counts["stopped"] = len(self._numbers) - counts.total()
         said: list[str] | None = None
@@ -339,6 +346,10 @@ class Study:
                 self._folder.path, records, Swept.of(config.sweep, config.unit, config.output.times)
             )
             collected = attributes(path)
+            if said := str(collected.get("warnings", "")):
+                write_text(self._folder.warnings, f"{said}\n", durable=False)
+            else:
+                self._folder.warnings.unlink(missing_ok=True)
         except PermissionError as error:  # lost during the run
             raise ResultsError(f"{self._folder.sweep}: cannot be written: {error.strerror}") from error
         named = (line.partition(": ") for line in str(collected["failed"]).splitlines())

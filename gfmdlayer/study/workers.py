@@ -168,7 +168,8 @@ class _Processes(Executor):
             process.kill()
 
     def _new_pool(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self._number, get_context("spawn"), initializer=_begin_worker)
+        with interrupts.signals_blocked():  # also in the process that keeps the pool's semaphores
+            return ProcessPoolExecutor(self._number, get_context("spawn"), initializer=_begin_worker)
 
 
 @contextmanager

@@ -31,6 +31,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.grid.grid import finer
 from gfmdlayer.transport import LARGEST_DIRECT
 from gfmdlayer.transport.percolation import Clusters, Throat, clusters
 
@@ -199,8 +200,11 @@ FEWEST_POINTS = 6  # across a throat; below, K is only an estimate
 ALLOWED = 0.01  # relative error of K by the solution of the contact
 
 
-def doubts(axis: str, throat: Throat, depth: float, residual: float) -> Iterator[str]:
-    """Yield why K along an axis is not to be trusted: a coarse throat, a contact solved too loosely."""
+def doubts(axis: str, throat: Throat, depth: float, residual: float, points: Sequence[int]) -> Iterator[str]:
+    """Yield why K along an axis is not to be trusted: a coarse throat, a contact solved too loosely.
+
+    `points` are those of the grid.
+    """
     # A residual r leaves gaps open by up to r times the deepest displacement `depth`; K changes as the cube
     # of the critical gap. Against contacts solved to 1e-10 this bound is two to three times the error.
     if throat.gap <= 0:
@@ -208,7 +212,8 @@ def doubts(axis: str, throat: Throat, depth: float, residual: float) -> Iterator
     if throat.points < FEWEST_POINTS:
         yield (
             f"the throat along {axis} has {throat.points:.2g} points across it, below {FEWEST_POINTS}: the "
-            "flow is right only to an order of magnitude; take more grid.points"
+            "flow is right only to an order of magnitude; take more grid.points: "
+            f"{finer(points, FEWEST_POINTS / max(throat.points, 1.0))}"
         )
     enough = ALLOWED * throat.gap / (3 * depth) if depth > 0 else math.inf
     if residual > enough:

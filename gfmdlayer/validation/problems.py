@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from os import PathLike
 from typing import Any
 
 Location = tuple[str | int, ...]
@@ -162,9 +163,11 @@ def shown(value: object) -> str:
         case list() | tuple():
             brief = len(value) <= 4 and not any(isinstance(item, (list, tuple, Mapping)) for item in value)
             return f"[{', '.join(map(shown, value))}]" if brief else f"a list of {len(value)}"
-        case _:
+        case str() | PathLike():
             text = str(value)
             return f"the text {text if len(text) <= 60 else text[:57] + '...'!r}"
+        case _:
+            return f"an object of the type {type(value).__name__}"
 
 
 def nearest(word: str, allowed: Iterable[str]) -> str:

@@ -17,6 +17,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.files.cache import MemoryFile
+from gfmdlayer.made_once import kept_with
 from gfmdlayer.validation.fields import MustBe, Word, dimension, meanings
 from gfmdlayer.validation.problems import (
     ConfigError,
@@ -178,15 +179,21 @@ def sections_in(section: Section, at: Location = ()) -> Iterator[tuple[Location,
     while waiting:
         at, section = waiting.pop()
         yield at, section
-        below = []
-        for key, value in vars(section).items():
-            if value.__class__ in _PLAIN:  # most values; this function is called often
-                continue
-            if isinstance(value, Section):
-                below.append(((*at, key), value))
-            elif isinstance(value, tuple):
-                below += [((*at, key, i), part) for i, part in enumerate(value) if isinstance(part, Section)]
-        waiting += below[::-1]
+        waiting += [((*at, *place), part) for place, part in _below(section)]
+
+
+@kept_with  # this function is called often
+def _below(section: Section) -> list[tuple[Location, Section]]:
+    """Return the sections right below a section, the last first."""
+    below: list[tuple[Location, Section]] = []
+    for key, value in vars(section).items():
+        if value.__class__ in _PLAIN:  # most values
+            continue
+        if isinstance(value, Section):
+            below.append(((key,), value))
+        elif isinstance(value, tuple):
+            below += [((key, i), part) for i, part in enumerate(value) if isinstance(part, Section)]
+    return below[::-1]
 
 
 def replaced(section: Part, change: Callable[[Any], Any]) -> Part:
@@ -313,6 +320,7 @@ class OneOrMore(OneOf[Member]):
         )
 
 
+@kept_with
 def files_named(section: Section) -> dict[str, Path]:
     """Return the files that a configuration names, by dotted key."""
     return {

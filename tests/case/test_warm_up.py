@@ -18,12 +18,7 @@ from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 from gfmdlayer.case.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.case.model import ConvergenceError, simulate, warm_up
-
-class Nothing:
-    def row(self, **_): ...
-    def note(self, **_): ...
-    def snapshot(self, *_): ...
+from gfmdlayer.case.model import ConvergenceError, NoRecorder
 
 def kernels():
     modules = [module for name, module in sys.modules.items() if name.startswith("gfmdlayer")]
@@ -56,14 +51,22 @@ CASES = [
     SHORT | {"solver.method": "nested_gradient"},
     SHORT | {"solver.method": "fire"},
 ]
+def model(config, stepwise):
+    case = Case(config)
+    case.stepwise = stepwise
+    return case
+
 for values in CASES:
     config = Config(name="warm").with_values(values)
-    warm_up(config)
-    before = compiled()
-    simulate(config, Nothing())
-    # Too few iterations for a tolerance at the edge of rounding: every fallback is tried.
+    for stepwise in (False, True):
+        model(config, stepwise).warm_up()
+        before = compiled()
+        model(config, stepwise).run(NoRecorder())
+        assert compiled() == before, (values, stepwise)
+    # Too few iterations for a tolerance at the edge of rounding: every fallback is tried, by Python's loop.
+    failing = config.with_values({"solver.tolerance": 1e-13, "solver.max_iterations": 8})
     try:
-        simulate(config.with_values({"solver.tolerance": 1e-13, "solver.max_iterations": 8}), Nothing())
+        model(failing, True).run(NoRecorder())
     except ConvergenceError:
         pass
     else:

@@ -223,7 +223,9 @@ def test_run_status_and_plot_follow_each_other():
     process = gfmdlayer("run", "tiny.yaml")
     assert (process.returncode, process.stdout) == (0, "complete: results/tiny/sweep.h5\n")
     shown = gfmdlayer("status", "results/tiny").stdout
-    assert shown == "3 cases: 3 complete, 0 running, 0 failed, 0 waiting\n"
+    first, *warnings = shown.splitlines()
+    assert first == "3 cases: 3 complete, 0 running, 0 failed, 0 waiting"
+    assert all(line.startswith("warning: ") for line in warnings)
     process = gfmdlayer("plot", "results/tiny", "--out", "tiny.png")
     assert process.returncode == 0, process.stderr
     assert Path("tiny.png").read_bytes().startswith(b"\x89PNG")
@@ -266,7 +268,15 @@ def undisturbed(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("signum", "jobs"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2"), (signal.SIGUSR1, "1")]
+    ("signum", "jobs"),
+    [
+        (signal.SIGHUP, "2"),
+        (signal.SIGINT, "1"),
+        (signal.SIGTERM, "2"),
+        (signal.SIGUSR1, "1"),
+        (signal.SIGUSR2, "2"),
+        (signal.SIGXCPU, "1"),
+    ],
 )
 def test_a_signal_stops_a_run_that_the_same_command_resumes(signum, jobs, undisturbed, bits, capfd):
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG)

@@ -106,7 +106,7 @@ class Reaching(Stateless):
         self.calls.append((tolerance, limit, float(start[0])))
         start += 1.0  # as solvers may
         u, none = np.full(4, tolerance), np.zeros(4)
-        state = Solution(u, none, none, none + 0j, 0.0, 0.0, 0.5, self.reached, 3, 2, converged=True)
+        state = Solution(u, none, none, none, none + 0j, 0.0, 0.0, 0.5, self.reached, 3, 2, converged=True)
         return replace(state, converged=self.reached <= tolerance)
 
     def compile(self): ...

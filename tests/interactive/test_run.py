@@ -16,7 +16,8 @@ import gfmdlayer
 from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zener
 from gfmdlayer.case import march
 from gfmdlayer.config import digest
-from gfmdlayer.study.claims import AtWork
+from gfmdlayer.study.case_run import Checkpoints
+from gfmdlayer.study.claims import AtWork, Claim
 from gfmdlayer.study.folder import FolderError
 from gfmdlayer.study.interrupts import STOP_SIGNALS
 
@@ -343,6 +344,25 @@ def test_signals_have_their_effect_again_after_a_run():
     before = [signal.getsignal(each) for each in STOP_SIGNALS]
     gfmdlayer.run(LINE, out="out").close()
     assert [signal.getsignal(each) for each in STOP_SIGNALS] == before
+
+
+@pytest.mark.parametrize("signum", STOP_SIGNALS)
+def test_every_signal_of_a_batch_system_keeps_a_checkpoint(signum, monkeypatch):
+    advance = Claim.advance
+
+    def struck(claim, simulated_time):
+        if claim._steps == 1:
+            signal.raise_signal(signum)
+        advance(claim, simulated_time)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Claim, "advance", struck)
+        patched.setattr(Checkpoints, "stepwise", property(lambda _: True))
+        with pytest.raises(KeyboardInterrupt):
+            gfmdlayer.run(LINE, out="out")
+    assert Path("out/cases/0000.checkpoint").exists()
+    gfmdlayer.run(LINE, out="out").close()
+    assert not Path("out/cases/0000.checkpoint").exists()
 
 
 def test_a_dimension_is_not_named_as_an_argument_of_sel():

@@ -15,7 +15,7 @@ RUN = """#!/bin/bash
 echo "gfmdlayer $*" >>"$LOG"
 stop() { echo "$1" >>"$LOG"; sleep 0.1; echo ended >>"$LOG"; exit "$STATUS"; }
 trap 'stop USR1' USR1
-trap 'stop TERM' TERM
+for each in HUP INT TERM USR2 XCPU; do trap "stop $each" $each; done
 echo begun >>"$LOG"
 [[ $LASTS == no ]] && exit "$STATUS"
 for ((i = 0; i < 600; i++)); do sleep 0.1; done
@@ -81,6 +81,15 @@ def test_any_other_end_is_that_of_the_job(script, log, status, signum, environme
     assert found == status
     assert not any(line.startswith("scontrol") for line in log_lines)
     assert (log_lines[-1] == "ended") == (signum is not None)
+
+
+@pytest.mark.parametrize("script", JOB)
+@pytest.mark.parametrize("name", ["HUP", "TERM", "USR2", "XCPU"])  # bash ignores INT in the background
+def test_every_signal_reaches_the_run(script, name, log):
+    found, log_lines = job(script, log, 75, signal.Signals[f"SIG{name}"])
+    assert found == 75
+    known = {"ranks.sbatch": {"INT", "TERM"}}.get(script, {name})  # others end an MPI launcher
+    assert log_lines[-2:] == [name if name in known else "USR1", "ended"]
 
 
 @pytest.mark.parametrize("script", ["slurm/ranks.sbatch", "slurm/array.sbatch", "scripts/slurm_node.sh"])

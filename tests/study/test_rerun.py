@@ -5,7 +5,7 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError, digest
-from gfmdlayer.study.folder import stored_config
+from gfmdlayer.results.reader import stored_config
 
 PROFILE = "".join(f"{j / 8} {abs(j - 4)}\n" for j in range(8))
 FILES = {

@@ -219,6 +219,41 @@ def test_a_dead_claim_is_taken_over_once(tmp_path, monkeypatch, links):
         assert len(got) == 1
 
 
+def test_the_file_of_a_claim_serves_the_next_one(tmp_path):
+    folder = Folder(tmp_path, name_of_run())
+    folder.cases.mkdir()
+    files, tokens = set(), set()
+    for index in range(3):
+        with Claim(folder, index, 1.0, "x" * (9 - index)):
+            (path,) = folder.cases.iterdir()
+            assert path.name == f"000{index}.running"
+            files.add(folder.case(index, "running").stat().st_ino)
+            tokens.add(claims.read_claim(folder.case(index, "running")).token)
+    assert (len(files), len(tokens)) == (1, 3)
+    assert folder.leftovers() == [*folder.cases.iterdir()]  # of a killed run
+    folder.end_run()
+    assert not [*folder.cases.iterdir()]
+    with Claim(folder, 3, 1.0):  # of a run that goes on
+        assert claims.read_claim(folder.case(3, "running")).alive(0.0)
+
+
+def test_a_file_that_has_taken_the_place_of_a_former_claim_is_left_alone(tmp_path):
+    folder, other = Folder(tmp_path, name_of_run()), tmp_path / "other"
+    folder.cases.mkdir()
+    other.write_text("of the user")
+    for put in (os.link, os.symlink):
+        with Claim(folder, 0, 1.0):
+            pass
+        (spare,) = folder.cases.iterdir()
+        spare.unlink()
+        put(other, spare)
+        with Claim(folder, 1, 1.0):
+            assert claims.read_claim(folder.case(1, "running")).alive(0.0)
+        spare.unlink(missing_ok=True)
+        folder.end_run()
+    assert other.read_text() == "of the user"
+
+
 def test_a_suspended_process_gives_up_the_case_that_another_has_taken_over(tmp_path):
     folder = Folder(tmp_path)
     folder.cases.mkdir()

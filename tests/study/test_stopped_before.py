@@ -41,6 +41,13 @@ def wait():
         time.sleep(0.01)
 
 
+def test_a_hangup_that_nohup_ignores_stays_ignored():
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    interrupts.listen()
+    assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    assert signal.getsignal(signal.SIGTERM) == interrupts.request_stop
+
+
 class Struck:
     """Its destructor gets the signal, and Python drops the exception."""
 

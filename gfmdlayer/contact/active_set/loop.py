@@ -11,8 +11,8 @@ import numpy.typing as npt
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.contact.pressure_form import Iterate, System, apply_to
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.grid.transforms import Plans, Transforms, backward
-from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum, summed
+from gfmdlayer.grid.transforms import Plans, Reserve, backward
+from gfmdlayer.kernels import LANES, filled, kernel, maximum, minimum, record_type, summed
 
 _LINES = 2  # on either side that are close to a contact on a surface
 REACH = 16  # points at least on either side of the contact where the gap is kept up to date
@@ -42,8 +42,8 @@ class LoopArrays(NamedTuple):
     now: npt.NDArray[Any]  # one record of `SCALARS`
 
 
-COUNTS = np.dtype([("runs", np.int64), ("near", np.int64), ("points", np.int64)])
-SCALARS = np.dtype(
+COUNTS = record_type([("runs", np.int64), ("near", np.int64), ("points", np.int64)])
+SCALARS = record_type(
     [
         ("exact", np.bool_),  # whether the gap is known at every point, or near the contact only
         ("pressure_scale", np.float64),  # of the residual
@@ -69,11 +69,11 @@ def make_contact(shape: tuple[int, ...]) -> ContactSet:
     )
 
 
-def make_work(transforms: Transforms) -> LoopArrays:
-    """Work arrays for the shape of some transforms."""
-    z, direction, change, pressure, pressure_change = (transforms.empty_field() for _ in range(5))
+def make_work(reserve: Reserve) -> LoopArrays:
+    """Work arrays: five fields and a spectrum."""
+    z, direction, change, pressure, pressure_change = (reserve.empty_field() for _ in range(5))
     now = np.zeros(1, dtype=SCALARS)
-    return LoopArrays(z, transforms.empty_spectrum(), direction, change, pressure, pressure_change, now)
+    return LoopArrays(z, reserve.empty_spectrum(), direction, change, pressure, pressure_change, now)
 
 
 @kernel(inner=True, borrows=True)

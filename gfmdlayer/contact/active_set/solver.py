@@ -77,7 +77,7 @@ from gfmdlayer.contact.pressure_form import (
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales
 from gfmdlayer.grid.transforms import Plans, Transforms
-from gfmdlayer.kernels import address_of, by_address, kernel
+from gfmdlayer.kernels import address_of, by_address, kernel, record_type
 from gfmdlayer.resumable import State
 
 ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
@@ -87,7 +87,7 @@ _LIMIT = 1000  # iterations of conjugate gradients
 WORK, FEWEST = 1 << 29, 30
 
 
-KNOWN = np.dtype(
+KNOWN = record_type(
     [
         ("stiffness", np.bool_),  # whether there is one
         ("load_given", np.bool_),
@@ -388,10 +388,11 @@ class ActiveSet:
 
 def make_arrays(transforms: Transforms, *, windows: bool = True) -> tuple[SolverArrays, Sequence[Transforms]]:
     """Return the arrays of a solver, with `windows` or without, and the transforms to keep with them."""
-    field, spectrum = transforms.empty_field, transforms.empty_spectrum
+    reserve = transforms.reserved(8, 3)
+    field, spectrum = reserve.empty_field, reserve.empty_spectrum
     modes, none = prod(transforms.spectral_shape), np.zeros(0)
     at, contact = Iterate(field(), field(), spectrum()), make_contact(transforms.shape)
-    work, plans, free = make_work(transforms), transforms.plans, spectrum()
+    work, plans, free = make_work(reserve), transforms.plans, spectrum()
     # Arguments by whose types kernels are compiled.
     floor, state = ResidualFloor(1.0, 0.0), SurfaceState(none, none, none, at.spectrum)
     system = System(none, none, none, none, floor, False, 0.0)

@@ -15,7 +15,7 @@ every second, fourth ... of the stiffnesses of the modes.
 from __future__ import annotations
 
 from math import prod
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +34,8 @@ from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, Surfac
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.grid import parts
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.kernels import LANES, by_address, filled, kernel, minimum
+from gfmdlayer.kernels import LANES, by_address, filled, kernel, minimum, record_type
+from gfmdlayer.made_once import kept_with
 
 
 @kernel(inner=True, borrows=True)
@@ -311,7 +312,7 @@ def _raise_clear(window: Window, tolerance: float) -> bool:
 
 _WINDOW_MARGIN = 16  # points at least on either side of the contact that belong to the window
 
-KNOWN = np.dtype(
+KNOWN = record_type(
     [
         ("kernel", np.bool_),  # whether the kernel is that of the present compliance
         ("windows", np.int64),  # bits of the windows that have the present stiffness
@@ -534,18 +535,17 @@ def make_windows(
 ) -> tuple[WindowsOfSurface, list[Transforms]]:
     """Return the windows of a surface, none unless they are `used`, and the transforms to keep with them."""
     shape = transforms.shape
-    every = parts(shape) if used else ()
-    kept = [transforms.for_window(part) for part in every]
-    modes = [prod(held.spectral_shape) for held in kept]
+    every, plans, begin, modes, kept = _sizes(transforms) if used else _NO_SIZES
+    reserve = transforms.reserved(2, 0)
     windows = WindowsOfSurface(
-        parts=np.array(every, dtype=np.int64),
-        plans=np.array([held.plans for held in kept], dtype=np.int64).reshape(-1, 4),
-        begin=np.cumsum([0, *modes])[:-1] if kept else np.zeros(0, np.int64),
-        compliance=np.zeros(sum(modes)),
-        stiffness=np.zeros(sum(modes)),
+        parts=every,
+        plans=plans,
+        begin=begin,
+        compliance=np.zeros(modes),
+        stiffness=np.zeros(modes),
         largest=_make_window(kept[0] if kept else transforms.of_shape((1,) * len(shape)), _two(shape)),
-        kernel=transforms.empty_field(),
-        trial=transforms.empty_field(),
+        kernel=reserve.empty_field(),
+        trial=reserve.empty_field(),
         occupied=np.zeros(sum(shape)),
         known=np.zeros(1, dtype=KNOWN),
         iterate=iterate_at,
@@ -553,16 +553,34 @@ def make_windows(
     return windows, kept
 
 
+# Divisors, plans and first modes of the windows of a surface, all their modes, and their transforms.
+_Sizes: TypeAlias = tuple[IntArray, IntArray, IntArray, int, list[Transforms]]
+
+_NO_SIZES: _Sizes = np.zeros(0, np.int64), np.zeros((0, 4), np.int64), np.zeros(0, np.int64), 0, []
+
+
+@kept_with
+def _sizes(transforms: Transforms) -> _Sizes:
+    every = parts(transforms.shape)
+    if not every:
+        return _NO_SIZES
+    kept = [transforms.for_window(part) for part in every]
+    modes = [prod(held.spectral_shape) for held in kept]
+    plans = np.array([held.plans for held in kept], dtype=np.int64).reshape(-1, 4)
+    return np.array(every, dtype=np.int64), plans, np.cumsum([0, *modes])[:-1], sum(modes), kept
+
+
 def _make_window(transforms: Transforms, surface: Pair) -> Window:
     """A window for some transforms, without a problem."""
-    gap0, h, p, gap = (transforms.empty_field() for _ in range(4))
+    reserve = transforms.reserved(9, 2)
+    gap0, h, p, gap = (reserve.empty_field() for _ in range(4))
     none, floor, length = np.zeros(0), ResidualFloor(1.0, 0.0), _two(transforms.shape)
     return Window(
         plans=transforms.plans,
         system=System(none, none, gap0, h, floor, False, 0.0),
-        at=Iterate(p, gap, transforms.empty_spectrum()),
+        at=Iterate(p, gap, reserve.empty_spectrum()),
         contact=make_contact(transforms.shape),
-        work=make_work(transforms),
+        work=make_work(reserve),
         length=length,
         width=((length[0] + 1) // 2, length[1] // 2),
         surface=surface,

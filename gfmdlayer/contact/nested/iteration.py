@@ -42,7 +42,7 @@ from gfmdlayer.contact.stencil import REACH, apply_to_row, stencil
 from gfmdlayer.grid.fftw import WORTH_THREADS
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.kernels import LANES, filled, kernel, maximum
+from gfmdlayer.kernels import LANES, filled, in_python, kernel, maximum
 
 # Passes over the points of a grid, between the transforms of the iteration.
 #
@@ -522,7 +522,7 @@ class GridLevel:
     def scales(self, extent: FieldExtent, level: float) -> tuple[float, float]:
         """Scales of pressure and depth, where the gap counts from a level."""
         depth = max(extent.mean + level, 0.0) + extent.depth - level
-        return scales.py_func(extent.pressure, depth, self.floor)
+        return in_python(scales)(extent.pressure, depth, self.floor)
 
     def set_load(self, at: NestedFields) -> bool:
         """Scale the pressure to the given load; return whether there is any pressure, and can be as much."""

@@ -193,14 +193,14 @@ def set_cycle(cycle: Cycle, work: Any) -> None:
     """Take the D of the finest grid, `PRESSED` where points are pressed, to all grids; find M 1."""
     last = cycle.grids.shape[0] - 1
     if cycle.exchange != 0:
-        execute(cycle.exchange, 0, cycle.D, cycle.stiff_beside)  # type: ignore[call-arg]
+        execute(cycle.exchange, 0, cycle.D, cycle.stiff_beside)
     for level in range(last):
         first = cycle.grids[level, 2]
         fine = _field(cycle, level, cycle.D, first)
         below = _field(cycle, level + 1, cycle.D, first + fine.size)
         if _is_shared(cycle, level):
             _set_below(cycle, level, fine, cycle.reached)
-            execute(cycle.join, 0, cycle.reached, below)  # type: ignore[call-arg]
+            execute(cycle.join, 0, cycle.reached, below)
         else:
             _set_below(cycle, level, fine, below)
     first, size = cycle.grids[last, 2], cycle.matrix.shape[0]
@@ -250,7 +250,7 @@ def run_cycle(cycle: Cycle, force: Any, target: Any) -> tuple[float, float]:
         r = _field(cycle, level, force, 0) if level == 0 else _field(cycle, level, cycle.r, first)
         below = _field(cycle, level + 1, cycle.r, first + r.size)
         if _is_shared(cycle, level):
-            execute(cycle.exchange, 0, force, cycle.beside)  # type: ignore[call-arg]
+            execute(cycle.exchange, 0, force, cycle.beside)
             _descend(cycle, level, r, cycle.reached)
             execute(cycle.join, 0, cycle.reached, below)
         else:

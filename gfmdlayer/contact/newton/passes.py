@@ -60,6 +60,7 @@ class Origin(NamedTuple):
     stress: FloatArray
     tangent: Any  # in single precision
     response: Any
+    balance: FloatArray  # energy of the interface, and multiplier; NaN from rest
 
 
 class FreeSystem(NamedTuple):
@@ -561,7 +562,7 @@ def keep_tangent(origin: Origin, step: FreeSystem, unit: float, far: float) -> N
         origin.tangent[i], origin.response[i] = far * step.d[i], unit * step.response[i]
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def along_deviation(
     system: AdhesiveSystem, gap: FloatArray, at: AdhesiveState, origin: Origin, part: float
 ) -> tuple[float, float]:
@@ -589,7 +590,7 @@ def along_deviation(
     return elastic, interface
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def released_over(
     system: AdhesiveSystem,
     gap: FloatArray,

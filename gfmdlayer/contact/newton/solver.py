@@ -25,7 +25,7 @@ alone, and all of the above holds; the overlap is the flow of the step.
 So a landing depends neither on the time step nor on a start or tolerance, so long as there is one instability
 on the way of a step at most. A descent with a concave stretch is an instability. A Newton step may also run
 past the end of a branch: then the energy is concave along the deviation of the step from the tangent at its
-beginning (`_was_unstable`). `Solution.released_energy` is the work less the gain of the energies, by the
+beginning (`_lost`). `Solution.released_energy` is the work less the gain of the energies, by the
 trapezoidal rule, as if a jump were in the middle of the step. Its error is of first order in the step; it is
 at most what the descents have lost at a fixed s, past the end of the branch; from rest, and with a hardness,
 it is that. Elsewhere it is zero.
@@ -77,9 +77,9 @@ from gfmdlayer.contact.newton.passes import (
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.grid.sums import greatest, summed
+from gfmdlayer.grid.sums import Completion, greatest, pairwise_sum, summed
 from gfmdlayer.grid.transforms import Plans, Transforms
-from gfmdlayer.kernels import kernel
+from gfmdlayer.kernels import address_of, by_address, kernel, types_of
 from gfmdlayer.resumable import State
 
 # Part of the force that the conjugate gradients may leave, at most, and while damping follows the descent.
@@ -120,6 +120,16 @@ class NewtonFields(NamedTuple):
     origin: Origin
 
 
+class NewtonCalls(NamedTuple):
+    """Addresses of kernels."""
+
+    hold: int
+    iterate: int
+    find_margin: int
+    along_deviation: int
+    released_over: int
+
+
 class NewtonState(NamedTuple):
     """State of the path between two calls of the loop."""
 
@@ -141,7 +151,18 @@ class NewtonState(NamedTuple):
     iterations: int
 
 
-@kernel
+# From the last gap, at which the energy is not known yet, and from rest.
+_FROM_GAP, _FROM_REST = (
+    NewtonState(
+        done, mean=0.0, damping=0.0, descends=False, refused=False, unstable=False, drop=0.0, released=0.0,
+        pulled_off=False, multiplier=0.0, residual=math.inf, energy=math.nan, exact=True, tangent=False,
+        pairs=1.0 - done, iterations=0,
+    )
+    for done in (0.0, 1.0)
+)  # fmt: skip
+
+
+@kernel(inner=True)
 def is_instability(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
     """Whether the energy lost in a descent is that of an instability.
 
@@ -151,7 +172,7 @@ def is_instability(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
     return unstable and drop > _NOTHING * system.strength * system.range
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def iterate(  # noqa: C901  # compiled as one, for its many results
     plans: Plans,
     single: Plans,
@@ -325,7 +346,7 @@ def _copy(source: AdhesiveState, target: AdhesiveState) -> None:
         target.curvature[i] = source.curvature[i]
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields, cap: Any) -> tuple[float, float]:
     """Find the traction that holds a surface where it is; return the interface's energy, and lambda."""
     at, held, step = fields.at, fields.held, fields.step
@@ -374,9 +395,10 @@ class LowestMode(NamedTuple):
     before: Any
     d: Any
     Kd: Any
+    first: Any  # with which the search begins
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def find_margin(
     single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: FreeSystem, lowest: LowestMode
 ) -> tuple[float, float, float, int]:
@@ -388,7 +410,7 @@ def find_margin(
     free, D, n, stiff = step.free, step.stiffness, at.u.size, unit_of(system.kappa_1)
     half = 0.5 * system.kappa_1 / stiff
     Kx, slope, w, Kw = step.direction, step.force, step.z, step.applied
-    x, before, d, Kd = lowest
+    x, before, d, Kd, _ = lowest
     begin(single, system, at.curvature, step, 0.0, 0.0, 1.0)  # the preconditioner
     d[:], Kd[:] = 0.0, 0.0
     _admit(system, free, x, free)
@@ -512,6 +534,115 @@ def leave(
     return 0.0, pairs
 
 
+# Kernels with sums are compiled once, by themselves; as parts of another one they may have other bits.
+_hold, _iterate, _find_margin, _along_deviation, _released_over = (
+    by_address(called) for called in (hold, iterate, find_margin, along_deviation, released_over)
+)
+
+
+@kernel
+def set_surface(h: FloatArray, gap: FloatArray, u: FloatArray, over: Completion) -> bool:
+    """Set the surface at a gap; return whether it is finite."""
+    lacking = 0.0
+    for i in range(u.size):
+        u[i] = h[i] - gap[i]
+        lacking = lacking if np.isfinite(u[i]) else 1.0
+    return bool(greatest(over, (lacking,))[0] == 0.0)
+
+
+class Reached(NamedTuple):
+    """How far `follow` has come."""
+
+    now: NewtonState
+    converged: bool  # whether it is a minimum
+    margin: float
+    curvature: float  # along the lowest mode
+    released: float  # energy lost in instabilities so far, sum over the points
+    pairs: float  # of the search for the lowest mode
+
+
+@kernel
+def follow(
+    calls: NewtonCalls,
+    plans: Plans,
+    single: Plans,
+    system: AdhesiveSystem,
+    fields: NewtonFields,
+    lowest: LowestMode,
+    start: FloatArray,
+    now: NewtonState,
+    tolerance: float,
+    limit: int,
+    cap: Any,
+) -> Reached:
+    """Follow the path from the gap `start`, or go on with it, for at most so many iterations."""
+    at, step, origin, n = fields.at, fields.step, fields.origin, start.size
+    if now.done == 0.0 and np.isnan(now.energy):
+        mean = 0.0
+        if system.mean_is_fixed:
+            mean = summed(system.over, (pairwise_sum(at.u),))[0] / system.size
+        energy, multiplier = _hold(calls.hold, (plans, system, fields, cap))
+        origin.balance[0], origin.balance[1] = energy, multiplier
+        now = NewtonState(
+            now.done, mean, now.damping, now.descends, now.refused, now.unstable, now.drop, now.released,
+            now.pulled_off, multiplier, now.residual, energy, now.exact, now.tangent, now.pairs,
+            now.iterations,
+        )  # fmt: skip
+    now = _iterate(calls.iterate, (plans, single, system, fields, now, tolerance, limit, cap))
+    converged, margin, curvature, pairs = False, np.nan, np.nan, 0.0
+    if now.done == 1.0 and now.residual <= tolerance and not np.isnan(now.energy):
+        arguments = single, system, at, step, lowest
+        margin, curvature, attraction, turns = _find_margin(calls.find_margin, arguments)
+        moved, free = 0.0, 0.0
+        for i in range(n):
+            moved = 1.0 if lowest.x[i] != 0.0 else moved
+            free = 1.0 if step.free[i] != 0.0 else free
+        moved, free = greatest(system.over, (moved, free))
+        if moved == 0.0 and free > 0.0:  # none of the points that it moved is free: it begins anew
+            for i in range(n):
+                lowest.x[i] = lowest.first[i]
+            margin, curvature, attraction, more = _find_margin(calls.find_margin, arguments)
+            turns += more
+        pairs = IN_SINGLE * turns
+        # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
+        converged = bool(curvature >= -math.sqrt(2 * tolerance) * abs(attraction))
+    released = now.released
+    if is_instability(system, now.drop, now.unstable):
+        released += now.drop
+    if converged and cap is None and not np.isnan(origin.balance[0]):
+        released = _lost(calls, system, fields, start, now, released)
+    return Reached(now, converged, margin, curvature, released, pairs)
+
+
+@kernel(inner=True)
+def _lost(
+    calls: NewtonCalls,
+    system: AdhesiveSystem,
+    fields: NewtonFields,
+    start: FloatArray,
+    now: NewtonState,
+    released: float,
+) -> float:
+    """Energy lost in instabilities, sum over the points, of which descents have met those `released`."""
+    least, at, origin = _NOTHING * system.strength * system.range, fields.at, fields.origin
+    if released == 0.0:
+        # The energy may be concave along the deviation of the step from its tangent, see the module.
+        unstable = False
+        for part in _ON_THE_WAY:
+            if now.tangent and not unstable:
+                arguments = system, start, at, origin, part
+                elastic, interface = _along_deviation(calls.along_deviation, arguments)
+                unstable = 0.5 * elastic > least and interface < -(1.0 - _SOFT) * elastic
+        if not unstable:
+            return 0.0
+        released = np.inf
+    energies, multipliers = (origin.balance[0], now.energy), (origin.balance[1], now.multiplier)
+    balanced = _released_over(
+        calls.released_over, (system, start, at, fields.held, origin, energies, multipliers)
+    )
+    return float(min(max(balanced, least), released))
+
+
 _CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with the transforms of an iteration
 
 
@@ -526,6 +657,7 @@ class Newton:
         self._mode = _any_deformation(self._grid)
         self._stiffness: FloatArray = np.empty(0)  # of the cycle
         self._margin, self._part = math.nan, 0.0  # of a pair that is counted with the next step
+        self._calls: dict[bytes, NewtonCalls] = {}
 
     @cached_property
     def _single(self) -> Transforms:
@@ -545,12 +677,14 @@ class Newton:
             field(), spectrum(), free, d, force, direction, applied, z, share, point, stiffness,
             kappa, softening, work, response, no_cycle(),
         )  # fmt: skip
-        origin = Origin(field(), small.empty_field(), small.empty_field())
+        origin = Origin(field(), small.empty_field(), small.empty_field(), np.empty(2))
         return NewtonFields(at, to, field(), step, spectrum(), origin)
 
     @cached_property
     def _lowest(self) -> LowestMode:
-        return LowestMode(*(self._single.empty_field() for _ in range(4)))
+        lowest = LowestMode(*(self._single.empty_field() for _ in range(5)))
+        lowest.first[:] = _any_deformation(self._grid)
+        return lowest
 
     def solve(
         self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
@@ -558,28 +692,28 @@ class Newton:
         """Solve from the gap of the last step; infinite where there is none, and the surface at rest."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
-        system, fields = _system(problem, self._grid), self._prepared(problem)
-        plans, single = self._transforms.plans, self._single.plans
+        system, fields, lowest = _system(problem, self._grid), self._prepared(problem), self._lowest
         cap = problem.hardness if problem.hardness < np.inf else None
-        begun = progress = self._begin(system, start, cap)
-        u = fields.at.u
-        chunk, converged = max(4, _CHUNK // self._grid.size), False
-        self._lowest.x[:] = self._mode
+        progress, u = self._begin(system, start), fields.at.u
+        parts = self._transforms.plans, self._single.plans, system, fields, lowest, start
+        calls = self._calls_for(system, start, cap)
+        chunk, converged, released, part = max(4, _CHUNK // self._grid.size), False, 0.0, self._part
+        lowest.x[:] = self._mode
         while not converged and progress.iterations < limit and not progress.pulled_off:
             before, most = progress.iterations, min(chunk, limit - progress.iterations)
-            progress = iterate(plans, single, system, fields, progress, tolerance, most, cap)
+            reached = follow(calls, *parts, progress, tolerance, most, cap)
+            progress, converged, released = reached.now, reached.converged, reached.released
+            if reached.pairs:
+                self._margin, part = reached.margin, part + reached.pairs
+                if not converged:
+                    progress, converged = self._leave(system, progress, reached.curvature, cap)
+                continue
             within = progress.done == 1.0 and progress.residual <= tolerance
-            if within and not math.isnan(progress.energy):
-                progress, converged = self._check(system, progress, tolerance, cap)
-            elif not within and progress.iterations < before + most:
+            if not within and progress.iterations < before + most:
                 break
-        pairs, part = divmod(progress.pairs + self._part, 1.0)
+        pairs, part = divmod(progress.pairs + part, 1.0)
         if converged:
-            self._mode[:], self._part = self._lowest.x, part
-        released = progress.released
-        released += progress.drop if is_instability(system, progress.drop, progress.unstable) else 0.0
-        if converged and begun.done == 0.0 and cap is None:
-            released = self._balanced(system, start, begun, progress, released)
+            self._mode[:], self._part = lowest.x, part
         pressure, gap, flow, under = fields.at.stress + progress.multiplier, None, None, problem
         if cap is not None:
             gap, flow = np.maximum(system.h - u, 0.0), np.maximum(u - system.h, 0.0)
@@ -587,7 +721,7 @@ class Newton:
                 problem.capped(pressure, flow > 0),
                 replace(problem, obstacle=system.h + flow),
             )
-        solution = make_solution(
+        return make_solution(
             under,
             u.copy(),
             pressure,
@@ -596,32 +730,10 @@ class Newton:
             within=np.inf if converged else -1.0,
             gap=gap,
             flow=flow,
+            least_residual=0.0 if cap is None else progress.residual,  # the pressures above it count too
+            released_energy=released / self._grid.size,
+            margin=self._margin,
         )
-        if cap is not None:  # the pressures above it count too
-            solution = replace(solution, residual=max(solution.residual, progress.residual))
-        return replace(solution, released_energy=released / self._grid.size, margin=self._margin)
-
-    def _balanced(
-        self, system: AdhesiveSystem, start: FloatArray, begun: NewtonState, now: NewtonState, released: float
-    ) -> float:
-        """Energy lost in instabilities, sum over the points, of which descents have met those `released`."""
-        fields, least = self._fields, _NOTHING * system.strength * system.range
-        path = system, start, fields.at
-        if released == 0.0:
-            if not (now.tangent and self._was_unstable(path, least)):
-                return 0.0
-            released = math.inf
-        energies, multipliers = (begun.energy, now.energy), (begun.multiplier, now.multiplier)
-        balanced = released_over(*path, fields.held, fields.origin, energies, multipliers)
-        return min(max(balanced, least), released)
-
-    def _was_unstable(self, path: tuple[AdhesiveSystem, FloatArray, AdhesiveState], least: float) -> bool:
-        """Whether the energy is concave along the deviation of a step from its tangent, see the module."""
-        for part in _ON_THE_WAY:
-            elastic, interface = along_deviation(*path, self._fields.origin, part)
-            if 0.5 * elastic > least and interface < -(1.0 - _SOFT) * elastic:
-                return True
-        return False
 
     def _prepared(self, problem: Problem) -> NewtonFields:
         """The work arrays, with the cycle for the stiffness of the step."""
@@ -630,22 +742,42 @@ class Newton:
             self._stiffness = stiffness.copy()
             kappa_1 = problem.residual_floor.stiffness
             step.kappa[:] = stiffness / (n * unit_of(kappa_1))
-            cycle = cycle_of(self._grid, stiffness, kappa_1) if n >= WORTH_CYCLE else no_cycle()
-            D = cycle.D[: step.d.size] if cycle.grids.size else self._single.empty_field()
-            self._fields = self._fields._replace(step=step._replace(cycle=cycle, stiffness=D))
+            if n >= WORTH_CYCLE and len(self._grid.points) > 1:
+                cycle = cycle_of(self._grid, stiffness, kappa_1)
+                D = cycle.D[: step.d.size] if cycle.grids.size else self._single.empty_field()
+                self._fields = self._fields._replace(step=step._replace(cycle=cycle, stiffness=D))
         return self._fields
 
-    def _check(
-        self, system: AdhesiveSystem, progress: NewtonState, tolerance: float, cap: float | None
+    def _begin(self, system: AdhesiveSystem, start: FloatArray) -> NewtonState:
+        """Set the surface where it begins; return where the path is."""
+        fields, u = self._fields, self._fields.at.u
+        if set_surface(system.h, start, u, system.over):
+            return _FROM_GAP
+        fields.held[:], fields.origin.balance[:], u[:] = 0.0, math.nan, 0.0
+        project(u, system.h, system.mean_is_fixed, self._grid.ranks)
+        return _FROM_REST
+
+    def _calls_for(self, system: AdhesiveSystem, start: FloatArray, cap: float | None) -> NewtonCalls:
+        """The addresses of the kernels for the arrays of a problem."""
+        kinds = types_of(system, start, cap)
+        if kinds not in self._calls:
+            fields, plans, single = self._fields, self._transforms.plans, self._single.plans
+            at, origin, pair = fields.at, fields.origin, (0.0, 0.0)
+            self._calls[kinds] = NewtonCalls(
+                address_of(hold, plans, system, fields, cap),
+                address_of(iterate, plans, single, system, fields, _FROM_GAP, 0.0, 0, cap),
+                address_of(find_margin, single, system, at, fields.step, self._lowest),
+                address_of(along_deviation, system, start, at, origin, 0.0),
+                address_of(released_over, system, start, at, fields.held, origin, pair, pair),
+            )
+        return self._calls[kinds]
+
+    def _leave(
+        self, system: AdhesiveSystem, progress: NewtonState, curvature: float, cap: float | None
     ) -> tuple[NewtonState, bool]:
-        """Leave a state in balance that is no minimum; return whether it is one."""
-        fields, plans, lowest = self._fields, self._transforms.plans, self._lowest
-        margin, curvature, attraction, turns = self._find_margin(system)
-        self._margin, progress = margin, progress._replace(pairs=progress.pairs + IN_SINGLE * turns)
-        # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
-        if curvature >= -math.sqrt(2 * tolerance) * abs(attraction):
-            return progress, True
-        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, lowest.x, cap)
+        """Leave a state in balance that is no minimum; return whether it cannot be left."""
+        fields, plans = self._fields, self._transforms.plans
+        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, self._lowest.x, cap)
         return progress._replace(
             energy=math.nan,
             pairs=progress.pairs + pairs,
@@ -656,18 +788,6 @@ class Newton:
             damping=-2 * curvature,
         ), change == 0.0
 
-    def _find_margin(self, system: AdhesiveSystem) -> tuple[float, float, float, int]:
-        """Follow the lowest mode; begin anew where none of the points that it moved is free."""
-        fields, lowest = self._fields, self._lowest
-        arguments = self._single.plans, system, fields.at, fields.step, lowest
-        followed: tuple[float, float, float, int] = find_margin(*arguments)
-        moved, free = self._grid.sums.maximum(np.array([lowest.x.any(), fields.step.free.any()], float))
-        if moved or not free:
-            return followed
-        lowest.x[:] = _any_deformation(self._grid)
-        margin, curvature, attraction, pairs = find_margin(*arguments)
-        return margin, curvature, attraction, followed[-1] + pairs
-
     def compile(self) -> None:
         """Compile the kernel for a balance of forces that is no minimum."""
         fields, size = self._fields, self._mode.size
@@ -676,7 +796,6 @@ class Newton:
         for array in (*fields.at, *fields.to, *fields.step[:-1], *fields.origin, self._lowest.x):
             array[:] = 0.0
         leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x, None)
-        released_over(system, fields.at.u, fields.at, fields.held, fields.origin, (0.0, 0.0), (0.0, 0.0))
 
     def state(self) -> State:
         """Return the lowest mode, and the count of a part of a pair."""
@@ -685,25 +804,6 @@ class Newton:
     def restore(self, state: State) -> None:
         """Continue from a state."""
         self._mode[:], self._part = state["mode"], float(state["part"])
-
-    def _begin(self, system: AdhesiveSystem, start: FloatArray, cap: float | None) -> NewtonState:
-        """Set the surface where it begins; return where the path is."""
-        fields, done, mean, energy, multiplier = self._fields, 1.0, 0.0, math.nan, 0.0
-        u = fields.at.u
-        np.subtract(system.h, start, out=u)
-        fields.held[:] = 0.0
-        sums = self._grid.sums
-        if sums.minimum(int(np.isfinite(u).all())):
-            done, mean = 0.0, sums.mean(u) if system.mean_is_fixed else 0.0
-            energy, multiplier = hold(self._transforms.plans, system, fields, cap)
-        else:
-            u[:] = 0.0
-            project(u, system.h, system.mean_is_fixed, sums.ranks)
-        return NewtonState(
-            done, mean, damping=0.0, descends=False, refused=False, unstable=False, drop=0.0, released=0.0,
-            pulled_off=False, multiplier=multiplier, residual=np.inf, energy=energy, exact=True,
-            tangent=False, pairs=float(done == 0.0), iterations=0,
-        )  # fmt: skip
 
 
 def _any_deformation(grid: Grid) -> FloatArray:
@@ -724,7 +824,7 @@ def _system(problem: Problem, grid: Grid) -> AdhesiveSystem:
         max(law.strength, 1e-300),
         floor.range,
         problem.mean_is_fixed,
-        problem.applied_pressure,
+        float(problem.applied_pressure),
         floor.stiffness,
         floor,
         float(n),

@@ -33,6 +33,9 @@ const column = (one, name) => numbers(one.columns, name);
 /** A label without tags, for lists of choices and files. */
 const bare = (label) => label.replace(/<[^>]*>/g, "").replaceAll("&lt;", "<").replaceAll("&gt;", ">").replaceAll("&amp;", "&");
 
+/** Text as a label: what stands in a file is never taken for tags. */
+const escaped = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
+
 const fileNumber = (one) => String(one.number).padStart(4, "0");
 
 /** The values of some swept keys in a case; its number where there are none. */

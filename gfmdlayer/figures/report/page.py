@@ -14,7 +14,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
@@ -28,7 +27,6 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.config import ConfigError, load
 from gfmdlayer.figures.labels import quantity, symbol
 from gfmdlayer.figures.plot_style import CONTACT, GAP_COLOURS, PRESSURE_COLOURS, check_suffix, spread
 from gfmdlayer.figures.selection import default_columns, value_titles
@@ -36,8 +34,11 @@ from gfmdlayer.files.whole import is_intact, write_text
 from gfmdlayer.observables.contact import FEWEST
 from gfmdlayer.results.gathering import lay_out
 from gfmdlayer.results.names import FIELDS, ResultsError, described_key
+from gfmdlayer.results.netcdf import opened
 from gfmdlayer.results.provenance import LIBRARIES, now, provenance
 from gfmdlayer.results.reader import VERIFIED
+from gfmdlayer.results.stored import unit_of
+from gfmdlayer.validation import text
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -114,7 +115,7 @@ class Reader:
         try:
             if is_intact(case.path, VERIFIED) is False:
                 return None
-            with h5py.File(case.path, locking=False) as h5:
+            with opened(case.path) as h5:
                 return self._contents(case.number, h5) if h5.attrs.get("complete") == 1 else None
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return None
@@ -270,9 +271,10 @@ SOFTWARE = ("gfmdlayer_version", "git_commit", "python_version", *(f"{name}_vers
 
 
 def warnings(contents: Contents) -> list[str]:
-    """Return the doubts about a case, from its file; the last two are otherwise only in a log."""
+    """Return the doubts about a case, from its file."""
     said = str(contents.attributes.get("warnings", "")).splitlines()
-    if 0 < (points := int(contents.attributes.get("most_contact_points", FEWEST))) < FEWEST:
+    noted = any(line.startswith("COARSE") for line in said)  # files of earlier versions have only the number
+    if not noted and 0 < (points := int(contents.attributes.get("most_contact_points", FEWEST))) < FEWEST:
         said.append(f"coarse: at most {points} point{'s' * (points > 1)} in contact")
     if contents.attributes.get("settled") == 0:
         said.append("not steady at the end")
@@ -361,9 +363,8 @@ def payload(cases: Sequence[Listed], config: str = "") -> dict[str, Any]:
         if complete and len({content.attributes.get(name) for content in complete}) == 1
         if name in complete[0].attributes
     }
-    unit: Callable[[str], str] = str
-    with suppress(ConfigError, LookupError):  # no case, or one of an earlier version
-        unit = load("", content=str(complete[0].attributes["config"])).unit
+    stored = text.read(str(complete[0].attributes.get("config", "")), "").data if complete else None
+    unit = unit_of(stored if isinstance(stored, dict) else {})
     swept = _swept(cases, unit)
     described = reader.described
     columns, fields = (find(complete, described, scales) for find in (_columns, _fields))
@@ -561,6 +562,7 @@ def write_report(cases: Sequence[Listed], out: Path, title: str, config: str = "
     """
     check_suffix(out, (".html", ".htm"))
     try:
+        out.parent.mkdir(parents=True, exist_ok=True)
         write_text(out, page(payload(cases, config), title))
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
@@ -572,6 +574,7 @@ def page(data: dict[str, Any], title: str) -> str:
     from plotly.offline import get_plotlyjs
 
     here = files(__package__)
+    title = title.encode(errors="surrogateescape").decode(errors="replace")  # of a file or folder
     version = provenance()["gfmdlayer_version"]
     about = {
         "title": title,

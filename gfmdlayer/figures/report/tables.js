@@ -16,7 +16,7 @@ function tableColumns() {
     { head: "largest residual", value: (one) => one.residual },
     { head: "energy balance", value: (one) => one.balance },
     { head: "seconds", value: (one) => one.seconds },
-    ...facts.map((name) => ({ head: words(name), value: (one) => one.facts?.[name] })),
+    ...facts.map((name) => ({ head: escaped(words(name)), value: (one) => one.facts?.[name] })),
   ];
   const isEmpty = (value) => value === null || value === undefined || value === "";
   return every.filter((each) => !DATA.cases.every((one) => isEmpty(each.value(one))));
