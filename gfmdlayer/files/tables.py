@@ -38,7 +38,7 @@ class TableError(ValueError):
 #
 # Each separator, decimal mark and mark of thousands is tried. A dialect stands only if the columns of
 # numbers are numbers throughout, in rows of one width. If another dialect stands with other numbers, the
-# file is refused. Columns have their meaning by name (`files.headings`), by position only where no headings are.
+# file is refused. Columns have their meaning by name (`files.headings`), by position only without headings.
 
 
 @dataclass(frozen=True)
