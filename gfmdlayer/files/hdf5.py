@@ -52,8 +52,9 @@ def other_file(group: h5py.Group, *, deep: bool = False) -> str:
         nonlocal found
         shown = name.decode(errors="replace")
         if info.type not in (h5l.TYPE_HARD, h5l.TYPE_SOFT):
-            named = group.id.links.get_val(name) if info.type == h5l.TYPE_EXTERNAL else ()
-            found = f"{shown} is a link to {named[0].decode(errors='replace') if named else 'another file'}"
+            found = f"{shown} is a link to another file"
+            if info.type == h5l.TYPE_EXTERNAL:
+                found += f", {group.id.links.get_val(name)[0].decode(errors='replace')}"
             return True
         try:
             member = h5o.open(group.id, name)
