@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import shlex
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -14,6 +15,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import (
+    ANGULAR,
+    ORDINARY,
     WORDS,
     Meaning,
     alternatives,
@@ -50,6 +53,14 @@ class Answers:
     columns: tuple[str, ...] = ()  # names in place of the headings, with or without units; "-" for none
     modulus: str | None = None  # G: moduli and compliances are in shear; E: in tension
     table: int | None = None  # of several, counted from 1
+    by_options: bool = field(default=False, compare=False)  # of the command line, not by keys
+
+    def to_give(self, key: str, value: str, of: str = "") -> str:
+        """Write an answer, `of` a quantity, for a message that asks for it: as a key, or as an option."""
+        if self.by_options:
+            return f"--{key} {shlex.quote(f'{of}={value}' if of else value)}"
+        plain = value if value.isalnum() or of else repr(value)
+        return f"reading: {{{key}: {f'{{{of}: {plain}}}' if of else plain}}}"
 
 
 def decoded(path: Path) -> tuple[str, str]:
@@ -197,9 +208,13 @@ class _Rows:
         return f"{self.path}:{self.at[row] + 1}"
 
 
-def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None) -> _Rows:
+def _rows_in(path: Path, lines: list[str], dialect: _Dialect, answers: Answers) -> _Rows:
     """Find the rows of numbers in a dialect; a _DialectError where it does not stand."""
-    if table is None and not dialect.thousands and (rows := _at_once(path, lines, dialect)) is not None:
+    if (
+        answers.table is None
+        and not dialect.thousands
+        and (rows := _at_once(path, lines, dialect)) is not None
+    ):
         return rows
     number = _number(dialect)
     blocks: list[list[tuple[int, list[str], str]]] = []
@@ -235,7 +250,7 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None)
                 message = f"{_shown(line, ''.join(words[:1]))} is not a row of numbers like those above"
                 raise _DialectError(f"{path}:{i + 1}: {message}", len(blocks[-1]) if blocks else 0)
             gap = True
-    return _chosen_block(path, lines, dialect, blocks, table)
+    return _chosen_block(path, lines, dialect, blocks, answers)
 
 
 def _agree(kinds: str, first: str) -> bool:
@@ -248,9 +263,10 @@ def _chosen_block(
     lines: list[str],
     dialect: _Dialect,
     blocks: list[list[tuple[int, list[str], str]]],
-    table: int | None,
+    answers: Answers,
 ) -> _Rows:
     """Return the rows of the only table, or of the one with a number."""
+    table = answers.table
     first = next((i for i, block in enumerate(blocks) if len(block) > 1), len(blocks))
     long = blocks[first:]  # single rows above are remarks with numbers
     if not long:
@@ -271,7 +287,8 @@ def _chosen_block(
                 )
     if (len(long) > 1 and table is None) or not 1 <= (table or 1) <= len(long):
         ends = ", ".join(f"{block[0][0] + 1} to {block[-1][0] + 1}" for block in long)
-        message = f"holds {len(long)} tables, in lines {ends}; give its number, table: 1 to {len(long)}"
+        asked = " or ".join(answers.to_give("table", str(i)) for i in (1, len(long)))
+        message = f"holds {len(long)} tables, in lines {ends}; give the number of one, {asked}"
         raise _DialectError(f"{path}: {message}", max(map(len, long)))
     block = long[(table or 1) - 1]
     return _columns_of(path, lines, dialect, block)
@@ -691,14 +708,14 @@ def read_table(
             continue
         else:
             means = meaning(heading, below, wanted, answers.units, answers.modulus)
-        _add_column(table, rows, c, heading, means, wanted)
+        _add_column(table, rows, c, heading, means, wanted, answers)
     if head is not None and not answers.columns and not (table.columns or table.words or table.refused):
         known = "; ".join(f"{quantity}: {', '.join(names_of(quantity)[:6])}" for quantity in wanted)
         shown = ", ".join(repr(cell) for cell in head.cells if cell)
         raise TableError(
             f"{path}:{head.line + 1}: no heading is known among {shown}; known names are {known}"
         )
-    _refuse_mixture(table, apart)
+    _refuse_mixture(table, apart, answers)
     return table
 
 
@@ -711,7 +728,13 @@ def _of_position(quantity: str, answers: Answers) -> Meaning:
 
 
 def _add_column(
-    table: TextTable, rows: _Rows, c: int, heading: str, means: Meaning, wanted: Sequence[str]
+    table: TextTable,
+    rows: _Rows,
+    c: int,
+    heading: str,
+    means: Meaning,
+    wanted: Sequence[str],
+    answers: Answers,
 ) -> None:
     """Put a column into a table, or the reason why it is not read."""
     quantity = means.quantity
@@ -721,13 +744,18 @@ def _add_column(
     elif not asked:
         table.unread[heading] = "not asked for" if quantity else means.reason
     elif means.reason:
-        table.refused.update(dict.fromkeys(asked, f"heading {heading!r} {means.reason}"))
+        reason = f"heading {heading!r} {means.reason}"
+        if {ANGULAR, ORDINARY} <= {*means.options}:
+            either = (answers.to_give("units", unit, "frequency") for unit in ("Hz", "rad/s"))
+            reason += f", {' or '.join(either)}"
+        table.refused.update(dict.fromkeys(asked, reason))
         table.unread[heading] = means.reason
     elif quantity in table.columns or quantity in table.words:
         assert quantity is not None
         other = table.columns[quantity].heading if quantity in table.columns else quantity
         table.refused[quantity] = (
-            f"two columns are named {quantity}, {other!r} and {heading!r}; name only one so"
+            f"two columns are named {quantity}, {other!r} and {heading!r}; name only one so, "
+            f"or all columns by {answers.to_give('columns', 'NAMES')}"
         )
         table.columns.pop(quantity, None)
         table.words.pop(quantity, None)
@@ -746,12 +774,13 @@ def _add_column(
         )
 
 
-def _refuse_mixture(table: TextTable, apart: Collection[str]) -> None:
+def _refuse_mixture(table: TextTable, apart: Collection[str], answers: Answers) -> None:
     """Refuse quantities without a unit beside others with one."""
     having = [name for name, column in table.columns.items() if column.unit is not None and name not in apart]
     for name, column in list(table.columns.items()):
         if having and column.unit is None and dimension_of(name).dimension != _DIMENSIONLESS:
             table.refused[name] = f"{having[0]} has a unit, but {name} has none; give both, or neither"
+            table.refused[name] += f", as by {answers.to_give('units', 'UNIT', names_of(name)[0])}"
             table.unread[column.heading] = "no unit"
             del table.columns[name]
 
@@ -792,7 +821,7 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
             if dialect.by_space and any(rows.dialect.separator == "\t" for rows, _ in found):
                 continue  # tabs are white space too
             try:
-                rows = _rows_in(path, lines, dialect, answers.table)
+                rows = _rows_in(path, lines, dialect, answers)
                 found.append((rows, _head(rows)))
             except _DialectError as error:
                 reasons.append(error)
@@ -802,12 +831,12 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
             str(max(reasons, key=lambda each: each.rows, default=f"{path}:1: holds no rows of numbers"))
         )
     rows, head = found[0]
+    marks = " or ".join(answers.to_give("decimal", mark) for mark in ".,")
     others = [other for other, _ in found[1:] if not _same_numbers(rows, other)]
     if others:
         ways = f"{rows.dialect}; or {others[0].dialect}"
         raise TableError(
-            f"{path}: has two readings with other numbers: {ways}; say which is the decimal mark, "
-            "decimal: '.' or ','"
+            f"{path}: has two readings with other numbers: {ways}; say which is the decimal mark, {marks}"
         )
     if not rows.sure and answers.decimal is None:
         example = next(
@@ -815,7 +844,7 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
         )
         raise TableError(
             f"{path}: may have decimal marks or marks of thousands, as in {example}; say which is the "
-            "decimal mark, decimal: '.' or ','"
+            f"decimal mark, {marks}"
         )
     if encoding != "UTF-8":
         rows.encoding = encoding
