@@ -232,7 +232,7 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, answers: Answers) 
         same = not comment and last is not None and len(kinds) == len(last[2])
         same = same and _agree(kinds, blocks[-1][0][2]) and ("N" in kinds or "T" not in kinds)
         full = not comment and "N" in kinds and len(kinds) - kinds.count("T") > 1
-        if same or (full and not _is_units(cells)):
+        if same or (full and not _is_units(cells)) or (not comment and _is_empty_row(cells, kinds)):
             if last is None or len(last[2]) != len(kinds):
                 if last is not None and len(blocks[-1]) > 1:
                     message = f"holds {len(kinds)} columns; must be {len(last[2])}, as above"
@@ -251,6 +251,15 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, answers: Answers) 
                 raise _DialectError(f"{path}:{i + 1}: {message}", len(blocks[-1]) if blocks else 0)
             gap = True
     return _chosen_block(path, lines, dialect, blocks, answers)
+
+
+def _is_empty_row(cells: list[str], kinds: str) -> bool:
+    """Whether a row has nothing but words for holes, and is no rule of dashes or stars."""
+    return len(cells) > 1 and {*kinds} == {"H"} and all(cells) and not all(map(_is_rule, cells))
+
+
+def _is_rule(cell: str) -> bool:
+    return set(cell) <= {*"-–—*"}
 
 
 def _agree(kinds: str, first: str) -> bool:
@@ -381,7 +390,7 @@ def _at_once(path: Path, lines: list[str], dialect: _Dialect) -> _Rows | None:
     number, first = _number(dialect), None
     for i, line in enumerate(lines[:200]):
         kinds = "".join([_kind(cell, number) for cell in _cells(line, dialect.separator)])
-        if {"N"} <= set(kinds) <= {"N", "H"} and len(kinds) > 1:
+        if set(kinds) <= {"N", "H"} and len(kinds) > 1 and (line.strip() or "N" in kinds):
             first = None if "H" in kinds else i
             break
     if first is None:
@@ -415,7 +424,7 @@ def _at_once(path: Path, lines: list[str], dialect: _Dialect) -> _Rows | None:
 
 def _is_damage(cell: str) -> bool:
     """Whether a cell stands for a number: one with a wrong letter, or a hole that is no rule of dashes."""
-    return _is_marks(cell) or (cell.lower() in _HOLES and not set(cell) <= {*"-–—*"})
+    return _is_marks(cell) or (cell.lower() in _HOLES and not _is_rule(cell))
 
 
 def _is_comment(line: str, dialect: _Dialect) -> bool:
@@ -645,7 +654,7 @@ class TextTable:
             parts.append(f"{heading}{quantity}{unit}{into}")
         account = f"{self.path.name}: {', '.join(parts)}"
         holes = [
-            f"{len(column.holes)} holes in {quantity}"
+            f"{counted(len(column.holes), 'hole')} in {quantity}"
             for quantity, column in self.columns.items()
             if column.holes
         ]
@@ -831,12 +840,12 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
             str(max(reasons, key=lambda each: each.rows, default=f"{path}:1: holds no rows of numbers"))
         )
     rows, head = found[0]
-    marks = " or ".join(answers.to_give("decimal", mark) for mark in ".,")
+    asked = " or ".join(answers.to_give("decimal", mark) for mark in ".,")
     others = [other for other, _ in found[1:] if not _same_numbers(rows, other)]
     if others:
         ways = f"{rows.dialect}; or {others[0].dialect}"
         raise TableError(
-            f"{path}: has two readings with other numbers: {ways}; say which is the decimal mark, {marks}"
+            f"{path}: has two readings with other numbers: {ways}; say which is the decimal mark, {asked}"
         )
     if not rows.sure and answers.decimal is None:
         example = next(
@@ -844,11 +853,16 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
         )
         raise TableError(
             f"{path}: may have decimal marks or marks of thousands, as in {example}; say which is the "
-            f"decimal mark, {marks}"
+            f"decimal mark, {asked}"
         )
     if encoding != "UTF-8":
         rows.encoding = encoding
     return rows, head
+
+
+def counted(count: int, noun: str) -> str:
+    """Write a number of things: 1 hole, 2 holes."""
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def _same_numbers(one: _Rows, other: _Rows) -> bool:
@@ -899,7 +913,7 @@ def _notes(rows: _Rows, head: _Head | None) -> list[str]:
     below = [i + 1 for i in range(rows.at[-1] + 1, len(rows.lines)) if rows.lines[i].strip()]
     for kind, unread in (("above", above), ("below", below)):
         if unread:
-            notes.append(f"{len(unread)} line{'s' * (len(unread) > 1)} {kind} not read")
+            notes.append(f"{counted(len(unread), 'line')} {kind} not read")
     return notes
 
 
@@ -928,9 +942,22 @@ def read_matrix(path: Path, answers: Answers = Answers()) -> Matrix:
     if "T" in rows.kinds:
         c = rows.kinds.index("T")
         raise TableError(_not_a_number(rows, 0, rows.words[c][0]))
+    if head is None or not head.known:  # below headings a rule is no row
+        _refuse_empty_rows(rows)
     header = [line for line in rows.lines[: rows.at[0]] if line.strip()]
     count = f"{path.name}: {rows.values.shape[0]} rows of {rows.width} numbers"
     holes = int(np.isnan(rows.values).sum())
-    account = "; ".join([count, *_notes(rows, head), *([f"{holes} holes"] if holes else [])])
+    account = "; ".join([count, *_notes(rows, head), *([counted(holes, "hole")] if holes else [])])
     headings, units = _headings(rows, head, answers)
     return Matrix(path, rows.values, header, headings or [], units, account, rows.dialect.decimal)
+
+
+def _refuse_empty_rows(rows: _Rows) -> None:
+    """Refuse rows of empty cells, and rules above the numbers: rows of a matrix without a height, or none."""
+    taken = {*rows.at}
+    for i in range(max(rows.at[0] - 1, 0), min(rows.at[-1] + 2, len(rows.lines))):
+        line = rows.lines[i]
+        cells = [] if i in taken or not line.strip(" ") else _cells(line, rows.dialect.separator)
+        if len(cells) >= rows.width and all(map(_is_rule, cells)):
+            message = "a row without a number; write nan where a height is missing, or remove the line"
+            raise TableError(f"{rows.path}:{i + 1}: {message}")
