@@ -6,8 +6,8 @@ The kinds of trials are drawn at random:
     fuzz        a damaged configuration for `gfmdlayer check`: accepted, or rejected with a clear message
     kills       a study on one process, several processes, MPI ranks, or ranks with a shared surface; killed
     faults      the same with full disks, damaged and lost files, failing locks, folders without permission
-    combos      three to six abilities together: refused in words, or run, drawn, reported, opened, compared with
-                half the tolerance, its energies balanced
+    combos      three to six abilities together: refused in words, or run, drawn, reported, opened, compared
+                with a run of half the tolerance, the energies balanced
 
 Kills and faults end with a bitwise comparison with an undisturbed run. (S, i) determines trial i of seed S,
 except for the moment at which a signal arrives.

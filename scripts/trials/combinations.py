@@ -8,14 +8,13 @@ run with half the tolerance, and its energies are held to the tolerance. The pai
 from __future__ import annotations
 
 import contextlib
-import copy
 import io
 import math
 import re
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -516,13 +515,13 @@ def trial(seed: int, index: int, folder: Path, kinds: int | None = None) -> Outc
         with contextlib.chdir(folder), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", RuntimeWarning)
-            found = _followed(drawn, rng, kinds, events)
-    except Wrong as wrong:
-        kind, text = wrong.args
-        return Outcome(kind, f"{text}\n({', '.join(drawn.abilities)})", events)
+            end, found = _followed(drawn, rng, kinds, events)
     except Exception as error:  # of this script, or of what it reads
         return Outcome("error of the trial", _where(error), events)
-    return Outcome(found, "", events)
+    texts = [": ".join(wrong.args) for wrong in found]
+    if found:
+        return Outcome(found[0].args[0], "\n".join([*texts, f"({', '.join(drawn.abilities)})"]), events)
+    return Outcome(end, "", events)
 
 
 class Said(NamedTuple):
@@ -560,24 +559,32 @@ def _where(error: BaseException) -> str:
     return f"{type(error).__name__}: {error} ({' > '.join(ways)})"
 
 
-def _followed(drawn: Combination, rng: Draw, kinds: int | None, events: Counter[str]) -> str:
+def _followed(
+    drawn: Combination, rng: Draw, kinds: int | None, events: Counter[str]
+) -> tuple[str, list[Wrong]]:
     """Check, run, draw, report, open, interpolate and balance a combination; return the end of its run."""
-    checked = command("check", INPUT)
-    if checked.status == 2:
-        _refused(checked)
-        return "refused"
-    if checked.status:
-        raise Wrong("status of check", f"{checked.status}: {checked.err}")
-    ran = command("run", INPUT, "--out", "results")
-    if ran.status == 2:
-        _refused(ran)
-        return "refused"
-    states = _states(ran)
-    _drawn(drawn, rng, kinds, states, events)
-    if states["complete"]:
-        _opened(drawn)
-        _measured_again(drawn, rng, events)
-    return "converged" if not states["failed"] else "failed in words"
+    found: list[Wrong] = []
+
+    def followed(step: Callable[..., Any], *given: Any) -> Any:
+        try:
+            return step(*given)
+        except Wrong as wrong:
+            found.append(wrong)
+            return None
+
+    for words in (("check", INPUT), ("run", INPUT, "--out", "results")):
+        said = followed(command, *words)
+        if said is None or said.status == 2:
+            if said is not None:
+                followed(_refused, said)
+            return "refused", found
+    states = followed(_states, said)
+    if states is not None:
+        followed(_drawn, drawn, rng, kinds, states, events)
+        if states["complete"]:
+            for step in (_opened, _interpolated, _balanced):
+                followed(step, drawn, rng, events)
+    return "failed in words" if states and states["failed"] else "converged", found
 
 
 def _refused(said: Said) -> None:
@@ -618,25 +625,33 @@ def _drawn(
     if kinds is not None:
         chosen = rng.permutation(len(every))[:kinds]
         every = [every[i] for i in chosen]
-    for number, options in enumerate(every):
-        said = command(
-            "plot",
-            "results",
-            *options,
-            "--out",
-            f"pictures/{number}.{'gif' if '--movie' in options else 'png'}",
-        )
-        kind = " ".join(options[:2]) if options[:1] != ("--y",) else "--y"
-        events[f"{'drawn' if said.status == 0 else 'no picture'}: {kind or 'default'}"] += 1
-        if said.status == 2 and re.fullmatch(r"(warning: .*\n)*gfmdlayer: \S.*\n", said.err):
-            if options in ((), ("--kind", "curves"), ("--kind", "body")) and states["complete"]:
-                raise Wrong("no picture", f"plot {' '.join(options)}: {said.err}")
-            events[f"words: {said.err.partition('results: ')[2].strip()[:70] or said.err.strip()[:90]}"] += 1
-        elif said.status:
-            raise Wrong("picture fails", f"plot {' '.join(options)}: status {said.status}: {said.err[-600:]}")
+    wrong = [
+        _picture(number, options, bool(states["complete"]), events) for number, options in enumerate(every)
+    ]
     said = command("report", "results")
     if said.status or not Path("results/report.html").stat().st_size:
         raise Wrong("report fails", said.err[-600:])
+    if any(wrong):
+        raise Wrong("no picture", "; ".join(filter(None, wrong)))
+
+
+def _picture(number: int, options: tuple[str, ...], complete: bool, events: Counter[str]) -> str:
+    """Draw a picture; return why it should have been one."""
+    file = f"pictures/{number}.{'gif' if '--movie' in options else 'png'}"
+    shown = f"plot {' '.join(options)}"
+    try:
+        said = command("plot", "results", *options, "--out", file)
+    except Wrong as wrong:
+        return ": ".join(wrong.args)
+    kind = options[0] if options[:1] in (("--y",), ("--x",)) else " ".join(options) or "default"
+    events[f"{'drawn' if said.status == 0 else 'no picture'}: {kind}"] += 1
+    if said.status == 0:
+        return ""
+    if said.status == 2 and re.fullmatch(r"(warning: .*\n)*gfmdlayer: \S.*\n", said.err):
+        events[f"words: {re.sub(r'[0-9]+', '#', said.err.strip())[:100]}"] += 1
+        if not complete or options not in ((), ("--kind", "curves"), ("--kind", "body")):
+            return ""
+    return f"{shown}: status {said.status}: {said.err[-600:]}"
 
 
 def _swept(config: Values) -> Values:
@@ -644,7 +659,7 @@ def _swept(config: Values) -> Values:
     return dict(sweep.get("zip", sweep))
 
 
-def _opened(drawn: Combination) -> None:
+def _opened(drawn: Combination, *_: object) -> None:
     """Load all data; numbers are finite, and fields agree with the columns of their rows."""
     try:
         with gfmdlayer.open_results("results") as data:
@@ -688,43 +703,56 @@ def _consistent(data: xarray.Dataset) -> None:
         raise Wrong("fields and columns differ", f"mean pressure by {lack:.2g} of the largest pressure")
 
 
-def _measured_again(drawn: Combination, rng: Draw, events: Counter[str]) -> None:
-    """Compare with half the tolerance, or half the step where the balance is not within `FIXED`."""
-    section, adaptive = drawn.config["time"], drawn.config["time"]["step"] == "adaptive"
-    balances = {path.name: _balance(path) for path in sorted(Path("results/cases").glob("*.h5"))}
-    reason = next((why for ability, why in EXCEPTIONS.items() if ability in drawn.abilities), "")
-    if reason:
-        events[f"balance not asked for: {reason}"] += 1
-    asked = SUMMED * section.get("tolerance", 1e-4) if adaptive else FIXED
-    open_ones = {name: lack for name, lack in balances.items() if lack > asked and not reason}
-    if adaptive:
+def _again(drawn: Combination) -> dict[Path, Path]:
+    """Run with half the tolerance, or step; return complete cases of the first run and of this one."""
+    section = drawn.config["time"]
+    if section["step"] == "adaptive":
         halved = {"time.tolerance": section.get("tolerance", 1e-4) / 2}
-    elif open_ones:
-        halved = {"time.step": section["step"] / 2}
     else:
+        halved = {"time.step": section["step"] / 2}
+    out = Path("again")
+    if not out.exists():
+        try:
+            with limited(2 * LONGEST):
+                gfmdlayer.run(INPUT, out=out, progress=False, **halved).close()
+        except Hangs:
+            raise Wrong("hangs", f"with {halved}") from None
+        except gfmdlayer.ConvergenceError:
+            pass
+        except gfmdlayer.ConfigError as error:
+            raise Wrong("half the step is refused", str(error)) from None
+        except Exception as error:
+            raise Wrong("traceback of gfmdlayer.run", f"{halved}: {_where(error)}") from None
+    both = {path: out / "cases" / path.name for path in sorted(Path("results/cases").glob("*.h5"))}
+    return {first: second for first, second in both.items() if second.exists()}
+
+
+def _interpolated(drawn: Combination, rng: Draw, _: object) -> None:
+    """Compare interpolations of rows of adaptive steps at random times with a run of half the tolerance."""
+    section = drawn.config["time"]
+    if section["step"] == "adaptive":
+        for first, second in _again(drawn).items():
+            _interpolate(first, second, rng, section.get("tolerance", 1e-4))
+
+
+def _balanced(drawn: Combination, _: object, events: Counter[str]) -> None:
+    """Require balances within the tolerance; of fixed steps, that they close with shorter ones."""
+    section = drawn.config["time"]
+    adaptive = section["step"] == "adaptive"
+    for reason in (why for ability, why in EXCEPTIONS.items() if ability in drawn.abilities):
+        events[f"balance not asked for: {reason}"] += 1
         return
-    try:
-        with limited(2 * LONGEST):
-            gfmdlayer.run(INPUT, out="again", progress=False, **halved).close()
-    except Hangs:
-        raise Wrong("hangs", f"with {halved}") from None
-    except gfmdlayer.ConvergenceError:
+    asked = SUMMED * section.get("tolerance", 1e-4) if adaptive else FIXED
+    lacks = {path: _balance(path) for path in sorted(Path("results/cases").glob("*.h5"))}
+    if max(lacks.values()) <= asked:
         return
-    except Exception as error:
-        raise Wrong("traceback of gfmdlayer.run", f"{halved}: {_where(error)}") from None
-    for name in balances:
-        first, second = Path("results/cases", name), Path("again/cases", name)
-        if not second.exists():
-            continue
-        if adaptive:
-            _interpolated(first, second, rng, section.get("tolerance", 1e-4))
-        elif name in open_ones and (fallen := _balance(second)) > max(0.7 * open_ones[name], FIXED):
-            raise Wrong(
-                "balance", f"{name}: {open_ones[name]:.3g} of the work, {fallen:.3g} with half the step"
-            )
-    if adaptive and open_ones:
-        after = {name: f"{_balance(Path('again/cases', name)):.3g}" for name in open_ones}
-        raise Wrong("balance", f"{open_ones} of the work, above {asked:g}; {after} with half the tolerance")
+    second = {path: _balance(finer) for path, finer in _again(drawn).items()}
+    for path, lack in lacks.items():
+        after = second.get(path, math.nan)
+        falls = not adaptive and not after > max(0.7 * lack, FIXED)
+        if lack > asked and not falls:
+            now = f"{after:.3g} with half the {'tolerance' if adaptive else 'step'}"
+            raise Wrong("balance", f"{path.stem}: {lack:.3g} of the largest energy, above {asked:g}; {now}")
 
 
 def _balance(path: Path) -> float:
@@ -739,7 +767,7 @@ def _balance(path: Path) -> float:
         return float(abs(data["energy_residual"]).max()) / scale if scale else 0.0
 
 
-def _interpolated(first: Path, second: Path, rng: Draw, tolerance: float) -> None:
+def _interpolate(first: Path, second: Path, rng: Draw, tolerance: float) -> None:
     """Compare linear interpolations of rows at random times with a finer run, up to small shifts in time."""
     with gfmdlayer.open_case(first) as own, gfmdlayer.open_case(second) as finer:
         t, s = own["time"].values, finer["time"].values
