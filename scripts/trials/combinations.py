@@ -97,6 +97,11 @@ class Draft:
         self.config["interface"] = [*before, law]
 
     @property
+    def rubs(self) -> bool:
+        """Whether there is a law of friction."""
+        return any(law["law"] in ("coulomb", "shear_strength") for law in self.config.get("interface", []))
+
+    @property
     def end(self) -> float:
         """End of the run, which a path of approach and retraction has of itself."""
         return self.duration * self.T
@@ -127,7 +132,7 @@ def _law(d: Draft) -> None:
         {"model": "havriliak_negami", "alpha": 0.6, "gamma": 0.8, **both},
         {"model": "kohlrausch", "exponent": 0.5, **both},
         {"model": "power_law", "G": d.G, "tau": d.T, "exponent": 0.3, "G0": 0.2 * d.G},
-        {"model": "zener", "G0": 0.0, "Ginf": d.G, "tau": d.T},
+        {"model": "zener", "G0": 0, "Ginf": d.G, "tau": d.T},
         {"model": "zener", "G0": d.G, "Ginf": 100 * d.G, "tau": d.T},
     )
 
@@ -182,7 +187,7 @@ def _punch(d: Draft) -> None:
         {"shape": "cone", "slope": 0.1},
         {"shape": "wedge", "slope": 0.1},
         {"shape": "blunted_cone", "slope": 0.2, "tip_radius": 0.2 * d.L},
-        {"shape": "pyramid", "angle": 80.0},
+        {"shape": "pyramid", "angle": 80.0} if d.surface else {"shape": "wedge", "slope": 0.05},
         {"shape": "self_affine", **rough},
         {"shape": "array", "counts": 2, "element": {"shape": "parabola", "radius": d.L}},
     ]
@@ -225,7 +230,7 @@ def _friction(d: Draft) -> None:
 
 
 def _tangential(d: Draft) -> None:
-    if "interface" not in d.config:
+    if not d.rubs:
         _friction(d)
     drive = choose(
         d.rng,
@@ -242,7 +247,7 @@ def _motion(d: Draft) -> None:
     d.config["trajectory"]["velocity"] = d.part(-0.3, 0.05, 0.3, 1.0) * d.L / d.T
     if d.rng.random() < 0.3:
         d.config["time"]["steady"] = 1.0e-2
-    if "interface" in d.config and d.rng.random() < 0.5:
+    if d.rubs and d.rng.random() < 0.5:
         d.config["trajectory"]["creepage"] = d.part(0.01, 0.5)
 
 
@@ -280,7 +285,8 @@ def _body(d: Draft) -> None:
 
 def _isolated(d: Draft) -> None:
     d.config["grid"]["boundary"] = "isolated"
-    if not d.surface and d.rng.random() < 0.7:
+    halfspace = d.config.get("halfspace", {}).get("shear_modulus") != math.inf
+    if not d.surface and halfspace:
         d.config["grid"]["datum"] = 5 * d.L
 
 
@@ -308,7 +314,7 @@ def _retraction(d: Draft) -> None:
     trajectory = d.config["trajectory"]
     depth = trajectory["depth"]
     trajectory.pop("ramp_time", None)
-    pulls = bool(d.config.get("interface"))
+    pulls = any("work" in law or "voltage" in law for law in d.config.get("interface", []))
     lowest = d.part(0.0, -0.5, -2.0) * depth if pulls else 0.0
     trajectory |= {"kind": "approach_retract", "start": min(0.0, lowest), "final": lowest}
     trajectory |= {"approach_speed": depth / (0.5 * d.T), "retract_speed": depth / (0.5 * d.T)}
@@ -373,6 +379,13 @@ def _columns(d: Draft) -> None:
         more["observables"] = ["critical_gap_x", "spot_radius", "flow_bruggeman"]
     keys = d.rng.choice(list(more), 2, replace=False)
     d.config["output"] = d.config.get("output", {}) | {str(key): more[str(key)] for key in keys}
+
+
+def _laws(d: Draft) -> None:
+    """Write a single law without a list; for all."""
+    laws = d.config.get("interface", [])
+    if len(laws) == 1:
+        d.config["interface"] = laws[0]
 
 
 def _solver(d: Draft) -> None:
@@ -459,23 +472,42 @@ APART = (
 )
 
 
+# Refused together: drawn together in a fifth of the combinations.
+_FRICTION = ("friction", "tangential")
+_WITHOUT_FRICTION = ("body", "counterbody", "hardness", "isolated", "solver")
+CONTRARY = (
+    {"adaptive", "backward Euler"},
+    {"motion", "backward Euler"},
+    {"isolated", "motion"},
+    *({law, other} for law in _FRICTION for other in _WITHOUT_FRICTION),
+    *({"inside", other} for other in (*_FRICTION, "isolated", "body", "counterbody", "revolution")),
+    *(
+        {"revolution", other}
+        for other in (
+            *_FRICTION, "temperature", "adhesion", "voltage", "hardness", "motion", "isolated", "body",
+            "counterbody", "backward Euler", "solver", "columns",
+        )
+    ),
+)  # fmt: skip
+
+
 def combination(seed: int, index: int) -> Combination:
     """Draw three to six abilities, and a configuration that has them."""
     rng = np.random.default_rng((seed, index, MOST))
     count, wanted = rng.integers(FEWEST, MOST + 1), set[str]()
+    apart = APART if rng.random() < 0.2 else (*APART, *CONTRARY)
     for name in map(str, rng.permutation(list(ABILITIES))):
-        if len(wanted) < count and not any(pair <= {*wanted, name} for pair in APART):
+        if len(wanted) < count and not any(pair <= {*wanted, name} for pair in apart):
             wanted.add(name)
     draft = Draft(rng)
     if "units" in wanted:
         _units(draft)
     draft.base()
     for name, give in ABILITIES.items():
+        if name == "sweep":
+            _laws(draft)
         if name in wanted and give is not _units:
             give(draft)
-    laws = draft.config.get("interface", [])
-    if len(laws) == 1:
-        draft.config["interface"] = laws[0]
     return Combination(draft.config, draft.tables, tuple(name for name in ABILITIES if name in wanted))
 
 
@@ -674,7 +706,10 @@ def _opened(drawn: Combination, *_: object) -> None:
             raise Wrong("open_case fails", _where(error)) from None
         _sound(data)
         if drawn.config["grid"].keys() <= {"points", "period"}:
-            _consistent(data)
+            period = np.broadcast_to(
+                drawn.config["grid"]["period"], data["pressure"].ndim - 1 if "pressure" in data else 1
+            )
+            _consistent(data, float(np.prod(period)))
 
 
 # Columns that are NaN by their meaning: without contact, in rows between two measurements, where an event
@@ -686,20 +721,22 @@ _NAN = re.compile(
 
 
 def _sound(data: xarray.Dataset) -> None:
-    for name, values in data.variables.items():
+    for name, values in data.data_vars.items():
+        if str(name).endswith(("_bin_start", "_bin_end")):  # of all values beyond
+            continue
         if values.dtype.kind == "f" and not _NAN.search(str(name)) and not np.isfinite(values).all():
             raise Wrong("not finite", f"{name}: {np.asarray(values).ravel()[:8]}")
 
 
-def _consistent(data: xarray.Dataset) -> None:
+def _consistent(data: xarray.Dataset, area: float) -> None:
     """Compare the mean of the pressure in snapshots, net of an attraction, with the column of the row."""
     if not data.sizes.get("snapshot") or "pressure" not in data:
         return
     net = data["pressure"] - data["traction"] if "traction" in data else data["pressure"]
     mean = net.mean([axis for axis in ("x", "y") if axis in net.dims])
-    rows = data["mean_pressure"].sel(time=data["snapshot"].values, method="nearest")
+    rows = data["force"].sel(time=data["snapshot"].values, method="nearest").values / area
     scale = float(abs(data["pressure"]).max()) or 1.0
-    if (lack := float(abs(mean.values - rows.values).max()) / scale) > 1e-5:
+    if (lack := float(abs(mean.values - rows).max()) / scale) > 1e-5:
         raise Wrong("fields and columns differ", f"mean pressure by {lack:.2g} of the largest pressure")
 
 
