@@ -650,9 +650,8 @@ def _drawn(
         every.append(("--x", str(next(iter(_swept(drawn.config))))))
     if states["complete"]:
         with gfmdlayer.open_results("results") as data:
-            columns = [
-                str(name) for name in data if data[name].dims and "snapshot" not in str(data[name].dims)
-            ]
+            rows = {"time", "row"}
+            columns = [str(name) for name in data if rows & {*map(str, data[name].dims)}]
         every.append(("--y", *map(str, rng.choice(columns, 2))))
     if kinds is not None:
         chosen = rng.permutation(len(every))[:kinds]
