@@ -538,7 +538,7 @@ EXCEPTIONS: Mapping[str, str] = {}
 
 
 def trial(seed: int, index: int, folder: Path, kinds: int | None = None) -> Outcome:
-    """Run a combination and all that may follow; draw some kinds of pictures at random, by default all."""
+    """Run a combination and all that may follow: all kinds of pictures and the report, or some at random."""
     drawn = combination(seed, index)
     drawn.write(folder)
     events = Counter({f"ability: {name}": 1 for name in drawn.abilities})
@@ -604,7 +604,8 @@ def _followed(
             found.append(wrong)
             return None
 
-    for words in (("check", INPUT), ("run", INPUT, "--out", "results")):
+    run = ("run", INPUT, "--out", "results")
+    for words in [("check", INPUT), run] if kinds is None else [run]:
         said = followed(command, *words)
         if said is None or said.status == 2:
             if said is not None:
@@ -653,25 +654,22 @@ def _drawn(
             rows = {"time", "row"}
             columns = [str(name) for name in data if rows & {*map(str, data[name].dims)}]
         every.append(("--y", *map(str, rng.choice(columns, 2))))
+    every.append(("report",))
     if kinds is not None:
-        chosen = rng.permutation(len(every))[:kinds]
-        every = [every[i] for i in chosen]
+        every = [every[i] for i in rng.permutation(len(every))[:kinds]]
     wrong = [
         _picture(number, options, bool(states["complete"]), events) for number, options in enumerate(every)
     ]
-    said = command("report", "results")
-    if said.status or not Path("results/report.html").stat().st_size:
-        raise Wrong("report fails", said.err[-600:])
     if any(wrong):
         raise Wrong("no picture", "; ".join(filter(None, wrong)))
 
 
 def _picture(number: int, options: tuple[str, ...], complete: bool, events: Counter[str]) -> str:
-    """Draw a picture; return why it should have been one."""
+    """Draw a picture, or write the report; return why there should have been one."""
     file = f"pictures/{number}.{'gif' if '--movie' in options else 'png'}"
-    shown = f"plot {' '.join(options)}"
+    words = ("plot", "results", *options, "--out", file) if options != ("report",) else ("report", "results")
     try:
-        said = command("plot", "results", *options, "--out", file)
+        said = command(*words)
     except Wrong as wrong:
         return ": ".join(wrong.args)
     kind = options[0] if options[:1] in (("--y",), ("--x",)) else " ".join(options) or "default"
@@ -680,9 +678,11 @@ def _picture(number: int, options: tuple[str, ...], complete: bool, events: Coun
         return ""
     if said.status == 2 and re.fullmatch(r"(warning: .*\n)*gfmdlayer: \S.*\n", said.err):
         events[f"words: {re.sub(r'[0-9]+', '#', said.err.strip())[:100]}"] += 1
-        if not complete or options not in ((), ("--kind", "curves"), ("--kind", "body")):
+        if not complete and options != ("report",):
             return ""
-    return f"{shown}: status {said.status}: {said.err[-600:]}"
+        if options not in ((), ("--kind", "curves"), ("--kind", "body"), ("report",)):
+            return ""
+    return f"{' '.join(words)}: status {said.status}: {said.err[-600:]}"
 
 
 def _swept(config: Values) -> Values:
