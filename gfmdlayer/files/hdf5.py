@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.files.locks import regular
-from gfmdlayer.files.tables import TableError
 
 if TYPE_CHECKING:
     import h5py
@@ -63,11 +62,15 @@ def other_file(group: h5py.Group, *, deep: bool = False) -> str:
         return None
 
     links = group.id.links
-    return (links.visit if deep else links.iterate)(look, info=True) or ""
+    # `iterate` returns where it stopped, too.
+    found = links.visit(look, info=True) if deep else links.iterate(look, info=True)[0]
+    return found or ""
 
 
 def refuse_other_files(path: Path, group: h5py.Group) -> None:
     """Refuse a group of a user's file, not those in it, with data in other files, which enter no digest."""
+    from gfmdlayer.files.tables import TableError  # numpy
+
     if member := other_file(group):
         raise TableError(f"{path}: {member}; must be in the file itself")
 
@@ -75,6 +78,8 @@ def refuse_other_files(path: Path, group: h5py.Group) -> None:
 def open_group(path: Path, file: h5py.File, name: str) -> h5py.Group:
     """Return a group of a user's file, refusing other files on the way to it and in it."""
     import h5py
+
+    from gfmdlayer.files.tables import TableError
 
     group: h5py.Group = file
     refuse_other_files(path, group)

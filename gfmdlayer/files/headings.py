@@ -2,8 +2,8 @@
 
 A heading is a name with or without a unit: ``time [ms]``, ``Eindringtiefe (nm)``, ``force in mN``,
 ``G' / Pa``, ``velocity, um/s``, ``time_ms``. A name may stand for several quantities (delta is a depth or a
-phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities that
-the reader of the file wants. If several remain, the message names them.
+phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities
+that the reader of the file wants. If several remain, the message names them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from gfmdlayer.files.units import Unit, unit_of
 
 ANGULAR, ORDINARY = "angular frequency", "frequency"
 
-# Each quantity: a unit of its dimension, and its names. Names are compared in small letters, but single letters
-# by their case first.
+# Each quantity: a unit of its dimension, and its names. Names are compared in small letters, but single
+# letters by their case first.
 _QUANTITIES: dict[str, tuple[str, str]] = {
     "time": ("s", "time, t, elapsed time, test time, time stamp, timestamp, zeit, messzeit, prüfzeit, "
         "versuchszeit, laufzeit, zeit gesamt, temps, temps écoulé, durée, time (sequence), total time"),
@@ -185,18 +185,15 @@ def _options(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 # Name and unit of a heading, the surest way of writing first.
-_WAYS = [
-    re.compile(pattern)
-    for pattern in (
-        r"(.+?)[\s_]*\[([^\[\]]*)\]",
-        r"(.+?)[\s_]*\(([^()]*|[^()]*\([^()]*\)[^()]*)\)",
-        r"(.+?)[\s_]+in[\s_]+(\S.*)",
-        r"(.+?)\s*/\s*\(?(\S.*?)\)?",
-        r"(.+?)[\s_]*[,:;][\s_]*(\S.*)",
-        r"(.+)[_\s]+(\S+)",
-        r"(.+?)[_\s]+(\S.*)",
-    )
-]
+_WAYS = (
+    r"(.+?)[\s_]*\[([^\[\]]*)\]",
+    r"(.+?)[\s_]*\(([^()]*|[^()]*\([^()]*\)[^()]*)\)",
+    r"(.+?)[\s_]+in[\s_]+(\S.*)",
+    r"(.+?)\s*/\s*\(?(\S.*?)\)?",
+    r"(.+?)[\s_]*[,:;][\s_]*(\S.*)",
+    r"(.+)[_\s]+(\S+)",
+    r"(.+?)[_\s]+(\S.*)",
+)  # compiled when first used, as `re` keeps them
 _SURE = 4  # ways in which the unit needs not be known
 
 
@@ -207,7 +204,7 @@ def split(heading: str) -> tuple[str, str]:
     if any(_options(heading)):
         return heading, ""
     for way in _WAYS:
-        match = way.fullmatch(heading)
+        match = re.fullmatch(way, heading)
         if match and any(_options(match[1])) and (way in _WAYS[:_SURE] or unit_of(match[2])):
             return match[1], match[2].strip(" []()")
     return heading, ""
@@ -216,7 +213,7 @@ def split(heading: str) -> tuple[str, str]:
 def unit_in(heading: str) -> str:
     """Return the unit that a heading with any name has in brackets or behind a slash, "" without one."""
     for way in _WAYS[:_SURE]:
-        if (match := way.fullmatch(heading.strip())) and unit_of(match[2].strip(" []()")) is not None:
+        if (match := re.fullmatch(way, heading.strip())) and unit_of(match[2].strip(" []()")) is not None:
             return match[2].strip(" []()")
     return ""
 

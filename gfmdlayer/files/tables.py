@@ -36,9 +36,9 @@ class TableError(ValueError):
 
 # Tables that people bring: text in any dialect.
 #
-# Each separator, decimal mark and mark of thousands is tried. A dialect stands only if the columns of numbers
-# are numbers throughout, in rows of one width. If another dialect stands with other numbers, the file is refused.
-# Columns have their meaning by name (`files.headings`), by position only where no headings are.
+# Each separator, decimal mark and mark of thousands is tried. A dialect stands only if the columns of
+# numbers are numbers throughout, in rows of one width. If another dialect stands with other numbers, the
+# file is refused. Columns have their meaning by name (`files.headings`), by position only without headings.
 
 
 @dataclass(frozen=True)
@@ -534,7 +534,7 @@ def _may_be_headings(rows: _Rows, head: _Head) -> bool:
 
 
 @dataclass(frozen=True)
-class Column:
+class TextColumn:
     """A column of numbers as written; NaN where there is a hole."""
 
     heading: str  # "" without headings
@@ -545,11 +545,11 @@ class Column:
 
 
 @dataclass
-class Table:
+class TextTable:
     """The columns of a file by quantity, and an account of how it was read."""
 
     path: Path
-    columns: dict[str, Column]
+    columns: dict[str, TextColumn]
     words: dict[str, list[str]]  # columns of words
     refused: dict[str, str]  # why a quantity is not certain
     unread: dict[str, str]  # headings of other columns, and why they are not read
@@ -663,7 +663,7 @@ def read_table(
     *,
     orders: Sequence[Sequence[str]] | None = None,
     apart: Collection[str] = (),
-) -> Table:
+) -> TextTable:
     """Read the wanted quantities of a table in text.
 
     With headings the columns go by their names, in any order. Without headings they have one of the `orders`,
@@ -673,7 +673,7 @@ def read_table(
     answers = answers or Answers()
     rows, head = _only_reading(path, answers)
     heads, units = _headings(rows, head, answers)
-    table = Table(path, {}, {}, {}, {}, rows.lines, rows.at, _notes(rows, head))
+    table = TextTable(path, {}, {}, {}, {}, rows.lines, rows.at, _notes(rows, head))
     if heads is None:
         order = next((each for each in orders or (wanted,) if len(each) == rows.width), None)
         if order is None:
@@ -711,7 +711,7 @@ def _of_position(quantity: str, answers: Answers) -> Meaning:
 
 
 def _add_column(
-    table: Table, rows: _Rows, c: int, heading: str, means: Meaning, wanted: Sequence[str]
+    table: TextTable, rows: _Rows, c: int, heading: str, means: Meaning, wanted: Sequence[str]
 ) -> None:
     """Put a column into a table, or the reason why it is not read."""
     quantity = means.quantity
@@ -741,12 +741,12 @@ def _add_column(
         table.refused[str(quantity)] = f"the column {heading!r} holds no numbers"
     else:
         holes = tuple(rows.holes.get(c, ()))
-        table.columns[str(quantity)] = Column(
+        table.columns[str(quantity)] = TextColumn(
             heading, means.unit, means.symbol, rows.values[:, c].copy(), holes
         )
 
 
-def _refuse_mixture(table: Table, apart: Collection[str]) -> None:
+def _refuse_mixture(table: TextTable, apart: Collection[str]) -> None:
     """Refuse quantities without a unit beside others with one."""
     having = [name for name, column in table.columns.items() if column.unit is not None and name not in apart]
     for name, column in list(table.columns.items()):

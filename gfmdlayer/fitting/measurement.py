@@ -33,7 +33,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Law, Prony
 from gfmdlayer.body.network import relaxation
 from gfmdlayer.files.headings import ANGULAR, ORDINARY
-from gfmdlayer.files.tables import Answers, Table, TableError, read_table
+from gfmdlayer.files.tables import Answers, TableError, TextTable, read_table
 from gfmdlayer.files.units import unit_of
 
 FEWEST_ROWS = 8  # enough to choose between one branch and two
@@ -333,7 +333,7 @@ def _way(columns: _Quantities) -> tuple[type[Measurement], str, tuple[str, ...]]
 class _Quantities:
     """The columns of a table as quantities in shear, in rad/s, and in one unit of moduli."""
 
-    table: Table
+    table: TextTable
     in_shear: float  # G/E
     tension: bool = False
 

@@ -211,11 +211,11 @@ def test_what_a_file_does_not_say_is_said_beside_it(tmp_path):
     two = "t d\n0 0\n1 1\n\nt d\n0 0\n1 2\n"
     assert drives(tmp_path, two, reading={"table": 2}).drive(1.0) == 2.0
     for wrong, said in [
-        ({"units": {"depth": "s"}}, "depth: got the text 's'; must be a unit of it"),
+        ({"units": {"depth": "s"}}, "depth: got the text 's'; is not a unit of it"),
         ({"units": {"deep": "nm"}}, "got the text 'deep'; must be the name of a quantity"),
         (
             {"columns": ["time", "deep"]},
-            "reading.columns\\[1\\]: got the text 'deep'; must be the name of a quantity",
+            "reading.columns\\[1\\]: got the text 'deep'; is not the name of a quantity",
         ),
         ({"decimal": ";"}, "reading.decimal: got the text ';'; must be . or ,"),
         ({"table": 0}, "reading.table: got 0; must be a whole number >= 1"),
