@@ -57,7 +57,7 @@ from gfmdlayer.history.adaptive_steps import (
 from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
 from gfmdlayer.history.modes import ModeArrays, Modes
 from gfmdlayer.history.path_work import work_along
-from gfmdlayer.history.sliding_modes import SlidingModes
+from gfmdlayer.history.sliding_modes import SlidingArrays, SlidingModes
 from gfmdlayer.history.time_points import FixedSteps
 from gfmdlayer.kernels import address_of, by_address, compiling, kernel, record_type
 from gfmdlayer.observables import Observable, columns
@@ -187,10 +187,10 @@ def march(
     rows: FloatArray,
     most: int,
     moving: MovingPunch | None,
+    sliding: SlidingArrays | None,  # those of `moving`
 ) -> int:
     """Take at most so many attempts at steps; return why it comes back."""
     now, adaptive = record[0], constants.adaptive
-    sliding = None if moving is None else moving.sliding
     for _ in range(most):
         if (control.now[0].next_stop == control.stops.size) if adaptive else now.point == fixed.times.size:
             return DONE
@@ -214,7 +214,7 @@ def march(
         if not constants.by_depth:
             depth = response = _depth_under_load(surface, modes, constants, record, prescribed)
         if adaptive and not _accepted(
-            constants, control, modes, errors, (u, b), point, prescribed, response, depth, moving
+            constants, control, modes, errors, (u, b), point, prescribed, response, depth, sliding
         ):
             continue  # a shorter one follows
         _advance(constants.advance, (modes, sliding, errors, u, adaptive))  # 8, 9
@@ -251,11 +251,10 @@ def _accepted(
     prescribed: float,
     response: float,
     depth: float,
-    moving: MovingPunch | None,
+    sliding: SlidingArrays | None,
 ) -> bool:
     """`AdaptiveSteps.accepts`."""
     (u, b), error, deforms = fields, 0.0, False
-    sliding = None if moving is None else moving.sliding
     if point.step != 0.0:
         moves = depth != control.now[0].depth
         deep = depth >= RETRACTED * scales(control, response, depth)[1]
@@ -488,8 +487,8 @@ class March:
         self._moving: MovingPunch | None = None
         if isinstance(self._modes, SlidingModes):
             self._moving = arrays_of(contact, self._modes, observables)
-        sliding = None if self._moving is None else self._moving.sliding
-        history = self._modes.arrays, sliding, self._errors
+        self._sliding = None if self._moving is None else self._moving.sliding
+        history = self._modes.arrays, self._sliding, self._errors
         self._constants = LoopConstants(
             by_depth=by_depth,
             ramp=isinstance(drive, RampHold),
@@ -566,7 +565,7 @@ class March:
             reason = march(
                 self._solver.arrays, surface, modes,
                 self._errors, self._ring, self._constants, self._control, self._fixed, self._now, self._rows,
-                self._attempts, self._moving,
+                self._attempts, self._moving, self._sliding,
             )  # fmt: skip
             reached = self._record(recorder)
             self._give_back()

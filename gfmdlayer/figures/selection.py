@@ -136,7 +136,8 @@ def warnings_of(dataset: Dataset) -> list[str]:
     """Return the first warnings of results, and how many there are more."""
     said = str(dataset.attrs.get("warnings", "")).splitlines()
     shown = [f"warning: {line}".replace("$", "\\$") for line in said[:MOST_WARNINGS]]
-    return shown + [f"{len(said) - MOST_WARNINGS} more warnings"] * (len(said) > MOST_WARNINGS)
+    more = len(said) - MOST_WARNINGS
+    return shown + [f"{more} more warning{'s' * (more > 1)}"] * (more > 0)
 
 
 def failed_numbers(sweep: Dataset) -> set[int]:

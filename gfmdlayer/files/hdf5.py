@@ -63,7 +63,9 @@ def other_file(group: h5py.Group, *, deep: bool = False) -> str:
         return None
 
     links = group.id.links
-    return (links.visit if deep else links.iterate)(look, info=True) or ""
+    # `iterate` returns where it stopped, too.
+    found = links.visit(look, info=True) if deep else links.iterate(look, info=True)[0]
+    return found or ""
 
 
 def refuse_other_files(path: Path, group: h5py.Group) -> None:

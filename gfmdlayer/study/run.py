@@ -22,11 +22,11 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from gfmdlayer.case.notes import notes
+from gfmdlayer.case.notes import accounts, notes
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.files.locks import read_json
-from gfmdlayer.files.whole import synchronise
+from gfmdlayer.files.whole import synchronise, write_text
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes, is_complete
@@ -311,6 +311,7 @@ class Study:
     def _warnings(self, some: Sequence[SweepCase], missing: int) -> Iterator[str]:
         storage = sum(case.cost.storage for case in some) * missing / max(len(some), 1)
         space = preflight.disk_warnings(self._folder.path, storage)
+        yield from (f"read {line}" for line in accounts(case.config for case in self._sample))
         said = notes(case.config for case in self._sample)
         yield from (f"warning: {warning}" for warning in (*said, *self._pool.warnings, *space))
 
@@ -345,6 +346,10 @@ class Study:
                 self._folder.path, records, Swept.of(config.sweep, config.unit, config.output.times)
             )
             collected = attributes(path)
+            if said := str(collected.get("warnings", "")):
+                write_text(self._folder.warnings, f"{said}\n", durable=False)
+            else:
+                self._folder.warnings.unlink(missing_ok=True)
         except PermissionError as error:  # lost during the run
             raise ResultsError(f"{self._folder.sweep}: cannot be written: {error.strerror}") from error
         named = (line.partition(": ") for line in str(collected["failed"]).splitlines())

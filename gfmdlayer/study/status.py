@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from gfmdlayer.files.hdf5 import is_hdf5
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.files.whole import is_intact
 from gfmdlayer.study.claims import Running, running
@@ -18,7 +17,6 @@ from gfmdlayer.study.folder import Folder
 
 RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
 FILES_VERIFIED, BYTES_VERIFIED = 1000, 1 << 28  # of complete cases, the first of them
-FILES_READ = 20  # of complete cases, for their warnings
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class Overview:
     running: list[Running]  # the running cases
     failures: list[Record]  # the first `RECORDS_READ` failed cases, and complete ones that ended early
     ended: list[Record]
-    warnings: list[str]  # of the sweep file, or of the files of the first `FILES_READ` complete cases
+    warnings: list[str]  # of the cases in the sweep file
     damaged: list[int]  # cases, of those whose files were verified: neither complete nor waiting
 
     @property
@@ -51,7 +49,7 @@ class Overview:
 
 
 def overview(folder: Folder, *, verify: bool = False) -> Overview:
-    """Count the cases of a results folder by state; opens the sweep file or those of a few cases.
+    """Count the cases of a results folder by state; opens no result file.
 
     `verify` also reads the files of complete cases, as many as a second reads.
     """
@@ -68,8 +66,10 @@ def overview(folder: Folder, *, verify: bool = False) -> Overview:
     waiting = max(0, total - len(complete | failed | busy))
     damaged = list(_damaged(folder, sorted(complete))) if verify else []
     complete.difference_update(damaged)
-    files = [folder.sweep] if folder.sweep.exists() else map(folder.case, sorted(complete)[:FILES_READ])
-    said = _warnings(files)
+    said: list[str] = []
+    if folder.sweep.exists():
+        with suppress(OSError):  # there are none
+            said = folder.warnings.read_text(encoding="utf-8", errors="replace").splitlines()
     return Overview(total, len(complete), len(failed), waiting, at_work, failures, ended, said, damaged)
 
 
@@ -89,19 +89,6 @@ def _damaged(folder: Folder, complete: list[int]) -> Iterator[int]:
 @lru_cache(maxsize=4 * FILES_VERIFIED)
 def _is_sound(path: Path, _changed: int, _size: int) -> bool:
     return is_intact(path) is not False
-
-
-def _warnings(files: Iterable[Path]) -> list[str]:
-    """Return the warnings in result files, each once."""
-    said: list[str] = []
-    for file in files:
-        with suppress(OSError):  # removed or damaged in the meantime
-            if not is_hdf5(file):
-                continue
-            from gfmdlayer.results.reader import attributes  # imports much
-
-            said += str(attributes(file).get("warnings", "")).splitlines()
-    return list(dict.fromkeys(said))
 
 
 def _records(folder: Folder, numbers: set[int], kind: str) -> list[Record]:

@@ -152,7 +152,7 @@ def test_each_default_with_a_dimension_is_named_beside_units():
         if dimension(value.get("description", "").partition("; must be ")[0])[1] not in ("", "degrees")
         if isinstance(value.get("default"), float) and value["default"]
     }
-    assert {("Time", "step"), ("Topography", "unit"), ("Layer", "thickness")} <= dimensional
+    assert {("Time", "step"), ("Parabola", "radius"), ("Layer", "thickness")} <= dimensional
     assert {key for _, key in dimensional} <= set(DIMENSIONS)
     speed = {"trajectory": {"kind": "approach_retract", "depth": 1e-6}, "units": UNITS}
     assert "trajectory.approach_speed = 1e-06 m/s" in of(speed)[0]

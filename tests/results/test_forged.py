@@ -71,7 +71,8 @@ with open_results(folder) as sweep, open_case(case) as one:
         raise AssertionError("the body was read")
 kinds = ["curves", "loop", "snapshots", "waterfall", "movie"]
 for path in (folder, case):
-    for command in (["plot"], *(["plot", "--kind", each] for each in kinds[:4]), ["plot", "--movie"], ["report"]):
+    of_kinds = (["plot", "--kind", each] for each in kinds[:4])
+    for command in (["plot"], *of_kinds, ["plot", "--movie"], ["report"]):
         assert main([command[0], path, *command[1:], "--out", out + "/"]) == 0, command
     assert main(["leak", path, "--viscosity", "1", "--pressure-drop", "1e-3", "--out", out + "/"]) == 0
 assert main(["plot", folder, "--kind", "map", "--x", "depth", "--y", "depth", "--out", out + "/"]) in (0, 2)

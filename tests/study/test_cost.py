@@ -4,15 +4,16 @@ import json
 import math
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gfmdlayer.case.footprint import pair_seconds
 from gfmdlayer.case.model import simulate
-from gfmdlayer.config import Config
+from gfmdlayer.config import Config, load
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.study.cases import cases
+from gfmdlayer.study.cases import Cases, cases
 from gfmdlayer.study.cost import CostModel, estimate, expected_seconds
 from tests.recordings import case_file
 
@@ -44,6 +45,14 @@ def test_seconds_per_work_are_learnt_for_each_kind_of_case():
     model = CostModel(((config, seconds(config)) for config in every[::3]), work)
     for config in every:
         assert model.seconds(config) == pytest.approx(seconds(config), rel=1e-12)
+
+
+def test_seconds_with_friction_are_known_from_finished_cases_only():
+    with_friction = case_with({"interface": {"law": "coulomb", "coefficient": 0.3}})
+    without = case_with({})
+    assert CostModel().knows(without)
+    assert not CostModel([(without, 1.0)]).knows(with_friction)
+    assert CostModel([(with_friction, 1.0)]).knows(with_friction)
 
 
 def test_one_disturbed_case_does_not_change_the_others():
@@ -126,6 +135,43 @@ ADAPTIVE = {
 TABLES = {"few": (5, 2.0), "many": (200, 0.02), "cycles": (30, 5.0)}
 
 
+QUICK = sorted((Path(__file__).parents[2] / "configs").glob("*-quick.yaml"))
+# All others are within a factor of two too; they take seconds.
+SHORT = ("adhesive-pad", "afm-sphere", "electroadhesion", "figure2", "heated-layer", "sampling", "tread")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(each, marks=() if each.stem[:-6] in SHORT else pytest.mark.slow) for each in QUICK],
+    ids=lambda path: path.stem,
+)
+def test_rows_of_the_quick_configurations_are_within_a_factor_of_two(path, recorder):
+    """One case of each; nine in ten of all cases are, the first ones too."""
+    case = next(iter(Cases(load(path))))
+    run = recorder()
+    simulate(case.config, run)
+    assert 0.5 <= case.cost.steps / (len(run.rows) - 1) <= 2
+
+
+@pytest.mark.parametrize(
+    ("values", "rows"),
+    [
+        ({}, 64),
+        ({"time.tolerance": 1e-2}, 32),
+        ({"time.tolerance": 1e-5}, 144),
+        ({"output.times": 0.05}, 400),
+    ],
+)
+def test_rows_of_isolated_indenters_are_within_a_factor_of_two(values, rows, recorder):
+    """They go with the root of the tolerance, in quarters of a mesh that lands on the output times."""
+    path = next(each for each in QUICK if each.stem == "afm-sphere-quick")
+    config = load(path, {"sweep": None, **values})
+    run = recorder()
+    simulate(config, run)
+    assert len(run.rows) - 1 == pytest.approx(rows, rel=0.3)
+    assert 0.5 <= estimate(config).steps / (len(run.rows) - 1) <= 2
+
+
 def within_three(estimated, counted):
     return counted / 3 < estimated < 3 * counted
 
@@ -186,7 +232,7 @@ BRANCHES = [{"G": 1.0, "tau": 0.01 * 1.7**number} for number in range(16)]
 PEAK = """
 import json, re, sys
 from pathlib import Path
-from gfmdlayer.config import Config
+from gfmdlayer.config import Config, load
 from gfmdlayer.case.model import simulate
 class Nothing:
     def row(self, **_): ...

@@ -110,3 +110,21 @@ def test_adaptive_steps_tell_the_progress_where_time_passes_slowly_at_first():
     assert case.seconds_left == pytest.approx(60.0)
     assert replace(case, simulated_time=7.0).effort == 7 / 8
     assert replace(case, steps=4000).effort == claims.STEPS_TRUSTED
+
+
+def test_a_run_of_adaptive_steps_is_shown_by_its_steps():
+    """The hold is nearly all of the time, and the ramp nearly all of the work."""
+    case = claims.Running(0, "here", 1, 1e-3, 1.0, 0.0, 20.0, "", 50, 0.0, 0.0, 100)
+    assert Progress(1, 0, 0, (case,)).fraction == 0.5
+    stream = io.StringIO()
+    log = reports.Log(stream)
+    log._last = -1e9
+    log.advance(Progress(1, 0, 0, (case,)))
+    assert "50%: 0 of 1 complete, 1 running" in stream.getvalue()
+
+
+def test_cases_in_memory_show_their_steps_too():
+    at_work = claims.AtWork(0, 1.0, "", 10)
+    for _ in range(4):
+        at_work.advance(1e-6)
+    assert at_work.running.effort == 0.4
