@@ -34,8 +34,8 @@ stops only. Two more bounds follow from the rows:
   4/27 of the change, as that of a power 2/3 or 3/2 from zero. While the drive grows, the largest response is
   expected from its largest value, as the response of a Hertzian contact grows.
 * The energy balance closes. What a step leaves open is the error of its work (`path_work`), of third order in
-  the step like the error above, and sets the next step in the same way. The share of a step is the part
-  `tolerance` of its work, and of a small part of the largest work so far.
+  the step like the error above, and sets the next step in the same way. The shares of the steps (`_SHARE`) add
+  up to less than three tolerances of the largest work.
 """
 
 from __future__ import annotations
@@ -77,9 +77,11 @@ _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shorte
 _DEVIATION = 0.01  # of the response from it, relative to the largest response, while the drive changes
 _DEVIATION_AT_REST = 0.05
 _UNKNOWN_DEVIATION = 4 / 27  # part of the change of the response: the most for a power 2/3 or 3/2 from zero
-_FIRST_PART = 1 / 64  # of the first stretch of the drive: (1/64)^(2/3) 4/27 = 0.009
 
-_SHARE, _SHARE_AT_REST = 3.0, 0.03  # of tolerance times work that a step may leave open; of the largest work
+# Share of a step in the open balance: the tolerance times its work, and times this many roots of the tolerance
+# of the largest work. For N steps leave open some 0.1/N^2 of it, as trapezoids do: 0.1/N^3 each.
+_SHARE = 20.0
+_MOST_WEIGHED = 32.0  # of the step that the other errors allow, over the one that the balance asks for
 
 
 class Changes(Saving):
@@ -146,6 +148,7 @@ STEP_STATE = record_type(
         ("over_jump", np.float64),  # length of a step over the instability that will be accepted
         ("earlier", np.float64),  # response one step before the last
         ("prescribed", np.float64),
+        ("room", np.float64),  # longest step within the tolerances, without the balance of the energies
         ("work", np.float64),  # of the last row
         ("largest_work", np.float64),  # or energy of the body
         ("imbalance", np.float64),  # of the energies, of the last row
@@ -311,10 +314,12 @@ def weigh(control: StepControl, work: float, energy: float, imbalance: float) ->
     if 0.0 < now.prescribed < control.largest_drive:
         expected = _growth(control, now.prescribed) * control.largest_drive / now.prescribed
         largest = max(largest, abs(work) * expected)
-    share = control.tolerance * (_SHARE * done + _SHARE_AT_REST * largest) + control.noise * largest
-    if left_open > 0.0 and now.last_step > 0.0 and not control.attracted:
+    share = control.tolerance * (done + _SHARE * math.sqrt(control.tolerance) * largest)
+    share += control.noise * largest
+    if done > 0.0 and left_open > 0.0 and now.last_step > 0.0 and not control.attracted:
         factor = (_SAFETY * share / left_open) ** (1 / 3)
-        now.next_step = min(now.next_step, max(factor, _SHRINK[0]) * now.last_step)
+        weighed = max(max(factor, _SHRINK[0]) * now.last_step, now.room / _MOST_WEIGHED)
+        now.next_step = min(now.next_step, weighed)
     now.work, now.imbalance = work, imbalance
 
 
@@ -337,6 +342,7 @@ def _accepts_abrupt(control: StepControl, point: Point, error: float, jumps: boo
 def _set_next_step(control: StepControl, step: float, room: float, accepted: bool, widest: float) -> None:
     """Set the next step: `room` is the largest factor on its error, `widest` on its length."""
     now, factor = control.behind[0], min(room ** (1 / 3), widest)
+    now.room = factor * step
     if accepted:
         growth = _FIRST_GROWTH if now.steps_since_breakpoint < _FIRST_STEPS else _GROWTH
         # A step that was cut to land on a stop does not shorten the next ones.
@@ -384,7 +390,7 @@ class AdaptiveSteps:
             attracted=least[1] > 0,
             largest_drive=drawn.largest,
             growth_of_response=drawn.growth,
-            first_step=_FIRST_PART * drawn.first,
+            first_step=(_SAFETY * _DEVIATION / _UNKNOWN_DEVIATION) ** (1 / drawn.growth) * drawn.first,
             noise=noise,
             now=np.zeros(1, STEP_STATE),
             behind=np.zeros(1, STEP_STATE),

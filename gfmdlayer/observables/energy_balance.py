@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from gfmdlayer.step import Step
 
 
+UNBALANCED = "UNBALANCED"  # with this word the warning begins
 _TOLERANCES, _CLOSED = 3, 0.01  # largest residual over the work: in tolerances, or with fixed steps
 
 
@@ -165,7 +166,7 @@ class EnergyBalance(Observable):
             remedy = f"time.step {_rounded_down(time.step * (limit / part) ** (1 / order))}"
         else:  # the error is of second order in the steps, which grow with the cube root of the tolerance
             remedy = f"time.tolerance {_rounded_down(time.tolerance * (limit / part) ** (3 / 2))}"
-        return f"UNBALANCED: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
+        return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
 
     def _attraction(self, step: Step) -> float:
         """Energy of the interface per area."""
