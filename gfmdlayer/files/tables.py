@@ -69,12 +69,8 @@ def decoded(path: Path) -> tuple[str, str]:
         data = path.read_bytes()
     except OSError as error:
         raise TableError(f"{path}: cannot be read ({error.strerror or error})") from error
-    zeros = [data[odd:400:2].count(0) for odd in (0, 1)]
-    kinds = ["utf-8-sig", "cp1252", "latin-1"]
-    if data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
-        kinds = ["utf-16"]
-    elif max(zeros) > 0.4 * len(data[:400:2]):  # every second byte of an ASCII text
-        kinds = ["utf-16-be" if zeros[0] > zeros[1] else "utf-16-le"]
+    wide = _utf_16(data)
+    kinds = [wide] if wide else ["utf-8-sig", "cp1252", "latin-1"]
     for kind in kinds:
         try:
             text = data.decode(kind)
@@ -83,6 +79,23 @@ def decoded(path: Path) -> tuple[str, str]:
         if "\0" not in text:
             return text, _ENCODINGS[kind]
     raise TableError(f"{path}: is not text")
+
+
+def _utf_16(data: bytes) -> str:
+    """Return the encoding UTF-16 by its mark, or by zeros in every second byte of an ASCII text, else ""."""
+    if data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+        return "utf-16"
+    zeros = [data[odd:400:2].count(0) for odd in (0, 1)]
+    if max(zeros) > 0.4 * len(data[:400:2]):
+        return "utf-16-be" if zeros[0] > zeros[1] else "utf-16-le"
+    return ""
+
+
+def is_text(head: bytes) -> bool:
+    """Whether the first bytes of a file are of a text."""
+    wide = _utf_16(head)
+    plain = head.replace(b"\0", b"") if wide else head
+    return wide == "utf-16" or not re.search(rb"[\x00-\x08\x0e-\x19\x7f]", plain)
 
 
 _ENCODINGS = {

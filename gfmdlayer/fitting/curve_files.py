@@ -31,9 +31,9 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.hdf5 import open_hdf5, refuse_other_files
+from gfmdlayer.files.hdf5 import is_hdf5, open_hdf5, refuse_other_files
 from gfmdlayer.files.headings import WORDS
-from gfmdlayer.files.tables import Answers, TableError, converted, read_table
+from gfmdlayer.files.tables import Answers, TableError, converted, is_text, read_table
 from gfmdlayer.files.units import unit_of
 from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_curve import BASE, COLUMNS, FORCE, ForceCurve
@@ -97,10 +97,10 @@ def read_curve(
     The answers and the options have facts that are not in the file. `timeless`: nothing relaxes, and the
     curve needs no time.
     """
-    path, suffix = entry.path, entry.path.suffix.lower()
+    path = entry.path
     origin = {"file": path.name, "sha256": contents(path), "curve": entry.key}
-    own, account = options.stiffness, ""
-    if suffix not in TEXT | HDF5 or known_to_afmformats(path):
+    own = options.stiffness
+    if _for_afmformats(path):
         curves, missing = _afm_curves(path, *_calibration(options, into))
         if missing:
             lacking = " and ".join(f"the {key} (--{_OPTIONS[key]})" for key in missing)
@@ -110,20 +110,20 @@ def read_curve(
             data, entry.name, into, options, timeless=timeless, position=entry.position, origin=origin
         )
     words: dict[str, list[str]]
-    if suffix in TEXT:
-        columns, words, account = _text_columns(path, answers, into)
-    else:
-        columns, words, stiffness = _hdf5_columns(entry, dict(answers.units), into)
+    if _in_hdf5(path):
+        columns, words, stiffness, account = _hdf5_columns(entry, dict(answers.units), into)
         own = stiffness or own
+    else:
+        columns, words, account = _text_columns(path, answers, into)
     if "depth" not in columns:
         if own is None:
             raise TableError(
                 f"{path}: curve {entry.name} has the base but no depth, which is base - force/stiffness; "
-                "give the stiffness of the cantilever"
+                "give the stiffness of the cantilever (--stiffness)"
             )
         columns["depth"] = columns.pop("base") - columns["force"] / own
     time, note = _time(f"{path}: curve {entry.name}", columns, options, timeless=timeless)
-    more = {"account": "; ".join(filter(None, (account, note)))} if account or note else {}
+    more = {"account": "; ".join(filter(None, (account, note)))}
     return ForceCurve(
         entry.name, time, columns["depth"], columns["force"], position=entry.position,
         origin=origin | more, **curve_facts(words, own, options),
@@ -141,7 +141,7 @@ def _time(
         return rows / options.sampling, f"no time: {options.sampling:g} rows in a unit of time"
     if timeless:
         return rows, "no time: rows count as times, as nothing relaxes"
-    needs = "the model relaxes, or the fit has a drift; give the sampling rate, rows per time"
+    needs = "the model relaxes, or the fit has a drift; give the sampling rate, rows per time (--sampling)"
     raise TableError(f"{name} has no time, but {needs}")
 
 
@@ -164,17 +164,16 @@ def contents(path: Path) -> str:
 
 
 def _entries(path: Path) -> Iterator[Entry]:
-    suffix = path.suffix.lower()
-    if suffix not in TEXT | HDF5 or known_to_afmformats(path):
+    if _for_afmformats(path):
         for number, data in enumerate(_afm_curves(path)[0]):
             meta = data.metadata
             place = tuple(float(meta[key]) for key in ("position x", "position y") if key in meta)
             number_of_curve = meta.get("enum", number)
             yield Entry(path, str(number), f"{path.stem}-{number_of_curve}", place if len(place) == 2 else ())
-    elif suffix in TEXT:
-        yield Entry(path, "", path.stem)
-    else:
+    elif _in_hdf5(path):
         yield from _hdf5_entries(path)
+    else:
+        yield Entry(path, "", path.stem)
 
 
 def _text_columns(
@@ -217,7 +216,8 @@ def _hdf5_entries(path: Path) -> Iterator[Entry]:
 
 def _hdf5_columns(
     entry: Entry, given: Mapping[str, str], into: Into
-) -> tuple[dict[str, FloatArray], dict[str, list[str]], float | None]:
+) -> tuple[dict[str, FloatArray], dict[str, list[str]], float | None, str]:
+    """Return the columns of a curve, its words, its stiffness, and how it was read."""
     with _hdf5(entry.path) as file:
         row = int(entry.key) if "force" in file and entry.key else None
         place = file if "force" in file else file[entry.key]
@@ -242,6 +242,9 @@ def _hdf5_columns(
         end = int(np.flatnonzero(~missing)[-1]) + 1 if not missing.all() else missing.size
         columns = {column: values[:end] for column, values in columns.items()}
         words = {column: values[:end] for column, values in words.items()}
+    target = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
+    title = f"{entry.path.name}, curve {entry.key}" if entry.key else entry.path.name
+    account = _account(title, columns["force"].size, units, target)
     if any(units.values()):
         if lacking := [column for column, unit in units.items() if not unit]:
             having = " and ".join(column for column, unit in units.items() if unit)
@@ -250,7 +253,6 @@ def _hdf5_columns(
                 f"{entry.path}: {having} with a unit, but {missing_ones} without; give all units, in the "
                 "attribute units or with --units"
             )
-        target = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
         ones = {}
         for column, symbol in units.items():
             if (unit := unit_of(symbol)) is None:
@@ -260,7 +262,16 @@ def _hdf5_columns(
             ones[column] = converted(np.ones(1), unit, target[column], where, symbol).item()
         if stiffness is not None:
             stiffness *= ones["force"] / ones[position]
-    return columns, words, None if stiffness is None else float(stiffness)
+    return columns, words, None if stiffness is None else float(stiffness), account
+
+
+def _account(title: str, rows: int, units: Mapping[str, str], into: Mapping[str, str]) -> str:
+    """Say in one line how a curve was read: its columns, and their units, which all or none have."""
+    parts = [
+        f"{name} [{unit}] -> {name} [{into[name]}]" if unit else f"{name} [no unit] -> {name}"
+        for name, unit in units.items()
+    ]
+    return f"{title}: {', '.join([f'{rows} rows', *parts])}"
 
 
 @contextmanager
@@ -277,6 +288,20 @@ def _hdf5(path: Path) -> Iterator[Any]:
 
 def _place(attributes: Any) -> tuple[float, ...]:
     return tuple(float(attributes[key]) for key in "xy") if {"x", "y"} <= set(attributes) else ()
+
+
+def _for_afmformats(path: Path) -> bool:
+    """Whether a file is one of an AFM: of a format that afmformats knows, or neither HDF5 nor text."""
+    if known_to_afmformats(path):
+        return True
+    with path.open("rb") as file:
+        head = file.read(1 << 16)
+    return not (_in_hdf5(path) or is_text(head) or path.suffix.lower() in TEXT)
+
+
+def _in_hdf5(path: Path) -> bool:
+    """Whether a file is HDF5, or should be by its name."""
+    return is_hdf5(path) or path.suffix.lower() in HDF5
 
 
 def known_to_afmformats(path: Path) -> bool:
@@ -323,9 +348,8 @@ def _afm_curves(
     try:
         import afmformats
     except ImportError:
-        known = ", ".join(sorted(TEXT | HDF5))
         raise TableError(
-            f"{path}: must be {known}; for AFM formats first run pip install 'gfmdlayer[afm]'"
+            f"{path}: is neither text nor HDF5; for AFM formats first run pip install 'gfmdlayer[afm]'"
         ) from None
     logging.getLogger("afmformats").setLevel(logging.CRITICAL)  # its errors become ours
     given = {"spring constant": stiffness, "sensitivity": sensitivity}
@@ -381,7 +405,7 @@ def afm_curve(
     else:
         raise TableError(
             f"curve {name} has no tip position; it needs the tip position, or the measured height and the "
-            "spring constant: give the stiffness of the cantilever"
+            "spring constant: give the stiffness of the cantilever (--stiffness)"
         )
     words: dict[str, list[str]] = {}
     mode = str(data.metadata.get("imaging mode", "force-distance"))
@@ -395,8 +419,9 @@ def afm_curve(
     if "time" in data.columns:
         columns["time"] = np.asarray(data["time"]) / sizes[0]
     time, note = _time(f"curve {name}", columns, options, timeless=timeless)
-    if note:
-        more["origin"] = more.get("origin", {}) | {"account": note}
+    units = {column: unit for column, unit in zip(COLUMNS, SI, strict=True) if column in columns}
+    account = _account(f"{name} by afmformats", force.size, units, dict(zip(COLUMNS, into, strict=True)))
+    more["origin"] = more.get("origin", {}) | {"account": "; ".join(filter(None, (account, note)))}
     own = None if not stiffness else float(stiffness) * sizes[1] / sizes[2]
     return ForceCurve(
         name, time, columns["depth"], columns["force"], **curve_facts(words, own, options), **more

@@ -13,7 +13,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,7 +31,7 @@ from gfmdlayer.fitting.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.force_curve import COLUMNS as OF_A_CURVE
 from gfmdlayer.fitting.force_curve import Correction
 from gfmdlayer.fitting.indentation import fit_curves
-from gfmdlayer.fitting.indentation_report import COLUMNS, SCALARS, add_estimates
+from gfmdlayer.fitting.indentation_report import COLUMNS, SCALARS, accounts, add_estimates
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import Free, IndentationModel
@@ -108,7 +108,8 @@ class FitTask:
     @property
     def further(self) -> list[Any]:
         """What is said about tables, besides units in their usual order."""
-        said = {key: value for key, value in vars(self.answers).items() if value}
+        keys = (each.name for each in fields(self.answers) if each.compare)
+        said = {key: value for key in keys if (value := getattr(self.answers, key))}
         if [name for name, _ in self.answers.units] == [*OF_A_CURVE]:
             said.pop("units")
         return [said] if said else []
@@ -155,7 +156,7 @@ def write_estimates(path: Path, fit: IndentationFit, name: str, digest: str) -> 
     with new_file(path) as file:
         h5 = file.begin()
         add_estimates(h5, fit)
-        known = {"curve": name, "digest": digest, "warnings": "\n".join(fit.warnings)}
+        known = {"curve": name, "digest": digest, "warnings": "\n".join(fit.warnings), "read": accounts(fit)}
         set_attributes(h5, {**provenance(), **known, "complete": 1})
 
 

@@ -92,6 +92,11 @@ def as_table(fit: IndentationFit) -> str:
     return "\n".join(lines) + "\n"
 
 
+def accounts(fit: IndentationFit) -> str:
+    """Return how the files of a fit were read, a line for each."""
+    return "\n".join(filter(None, (str(each.curve.origin.get("account", "")) for each in fit.curves)))
+
+
 def add_fit(h5: h5py.File, fit: IndentationFit) -> None:
     """Put estimates, input and rows of a fit into a new file, a group for each curve."""
     add_estimates(h5, fit)
@@ -118,7 +123,7 @@ def add_fit(h5: h5py.File, fit: IndentationFit) -> None:
         h5.attrs["alternatives"], h5.attrs["choice"] = json.dumps(dict(fit.alternatives)), fit.choice
     inputs = {"start": json.dumps(dict(fit.start)), "options": json.dumps(vars(fit.options))}
     model = text.written(fit.config.model_dump(exclude_none=True))
-    known = {"model": model, "warnings": "\n".join(fit.warnings)}
+    known = {"model": model, "warnings": "\n".join(fit.warnings), "read": accounts(fit)}
     set_attributes(h5, {**provenance(), **inputs, **known, "complete": 1})
 
 

@@ -7,7 +7,6 @@ SurfaceTopography reads the formats of instruments. Arrays have x along their fi
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gfmdlayer.files.hdf5 import READING, is_hdf5, open_group, open_hdf5
-from gfmdlayer.files.tables import Answers, TableError
+from gfmdlayer.files.tables import Answers, TableError, is_text
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.scan import Keys, Length, Scan, ScanAxis, axis_of, length_unit, lengths_in_words, times
 from gfmdlayer.punch.scan_text import read_text
@@ -66,22 +65,13 @@ def _reader_of(file: Path) -> Reader:
     ending = file.suffix.lower()
     if head.startswith(b"\x93NUMPY") or ending == ".npy":
         return _array
-    text = _is_text(head)
+    text = is_text(head)
     if head.startswith((b"\x89HDF", b"CDF")) or (ending in {".h5", ".hdf5", ".nc"} and not text):
         return _labelled
     return _text if text and not head.startswith(_INSTRUMENTS) else _instrument
 
 
 _INSTRUMENTS = (b"aISO-1.", b"aBCR-1.", b"Wyko ASCII")  # in text, but with scales that a table does not have
-
-
-def _is_text(head: bytes) -> bool:
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return True
-    zeros = [head[odd:400:2].count(0) for odd in (0, 1)]
-    if max(zeros) > 0.4 * len(head[:400:2]) and min(zeros) == 0:  # UTF-16 without its mark
-        head = head.replace(b"\0", b"")
-    return not re.search(rb"[\x00-\x08\x0e-\x19\x7f]", head)
 
 
 # NumPy arrays, HDF5 and netCDF.

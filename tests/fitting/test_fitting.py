@@ -516,3 +516,16 @@ def test_the_command_line_refuses_in_a_line(data, arguments, message, capsys):
     assert message in error
     assert error.count("\n") == 1
     assert list(Path().iterdir()) == [data]
+
+
+@pytest.mark.parametrize("heading", ["omega [Hz]", "frequency [1/s]"])
+def test_the_option_that_a_message_names_settles_the_frequency(heading, tmp_path):
+    """What is typed as the refusal says is taken: with Hz a period of 2 pi, with rad/s one of 1."""
+    path = tmp_path / "curve.csv"
+    rows = [f"{f},1,{0.1 + f}" for f in range(1, 10)]
+    path.write_text("\n".join([f"{heading},G' [Pa],G'' [Pa]", *rows]))
+    with pytest.raises(TableError, match="--units frequency=Hz or --units frequency=rad/s"):
+        read(path, answers=Answers(by_options=True))
+    for unit, factor in (("Hz", 2 * np.pi), ("rad/s", 1.0)):
+        curve = read(path, answers=Answers(units=(("frequency", unit),)))
+        assert curve.abscissa[0] == pytest.approx(factor, rel=1e-15)

@@ -348,7 +348,23 @@ def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path):
     assert read_curve(rows[2]).time.size == 150
     groups = entries([tmp_path / "groups.h5"])
     assert [each.name for each in groups] == ["left", "right"]
-    assert read_curve(groups[0]).depth.max() == pytest.approx(0.2e-6)
+    left = read_curve(groups[0])
+    assert left.depth.max() == pytest.approx(0.2e-6)
+    said = "time [s] -> time [s], depth [um] -> depth [m], force [uN] -> force [N]"
+    assert left.origin["account"] == f"groups.h5, curve left: {left.time.size} rows, {said}"
+
+
+@pytest.mark.parametrize("name", ["curve", "curve.asc", "curve.CSV", "curve.force"])
+def test_the_contents_of_a_file_say_what_it_is(name, tmp_path):
+    path = tmp_path / name
+    path.write_text(
+        "time [ms];depth [nm];force [nN]\n" + "".join(f"{k},5;{k},25;{k},75\n" for k in range(9)), encoding="utf-16"
+    )
+    curve = read_curve(*entries([path]))
+    assert (curve.time[1], curve.depth[1], curve.force[1]) == (1.5e-3, 1.25e-9, 1.75e-9)
+    with h5py.File(path, "w") as h5:
+        h5["time"], h5["depth"], h5["force"] = TIME, RAMP_HOLD, TIME
+    assert read_curve(*entries([path])).depth.tolist() == RAMP_HOLD.tolist()
 
 
 def test_curves_of_the_same_name_in_two_files_keep_their_places(tmp_path):
@@ -371,7 +387,7 @@ class AfmCurve(dict):
 
 def test_afm_formats_give_the_depth_of_the_tip(tmp_path, monkeypatch):
     path = tmp_path / "map.jpk-force"
-    path.touch()
+    path.write_bytes(b"PK\3\4")
     force = TIME * 1e-9
     curves = [AfmCurve(time=TIME, force=force) | {"height (measured)": -1e-6 * TIME}]
     made = [AfmCurve(each) for each in curves]
@@ -379,7 +395,10 @@ def test_afm_formats_give_the_depth_of_the_tip(tmp_path, monkeypatch):
     (entry,) = entries([path])
     assert (entry.name, entry.position) == ("map-3", (1.0, 2.0))
     # the base sinks by the height, the cantilever bends back by F/k
-    assert read_curve(entry).depth == pytest.approx(1e-6 * TIME - force / 0.05)
+    curve = read_curve(entry, into=("s", "um", "N"))
+    assert curve.depth == pytest.approx(TIME - force * 1e6 / 0.05)
+    said = "time [s] -> time [s], depth [m] -> depth [um], force [N] -> force [N]"
+    assert curve.origin["account"] == f"map-3 by afmformats: {TIME.size} rows, {said}"
     made[0].pop("height (measured)")
     with pytest.raises(TableError, match="no tip position"):
         read_curve(entry)
