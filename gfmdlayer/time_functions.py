@@ -92,7 +92,8 @@ class Table:
         from gfmdlayer.files.tables import TableError, read_table
         from gfmdlayer.validation.reading import answers
 
-        table = read_table(file, ("time", quantity), answers(reading))
+        key = "velocity_reading" if quantity == "velocity" else "reading"
+        table = read_table(file, ("time", quantity), answers(reading, key))
         times, values = table.take("time", into[0]), table.take(quantity, into[1])
         if (back := np.flatnonzero(np.diff(times) <= 0)).size:
             row = int(back[0]) + 1

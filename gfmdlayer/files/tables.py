@@ -53,14 +53,14 @@ class Answers:
     columns: tuple[str, ...] = ()  # names in place of the headings, with or without units; "-" for none
     modulus: str | None = None  # G: moduli and compliances are in shear; E: in tension
     table: int | None = None  # of several, counted from 1
-    by_options: bool = field(default=False, compare=False)  # of the command line, not by keys
+    key: str = field(default="reading", compare=False)  # of the section with these answers; "" for options
 
     def to_give(self, key: str, value: str, of: str = "") -> str:
         """Write an answer, `of` a quantity, for a message that asks for it: as a key, or as an option."""
-        if self.by_options:
+        if not self.key:
             return f"--{key} {shlex.quote(f'{of}={value}' if of else value)}"
         plain = value if value.isalnum() or of else repr(value)
-        return f"reading: {{{key}: {f'{{{of}: {plain}}}' if of else plain}}}"
+        return f"{self.key}: {{{key}: {f'{{{of}: {plain}}}' if of else plain}}}"
 
 
 def decoded(path: Path) -> tuple[str, str]:

@@ -79,13 +79,13 @@ class Reading(Section):
     """number of the table, from 1, in a file with several"""
 
 
-def answers(reading: Reading | None) -> Answers:
-    """Return a reading as the reader of tables takes it."""
+def answers(reading: Reading | None, key: str = "reading") -> Answers:
+    """Return a reading as the reader of tables takes it; `key` names it in messages."""
     from gfmdlayer.files.tables import Answers
 
     if reading is None:
-        return Answers()
-    return Answers(reading.decimal, reading.units or (), reading.columns or (), table=reading.table)
+        return Answers(key=key)
+    return Answers(reading.decimal, reading.units or (), reading.columns or (), table=reading.table, key=key)
 
 
 def unread(section: Section, key: str, reading: str = "reading") -> Iterator[Mistake]:

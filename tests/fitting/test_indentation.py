@@ -358,7 +358,8 @@ def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path):
 def test_the_contents_of_a_file_say_what_it_is(name, tmp_path):
     path = tmp_path / name
     path.write_text(
-        "time [ms];depth [nm];force [nN]\n" + "".join(f"{k},5;{k},25;{k},75\n" for k in range(9)), encoding="utf-16"
+        "\n".join(["time [ms];depth [nm];force [nN]", *(f"{k},5;{k},25;{k},75" for k in range(9))]),
+        encoding="utf-16",
     )
     curve = read_curve(*entries([path]))
     assert (curve.time[1], curve.depth[1], curve.force[1]) == (1.5e-3, 1.25e-9, 1.75e-9)
