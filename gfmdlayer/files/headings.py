@@ -28,18 +28,18 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
         "angular freq, angular freq., kreisfrequenz, winkelfrequenz, pulsation, fréquence angulaire"),
     ORDINARY: ("Hz", "f, nu, ν, frequency, freq, freq., hz, frequenz, fréquence, frequence, "
         "test frequency, prüffrequenz"),
-    "G'": ("Pa", "g', gp, g stor, g storage, g prime, gprime, g' storage modulus, "
-        "shear storage modulus, storage shear modulus, storage modulus g', "
+    "G'": ("Pa", "g', gp, g stor, g storage, g prime, gprime, "
+        "shear storage modulus, storage shear modulus, "
         "shear modulus (elastic component), schubspeichermodul"),
     "G''": ("Pa", "g'', gpp, g loss, g double prime, g dbl prime, gdoubleprime, gprimeprime, "
-        "g'' loss modulus, shear loss modulus, loss shear modulus, loss modulus g'', "
+        "shear loss modulus, loss shear modulus, "
         "shear modulus (viscous component), schubverlustmodul"),
     "|G*|": ("Pa", "g*, |g*|, complex shear modulus, komplexer schubmodul, "
         "shear modulus (complex component)"),
-    "E'": ("Pa", "e', ep, e stor, e storage, e prime, eprime, e' storage modulus, "
-        "tensile storage modulus, storage modulus e', young's storage modulus"),
+    "E'": ("Pa", "e', ep, e stor, e storage, e prime, eprime, "
+        "tensile storage modulus, young's storage modulus"),
     "E''": ("Pa", "e'', epp, e loss, e double prime, e dbl prime, edoubleprime, eprimeprime, "
-        "e'' loss modulus, tensile loss modulus, loss modulus e'', young's loss modulus"),
+        "tensile loss modulus, young's loss modulus"),
     "|E*|": ("Pa", "e*, |e*|, complex young's modulus, complex tensile modulus"),
     "storage modulus": ("Pa", "storage modulus, storage, speichermodul, module de stockage, "
         "module de conservation"),
@@ -47,7 +47,7 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
     "complex modulus": ("Pa", "complex modulus, dynamic modulus, komplexer modul, module complexe"),
     "tan delta": ("1", "tan delta, tan(delta), tan δ, tan(δ), tan d, tan(d), tand, tandelta, tan_d, "
         "loss factor, loss tangent, damping factor, verlustfaktor, facteur de perte, tan"),
-    "G(t)": ("Pa", "g(t), g, g relax, shear relaxation modulus, relaxation modulus g(t), shear modulus, "
+    "G(t)": ("Pa", "g(t), g, g relax, shear relaxation modulus, shear modulus, "
         "schubmodul"),
     "E(t)": ("Pa", "e(t), e, e relax, young's relaxation modulus, tensile relaxation modulus, "
         "young's modulus"),
@@ -179,9 +179,24 @@ def _by_name() -> dict[str, tuple[str, ...]]:
 def _options(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the quantities of a name: by its case, and by the other case of a single letter."""
     names, folded = _by_name(), _folded(name)
-    exact = names.get(folded, ())
+    exact = names.get(folded, ()) or _by_name_and_symbol(name)
     other = names.get(folded.swapcase(), ()) if len(folded) == 1 else ()
     return exact, tuple(each for each in other if each not in exact)
+
+
+def _by_name_and_symbol(heading: str) -> tuple[str, ...]:
+    """Return the quantities of a name with its symbol before or behind it: storage modulus G', Zeit t."""
+    words = re.split(r"[\s_]+", heading.strip())
+    for symbol, name in ((words[-1], words[:-1]), (words[0], words[1:])):
+        if len("".join(name)) < 2 or not re.fullmatch(r"\|?\w\*?\|?(['\"′″’]*|\(t\))", symbol):
+            continue
+        named = _by_name().get(_folded(" ".join(name)), ())
+        meant = {kind for each in named for kind in BY_MODULUS.get(each, (each,))}
+        both = tuple(each for options in _options(symbol) for each in options if each in meant)
+        unit = unit_of(symbol)  # as in voltage V
+        if both and not (unit and any(_fits(each, unit) for each in both)):
+            return both
+    return ()
 
 
 # Name and unit of a heading, the surest way of writing first.

@@ -192,6 +192,7 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
         hint = f"; did you mean {key.replace('.', ': {')}: ...{'}' * key.count('.')}?"
     elif key in _YOUNGS:
         hint = "; moduli are shear moduli, G = E/(2 (1 + nu))"
+        hint += ", but Young's with moduli: young" if "moduli" in siblings else ""
     elif key.isdecimal():
         hint = f"; {A_NUMBER}"
     elif not hint:

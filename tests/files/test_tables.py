@@ -132,3 +132,20 @@ def test_a_matrix_keeps_the_lines_above_it_and_its_holes(tmp_path):
     assert found.account.startswith(
         "matrix.txt: 2 rows of 3 numbers; separator ';', decimal mark ','; Windows-1252"
     )
+
+
+@pytest.mark.parametrize(
+    ("heading", "quantity", "unit"),
+    [
+        ("Speichermodul G' [kPa]", "G'", "kPa"), ('Loss modulus G" (Pa)', "G''", "Pa"),
+        ("E'' Verlustmodul [MPa]", "E''", "MPa"),
+        ("complex modulus |G*| [Pa]", "|G*|", "Pa"), ("Relaxation modulus G(t) [Pa]", "G(t)", "Pa"),
+        ("Zeit t [ms]", "time", "ms"), ("Frequenz f (Hz)", "frequency", "Hz"), ("voltage V", "voltage", "V"),
+        ("Spannung U [mV]", "voltage", "mV"), ("time h", "time", "h"),
+    ],
+)  # fmt: skip
+def test_a_symbol_beside_a_name_is_no_other_name(heading, quantity, unit):
+    means = meaning(
+        heading, wanted=("G'", "G''", "E'", "E''", "|G*|", "G(t)", "time", "frequency", "voltage")
+    )
+    assert (means.quantity, means.symbol) == (quantity, unit)
