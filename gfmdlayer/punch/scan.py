@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import LARGEST, Answers, TableError, counted
 from gfmdlayer.files.units import unit_of
 from gfmdlayer.grid.grid import Grid
@@ -108,7 +108,7 @@ def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: boo
     units or the size of the scan are not known, and where the size is not that of the cell.
     """
     values, holes = without_holes(scan, keys)
-    _refuse_larger(scan.file, values)
+    refuse_heights(scan.file, values, np.abs(values) > LARGEST)
     vertical, lateral, taken = _factors(scan, keys, grid, length)
     unit = f" {length}" if length else ""
     size = keys.size and (keys.size * len(grid.points) if len(keys.size) == 1 else keys.size)
@@ -289,11 +289,13 @@ def without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
     return values, ""
 
 
-def _refuse_larger(file: Path, heights: FloatArray) -> None:
-    if (large := np.abs(heights) > LARGEST).any():
-        where, first = np.argwhere(large)[0].tolist(), heights[large][0]
-        size = "infinite" if np.isinf(first) else f"too large; must be up to {LARGEST:g}"
-        raise TableError(f"{file}: the height at index {where} is {size}")
+def refuse_heights(file: Path | str, heights: FloatArray, bad: BoolArray) -> None:
+    """Raise TableError at the first bad height, if there is one."""
+    if bad.any():
+        where, first = np.argwhere(bad)[0].tolist(), heights[bad][0]
+        size = "not a finite number" if np.isnan(first) else "infinite" if np.isinf(first) else "too large"
+        allowed = f"; must be up to {LARGEST:g}" * bool(np.isfinite(first))
+        raise TableError(f"{file}: the height at index {where} is {size}{allowed}")
 
 
 def _probable_hole(values: FloatArray) -> tuple[float, int] | None:

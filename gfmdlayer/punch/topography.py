@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import LARGEST, TableError, read_table
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.scan import Keys, Measured, Scan, ScanAxis, on_grid, times, without_holes
+from gfmdlayer.punch.scan import Keys, Measured, Scan, ScanAxis, on_grid, refuse_heights, times, without_holes
 from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.validation.problems import ConfigError
 
@@ -67,17 +67,8 @@ def fitting(source: Path | str, heights: FloatArray, shape: tuple[int, ...]) -> 
         raise TableError(
             f"{source}: holds {times(heights.shape)} heights; must be {times(shape)}, as the grid"
         )
-    _refuse(source, heights, ~(np.abs(heights) <= LARGEST))
+    refuse_heights(source, heights, ~(np.abs(heights) <= LARGEST))
     return heights
-
-
-def _refuse(file: Path | str, heights: FloatArray, bad: BoolArray) -> None:
-    """Raise TableError at the first bad height, if there is one."""
-    if bad.any():
-        where, first = np.argwhere(bad)[0].tolist(), heights[bad][0]
-        size = "not a finite number" if np.isnan(first) else "infinite" if np.isinf(first) else "too large"
-        allowed = f"; must be up to {LARGEST:g}" * bool(np.isfinite(first))
-        raise TableError(f"{file}: the height at index {where} is {size}{allowed}")
 
 
 def filled(file: Path, heights: FloatArray, method: str) -> tuple[FloatArray, str]:
