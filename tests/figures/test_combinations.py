@@ -61,6 +61,13 @@ def test_all_failed_cases_are_refused_with_the_first_reason(tmp_path, capsys):
         )
     with gfmdlayer.open_results(out) as data, pytest.raises(ResultsError, match="2 of 2 cases failed: 0000"):
         curves_figure(data)
+    assert main(["plot", str(out), "--kind", "body", "--case", "1"]) == 0  # which needs no results
+    assert main(["plot", str(out), "--kind", "body", "--case", "2"]) == 2
+    assert "there is no case 2; must be from 0 to 1" in capsys.readouterr().err
+    path.write_text(path.read_text().partition("sweep")[0])
+    assert main(["run", str(path), "--out", str(tmp_path / "one")]) == 1
+    assert main(["plot", str(tmp_path / "one")]) == 2
+    assert "no complete case; 0000 failed: ConvergenceError" in capsys.readouterr().err
 
 
 def test_columns_without_a_value_are_left_out_and_named():
