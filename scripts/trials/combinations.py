@@ -534,8 +534,12 @@ FIXED = 2e-3
 
 COLUMNS = ("mean_pressure", "force", "depth", "work", "stored", "dissipated", "contact_area_interpolated")
 
-# Balances that need not close, each by its reason: (ability or law, reason).
-EXCEPTIONS: Mapping[str, str] = {}
+# Kinds of findings that are known, with their reasons. They count as failures here; the short form in the
+# tests allows a few of them.
+OPEN: Mapping[str, str] = {
+    "balance": "work is integrated between rows, which adaptive steps set for forces, areas and depths",
+    "interpolation": "rows of adaptive steps lie where the scheme needs them, not where a curve bends",
+}
 
 
 def trial(seed: int, index: int, folder: Path, kinds: int | None = None) -> Outcome:
@@ -612,7 +616,7 @@ def _followed(
             if said is not None:
                 followed(_refused, said)
             return "refused", found
-    states = followed(_states, said)
+    states = followed(_states, said, events)
     if states is not None:
         followed(_drawn, drawn, rng, kinds, states, events)
         if states["complete"]:
@@ -630,7 +634,7 @@ def _refused(said: Said) -> None:
             raise Wrong("unclear refusal", line)
 
 
-def _states(ran: Said) -> Counter[str]:
+def _states(ran: Said, events: Counter[str]) -> Counter[str]:
     """Count complete and failed cases; failures have words for users."""
     status = command("status", "results")
     first = status.out.splitlines()[0]
@@ -638,6 +642,7 @@ def _states(ran: Said) -> Counter[str]:
     for reason in re.findall(r"^  \d+ failed: (.*)", status.out, re.MULTILINE):
         if not reason.startswith(_FAILURES):
             raise Wrong("failure without words", reason)
+        events[f"failed: {re.sub(r'[-+.0-9e]*[0-9]', '#', reason)[:90]}"] += 1
     if ran.status != (1 if found["failed"] else 0):
         raise Wrong("status of run", f"{ran.status} with {dict(found)}: {ran.err[-500:]}")
     return found
@@ -774,13 +779,10 @@ def _interpolated(drawn: Combination, rng: Draw, _: object) -> None:
             _interpolate(first, second, rng, section.get("tolerance", 1e-4))
 
 
-def _balanced(drawn: Combination, _: object, events: Counter[str]) -> None:
+def _balanced(drawn: Combination, *_: object) -> None:
     """Require balances within the tolerance; of fixed steps, that they close with shorter ones."""
     section = drawn.config["time"]
     adaptive = section["step"] == "adaptive"
-    for reason in (why for ability, why in EXCEPTIONS.items() if ability in drawn.abilities):
-        events[f"balance not asked for: {reason}"] += 1
-        return
     asked = SUMMED * section.get("tolerance", 1e-4) if adaptive else FIXED
     lacks = {path: _balance(path) for path in sorted(Path("results/cases").glob("*.h5"))}
     if max(lacks.values()) <= asked:
