@@ -206,6 +206,17 @@ class Drives:
         return reach if self.config.trajectory.control != "depth" else 0.0, reach
 
     @property
+    def drawn(self) -> tuple[float, float, float]:
+        """Largest drive, the exponent of the response over it under Hertz, and its first stretch.
+
+        They do not depend on the end of the run, which may grow.
+        """
+        corners = self.drive.breakpoints
+        largest = max(float(self.drive(time)) for time in (0.0, *corners))
+        growth = 1.0 if self.config.trajectory.control == "depth" else 2 / 3
+        return largest, growth, min((time for time in corners if time > 0), default=math.inf)
+
+    @property
     def output_times(self) -> tuple[float, ...]:
         """Times of the rows on which adaptive steps land."""
         times, end = self.config.output.times, self.config.time.end

@@ -45,26 +45,31 @@ def other_file(group: h5py.Group, *, deep: bool = False) -> str:
 
     own = h5o.get_info(group.id).fileno
 
-    def look(name: bytes, info: Any) -> str | None:
+    found = ""
+
+    def look(name: bytes, info: Any) -> bool | None:
+        nonlocal found
         shown = name.decode(errors="replace")
         if info.type not in (h5l.TYPE_HARD, h5l.TYPE_SOFT):
-            return f"{shown} is a link to another file"
+            found = f"{shown} is a link to another file"
+            if info.type == h5l.TYPE_EXTERNAL:
+                found += f", {group.id.links.get_val(name)[0].decode(errors='replace')}"
+            return True
         try:
             member = h5o.open(group.id, name)
         except KeyError:
             return None  # a link to nothing
         if h5o.get_info(member).fileno != own:
-            return f"{shown} is a link to another file"
-        if isinstance(member, h5d.DatasetID):
+            found = f"{shown} is a link to another file"
+        elif isinstance(member, h5d.DatasetID):
             stored = member.get_create_plist()
             if stored.get_layout() == h5d.VIRTUAL or stored.get_external_count():
-                return f"{shown} is stored in another file"
-        return None
+                found = f"{shown} is stored in another file"
+        return bool(found) or None  # True ends the search
 
     links = group.id.links
-    # `iterate` returns where it stopped, too.
-    found = links.visit(look, info=True) if deep else links.iterate(look, info=True)[0]
-    return found or ""
+    (links.visit if deep else links.iterate)(look, info=True)
+    return found
 
 
 def refuse_other_files(path: Path, group: h5py.Group) -> None:

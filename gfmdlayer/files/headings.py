@@ -241,15 +241,20 @@ def meaning(
     if not options:
         return Meaning()
     symbol = symbol or below.strip(" []()")
+    own = unit_of(symbol) if symbol else None
+    frequencies = {ANGULAR, ORDINARY}
+    # 1/s, and Hz beside omega, leave open which of the two frequencies it is.
+    doubtful = own is not None and frequencies & {*exact} and _frequency(exact, own, symbol)[2]
     for key, answer in dict(units).items():
-        if _folded(key) in {_folded(heading), _folded(name)} or {*quantities_named(key)} & {*options}:
+        named = {*quantities_named(key)}
+        by_name = _folded(key) in {_folded(heading), _folded(name)}
+        if by_name or named & {*options} or (doubtful and named & frequencies):
             if (given := unit_of(answer)) is None:
                 return Meaning(options, None, answer, f"the unit {answer!r} given for it is not known")
-            own = unit_of(symbol) if symbol else None
-            open_still = any(each in {ANGULAR, ORDINARY} for each in options)
-            if own is not None and own != given and not open_still:
+            if own is not None and own != given and not doubtful:
                 return Meaning(options, None, symbol, f"is in {symbol!r}, but {answer!r} is given for it")
             symbol = answer
+            exact = (*exact, ORDINARY) if doubtful and _in_hertz(answer) else exact
     unit = unit_of(symbol) if symbol else None
     if symbol and unit is None:
         return Meaning(options, None, symbol, f"has the unknown unit {symbol!r}")
@@ -273,6 +278,10 @@ def _fits(quantity: str, unit: Unit) -> bool:
     return quantity not in WORDS and unit.dimension == dimension_of(quantity).dimension
 
 
+def _in_hertz(symbol: str) -> bool:
+    return re.search(r"hz|hertz", symbol.lower()) is not None
+
+
 def _frequency(options: tuple[str, ...], unit: Unit, symbol: str) -> tuple[tuple[str, ...], Unit, str]:
     """Tell angular from ordinary frequency by the unit; the reason where it leaves that open."""
     radians, hertz = dimension_of(ANGULAR), dimension_of(ORDINARY)
@@ -282,8 +291,7 @@ def _frequency(options: tuple[str, ...], unit: Unit, symbol: str) -> tuple[tuple
         fitting = tuple(each for each in options if _fits(each, unit))
         reason = "" if fitting else f"is in {symbol!r}, which is no unit of {alternatives(options)}"
         return fitting or options, unit, reason
-    in_hertz = re.search(r"hz|hertz", symbol.lower()) is not None
-    if in_hertz is (ORDINARY in options):
+    if (in_hertz := _in_hertz(symbol)) is (ORDINARY in options):
         own = ORDINARY if in_hertz else ANGULAR
         return (own,), unit if in_hertz else unit._replace(dimension=radians.dimension), ""
     reason = f"in {symbol!r} may be a frequency in Hz or an angular frequency in rad/s; say which by its unit"

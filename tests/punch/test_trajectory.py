@@ -121,7 +121,7 @@ def test_a_cycle_that_cannot_be_is_refused(wrong, said):
         ("time,depth\n0,zero\n1,1\n2,2\n", r"path\.csv:2: '0,zero' is not a row of numbers like those below"),
         (
             "time,depth\n0,0\n1,1\nnought,nought\n2,2\n",
-            "holds 2 tables, in lines 2 to 3, 5 to 5; give its number",
+            "holds 2 tables, in lines 2 to 3, 5 to 5; give the number of one, reading: {table: 1} or ",
         ),
         ("time,deep\n0,0\n1,1\n", "no column is named depth; headings are 'time', 'deep'; names are depth"),
         ("then,deep\n0,0\n1,1\n", "no heading is known among 'then', 'deep'; known names are time: time"),
