@@ -206,3 +206,14 @@ def test_each_frequency_has_curves_of_its_own_and_distributions_are_refused_by_n
     assert "storage_stiffness_1: frequency 1" in figure.get_supxlabel()
     with pytest.raises(ResultsError, match="gap_histogram has values along gap_bin, which no curve has"):
         curves_figure(data, y=["gap_histogram"])
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_report_of_a_snapshot_without_contact_is_silent(tmp_path):
+    path = {"kind": "approach_retract", "depth": 0.01, "approach_speed": 0.02, "retract_speed": 0.2}
+    law = {"law": "coulomb", "coefficient": 0.3}
+    given = {"name": "left", "grid": {"points": 64}, "trajectory": path, "interface": law}
+    given |= {"time": {"step": 0.05}, "output": {"snapshots": [0.55]}}
+    data = gfmdlayer.run(given, out=tmp_path)
+    assert np.isnan(data["slip_velocity_x"]).all()
+    assert main(["report", str(tmp_path)]) == 0
