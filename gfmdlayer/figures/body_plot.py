@@ -15,12 +15,13 @@ from gfmdlayer.body.bodies import code_refused
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config, load
+from gfmdlayer.config.sweeps import combinations
 from gfmdlayer.drives import Drives
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import case_path, stored_config
-from gfmdlayer.results.stored import is_stored
+from gfmdlayer.results.stored import case_numbers, document, is_stored, must_agree
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,6 +56,15 @@ def config_of(path: Path, case: int | None, *, trust: bool = False) -> tuple[Con
     if path.is_file():
         return stored_config(path, trust=trust), ""
     file, number = case_path(path, case or 0), len(list(path.glob("cases/*.h5")))
+    config = path / "config.yaml"
+    if not file.exists() and config.exists():  # not complete: a body needs no results
+        numbers, swept = case_numbers(config), combinations(document(config).get("sweep") or {})
+        must_agree(config, numbers, len(swept))
+        values = dict(zip(numbers, swept, strict=True))
+        if (case or 0) not in values:
+            raise ResultsError(f"{path}: there is no case {case}; must be from 0 to {max(values)}")
+        with code_refused(not trust):
+            return load(config).with_values(values[case or 0]), ""
     title = f"case {case or 0:04d}, {'the first ' * (case is None)}of {number}" if number > 1 else ""
     return stored_config(file, trust=trust), title
 

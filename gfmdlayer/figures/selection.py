@@ -260,6 +260,10 @@ def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
         if found in dataset and (others := [str(each) for each in dataset[found].dims if each not in along]):
             has = f"{name} has values along {' and '.join(others)}, which no curve has"
             raise ResultsError(f"{has}; must be one of {known}")
+        if found in dataset:
+            raise ResultsError(
+                f"{name} is one number of each case; give x a swept key, or take one of {known}"
+            )
         raise ResultsError(f"there is no column {name}; must be one of {known}{nearest(name, columns)}")
     return found
 

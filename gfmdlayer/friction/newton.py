@@ -530,20 +530,20 @@ class _Globalisation:
         problem, newton = self._problem, self._newton
         with np.errstate(over="ignore", invalid="ignore"):
             x, path = newton.step(problem, at, self._damping, tolerance)
-        if not np.isfinite(x).all() or np.abs(x - at.x).max() > 1e6 * at.p_s:
-            return None
-        if problem.load is not None and not x[0].max() > 0:
-            return None
-        Cx, drift = newton.moved(at, x)
-        new = self._part(at, x, Cx, drift, path, 1.0)
-        for part in (0.5, 0.25) if self._damping > 0 else ():
-            if new.merit < enough:
-                break
-            new = min(new, self._part(at, x, Cx, drift, path, part), key=lambda state: state.merit)
-        if new.drift > 0.1 * new.residual:
-            exact, path = newton.displacements(new.x), None if path is None else new.path
-            new = assess(problem, new.x, exact, 0.0, path, balance_only=self._balance_only)
-        return new
+            if not np.isfinite(x).all() or np.abs(x - at.x).max() > 1e6 * at.p_s:
+                return None
+            if problem.load is not None and not x[0].max() > 0:
+                return None
+            Cx, drift = newton.moved(at, x)
+            new = self._part(at, x, Cx, drift, path, 1.0)
+            for part in (0.5, 0.25) if self._damping > 0 else ():
+                if new.merit < enough:
+                    break
+                new = min(new, self._part(at, x, Cx, drift, path, part), key=lambda state: state.merit)
+            if new.drift > 0.1 * new.residual:
+                exact, path = newton.displacements(new.x), None if path is None else new.path
+                new = assess(problem, new.x, exact, 0.0, path, balance_only=self._balance_only)
+        return new if math.isfinite(new.merit) and math.isfinite(new.residual) else None
 
     def _part(
         self,

@@ -316,13 +316,13 @@ class FrictionSolver:
         """Solve on a grid, with a guess from the next coarser one down to the `deepest`."""
         level = self._levels[number]
         newton = level.newton(problem.response)
-        if number == deepest:
+        coarse = None if number == deepest else self._below(problem, number)
+        if coarse is None:
             guess = _rough_guess(problem) if start is None else start
         else:
-            coarser = self._levels[number + 1]
-            shapes = level.grid.points, coarser.grid.points
+            shapes = level.grid.points, self._levels[number + 1].grid.points
             below, _ = self._solve(
-                _coarser(problem, level, coarser),
+                coarse,
                 None if start is None else _halved(start, *shapes),
                 number + 1,
                 deepest,
@@ -331,6 +331,13 @@ class FrictionSolver:
             )
             guess = _finer(below.x, *shapes[::-1])
         return newton.solve(problem, guess, tolerance, limit)
+
+    def _below(self, problem: FrictionProblem, number: int) -> FrictionProblem | None:
+        """Return the problem on the next coarser grid; None where no point of it touches."""
+        coarse = _coarser(problem, self._levels[number], self._levels[number + 1])
+        apart = coarse.load is None and not coarse.interface.attracts
+        apart = apart and coarse.depth <= coarse.gap_at_rest.min()
+        return None if apart else coarse
 
 
 class FrictionLevel:

@@ -271,8 +271,17 @@ def open_results(directory: str | Path) -> xarray.Dataset:
         return _with_snapshots(gathered, directory)
     if len(complete) == 1:
         return _open(complete[0])
+    if not complete:
+        raise ResultsError(f"{directory}: no complete case{_first_failure(directory)}")
     several = f"{len(complete)} complete cases but no {SWEEP_FILE}; run the config again"
-    raise ResultsError(f"{directory}: {several if complete else 'no complete case'}")
+    raise ResultsError(f"{directory}: {several}")
+
+
+def _first_failure(directory: Path) -> str:
+    """Return the reason of the first failed case, if there is one."""
+    failed = sorted((directory / "cases").glob("*.failed"))
+    reason = (read_json(failed[0]) or {}).get("reason") if failed else None
+    return f"; {failed[0].stem} failed: {reason}" if reason else ""
 
 
 def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
@@ -288,7 +297,7 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
         missing = None if path.exists() else str(failure.get("reason", WAITING))
         records.append(CaseRecord(number, path, values, missing))
     if all(record.failed for record in records):
-        raise ResultsError(f"{directory}: no complete case")
+        raise ResultsError(f"{directory}: no complete case{_first_failure(directory)}")
     times = (data.get("output") or {}).get("times")
     return labelled(records, Swept.of(sweep, unit_of(data), times))
 

@@ -26,6 +26,7 @@ from trials.outcomes import Hangs, Outcome, Wrong, limited
 import gfmdlayer
 from gfmdlayer import cli
 from gfmdlayer.cli.results import KINDS
+from gfmdlayer.files.hdf5 import open_hdf5
 
 LONGEST = 90.0  # seconds of processor time for each command
 FEWEST, MOST = 3, 6  # abilities of a combination
@@ -527,14 +528,19 @@ _ALWAYS = (None, "curves", "body")
 DRAWN, SHIFTED = 0.01, 0.01
 # Sums of local errors, each within the tolerance: over a ramp and its end.
 SUMMED = 3.0
-# Fixed steps: no tolerance is asked. The balance is of second order in the step, of the first with
-# backward Euler and where contact points change; with half the step it falls, or is below this already.
+# Fixed steps: no tolerance is asked. The balance is of second order in the step, of the first with backward
+# Euler; points of a coarse grid that come into contact within a step add a part without an order. With a
+# quarter of the step it falls at least to 0.6, or is below this already.
 FIXED = 2e-3
 
 COLUMNS = ("mean_pressure", "force", "depth", "work", "stored", "dissipated", "contact_area_interpolated")
 
-# Balances that need not close, each by its reason: (ability or law, reason).
-EXCEPTIONS: Mapping[str, str] = {}
+# Kinds of findings that are known, with their reasons. They count as failures here; the short form in the
+# tests allows a few of them.
+OPEN: Mapping[str, str] = {
+    "balance": "work is integrated between rows, which adaptive steps set for forces, areas and depths",
+    "interpolation": "rows of adaptive steps lie where the scheme needs them, not where a curve bends",
+}
 
 
 def trial(seed: int, index: int, folder: Path, kinds: int | None = None) -> Outcome:
@@ -611,7 +617,7 @@ def _followed(
             if said is not None:
                 followed(_refused, said)
             return "refused", found
-    states = followed(_states, said)
+    states = followed(_states, said, events)
     if states is not None:
         followed(_drawn, drawn, rng, kinds, states, events)
         if states["complete"]:
@@ -629,7 +635,7 @@ def _refused(said: Said) -> None:
             raise Wrong("unclear refusal", line)
 
 
-def _states(ran: Said) -> Counter[str]:
+def _states(ran: Said, events: Counter[str]) -> Counter[str]:
     """Count complete and failed cases; failures have words for users."""
     status = command("status", "results")
     first = status.out.splitlines()[0]
@@ -637,6 +643,7 @@ def _states(ran: Said) -> Counter[str]:
     for reason in re.findall(r"^  \d+ failed: (.*)", status.out, re.MULTILINE):
         if not reason.startswith(_FAILURES):
             raise Wrong("failure without words", reason)
+        events[f"failed: {re.sub(r'[-+.0-9e]*[0-9]', '#', reason)[:90]}"] += 1
     if ran.status != (1 if found["failed"] else 0):
         raise Wrong("status of run", f"{ran.status} with {dict(found)}: {ran.err[-500:]}")
     return found
@@ -742,12 +749,12 @@ def _consistent(data: xarray.Dataset, area: float) -> None:
 
 
 def _again(drawn: Combination) -> dict[Path, Path]:
-    """Run with half the tolerance, or step; return complete cases of the first run and of this one."""
+    """Run with half the tolerance, or a quarter of the step; return complete cases of both runs."""
     section = drawn.config["time"]
     if section["step"] == "adaptive":
         halved = {"time.tolerance": section.get("tolerance", 1e-4) / 2}
     else:
-        halved = {"time.step": section["step"] / 2}
+        halved = {"time.step": section["step"] / 4}
     out = Path("again")
     if not out.exists():
         try:
@@ -758,7 +765,7 @@ def _again(drawn: Combination) -> dict[Path, Path]:
         except gfmdlayer.ConvergenceError:
             pass
         except gfmdlayer.ConfigError as error:
-            raise Wrong("half the step is refused", str(error)) from None
+            raise Wrong("shorter steps are refused", str(error)) from None
         except Exception as error:
             raise Wrong("traceback of gfmdlayer.run", f"{halved}: {_where(error)}") from None
     both = {path: out / "cases" / path.name for path in sorted(Path("results/cases").glob("*.h5"))}
@@ -773,13 +780,10 @@ def _interpolated(drawn: Combination, rng: Draw, _: object) -> None:
             _interpolate(first, second, rng, section.get("tolerance", 1e-4))
 
 
-def _balanced(drawn: Combination, _: object, events: Counter[str]) -> None:
+def _balanced(drawn: Combination, *_: object) -> None:
     """Require balances within the tolerance; of fixed steps, that they close with shorter ones."""
     section = drawn.config["time"]
     adaptive = section["step"] == "adaptive"
-    for reason in (why for ability, why in EXCEPTIONS.items() if ability in drawn.abilities):
-        events[f"balance not asked for: {reason}"] += 1
-        return
     asked = SUMMED * section.get("tolerance", 1e-4) if adaptive else FIXED
     lacks = {path: _balance(path) for path in sorted(Path("results/cases").glob("*.h5"))}
     if max(lacks.values()) <= asked:
@@ -787,49 +791,49 @@ def _balanced(drawn: Combination, _: object, events: Counter[str]) -> None:
     second = {path: _balance(finer) for path, finer in _again(drawn).items()}
     for path, lack in lacks.items():
         after = second.get(path, math.nan)
-        falls = not adaptive and not after > max(0.7 * lack, FIXED)
+        falls = not adaptive and not after > max(0.6 * lack, FIXED)
         if lack > asked and not falls:
-            now = f"{after:.3g} with half the {'tolerance' if adaptive else 'step'}"
+            now = f"{after:.3g} with {'half the tolerance' if adaptive else 'a quarter of the step'}"
             raise Wrong("balance", f"{path.stem}: {lack:.3g} of the largest energy, above {asked:g}; {now}")
+
+
+def _numbers_of(path: Path) -> dict[str, Any]:
+    """Return the columns of a case, without the time that xarray takes to describe them."""
+    with open_hdf5(path) as h5:
+        shape = h5["time"].shape
+        return {name: h5[name][()] for name in h5 if getattr(h5[name], "shape", None) == shape}
 
 
 def _balance(path: Path) -> float:
     """Return the largest lack of the energy balance over the largest energy."""
-    with gfmdlayer.open_case(path) as data:
-        columns = [
-            name
-            for name in ("work", "stored", "dissipated", "slip_heat", "interface_energy", "lost")
-            if name in data
-        ]
-        scale = max(float(abs(data[name]).max()) for name in columns)
-        return float(abs(data["energy_residual"]).max()) / scale if scale else 0.0
+    columns = _numbers_of(path)
+    energies = ("work", "stored", "dissipated", "slip_heat", "interface_energy", "lost")
+    scale = max(float(abs(columns[name]).max()) for name in energies if name in columns)
+    return float(abs(columns["energy_residual"]).max()) / scale if scale else 0.0
 
 
 def _interpolate(first: Path, second: Path, rng: Draw, tolerance: float) -> None:
     """Compare linear interpolations of rows at random times with a finer run, up to small shifts in time."""
-    with gfmdlayer.open_case(first) as own, gfmdlayer.open_case(second) as finer:
-        t, s = own["time"].values, finer["time"].values
-        end = min(t[-1], s[-1])
-        if end <= 0:
-            return
-        for name in COLUMNS:
-            if name not in own:
-                continue
-            values, others = own[name].values, finer[name].values
-            least = DRAWN + SUMMED * tolerance
-            if name.startswith("contact_area"):  # by whole points, which come and go
-                least += 2.0 / (math.prod(np.atleast_1d(own.attrs.get("points", 64))) ** 0.5)
-            most = least * float(np.abs(others).max())
-            for at in rng.uniform(0, end, 40):
-                value = np.interp(at, t, values)
-                near = np.array([at - SHIFTED * end, at + SHIFTED * end])
-                around = [*np.interp(near, s, others), *others[(s > near[0]) & (s < near[1])]]
-                miss = max(min(around) - value, value - max(around))
-                if miss > most:
-                    share = miss / float(np.abs(others).max())
-                    raise Wrong(
-                        "interpolation",
-                        f"{first.name}: {name} at t = {at:.4g} of {end:.4g}: {value:.5g} for "
-                        f"{np.interp(at, s, others):.5g}, {share:.3g} of its largest; "
-                        f"{len(t)} and {len(s)} rows",
-                    )
+    own, finer = _numbers_of(first), _numbers_of(second)
+    t, s = own["time"], finer["time"]
+    end = min(t[-1], s[-1])
+    if end <= 0:
+        return
+    for name in COLUMNS:
+        if name not in own:
+            continue
+        values, others = own[name], finer[name]
+        largest = float(np.abs(others).max())
+        # Whole points come into contact; a line of 48, or a surface of 12 x 12.
+        most = (DRAWN + SUMMED * tolerance + name.startswith("contact_area") / 6) * largest
+        for at in rng.uniform(0, end, 40):
+            value = np.interp(at, t, values)
+            near = np.array([at - SHIFTED * end, at + SHIFTED * end])
+            around = [*np.interp(near, s, others), *others[(s > near[0]) & (s < near[1])]]
+            miss = max(min(around) - value, value - max(around))
+            if miss > most:
+                known = f"{value:.5g} for {np.interp(at, s, others):.5g}, {miss / largest:.3g} of its largest"
+                rows = f"{len(t)} and {len(s)} rows"
+                raise Wrong(
+                    "interpolation", f"{first.name}: {name} at t = {at:.4g} of {end:.4g}: {known}; {rows}"
+                )

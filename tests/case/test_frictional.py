@@ -253,6 +253,24 @@ def test_without_friction_there_is_none_and_with_much_all_sticks():
     assert float(rough.stick_area[-1]) == float(rough.contact_area[-1])
 
 
+def test_a_punch_that_no_point_of_a_coarser_grid_touches_slides_away_in_words():
+    """The surface recovers slowly: few points touch when the depth has fallen, none of the nested grid."""
+    config = {
+        "name": "recovers",
+        "grid": {"points": [16, 20]},
+        "layer": {"thickness": 0.3, "material": {"model": "zener", "G0": 1.0, "Ginf": 5.0, "tau": 1.0}},
+        "halfspace": {"shear_modulus": np.inf},
+        "punch": {"shape": "parabola", "radius": 1.0},
+        "interface": {"law": "shear_strength", "stress": 0.05},
+        "trajectory": {"tangential": {"control": "force", "force": 0.0005, "start": 0.5, "direction": 30.0}},
+        "time": {"end": 2.0, "step": 0.1},
+    }
+    history = [0.0, 0.3, 0.7, 1.2, 2.0], [0.0, 0.008, 0.01, 0.004, 0.009]
+    with pytest.warns(UserWarning, match=r"SLIDES AWAY at t = 1\.2: the tangential force"):
+        data = gfmdlayer.run(config, history=history)
+    assert data["time"][-1] == pytest.approx(1.1)
+
+
 def test_a_force_that_is_too_large_slides_the_punch_away():
     drive = {"control": "force", "force": 2 * MU * LOAD, "start": 1.0}
     with pytest.warns(UserWarning, match=r"SLIDES AWAY at t = 1\.5: the tangential force"):

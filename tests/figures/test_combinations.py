@@ -61,6 +61,13 @@ def test_all_failed_cases_are_refused_with_the_first_reason(tmp_path, capsys):
         )
     with gfmdlayer.open_results(out) as data, pytest.raises(ResultsError, match="2 of 2 cases failed: 0000"):
         curves_figure(data)
+    assert main(["plot", str(out), "--kind", "body", "--case", "1"]) == 0  # which needs no results
+    assert main(["plot", str(out), "--kind", "body", "--case", "2"]) == 2
+    assert "there is no case 2; must be from 0 to 1" in capsys.readouterr().err
+    path.write_text(path.read_text().partition("sweep")[0])
+    assert main(["run", str(path), "--out", str(tmp_path / "one")]) == 1
+    assert main(["plot", str(tmp_path / "one")]) == 2
+    assert "no complete case; 0000 failed: ConvergenceError" in capsys.readouterr().err
 
 
 def test_columns_without_a_value_are_left_out_and_named():
@@ -199,3 +206,14 @@ def test_each_frequency_has_curves_of_its_own_and_distributions_are_refused_by_n
     assert "storage_stiffness_1: frequency 1" in figure.get_supxlabel()
     with pytest.raises(ResultsError, match="gap_histogram has values along gap_bin, which no curve has"):
         curves_figure(data, y=["gap_histogram"])
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_report_of_a_snapshot_without_contact_is_silent(tmp_path):
+    path = {"kind": "approach_retract", "depth": 0.01, "approach_speed": 0.02, "retract_speed": 0.2}
+    law = {"law": "coulomb", "coefficient": 0.3}
+    given = {"name": "left", "grid": {"points": 64}, "trajectory": path, "interface": law}
+    given |= {"time": {"step": 0.05}, "output": {"snapshots": [0.55]}}
+    data = gfmdlayer.run(given, out=tmp_path)
+    assert np.isnan(data["slip_velocity_x"]).all()
+    assert main(["report", str(tmp_path)]) == 0

@@ -448,7 +448,10 @@ def _fields(
                 (float(np.nanmax(each[below.index(name)], initial=0.0)) for each in inside), default=0.0
             )
         every = (each.axes.get(name, each.fields.get(name)) for each in surfaces)
-        return max((float(np.nanmax(np.abs(each))) for each in every if each is not None), default=0.0)
+        # Slip velocities are NaN without contact.
+        return max(
+            (float(np.nanmax(np.abs(each), initial=0.0)) for each in every if each is not None), default=0.0
+        )
 
     times = max(float(each.times.max()) for each in surfaces)
     sizes = {name: largest(name) for name in known} | {"snapshot": times}
