@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -20,8 +21,11 @@ from gfmdlayer.body.shifts import Shift
 from gfmdlayer.config import Config
 from gfmdlayer.config.sections import MOST_ROWS
 from gfmdlayer.history import time_points
+from gfmdlayer.interface.adhesion import Electrostatic
 from gfmdlayer.step import Instant
 from gfmdlayer.time_functions import Constant, Oscillation, RampHold, Table, TimeFunction
+from gfmdlayer.validation.reading import Reading
+from gfmdlayer.validation.units import label_of
 
 if TYPE_CHECKING:
     from gfmdlayer.history.reduced_time import ReducedTime
@@ -35,6 +39,15 @@ _STEPS_OF_SLIP = 0.5
 # The same where contact begins: there each step leaves some 0.02 (step/time)^2 of the force. And before a
 # swing ends: a body that relaxes sticks again when the punch has become slow enough.
 _FIRST_PART, _GROWTH, _GROWTH_OF_SWING = 10.0, 10.0, 30.0
+
+# The imposed quantities in files: their names in headings, and their units in words of a configuration.
+_IMPOSED = {
+    "depth": ("depth", "length"), "load": ("mean pressure", "pressure"), "force": ("force", "force"),
+    "velocity": ("velocity", "length / time"), "displacement": ("displacement", "length"),
+    "tangential force": ("tangential force", "force"), "temperature": ("temperature", "degC"),
+    "voltage": ("voltage", "V"),
+}  # fmt: skip
+_ALONG = {"displacement": "displacement", "force": "tangential force"}  # the surface
 
 
 def _growing(tolerance: float, factor: float = _GROWTH) -> Iterator[float]:
@@ -64,7 +77,7 @@ class Drives:
         is isolated.
         """
         trajectory = self.config.trajectory
-        unit, table = self._prescribed(trajectory)
+        unit, table = self._prescribed(trajectory, trajectory.control)
         if table is not None:
             return table
         if trajectory.ramp_time is not None:
@@ -74,20 +87,20 @@ class Drives:
         times, values = np.array(trajectory.corners).T
         return Table(times, values / unit)
 
-    def _prescribed(self, section: Any) -> tuple[float, Table | None]:
+    def _prescribed(self, section: Any, quantity: str) -> tuple[float, Table | None]:
         """Return the unit of a drive, the area of the cell for a force, and the drive where it is a table."""
         unit = math.prod(self.config.grid.period) if section.control == "force" else 1.0
         if section.file is None:
             return unit, None
-        table = _table(section.file, section.control)
-        return unit, Table(table.times, table.values / unit)
+        table = self._table(section.file, quantity, section.reading)
+        return unit, replace(table, values=table.values / unit)
 
     @cached_property
     def velocity(self) -> Constant | Table | None:
         """Velocity of the punch along x; None where the punch rests."""
         trajectory = self.config.trajectory
         if trajectory.velocity_file is not None:
-            return _table(trajectory.velocity_file, "velocity")
+            return self._table(trajectory.velocity_file, "velocity", trajectory.velocity_reading)
         return None if trajectory.velocity is None else Constant(trajectory.velocity)
 
     @cached_property
@@ -99,7 +112,7 @@ class Drives:
         section, end = self.config.trajectory.tangential, self.config.time.end
         if section is None:
             return None
-        unit, table = self._prescribed(section)
+        unit, table = self._prescribed(section, _ALONG[section.control])
         if table is not None:
             return table
         value, start = getattr(section, section.control) / unit, section.start or 0.0
@@ -119,7 +132,7 @@ class Drives:
             return None
         from gfmdlayer.interface.friction import ShearBound
 
-        return ShearBound.of(self.config.friction)
+        return ShearBound.of(self.config.friction, self.config.units)
 
     @cached_property
     def temperature(self) -> Constant | Table | None:
@@ -133,7 +146,8 @@ class Drives:
         if section.file is None:
             assert section.value is not None
             return Constant(section.value)
-        table = _table(section.file, "temperature", tuple(filter(None, shifts(self.config).values())))
+        felt = tuple(filter(None, shifts(self.config).values()))
+        table = self._table(section.file, "temperature", section.reading, felt)
         if (last := float(table.times[-1])) < end:
             from gfmdlayer.files.tables import TableError
 
@@ -190,6 +204,17 @@ class Drives:
         """Smallest scales of response and depth: the range of an interface that attracts, else zero."""
         reach = self.interface.range if self.interface.attracts else 0.0
         return reach if self.config.trajectory.control != "depth" else 0.0, reach
+
+    @property
+    def drawn(self) -> tuple[float, float, float]:
+        """Largest drive, the exponent of the response over it under Hertz, and its first stretch.
+
+        They do not depend on the end of the run, which may grow.
+        """
+        corners = self.drive.breakpoints
+        largest = max(float(self.drive(time)) for time in (0.0, *corners))
+        growth = 1.0 if self.config.trajectory.control == "depth" else 2 / 3
+        return largest, growth, min((time for time in corners if time > 0), default=math.inf)
 
     @property
     def output_times(self) -> tuple[float, ...]:
@@ -268,16 +293,41 @@ class Drives:
         least, most = (1.0, 1.0) if reduced is None else reduced.extremes
         return shortest / most, time.end / least
 
-    def tables(self) -> Iterator[tuple[Path, str, float]]:
-        """Yield file, quantity and last time of the tables of drive, velocity and voltages."""
-        trajectory = self.config.trajectory
-        named = [(trajectory.file, trajectory.control), (trajectory.velocity_file, "velocity")]
-        if (along := trajectory.tangential) is not None:
-            named.append((along.file, along.control))
-        named += [(getattr(law, "voltage", None), "voltage") for law in self.config.interfaces]
-        for file, quantity in named:
-            if isinstance(file, Path):
-                yield file, quantity, float(_table(file, quantity).times[-1])
+    def tables(self) -> Iterator[tuple[Path, str, Table]]:
+        """Yield file, quantity and table of drive, velocity, tangential drive and voltages."""
+        given = self.config.trajectory
+        named = [(given.file, given.control, given.reading)]
+        named.append((given.velocity_file, "velocity", given.velocity_reading))
+        if (along := given.tangential) is not None:
+            named.append((along.file, _ALONG[along.control], along.reading))
+        voltages = (law for law in self.config.interfaces if isinstance(law, Electrostatic))
+        named += [(law.voltage, "voltage", law.reading) for law in voltages if isinstance(law.voltage, Path)]
+        for file, quantity, reading in named:
+            if file is not None:
+                yield file, quantity, self._table(file, quantity, reading)
+
+    def accounts(self) -> Iterator[str]:
+        """Yield how each file of an imposed quantity was read."""
+        yield from (table.account for _, _, table in self.tables())
+        if isinstance(self.temperature, Table):
+            yield self.temperature.account
+        if self.friction is not None and self.friction.over_speed is not None:
+            yield self.friction.over_speed.account
+
+    def _table(
+        self, file: Path, quantity: str, reading: Reading | None, felt: tuple[Shift, ...] = ()
+    ) -> Table:
+        """Return a table of a quantity over time; the last few files are kept while they do not change."""
+        changed: tuple[int, ...] = ()
+        with suppress(OSError):  # an array has no file: its name is the digest of its contents
+            status = file.stat()
+            changed = status.st_mtime_ns, status.st_size, status.st_ino
+        name, words = _IMPOSED[quantity]
+        if words == "force" and self.config.forces_per_length:
+            name, words = f"{name} per length", "force / length"
+        units = self.config.units
+        label = words if quantity in {"temperature", "voltage"} else label_of(units, words)
+        return _read(file, name, (label_of(units, "time"), label), reading, felt, changed)
 
 
 def _fastest(velocity: Constant | Table) -> float:
@@ -287,23 +337,21 @@ def _fastest(velocity: Constant | Table) -> float:
     return float(np.abs(velocity.values if isinstance(velocity, Table) else velocity.value).max())
 
 
-def _table(file: Path, quantity: str, felt: tuple[Shift, ...] = ()) -> Table:
-    """Return a table of a quantity over time; the last few files are kept while they do not change."""
-    changed: tuple[int, ...] = ()
-    with suppress(OSError):  # an array has no file: its name is the digest of its contents
-        status = file.stat()
-        changed = status.st_mtime_ns, status.st_size, status.st_ino
-    return _read(file, quantity, felt, changed)
-
-
 @lru_cache(maxsize=8)
-def _read(file: Path, quantity: str, felt: tuple[Shift, ...], _changed: tuple[int, ...]) -> Table:
+def _read(
+    file: Path,
+    quantity: str,
+    into: tuple[str | None, str | None],
+    reading: Reading | None,
+    felt: tuple[Shift, ...],
+    _changed: tuple[int, ...],
+) -> Table:
     """Read a table; temperatures must be within the range of the shifts that feel them."""
 
-    def refused(row: Sequence[float]) -> str:
-        return next(filter(None, (shift.refused(row[1]) for shift in felt)), "")
+    def refused(value: float) -> str:
+        return next(filter(None, (shift.refused(value) for shift in felt)), "")
 
-    return Table.read(file, quantity, refused if felt else None)
+    return Table.read(file, quantity, into, reading, refused if felt else None)
 
 
 @lru_cache(maxsize=4)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
-    from gfmdlayer.files.tables import RowError
+    from gfmdlayer.validation.reading import Reading
 
 
 class TimeFunction(Protocol):
@@ -70,20 +71,40 @@ class Table:
 
     times: FloatArray
     values: FloatArray
+    account: str = field(default="", compare=False)  # how its file was read
 
     @classmethod
-    def read(cls, file: Path, quantity: str, row_error: RowError | None = None) -> Table:
+    def read(
+        cls,
+        file: Path,
+        quantity: str,
+        into: tuple[str | None, str | None] = (None, None),
+        reading: Reading | None = None,
+        refused: Callable[[float], str] | None = None,
+    ) -> Table:
         """Read the columns time and `quantity`; the times start at 0 and increase, or TableError.
 
-        `row_error` returns the reason why the numbers of a row cannot be used, if any.
+        `into` are the units of the configuration for both, or None; `refused` returns the reason why a value
+        cannot be used, if any.
         """
-        from gfmdlayer.files.tables import TableError, read_columns
+        import numpy as np
 
-        times, values = read_columns(file, ("time", quantity), increasing=True, row_error=row_error).T
+        from gfmdlayer.files.tables import TableError, read_table
+        from gfmdlayer.validation.reading import answers
+
+        table = read_table(file, ("time", quantity), answers(reading))
+        times, values = table.take("time", into[0]), table.take(quantity, into[1])
+        if (back := np.flatnonzero(np.diff(times) <= 0)).size:
+            row = int(back[0]) + 1
+            order = f"time = {times[row]:g} after {times[row - 1]:g}"
+            raise TableError(f"{table.place(row)}: {order}; must increase from row to row")
+        for row, value in enumerate(values.tolist() if refused else ()):
+            if refused and (wrong := refused(value)):
+                raise TableError(f"{table.place(row)}: {wrong}")
         if times[0] != 0:
             start = "must be 0, where the simulation starts"
             raise TableError(f"{file}: the first time is {times[0]:g}; {start}")
-        return cls(times, values)
+        return cls(times, values, table.account)
 
     def in_time(self, unit: float) -> Table:
         """Return this velocity where time is counted in a unit."""

@@ -25,6 +25,7 @@ LAYER = {"thickness": 0.1, "material": {"model": "zener", "G0": 1, "Ginf": 5, "t
 TANGENTIAL = {"displacement": 0.01, "start": 0.2, "ramp_time": 0.1}
 CASES = {
     "line": LINE,
+    "windows": LINE | {"grid": {"points": 256}},
     "adaptive": LINE | ADAPTIVE,
     "load": LINE | {"trajectory": {"control": "load", "load": 0.01, "ramp_time": 0.2}},
     "layers": LINE | {"layers": [LAYER, LAYER | {"poisson": 0.3}]},

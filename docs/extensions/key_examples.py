@@ -45,19 +45,34 @@ layers:
   - {thickness: 0.01, poisson: 0.45, material: {G0: 5.0, Ginf: 20.0}}
   - {thickness: 0.1, poisson: 0.49, material: {G0: 1.0, Ginf: 4.0}}""",
     "Layer": "layer: {thickness: 0.1, poisson: 0.49, material: {G0: 1.0, Ginf: 5.0}}",
-    "Zener": "layer: {material: {model: zener, G0: 1.0, Ginf: 5.0, tau: 2.0}}",
-    "Prony": "layer: {material: {model: prony, G0: 1.0, branches: [{G: 6.0, tau: 0.1}, {G: 3.0, tau: 9.0}]}}",
+    "Zener": "layer: {material: {model: zener, moduli: young, G0: 3.0, Ginf: 15.0, tau: 2.0}}",
+    "Prony": """\
+layer: {material: {model: prony, G0: 1.0, branches: [{G: 6.0, tau: 0.1}, {G: 3.0, tau: 9.0}]}}
+---
+layer: {poisson: 0.4, material: {model: prony, moduli: bulk, G0: 1.0, branches: [{G: 6.0, tau: 0.1}]}}""",
     "Branch": "layer: {material: {model: prony, branches: [{G: 6.0, tau: 0.1}]}}",
-    "Elastic": "layer: {material: {model: elastic, G: 3.0}}",
+    "Elastic": """\
+layer: {material: {model: elastic, G: 3.0}}
+---
+layer: {poisson: 0.4, material: {model: elastic, young: 8.4}}
+---
+layer: {poisson: 0.4, material: {model: elastic, bulk: 14.0}}
+---
+layer: {poisson: 0.4, material: {model: elastic, moduli: young, G: 8.4}}    # as young: 8.4""",
     "FractionalZener": """\
-layer: {material: {model: fractional_zener, G0: 1, Ginf: 50, tau: 1.0, exponent: 0.5, tolerance: 0.001}}""",
+layer:
+  material: {model: fractional_zener, moduli: shear, G0: 1, Ginf: 50, tau: 1.0, exponent: 0.5,
+    tolerance: 0.001}""",
     "PowerLaw": """\
-layer: {material: {model: power_law, G0: 0.1, G: 1.0, tau: 1.0, exponent: 0.3, tolerance: 1.0e-3}}""",
+layer:
+  material: {model: power_law, moduli: young, G0: 0.1, G: 1.0, tau: 1.0, exponent: 0.3, tolerance: 1.0e-3}""",
     "Kohlrausch": """\
-layer: {material: {model: kohlrausch, G0: 1.0, Ginf: 10.0, tau: 1.0, exponent: 0.5, tolerance: 1.0e-3}}""",
+layer:
+  material: {model: kohlrausch, moduli: young, G0: 3, Ginf: 30, tau: 1.0, exponent: 0.5, tolerance: 0.001}""",
     "HavriliakNegami": """\
 layer:
-  material: {model: havriliak_negami, G0: 1, Ginf: 50, tau: 1, alpha: 0.6, gamma: 0.5, tolerance: 0.001}""",
+  material: {model: havriliak_negami, moduli: young, G0: 3, Ginf: 50, tau: 1, alpha: 0.6, gamma: 0.5,
+    tolerance: 0.001}""",
     "MaterialFile": "layer: {material: {file: rubber.yaml}}",
     "WLF": """\
 layer: {material: {G0: 1.0, Ginf: 10.0, shift: {law: wlf, reference: 20, C1: 17.4, C2: 51.6}}}
@@ -68,7 +83,11 @@ temperature: {value: 35}""",
     "Halfspace": """\
 halfspace: {shear_modulus: 10.0, poisson: 0.3}
 ---
-halfspace: {poisson: 0.3, material: {G0: 20.0, Ginf: 30.0}}""",
+halfspace: {poisson: 0.3, material: {G0: 20.0, Ginf: 30.0}}
+---
+halfspace: {poisson: 0.3, young_modulus: 26.0}
+---
+halfspace: {poisson: 0.3, bulk_modulus: 22.0}""",
     "Counterbody": """\
 counterbody: {layer: {thickness: 0.05, material: {G0: 2.0, Ginf: 8.0}}, halfspace: {shear_modulus: 50.0}}
 ---
@@ -109,11 +128,16 @@ grid: {points: [256, 256]}
 punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.02, rms_height: 0.002, seed: 1}""",
     "Profile": """\
 grid: {points: 512}
-punch: {shape: profile, file: heights.txt, touches_first: lowest}""",
+punch: {shape: profile, file: heights.txt, touches_first: lowest, hole: none, reading: {decimal: "."}}""",
     "Topography": """\
 grid: {points: [256, 256], period: 0.2}
 punch: {shape: topography, file: surface.h5, dataset: scan/height, unit: 1.0e-3, fill: membrane,
-  detrend: plane, taper: 0.1, resample: fourier}""",
+  detrend: plane, taper: 0.1, resample: fourier}
+---
+units: {length: um, stress: MPa, time: s}
+grid: {points: [256, 256], period: [10.0, 8.0]}
+punch: {shape: topography, file: scan.txt, unit: nm, size: [10.0, 8.0], transpose: true, hole: -9999,
+  fill: membrane, reading: {decimal: ","}}""",
     "FlatPunch": """\
 grid: {geometry: axisymmetric}
 punch: {shape: flat_punch, radius: 0.5}""",

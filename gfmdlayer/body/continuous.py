@@ -8,9 +8,9 @@ A simulation replaces them by the Prony series of few branches that keeps to a t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -44,6 +44,13 @@ class ContinuousLaw(Law):
     tolerance: Tolerance = 1e-4
     """largest relative error of the Prony series that replaces the law"""
 
+    def creep_compliance(self, t: ArrayLike) -> FloatArray:
+        """J(t) by a contour integral of 1/(s G(s))."""
+        import numpy as np
+
+        limits = 1 / self.glassy, 1 / self.relaxed if self.relaxed else math.inf
+        return _inverse_laplace(lambda s: 1 / np.asarray(self.laplace(s)), t, limits)
+
     def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
         """Return one branch for the relaxation in each part of some decades before the time."""
         times = [longest * 10 ** (-_DECADES * i / _BRANCHES) for i in range(_BRANCHES + 1)]
@@ -65,7 +72,26 @@ class _RelaxingLaw(TwoModuli, ContinuousLaw):
 
     def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
         """G(t) by a contour integral."""
-        return _inverse_laplace(self, t)
+        return _inverse_laplace(self.laplace, t, (self.glassy, self.relaxed))
+
+    def _beside_a_spring(self, longest: float, tolerance: float) -> Self:
+        """Return a liquid with a spring that is a part of the tolerance of its slowest modulus."""
+        from gfmdlayer.body.exponential_sums import FLOOR
+
+        if self.G0:
+            return self
+        slowest = abs(complex(self.complex_modulus(1 / longest)))
+        return self.model_copy(update={"G0": FLOOR * tolerance * slowest})
+
+    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return the branches of a solid, or of a liquid beside the spring of its slowest modulus."""
+        return super(_RelaxingLaw, self._beside_a_spring(longest, 1.0)).roughly(longest)
+
+    def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
+        """Return the Prony series that replaces the law; its error of a liquid is that beside a spring."""
+        tolerance = self.tolerance if tolerance is None else tolerance
+        law = self._beside_a_spring(longest, tolerance)
+        return super(_RelaxingLaw, law).prony(shortest, longest, tolerance)
 
 
 class HavriliakNegami(_RelaxingLaw):
@@ -242,8 +268,10 @@ def _havriliak_negami(law: _RelaxingLaw, s: ArrayLike, alpha: float, gamma: floa
     return np.asarray(law.G0 - (law.Ginf - law.G0) * softened)
 
 
-def _inverse_laplace(law: ContinuousLaw, t: ArrayLike) -> FloatArray:
-    """G(t) from G(s), the modulus being analytic but for the negative real axis."""
+def _inverse_laplace(
+    G_of: Callable[[NDArray[Any]], NDArray[Any]], t: ArrayLike, limits: tuple[float, float]
+) -> FloatArray:
+    """G(t) from G(s), which is analytic but for the negative real axis, and its limits at t = 0 and inf."""
     # The integral of exp(s t) G(s)/s over a hyperbola around the axis by the trapezoidal rule, with the
     # parameters of Weideman & Trefethen, Math. Comput. 76 (2007) 1341-1356.
     import numpy as np
@@ -254,6 +282,6 @@ def _inverse_laplace(law: ContinuousLaw, t: ArrayLike) -> FloatArray:
     angle = 1.17210423
     s = 4.49207528 * (_POINTS / 2) * (1 + np.sin(1j * theta - angle))
     slope = 4.49207528 * (_POINTS / 2) * np.cos(1j * theta - angle)
-    terms = np.exp(s) * slope / s * law.laplace(s / elapsed)
+    terms = np.exp(s) * slope / s * G_of(s / elapsed)
     G = terms.real.sum(axis=-1) * (1.08179214 / (_POINTS / 2)) / math.pi
-    return np.asarray(np.where(t == 0, law.glassy, np.where(np.isinf(t), law.relaxed, G)))
+    return np.asarray(np.where(t == 0, limits[0], np.where(np.isinf(t), limits[1], G)))

@@ -15,11 +15,21 @@ from pydantic import Field, GetCoreSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.body.laws import LAWS
-from gfmdlayer.body.materials import Law, Material, Zener
+from gfmdlayer.body.materials import Law, Material, Zener, contradicting, shear_modulus
 from gfmdlayer.validation import text
 from gfmdlayer.validation.fields import Extended, File, MustBe, given, strict
-from gfmdlayer.validation.problems import InconsistentError, Mistake
-from gfmdlayer.validation.sections import OneOf, Section, alone, contradictions, explained, plain
+from gfmdlayer.validation.problems import ConfigError, InconsistentError, Mistake
+from gfmdlayer.validation.sections import (
+    OneOf,
+    Section,
+    alone,
+    contradictions,
+    explained,
+    plain,
+    replaced,
+    sections_in,
+)
+from gfmdlayer.validation.units import Units
 
 
 class MaterialFile(Section):
@@ -55,6 +65,7 @@ MATERIALS = _LawOrFile({**LAWS, "file": MaterialFile})
 
 class _MaterialHolder(Section):
     material: Annotated[Law, OneOf(LAWS)]
+    units: Units | None = None
 
 
 def read_material(path: Path) -> Law:
@@ -66,17 +77,47 @@ def read_material(path: Path) -> Law:
     held = document.data if isinstance(document.data, dict) else {}
     if isinstance(held.get("layer"), dict):
         held, at = held["layer"], ("layer", "material")
+    units = document.data.get("units") if isinstance(document.data, dict) else None
     if not isinstance(held.get("material"), dict):
         _refuse([f"{path}:1:1: has no material; must be YAML with a section layer: {{material: ...}}"])
     try:
-        law = _MaterialHolder.model_validate({"material": held["material"]}).material
+        found = _MaterialHolder.model_validate({"material": held["material"], "units": units})
+        law = found.material
         problems = [problem.within(("material",)) for problem in contradictions(law)]
     except ValidationError as error:
         problems = explained(error, _MaterialHolder, ())
     if problems:
-        located = [Mistake((*at, *problem.location[1:]), problem.message) for problem in problems]
+        located = [
+            Mistake((*at, *problem.location[1:]), problem.message)
+            if problem.location[0] == "material"
+            else problem
+            for problem in problems
+        ]
         _refuse(f"{document.place(problem.location)}: {problem}" for problem in located)
-    return law
+    return law if found.units is None else law.measured_in(found.units.stress, found.units.time)
+
+
+def in_units(value: Any, units: Units | None) -> Any:
+    """Return a section, or several, with the materials of files in the units of the configuration."""
+    parts = value if isinstance(value, tuple) else (value,)
+    for i, part in enumerate(parts):
+        for at, law in sections_in(part) if isinstance(part, Section) else ():
+            if units is None and isinstance(law, Law) and law.units is not None:
+                stress, time = law.units
+                message = (
+                    f"the file has moduli in {stress} and times in {time}, the configuration has no units; "
+                    f"give units: {{length: ..., stress: {stress}, time: {time}}}, or remove its units"
+                )
+                place = (i, *at) if isinstance(value, tuple) else at
+                raise InconsistentError([Mistake(place, message, ("units",))])
+
+    def converted(part: Any) -> Any:
+        if units is None or not isinstance(part, Law) or part.units is None:
+            return part
+        return part.in_units(units.stress, units.time)
+
+    found = tuple(replaced(part, converted) if isinstance(part, Section) else part for part in parts)
+    return found if isinstance(value, tuple) else found[0]
 
 
 def _refuse(messages: Iterable[str]) -> NoReturn:
@@ -125,6 +166,17 @@ class Layer(Section):
         self._take(
             {key: value if isinstance(value, Law) else plain(value) for key, value in parameters.items()}
         )
+        if problems := list(contradictions(self)):  # in a configuration a sweep may replace the values
+            raise ConfigError(map(str, problems))
+
+    def problems(self) -> Iterator[Mistake]:
+        """Refuse moduli that contradict each other or Poisson's ratio."""
+        yield from (problem.within(("material",)) for problem in self.material.moduli_at(self.poisson))
+
+    @property
+    def in_shear(self) -> Layer:
+        """The layer whose material has shear moduli."""
+        return self.with_law(self.material.in_shear(self.poisson))
 
     def with_law(self, law: Law) -> Layer:
         """Return the layer of another law."""
@@ -157,18 +209,44 @@ class Halfspace(Section):
 
     material: Annotated[Annotated[Law, MATERIALS] | None, given] = None
     """viscoelastic law of the base, in place of shear_modulus"""
+    young_modulus: Annotated[Extended | None, given] = None
+    """Young's modulus of the base, in place of shear_modulus: pressure"""
+    bulk_modulus: Annotated[Extended | None, given] = None
+    """bulk modulus of the base, in place of shear_modulus: pressure"""
     shear_modulus: Annotated[Extended | None, given] = Field(
-        default_factory=lambda data: 1.0 if data.get("material") is None else None
+        default_factory=lambda data: (
+            1.0
+            if all(data.get(key) is None for key in ("material", "young_modulus", "bulk_modulus"))
+            else None
+        )
     )
     """shear modulus of the base; 0: a free layer, .inf: rigid: pressure"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the base"""
 
+    @property
+    def _moduli(self) -> dict[str, float]:
+        keys = ("shear_modulus", "young_modulus", "bulk_modulus")
+        return {key: vars(self)[key] for key in keys if vars(self)[key] is not None}
+
     def problems(self) -> Iterator[Mistake]:
-        """Refuse a modulus beside a material."""
-        if self.material is not None and self.shear_modulus is not None:
+        """Refuse a modulus beside a material, and moduli that contradict each other."""
+        if self.material is not None:
             message = "given beside material; remove one of the two"
-            yield Mistake(("shear_modulus",), message, ("material",))
+            yield from (Mistake((key,), message, ("material",)) for key in self._moduli)
+            yield from (problem.within(("material",)) for problem in self.material.moduli_at(self.poisson))
+        else:
+            yield from contradicting(self._moduli, self.poisson)
+
+    @property
+    def in_shear(self) -> Halfspace:
+        """The halfspace by a shear modulus, or by a material that has shear moduli."""
+        if self.material is not None:
+            return self.with_law(self.material.in_shear(self.poisson))
+        if self.young_modulus is None and self.bulk_modulus is None:
+            return self
+        others = {"young_modulus": None, "bulk_modulus": None}
+        return self.model_copy(update={"shear_modulus": shear_modulus(self._moduli, self.poisson)} | others)
 
     def with_law(self, law: Law) -> Halfspace:
         """Return the halfspace of another law."""

@@ -83,11 +83,11 @@ class Layers(Solid):
         base: Halfspace | None = None,
     ) -> None:
         self._take({})
-        self._above, self._accuracy = tuple(layers), accuracy
+        self._above, self._accuracy = tuple(layer.in_shear for layer in layers), accuracy
         if base is None:  # else the configuration has been checked
             _check(self._above, rigid=rigid)
             base = Halfspace(shear_modulus=math.inf if rigid else 0.0)
-        self._base = base
+        self._base = base.in_shear
 
     @classmethod
     @lru_cache(maxsize=16)  # sections never change, and a case asks for its body some twenty times
@@ -270,6 +270,14 @@ class Layers(Solid):
         """Whether the body is a stack, whose modes are merged."""
         several = len(self._above) > 1 or any(isinstance(layer, StackedLayer) for layer in self._above)
         return several or self._base.material is not None
+
+    @property
+    def flows(self) -> bool:
+        """Whether nothing below holds a load: a liquid halfspace, or a free stack of liquids."""
+        lowest = self.present[-1:] if self.layers and math.isinf(self.layers[-1].thickness) else ()
+        if self._base.shear_modulus == 0 and not lowest:
+            lowest = self.present
+        return bool(lowest) and not any(layer.material.relaxed for layer in lowest)
 
     def problems_isolated(self) -> Iterator[Mistake]:
         """Refuse layers without a base."""

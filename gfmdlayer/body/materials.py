@@ -17,15 +17,16 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from gfmdlayer.body.shifts import SHIFTS, Celsius, Shift
-from gfmdlayer.validation.fields import File, NotNegative, Positive, given
+from gfmdlayer.validation.fields import File, NotNegative, Optional, Positive, Word, given
 from gfmdlayer.validation.problems import ConfigError, Location, Mistake, dotted
+from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Kind, OneOf, Section, alone, plain, sections_in
 
 if TYPE_CHECKING:
@@ -34,15 +35,61 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray, FloatArray
 
 
+# Shear moduli over moduli of other kinds, at a constant Poisson's ratio.
+IN_SHEAR: Mapping[str, Callable[[float], float]] = {
+    "shear": lambda _: 1.0,
+    "young": lambda poisson: 1 / (2 * (1 + poisson)),
+    # At 0.5, where a bulk modulus is refused, any modulus will do.
+    "bulk": lambda poisson: 3 * (1 - 2 * poisson) / (2 * (1 + poisson)) or 1.0,
+}
+_MODULI = ("G", "G0", "Ginf")
+_AGREE = 1e-6  # relative: moduli of two kinds that agree
+
+
+def shear_modulus(given: Mapping[str, float], poisson: float) -> float:
+    """Return the shear modulus of the first of some moduli, by their keys such as young or young_modulus."""
+    (key, value), *_ = given.items()
+    return value if value in {0, math.inf} else value * IN_SHEAR[kind_of_modulus(key)](poisson)
+
+
+def kind_of_modulus(key: str) -> str:
+    """Return the kind of modulus that a key such as G, young or young_modulus has."""
+    return next((kind for kind in IN_SHEAR if key.startswith(kind)), "shear")
+
+
+def contradicting(given: Mapping[str, float], poisson: float) -> Iterator[Mistake]:
+    """Yield why moduli by their keys do not go together, or not with Poisson's ratio."""
+    (first, value), *others = given.items() or [("", 0.0)]
+    for key in given:
+        if kind_of_modulus(key) == "bulk" and poisson == 0.5:
+            yield Mistake((key,), incompressible(key), ("poisson",))
+            return
+    for key, other in others:
+        G, own = shear_modulus({first: value}, poisson), shear_modulus({key: other}, poisson)
+        if own != G and not abs(own - G) <= _AGREE * abs(G):
+            implied = 0.0 if not G else G / IN_SHEAR[kind_of_modulus(key)](poisson)
+            made = f"but {first} = {value!r} and poisson = {poisson!r} make it {implied:.6g}"
+            yield Mistake((key,), f"got {other!r}, {made}; remove one of the two", (first, "poisson"))
+
+
+def incompressible(key: str) -> str:
+    """Return why a bulk modulus at Poisson's ratio 0.5 is refused."""
+    return f"{key} says nothing of shear where poisson is 0.5; give poisson below 0.5, or another modulus"
+
+
 class Law(Kind):
     """Shear response of an isotropic solid whose stress relaxes."""
 
-    BY_NAME: ClassVar[frozenset[str]] = frozenset({"model", "shift"})  # parameters that have no position
+    BY_NAME: ClassVar[frozenset[str]] = frozenset({"model", "moduli", "shift"})  # parameters without position
 
     model: str
     """word that chooses the law"""
+    moduli: Annotated[Annotated[str, Word(*IN_SHEAR)] | None, given] = None
+    """kind of all its moduli: shear (default), young or bulk, by poisson beside it"""
     shift: Annotated[Shift | None, OneOf(SHIFTS), given] = None
     """shift with the temperature: a mapping with law wlf or arrhenius"""
+
+    _units: tuple[str, str] | None = None  # of moduli and times, in a file that names them
 
     @alone
     def __init__(self, *values: Any, **keys: Any) -> None:
@@ -62,14 +109,58 @@ class Law(Kind):
             raise ConfigError(map(str, problems))
 
     @property
+    def units(self) -> tuple[str, str] | None:
+        """Units of moduli and times of a law from a file; None once they are those of the configuration."""
+        return self._units
+
+    def measured_in(self, stress: str, time: str) -> Self:
+        """Return the law, whose moduli and times have these units."""
+        law = self.model_copy()
+        law._units = stress, time
+        return law
+
+    def in_units(self, stress: str, time: str) -> Self:
+        """Return a law from a file with moduli and times in these units."""
+        from gfmdlayer.files.units import unit_of
+
+        own, other = (
+            [unit.size for unit in map(unit_of, pair) if unit]
+            for pair in (self._units or (stress, time), (stress, time))
+        )
+        law = self.scaled(*(float(mine / theirs) for mine, theirs in zip(own, other, strict=True)))
+        law._units = None
+        return law
+
+    def in_shear(self, poisson: float) -> Law:
+        """Return the law with shear moduli, which follow from those of another kind by Poisson's ratio."""
+        if self.moduli is None:
+            return self
+        law = self.scaled(IN_SHEAR[self.moduli](poisson))
+        return law.model_copy(update={"moduli": None})
+
+    def moduli_at(self, poisson: float) -> Iterator[Mistake]:
+        """Yield why the shear moduli do not follow from the given ones at a Poisson's ratio."""
+        if self.moduli == "bulk" and poisson == 0.5:
+            yield Mistake(("moduli",), incompressible("a bulk modulus"), ("poisson",))
+
+    def scaled(self, modulus: float, time: float = 1.0) -> Self:
+        """Return the law with moduli and times multiplied by factors."""
+        factors = dict.fromkeys(_MODULI, modulus) | {"tau": time}
+        values = {key: vars(self)[key] for key in factors if vars(self).get(key) is not None}
+        update: dict[str, Any] = {key: value * factors[key] for key, value in values.items()}
+        if branches := getattr(self, "branches", ()):
+            update["branches"] = tuple(Branch(G=G * modulus, tau=tau * time) for G, tau in branches)
+        return self.model_copy(update=update)
+
+    @property
     @abstractmethod
     def relaxed(self) -> float:
-        """Modulus at long times and low frequencies, G0 >= 0."""
+        """Modulus at long times and low frequencies, G0 >= 0; 0 of a liquid."""
 
     @property
     def unit(self) -> float:
-        """Modulus by which dimensionless pressures are divided: the relaxed one, where it is not zero."""
-        return self.relaxed
+        """Modulus by which dimensionless pressures are divided: the relaxed one, of a liquid the glassy."""
+        return self.relaxed or self.glassy
 
     @property
     @abstractmethod
@@ -84,6 +175,10 @@ class Law(Kind):
     @abstractmethod
     def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
         """Stress after a unit step of strain, over two: G(t), for t >= 0, in the shape of t."""
+
+    @abstractmethod
+    def creep_compliance(self, t: ArrayLike) -> FloatArray:
+        """Strain after a unit step of stress, times two: J(t), for t > 0, in the shape of t."""
 
     @abstractmethod
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
@@ -149,6 +244,22 @@ class Material(Law):
         relaxing = self.branch_moduli * np.exp(-elapsed / self.branch_times)
         return np.asarray(self.relaxed + relaxing.sum(axis=-1))
 
+    def creep_compliance(self, t: ArrayLike) -> FloatArray:
+        """J(t) = 1/Ginf + sum of J_k (1 - exp(-t/theta_k)), by the retardation times theta_k."""
+        import numpy as np
+
+        from gfmdlayer.body.relaxation import distinct_branches, retardation_spectrum
+
+        elapsed = np.asarray(t, dtype=float)
+        moduli, times = distinct_branches(self)
+        if not moduli.size:
+            return np.full(elapsed.shape, 1 / self.glassy)
+        # A liquid beside a spring that it does not feel: its longest retardation time is far beyond t.
+        spring = self.relaxed or _UNFELT * float(moduli @ times) / max(float(elapsed.max()), float(times[-1]))
+        compliances, thetas = retardation_spectrum(moduli, times, np.array([spring]))
+        retarded = compliances[:, 0] * -np.expm1(-elapsed[..., np.newaxis] / thetas[:, 0])
+        return np.asarray(1 / self.glassy + retarded.sum(axis=-1))
+
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
         """Modulus G(s) at the Laplace variable s, real or complex, in the shape of s."""
         import numpy as np
@@ -156,13 +267,22 @@ class Material(Law):
         cycles = np.asarray(s)[..., np.newaxis] * self.branch_times
         return np.asarray(self.relaxed + (self.branch_moduli * (cycles / (1 + cycles))).sum(axis=-1))
 
-    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:  # noqa: ARG002
+    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
         """Return the modulus and the branches of the series."""
-        return self.relaxed, self.maxwell_branches
+        return self.relaxed or self._slowest(longest), self.maxwell_branches
 
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:  # noqa: ARG002
-        """Return the material itself, which is a series."""
-        return PronySeries(self, shortest, longest)
+        """Return the material itself, which is a series; a liquid with a spring that no run feels."""
+        if self.relaxed:
+            return PronySeries(self, shortest, longest)
+        spring = LEAST_SPRING * self._slowest(longest)
+        return PronySeries(
+            Prony(spring, self.maxwell_branches), shortest, longest, LEAST_SPRING, LEAST_SPRING
+        )
+
+    def _slowest(self, longest: float) -> float:
+        """Modulus of a liquid against the slowest loads up to a time: viscosity over time, if long."""
+        return abs(complex(self.complex_modulus(1 / longest)))
 
 
 @dataclass(frozen=True)
@@ -172,11 +292,15 @@ class PronySeries:
     material: Material  # the series
     shortest: float  # range of times, and of the reciprocals of angular frequencies, in which the bounds hold
     longest: float
-    error_in_time: float = 0.0  # bound on |error of G(t)|/G(t)
+    # Bound on |error of G(t)|/G(t); of a liquid, over the sum of G(t) and its slowest modulus.
+    error_in_time: float = 0.0
     error_in_frequency: float = 0.0  # bound on |error of G(omega)|/|G(omega)|
 
 
 # Laws of a spring beside Maxwell branches: elastic, Zener, Prony.
+
+_UNFELT = 1e-13  # relative to the viscosity of a liquid over the time
+LEAST_SPRING = 1e-10  # of a liquid, relative to its modulus against the slowest loads of a run
 
 
 class Elastic(Material):
@@ -188,17 +312,47 @@ class Elastic(Material):
     array([3., 3.])
     """
 
+    BY_NAME: ClassVar[frozenset[str]] = Law.BY_NAME | {"young", "bulk"}
+
     model: Literal["elastic"] = "elastic"
     """G(t) = G at all times"""
-    G: Positive = 1.0
+    young: Optional = None
+    """Young's modulus, in place of G, by poisson beside it: pressure"""
+    bulk: Optional = None
+    """bulk modulus, in place of G, by poisson beside it: pressure"""
+    G: Optional = Field(
+        default_factory=lambda data: 1.0 if data.get("young") is None and data.get("bulk") is None else None
+    )
     """shear modulus: pressure"""
 
     __init__ = Material.__init__
 
     @property
+    def _given(self) -> dict[str, float]:
+        moduli = {"G": self.G, "young": self.young, "bulk": self.bulk}
+        return {key: value for key, value in moduli.items() if value is not None}
+
+    def problems(self) -> Iterator[Mistake]:
+        """Refuse a kind of the moduli beside keys that have their own."""
+        if self.moduli is not None and {*self._given} != {"G"}:
+            yield Mistake(("moduli",), "given beside young or bulk; remove it", ("young", "bulk"))
+
+    def in_shear(self, poisson: float) -> Law:
+        """Return the solid with G alone."""
+        if self.G is not None:
+            return super().in_shear(poisson)
+        update = {"G": shear_modulus(self._given, poisson), "young": None, "bulk": None}
+        return self.model_copy(update=update)
+
+    def moduli_at(self, poisson: float) -> Iterator[Mistake]:
+        """Yield moduli that contradict each other."""
+        yield from super().moduli_at(poisson)
+        yield from contradicting(self._given, poisson)
+
+    @property
     def relaxed(self) -> float:
-        """Modulus G."""
-        return self.G
+        """Modulus G; the modulus that is given, of a solid on its own."""
+        return next(iter(self._given.values()))
 
     @property
     def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
@@ -209,8 +363,8 @@ class Elastic(Material):
 class TwoModuli(Law):
     """A law that relaxes from the modulus Ginf to G0, in times around tau."""
 
-    G0: Positive = 1.0
-    """relaxed shear modulus, for slow loads: pressure"""
+    G0: NotNegative = 1.0
+    """relaxed shear modulus, for slow loads; 0: a liquid: pressure"""
     Ginf: Positive = 10.0
     """instantaneous shear modulus, for fast loads: pressure"""
     tau: Positive = 1.0
@@ -293,8 +447,8 @@ class Prony(Material):
 
     model: Literal["prony"] = "prony"
     """G(t) = G0 + sum of G exp(-t/tau) over the branches"""
-    G0: Positive = 1.0
-    """relaxed shear modulus: pressure"""
+    G0: NotNegative = 1.0
+    """relaxed shear modulus; 0: a liquid: pressure"""
     branches: tuple[Branch, ...] = ()
     """a list of {G: ..., tau: ...}, G >= 0 and tau > 0; elastic without any"""
 
@@ -305,6 +459,11 @@ class Prony(Material):
             for branch in branches
         ]
         super().__init__(G0, tuple(made), **keys)
+
+    def problems(self) -> Iterator[Mistake]:
+        """Refuse a series without a modulus."""
+        if not self.glassy:
+            yield Mistake(("G0",), "got 0 without a branch; must be > 0, or with branches", ("branches",))
 
     @property
     def relaxed(self) -> float:
@@ -325,12 +484,14 @@ _MOTION = ("trajectory.velocity", "trajectory.velocity_file")
 class Temperature(Section):
     """Temperature of the whole body, which shifts the relaxation times of materials with a `shift`."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["value"]}, {"required": ["file"]}]})
 
     value: Annotated[Celsius | None, given] = None
     """temperature at all times: degrees Celsius"""
     file: Annotated[File | None, given] = None
-    """two columns, time and temperature in degrees Celsius; in place of value"""
+    """two columns, time and temperature, without a unit in degrees Celsius; in place of value"""
+    reading: Annotated[Reading | None, given] = None
+    """how the file is read, where it does not say so"""
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse both and neither."""
@@ -338,6 +499,7 @@ class Temperature(Section):
             yield Mistake((), "has neither value nor file; must be {value: ...} or {file: ...}")
         if self.value is not None and self.file is not None:
             yield Mistake(("file",), "given beside value; remove one of the two", ("value",))
+        yield from unread(self, "file")
 
 
 def shifts(config: Section) -> dict[Location, Shift | None]:

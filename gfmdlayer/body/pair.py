@@ -154,6 +154,11 @@ class Pair(Solid):
         return 1 / sum(1 / modulus for modulus in moduli if modulus)
 
     @property
+    def flows(self) -> bool:
+        """Whether a body gives way to a load without end."""
+        return any(body.flows for body in self._solids)
+
+    @property
     def merges(self) -> bool:
         """Whether a body merges its relaxing modes."""
         return any(body.merges for body in self._solids)

@@ -16,13 +16,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
-from gfmdlayer.body.materials import Material
 from gfmdlayer.kernels import kernel
 
 # Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
@@ -34,6 +33,25 @@ SAME_BRANCH = 1e-13
 # The iteration needed at most 16 steps in all tests; it ends when rounding no longer changes a root.
 _MOST_ITERATIONS = 100
 _ROUNDING = 4 * np.finfo(float).eps
+
+
+class Branched(Protocol):
+    """A material of a spring beside Maxwell branches, see `materials.Material`."""
+
+    @property
+    def relaxed(self) -> float:
+        """Modulus of the spring."""
+        ...
+
+    @property
+    def branch_moduli(self) -> FloatArray:
+        """Moduli of the branches."""
+        ...
+
+    @property
+    def branch_times(self) -> FloatArray:
+        """Relaxation times of the branches."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -64,7 +82,7 @@ class Spectrum:
     error: float = 0.0
 
     @classmethod
-    def of_material(cls, stiffness: ArrayLike, material: Material) -> Spectrum:
+    def of_material(cls, stiffness: ArrayLike, material: Branched) -> Spectrum:
         """Return the modes of a stiffness that is proportional to one modulus.
 
         Parameters
@@ -145,7 +163,7 @@ class TractionSpectrum:
     across: Spectrum  # K_t over V
 
 
-def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
+def distinct_branches(material: Branched) -> tuple[FloatArray, FloatArray]:
     """Moduli and ascending, distinct relaxation times of the branches that are not negligible."""
     times, position = np.unique(material.branch_times, return_inverse=True)
     moduli = np.bincount(position, weights=material.branch_moduli, minlength=times.size)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.body import Body
     from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.body.wavevectors import Wavevectors
+    from gfmdlayer.validation.units import Units
 
 # Width of an isolated contact on a grid, at most, over the period (`body.isolated`).
 WIDEST = 0.42
@@ -67,6 +68,14 @@ class Solid(Kind):
 
     kind: str = "file"
     """word that chooses the body"""
+
+    def in_units(self, units: Units | None) -> Solid:  # noqa: ARG002
+        """Return the body whose file, if it has one, is converted into the units of the configuration."""
+        return self
+
+    def account(self) -> str:
+        """Say in one line how its file was read, if it has one."""
+        return ""
 
     @property
     def mean_stiffness(self) -> float:
@@ -134,6 +143,11 @@ class Solid(Kind):
     def contact_modulus(self) -> float | None:
         """Relaxed E* = 2 G/(1 - nu) at the surface; None where there is no such modulus."""
         return None
+
+    @property
+    def flows(self) -> bool:
+        """Whether the body gives way to a load without end: a liquid that lies on nothing solid."""
+        return any(not law.relaxed for law in self.laws)
 
     @property
     def merges(self) -> bool:

@@ -6,11 +6,15 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+from pydantic import PrivateAttr
 
 from gfmdlayer.body.solid import OneModulus
 from gfmdlayer.validation.fields import File, Lengths, NotNegative, given
 from gfmdlayer.validation.problems import Mistake, shown
+from gfmdlayer.validation.reading import Reading, answers
+from gfmdlayer.validation.units import Units, label_of
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -22,10 +26,10 @@ _SAME = 1e-6  # relative difference of two lengths, or stiffnesses, that are mea
 class Tabulated(OneModulus):
     """A body whose relaxed stiffness is a table in a file, over |q| or over (qx, qy).
 
-    Of a text file the columns are q and K, the same in all directions; between the rows K is a monotone cubic
-    in the logarithms, and waves beyond them are refused. Other files have K at the waves of the grid, in the
-    order of NumPy's FFT, such as another code computes them for its crystal: a .npy file; the dataset
-    `stiffness` of an HDF5 file (.h5), whose attribute `period` may have the period; or the file
+    Of a text file the columns are q and K, the same in all directions; between the rows, in any order, K is a
+    monotone cubic in the logarithms, and waves beyond them are refused. Other files have K at the waves of
+    the grid, in the order of NumPy's FFT, such as another code computes them for its crystal: a .npy file;
+    the dataset `stiffness` of an HDF5 file (.h5), whose attribute `period` may have the period; or the file
     PREFIX.bin.STEP with the elastic stiffness coefficients Phi(q) that `fix gfc` of LAMMPS measures
     (L. T. Kong et al., Comput. Phys. Commun. 180 (2009) 1004), of which K = 1/(cell [Phi^-1]_zz), in the
     units of that simulation. Its cells are rectangular, with one atom each.
@@ -46,6 +50,20 @@ class Tabulated(OneModulus):
     """.npy, .h5: period of the grid of its waves, or [Lx, Ly]: length"""
     mean: NotNegative = 0.0
     """stiffness at q = 0; default 0: the mean displacement is prescribed: pressure/length"""
+    reading: Annotated[Reading | None, given] = None
+    """how the text is read, where it does not say so"""
+
+    _units: Units | None = PrivateAttr(default=None)  # of the configuration
+
+    def in_units(self, units: Units | None) -> Tabulated:
+        """Return the body whose columns are converted into units."""
+        body = self.model_copy()
+        body._units = units
+        return body
+
+    def account(self) -> str:
+        """Say in one line how the columns of a text were read."""
+        return "" if self._format else self._rows.account
 
     @property
     def mean_stiffness(self) -> float:
@@ -65,6 +83,8 @@ class Tabulated(OneModulus):
         if self._format not in _ARRAYS and self.period is not None:
             message = "only for a .npy or .h5 file; others have their wavenumbers; remove it"
             yield Mistake(("period",), message, ("table",))
+        if self._format and self.reading is not None:
+            yield Mistake(("reading",), "only for a text with columns; remove it", ("table",))
 
     def problems_on_grid(self, points: Sequence[int], period: Sequence[float]) -> Iterator[Mistake]:
         """Refuse an array of other waves than those of the grid."""
@@ -95,6 +115,10 @@ class Tabulated(OneModulus):
         own = own if isinstance(own, tuple) else (own,) * held.ndim
         return held, own
 
+    @property
+    def _rows(self) -> _TabulatedStiffness:
+        return _rows(self.table, self._units, self.reading, self.table.stat().st_mtime_ns)
+
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
         """Return K(q); a ValueError for waves beyond the rows, or a file that cannot be used."""
         import numpy as np
@@ -112,7 +136,7 @@ class Tabulated(OneModulus):
             K[q > 0] = held[places][q > 0]
             return np.asarray(K)
         try:
-            rows = _rows(self.table, self.table.stat().st_mtime_ns)
+            rows = self._rows.values
         except TableError as error:
             raise ValueError(str(error)) from None
         least, most = rows[0][0], rows[0][-1]
@@ -200,12 +224,26 @@ def _of_fix_gfc(file: Path) -> tuple[FloatArray, tuple[float, ...]]:
 _HEAD = 24  # bytes: four integers and a number
 
 
+class _TabulatedStiffness(NamedTuple):
+    """Wavenumbers and stiffness, shape (2, rows), and how their file was read."""
+
+    values: FloatArray
+    account: str
+
+
 @lru_cache(maxsize=8)
-def _rows(file: Path, _changed: int) -> FloatArray:
-    """Return the two columns of a table of stiffness."""
-    from gfmdlayer.files.tables import read_columns
+def _rows(file: Path, units: Units | None, reading: Reading | None, _changed: int) -> _TabulatedStiffness:
+    """Return the two columns of a table of stiffness, in the order of wavenumbers."""
+    import numpy as np
 
-    def refused(row: Sequence[float]) -> str:
-        return "" if min(row) > 0 else f"holds {min(row):g}; wavenumber and stiffness must be > 0"
+    from gfmdlayer.files.tables import TableError, read_table
 
-    return read_columns(file, ("q", "K"), increasing=True, row_error=refused).T
+    table = read_table(file, ("wavenumber", "stiffness"), answers(reading))
+    q = table.take("wavenumber", label_of(units, "1 / length"))
+    K = table.take("stiffness", label_of(units, "pressure / length"))
+    smaller = np.minimum(q, K)
+    if smaller[row := int(smaller.argmin())] <= 0:
+        found = f"holds {smaller[row]:g}; wavenumber and stiffness must be > 0"
+        raise TableError(f"{table.place(row)}: {found}")
+    order = table.ascending(q, "wavenumber")
+    return _TabulatedStiffness(np.stack((q, K))[:, order], table.account)

@@ -52,9 +52,11 @@ from gfmdlayer.history.adaptive_steps import (
     next_point,
     relative_error,
     scales,
+    weigh,
 )
 from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
 from gfmdlayer.history.modes import ModeArrays, Modes
+from gfmdlayer.history.path_work import work_along
 from gfmdlayer.history.sliding_modes import SlidingArrays, SlidingModes
 from gfmdlayer.history.time_points import FixedSteps
 from gfmdlayer.kernels import address_of, by_address, compiling, kernel, record_type
@@ -147,6 +149,9 @@ NOW = record_type(
         ("shift", np.float64),  # height at which the solver has found the surface under a load
         ("work", np.float64),
         ("energies", np.float64),
+        ("residual", np.float64),  # of the energy balance
+        ("largest", np.float64),  # work or energy
+        ("open", np.float64),  # residual
         ("points", np.int64),  # of the curve of mean pressure over depth that are known, at most two
         ("curve", np.float64, (2, 3)),  # time, depth and mean pressure
         ("tangential", np.float64, (2, 3)),  # time, position and tangential stress
@@ -209,7 +214,7 @@ def march(
         if not constants.by_depth:
             depth = response = _depth_under_load(surface, modes, constants, record, prescribed)
         if adaptive and not _accepted(
-            constants, control, modes, errors, (u, b), point, response, depth, sliding
+            constants, control, modes, errors, (u, b), point, prescribed, response, depth, sliding
         ):
             continue  # a shorter one follows
         _advance(constants.advance, (modes, sliding, errors, u, adaptive))  # 8, 9
@@ -220,6 +225,8 @@ def march(
             now.point += 1
         row = rows[now.rows]
         _measure(solver, surface, errors, ring, constants, record, row, result, depth, place, moving)
+        if adaptive:
+            weigh(control, now.work, now.energies, now.residual)
         now.rows += 1
         if moving is not None and settles(moving.steady, point.time, pressure, depth, row[_BEFORE + 2]):
             return SETTLED
@@ -241,6 +248,7 @@ def _accepted(
     errors: ErrorArrays,
     fields: tuple[FloatArray, FloatArray],
     point: Point,
+    prescribed: float,
     response: float,
     depth: float,
     sliding: SlidingArrays | None,
@@ -256,7 +264,7 @@ def _accepted(
     else:
         for i in range(u.size):
             deforms = deforms or u[i] != 0.0
-    return judge(control, point, response, depth, deforms, error, (False, 0.0, 0.0))
+    return judge(control, point, prescribed, response, depth, deforms, error, (False, 0.0, 0.0))
 
 
 @kernel(inner=True, borrows=True)
@@ -369,13 +377,20 @@ def _measure(
             moving, solver.plans, p, surface.spectrum, now.time
         )
         at += 4
-    if now.points == 0:
+    touches = constants.adaptive and (curve[1, 2] == 0.0) != (pressure == 0.0)
+    if now.points == 0 or touches:
         now.work += energies - now.energies
     else:
-        work = _work(curve, now.points, depth, pressure)
+        if constants.adaptive:
+            work = work_along(curve, now.points, depth, pressure)
+        else:
+            work = _work(curve, now.points, depth, pressure)
         if moving is not None:
             work += _work(now.tangential, now.points, row[_BEFORE], row[_BEFORE + 1])
         now.work += work
+    now.residual = now.work - stored - dissipated
+    now.largest = max(now.largest, abs(now.work), energies)
+    now.open = max(now.open, abs(now.residual))
     now.energies, now.points = energies, min(now.points + 1, 2)
     for i in range(3):
         curve[0, i] = curve[1, i]
@@ -389,7 +404,7 @@ def _measure(
     row[5], row[6], row[7], row[8] = pressure, pressure * constants.cell, between, error
     row[9], row[10], row[11] = now.transforms, now.iterations, now.attempts - 1
     row[at], row[at + 1], row[at + 2] = now.work, stored, dissipated
-    row[at + 3], row[at + 4] = now.work - stored - dissipated, mean_gap
+    row[at + 3], row[at + 4] = now.residual, mean_gap
     now.transforms = now.iterations = now.attempts = 0
 
 
@@ -597,7 +612,9 @@ class March:
         effort, energy = parts["effort"].state(), parts["energy"].state()
         for name in ("transforms", "iterations", "attempts"):
             now[name] = effort[name]
-        now["work"], now["energies"], curve = energy["work"], energy["energies"], energy["normal"]
+        for name in ("work", "energies", "largest", "open"):
+            now[name] = energy[name]
+        curve = energy["normal"]
         now["points"] = len(curve)
         for place, row in enumerate(curve, 2 - len(curve)):
             now["curve"][place] = row[:3]
@@ -629,6 +646,8 @@ class March:
                 "work": now["work"],
                 "lost": np.float64(0.0),
                 "energies": now["energies"],
+                "largest": now["largest"],
+                "open": now["open"],
                 "torn": np.False_,
                 "normal": np.column_stack((curve, np.full(count, np.nan))),
                 "tangential": now["tangential"][2 - count :, None, 1:].copy(),
@@ -655,5 +674,5 @@ _NONE = np.zeros(0)  # arguments, for their types
 _EXTENT = np.zeros(0, np.bool_), _NONE, _NONE, (1, 1)
 _NO_POINTS = _points([])
 _NO_CONTROL = StepControl(
-    _NO_POINTS.times, _NO_POINTS.marks, 0.0, 0.0, 0.0, 0.0, False, *np.zeros((2, 1), STEP_STATE)
+    _NO_POINTS.times, _NO_POINTS.marks, *np.zeros(4), False, *np.zeros(4), *np.zeros((2, 1), STEP_STATE)
 )

@@ -20,14 +20,24 @@ from gfmdlayer.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gfmdlayer.files.tables import Answers
     from gfmdlayer.fitting.estimates import FitOptions
 
+_READING = """
+--decimal MARK  decimal mark of the file, . or , (default: found)
+--columns NAMES  names in place of the headings, such as "f [Hz], E', -, tan delta"; - is not read
+--table N  number of the table in a file with several
+"""
+
 _FIT_MATERIAL = """
-data DATA  file with two or three columns; the first must increase
+data DATA  table with headings: omega or f with moduli or compliances, or t with G(t) or J(t)
+--modulus {G,E}  moduli and compliances that do not say it: G in shear, E in tension
+--units NAME=UNIT ...  units of columns without a unit, such as frequency=Hz
 --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
   (default: a Prony series)
---columns NAMES  names of columns, such as "f, E', tan delta"
---poisson NU = 0.5  Poisson's ratio, for E (default: 0.5)
+--poisson NU = 0.5  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
 --out PATH  YAML file, or folder for NAME.yaml; the figure lies beside it (default: here)
 --branches N  number of branches (default: the fewest that fit)
 --relaxed-modulus G0  relaxed modulus (default: fitted)
@@ -40,7 +50,7 @@ data DATA  file with two or three columns; the first must increase
 
 
 @verb(
-    _FIT_MATERIAL,
+    _FIT_MATERIAL + _READING.lstrip(),
     "gfmdlayer fit-material configs/polymer.csv --temperature 35 --reference 25 --wlf 17.4 51.6",
 )
 def fit_material(options: argparse.Namespace) -> int:
@@ -62,7 +72,7 @@ def fit_material(options: argparse.Namespace) -> int:
             options.out,
             law=options.law,
             poisson=options.poisson,
-            names=options.columns,
+            answers=_answers(options, _units(options.units), options.modulus),
             branches=options.branches,
             relaxed=options.relaxed_modulus,
             temperature=options.temperature,
@@ -83,6 +93,39 @@ _OUT_OF_INDENTATION = """
   the results folder (default: results/NAME-fits)
 --jobs N = 1  processes (default: 1)
 """
+
+
+def _answers(
+    options: argparse.Namespace, units: Sequence[tuple[str, str]], modulus: str | None = None
+) -> Answers:
+    """Return what the command line says about a table."""
+    from gfmdlayer.files.tables import Answers
+    from gfmdlayer.fitting.measurement import FitError
+
+    if options.decimal not in {None, ".", ","}:
+        raise FitError(f"--decimal {options.decimal}: must be . or ,")
+    names = tuple(name.strip() for name in (options.columns or "").split(",")) if options.columns else ()
+    return Answers(options.decimal, tuple(units), names, modulus, options.table, by_options=True)
+
+
+def _units(words: Sequence[str], order: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Read NAME=UNIT, or a unit for each of some columns in their order."""
+    from gfmdlayer.files.units import unit_of
+    from gfmdlayer.fitting.measurement import FitError
+
+    if order and words and not any("=" in word for word in words):
+        if len(words) != len(order):
+            raise FitError(
+                f"--units: got {len(words)} words; must be units of {', '.join(order)}, or NAME=UNIT"
+            )
+        words = [f"{name}={word}" for name, word in zip(order, words, strict=True)]
+    pairs = [(name, unit) for name, _, unit in (word.partition("=") for word in words)]
+    for name, unit in pairs:
+        if unit_of(unit) is None:
+            raise FitError(f"--units {name}={unit}: must be NAME=UNIT with a unit, such as time=ms")
+    return pairs
+
+
 _EXAMPLES_OF_INDENTATION = (
     "gfmdlayer fit-indentation configs/gel.csv --model configs/gel.model.yml --contact detect\n"
     "  gfmdlayer fit-indentation map.h5 --model gel.model.yml --each --jobs 4 --out results/map\n\n"
@@ -97,10 +140,12 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
     text = """
     --free KEY ...  free parameters, such as layer.material.G0, contact_point, drift, force_offset or tilt;
       with bounds KEY=LOW:HIGH (default: the key `free` of the model)
-    --units TIME DEPTH FORCE  units of columns without a unit, such as s nm nN; a model without units is
-      then in SI
+    --units UNIT ...  units of columns without a unit: of time, depth and force, such as s nm nN, or by name,
+      such as force=nN; a model without units is then in SI
     --contact {given,detect} = given  detect: also fit the contact point and the offset of the force
       (default: given)
+    --sensitivity S  deflection of the cantilever per volt, in the model's units, if the file lacks it
+    --sampling RATE  rows in a unit of time, for a curve without time; not needed where nothing relaxes
     --prescribed {depth,force,base}  quantity that the instrument prescribes, if the files do not name it
       (default: guessed)
     --stiffness K[:ERROR]  stiffness of the cantilever, in the model's units, and its relative error, as in
@@ -113,7 +158,8 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
     --profile  also find profile intervals; takes three to ten times as long
     --each  fit each curve by itself into a results folder, with maps; also under mpirun or srun
     """
-    arguments(parser, text)
+    arguments(parser, text, S=float, RATE=float)
+    arguments(parser, _READING)
     arguments(parser, _OUT_OF_INDENTATION)
     arguments(parser, "--restart  with --each: remove earlier results in DIR\n--force  overwrite files")
 
@@ -127,7 +173,9 @@ def fit_indentation(options: argparse.Namespace) -> int:
 
     try:
         first = options.loss, options.profile, options.contact, tuple(options.segments), options.prescribed
-        chosen = FitOptions(*first, *_spring(options.stiffness), options.adhesion)
+        spring = _spring(options.stiffness)
+        chosen = FitOptions(*first, *spring, options.adhesion, options.sensitivity, options.sampling)
+        answers = _answers(options, _units(options.units, ("time", "depth", "force")))
         free = _free(options.free)
         if options.each:
             if len(options.model) > 1:
@@ -135,10 +183,10 @@ def fit_indentation(options: argparse.Namespace) -> int:
             interrupts.listen()
             workers.threads_each(os.environ)
             with workers.assemble(options.jobs, _prepare) as pool:
-                return COMPLETE if pool is None else _run(options, chosen, free, pool)
+                return COMPLETE if pool is None else _run(options, chosen, free, answers, pool)
         if options.restart or options.jobs > 1:
             return refuse("--restart and --jobs: only with --each")
-        return _fit_together(options, chosen, free)
+        return _fit_together(options, chosen, free, answers)
     except FitError as error:
         return refuse(*str(error).splitlines())
 
@@ -171,10 +219,9 @@ def _free(keys: list[str]) -> dict[str, list[float] | None] | None:
     return bounds_of or None
 
 
-def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int:
+def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, answers: Answers) -> int:
     from gfmdlayer.fitting import indentation_report as report
-    from gfmdlayer.fitting.curve_files import entries, read_curve
-    from gfmdlayer.fitting.force_curve import in_si
+    from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
     from gfmdlayer.fitting.indentation import fit_curves
     from gfmdlayer.fitting.problem import IndentationModel
     from gfmdlayer.fitting.starts import read_model
@@ -185,7 +232,8 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) ->
     measured = entries([Path(each) for each in options.data])
     fits = {}
     for path, (model, keys) in checked.items():
-        curves = [read_curve(entry, options.units, in_si(model.config.units), chosen) for entry in measured]
+        into, timeless = units_of(model.config.units), model.is_timeless(keys)
+        curves = [read_curve(entry, answers, into, chosen, timeless=timeless) for entry in measured]
         fits[path] = fit_curves(curves, model, keys, chosen)
     best = min(fits, key=lambda path: fits[path].bic)
     if len(fits) > 1:
@@ -199,7 +247,7 @@ def _prepare() -> None:
     import gfmdlayer.fitting.force_map  # noqa: F401
 
 
-def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
+def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, answers: Answers, pool: Any) -> int:
     from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.starts import read_model
     from gfmdlayer.results.names import ResultsError
@@ -209,7 +257,7 @@ def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) 
     directory = Path(options.out or Path("results") / f"{paths[0].stem}-fits")
     try:
         data, keys = read_model(options.model[0], free)
-        curves = ForceMap(paths, directory, data, keys, chosen, options.units)
+        curves = ForceMap(paths, directory, data, keys, chosen, answers)
         summary = curves.run(pool, options.restart, lambda: make_display(sys.stderr))
     except ResultsError as error:
         print(f"gfmdlayer: {error}", file=sys.stderr)

@@ -139,7 +139,7 @@ CERTAIN = 1.0  # seconds; below them, those of loading the kernels and of single
 def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration; run nothing."""
     from gfmdlayer.case.model import model_of
-    from gfmdlayer.case.notes import notes
+    from gfmdlayer.case.notes import accounts, notes
     from gfmdlayer.study import preflight
     from gfmdlayer.study.cases import label
     from gfmdlayer.study.cost import total
@@ -167,6 +167,7 @@ def check(options: argparse.Namespace) -> int:
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
         *dict.fromkeys(line for case in explained for line in model_of(case.config).methods()),
+        *(f"read       {line}" for line in accounts(case.config for case in some)),
         _time(directory, some, part),
         *found,
     ]

@@ -50,7 +50,7 @@ def problems_of_the_body(
         if math.isinf(above.thickness):
             message = "got .inf above another layer; must be finite: only the last can be a halfspace"
             yield Mistake(("layers", i, "thickness"), message, ("layers",))
-    modulus = halfspace.shear_modulus
+    modulus = halfspace.in_shear.shear_modulus
     if modulus in {0, math.inf} and not any(each.thickness for each in every):
         nothing = "halfspace without stiffness: the body carries no load"
         base = "rigid halfspace: the body cannot deform" if modulus else nothing
@@ -79,7 +79,7 @@ class Counterbody(Section):
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""
         bare = self.layers is None and self.layer is None
         if bare and self.halfspace is not None and layered({"body": self.body}):
-            if self.halfspace.shear_modulus == 0:
+            if self.halfspace.in_shear.shear_modulus == 0:
                 message = "got 0 without a layer: the counterbody carries no load; must be > 0"
                 yield Mistake(("halfspace", "shear_modulus"), message, ("layer", "layers"))
         else:
@@ -91,7 +91,7 @@ class Counterbody(Section):
         if not layered({"body": self.body}):
             return self.body
         assert self.halfspace is not None
-        base, every = self.halfspace, self.layers or (() if self.layer is None else (self.layer,))
+        base, every = self.halfspace.in_shear, self.layers or (() if self.layer is None else (self.layer,))
         if every:
             return Layers.of(every, base)
         if base.shear_modulus in (0, math.inf):  # 0 is refused by `problems`

@@ -20,11 +20,11 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 
 from gfmdlayer.body.bodies import BODY
 from gfmdlayer.body.continuous import ContinuousLaw
-from gfmdlayer.body.layer import Halfspace, Layer, StackedLayers
+from gfmdlayer.body.layer import Halfspace, Layer, StackedLayers, in_units
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Law, Temperature, temperature_problems
 from gfmdlayer.body.pair import Pair
-from gfmdlayer.body.solid import Solid
+from gfmdlayer.body.solid import OneModulus, Solid
 from gfmdlayer.config import sections, sweeps
 from gfmdlayer.config.bodies import Counterbody, layered, problems_of_the_body, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
@@ -51,6 +51,7 @@ from gfmdlayer.validation.problems import (
     Location,
     Mistake,
     dotted,
+    location_of_key,
     set_aside,
     without_last_places,
 )
@@ -64,6 +65,27 @@ from gfmdlayer.validation.sections import (
     sections_in,
 )
 from gfmdlayer.validation.units import Units
+
+# Whether materials go with the rest of a configuration.
+
+
+def _problems_of_the_materials(config: Any) -> Iterator[Mistake]:
+    """Yield liquids under a load that nothing solid carries, and moduli that no Poisson's ratio converts."""
+    control = config.trajectory.control
+    if control != "depth" and config.solid.flows:
+        laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Law))
+        liquids = [dotted(at) for at, law in laws if not law.relaxed]
+        reason = "a liquid (G0 = 0) on nothing solid has no equilibrium under it and sinks without end"
+        allowed = "must be depth, or give the lowest material G0 > 0, or a base"
+        message = f"got {control!r}: {reason}; {allowed}"
+        yield Mistake(("trajectory", "control"), message, (*liquids, "halfspace", "layer", "layers", "body"))
+    for at, section in sections_in(config):
+        if isinstance(section, Solid) and not isinstance(section, (Layers, OneModulus)):
+            for below, law in sections_in(section):
+                if isinstance(law, Law) and (law.moduli or getattr(law, "G", 0.0) is None):
+                    message = "its moduli must be shear moduli: only a layer and a halfspace have a poisson"
+                    yield Mistake((*at, *below), message, ("body",))
+
 
 # Whether an interface law goes with the rest of a configuration.
 
@@ -124,7 +146,8 @@ class Config(Section):
     name : str
         Names the folder of the results.
     units : Units, optional
-        Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
+        Labels of the numbers, into which columns of files with units are converted; without them lengths are
+        in L, moduli in G0 and times in tau, or in any units.
     grid, body, layer, layers, halfspace, counterbody, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
@@ -141,7 +164,7 @@ class Config(Section):
     name: Name
     """name of the results folder"""
     units: Annotated[Units | None, given] = None
-    """labels of files and plots: {length: m, stress: Pa, time: s}"""
+    """of all numbers, into which those of files are converted: {length: m, stress: Pa, time: s}"""
     grid: sections.GridKeys = Field(default_factory=sections.GridKeys)
     """the periodic cell and its points"""
     body: Annotated[Solid | None, BODY, given] = None
@@ -180,6 +203,12 @@ class Config(Section):
     def _to_the_end_of_the_trajectory(cls, time: sections.Time, info: ValidationInfo) -> sections.Time:
         return ending_with(info.data.get("trajectory"), time)
 
+    @field_validator("layers", "layer", "halfspace", "counterbody")
+    @classmethod
+    def _in_own_units(cls, value: Any, info: ValidationInfo) -> Any:
+        """Convert the materials of files into the units of the configuration."""
+        return in_units(value, info.data["units"]) if "units" in info.data else value
+
     @model_validator(mode="after")
     def _sound(self) -> Self:
         mistakes = contradictions(self)
@@ -195,6 +224,7 @@ class Config(Section):
         yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
         moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
         yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
+        yield from _problems_of_the_materials(self)
         yield from self.geometry.problems(self)
         second = None if self.counterbody is None else self.counterbody.body
         for at, body in ((("body",), self.body), (("counterbody", "body"), second)):
@@ -302,6 +332,11 @@ class Config(Section):
         return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts, yields=yields)
 
     @property
+    def punch_in_units(self) -> Shape:
+        """The punch; lengths of its file are converted into the unit of length, where there is one."""
+        return self.punch.with_length(None if self.units is None else self.units.length)
+
+    @property
     def contrast(self) -> float:
         """Roughly the largest glassy over relaxed modulus in times up to the end of the run."""
         return contrast(self.solid.roughly(self.time.end))
@@ -312,10 +347,14 @@ class Config(Section):
         tolerance, attracts = self.solver.tolerance, bool(self.interfaces)
         return finer(tolerance, self.time.tolerance, self.contrast, attracts=attracts)
 
+    @property
+    def forces_per_length(self) -> bool:
+        """Whether forces are per length, on a line."""
+        return len(self.grid.points) == 1 and self.geometry.on_grid
+
     def unit(self, words: str) -> str:
         """Return the label of a unit from its dimension in words, see `unit_label`."""
-        is_line = len(self.grid.points) == 1 and self.geometry.on_grid
-        return unit_label(words, self.units, self.trajectory.control, is_line=is_line)
+        return unit_label(words, self.units, self.trajectory.control, is_line=self.forces_per_length)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
         """Return the case in which the dotted keys have these values; it has no sweep."""
@@ -369,13 +408,17 @@ class Config(Section):
             held = ((key, getattr(self, key)) for key in type(self).model_fields if key != "sweep")
             return "".join(_entry(self, key, value) for key, value in held if value is not None)
         data = self.model_dump(exclude_none=True)
-        for head in {key.partition(".")[0] for key in sweeps.swept_keys(self.sweep)}:
-            section = getattr(self, head)
-            if not isinstance(section, Section):  # no default in a list follows from another value
+        swept = {location_of_key(key) for key in sweeps.swept_keys(self.sweep)}
+        for at, section in sections_in(self):
+            if not at or all(at != location[: len(at)] for location in swept):
                 continue
+            own: Any = data
+            for part in at:
+                own = own[part]
             for key, field in type(section).model_fields.items():
                 if field.default_factory_takes_validated_data and key not in section.model_fields_set:
-                    data[head].pop(key, None)
+                    own.pop(key, None)
+        for head in {key.partition(".")[0] for key in sweeps.swept_keys(self.sweep)}:
             if head == "trajectory" and "end" not in self.time.model_fields_set:
                 data["time"].pop("end", None)
             if head == "interface" and "method" not in self.solver.model_fields_set:
@@ -422,12 +465,12 @@ def _laws(config: Config) -> tuple[tuple[Interface, ...], tuple[FrictionLaw, ...
 def _solid(config: Config) -> Solid:
     own: Solid
     if config.body is not None and not isinstance(config.body, Layers):
-        own = config.body
+        own = config.body.in_units(config.units)
     else:
         assert config.halfspace is not None
         own = Layers.of(config.layers or (() if config.layer is None else (config.layer,)), config.halfspace)
     second = None if config.counterbody is None else config.counterbody.solid
-    return own if second is None else Pair(own, second)
+    return own if second is None else Pair(own, second.in_units(config.units))
 
 
 def unit_label(words: str, units: Units | None, control: str, *, is_line: bool) -> str:

@@ -27,6 +27,7 @@ from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.interface import FrictionLaw
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
 from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
+from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Section
 
 KINDS = ("ramp_hold", "approach_retract", "table")
@@ -89,12 +90,15 @@ class Tangential(Section):
     """oscillation: number of cycles; default: to the end of the run"""
     file: Annotated[File | None, given] = None
     """kind: table: file with two columns, time and displacement or force"""
+    reading: Annotated[Reading | None, given] = None
+    """how the file is read, where it does not say so"""
     direction: Finite = 0.0
     """angle from the x axis, on a surface: degrees"""
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse keys that have no meaning for this control and kind, and missing ones."""
         others = ("control", "kind")
+        yield from unread(self, "file")
         for key, kind in _TANGENTIAL_KEYS.items():
             if self.kind != kind and getattr(self, key) is not None:
                 yield Mistake((key,), f"only for kind: {kind}; remove it or set kind: {kind}", others)
@@ -147,10 +151,14 @@ class Trajectory(Section):
     """approach_retract: number of cycles, default 1; later ones start at final"""
     file: Annotated[File | None, given] = None
     """kind: table: file with two columns, time and depth, load or force"""
+    reading: Annotated[Reading | None, given] = None
+    """how the file is read, where it does not say so"""
     velocity: Annotated[Finite | None, given] = None
     """velocity of the punch along x: length/time"""
     velocity_file: Annotated[File | None, given] = None
     """file with two columns, time and velocity (length/time)"""
+    velocity_reading: Annotated[Reading | None, given] = None
+    """how that file is read, where it does not say so"""
     tangential: Annotated[Tangential | None, given] = None
     """with friction: displacement of the punch, or force, along the surface"""
     creepage: Annotated[Finite | None, given] = None
@@ -188,6 +196,8 @@ class Trajectory(Section):
 
     def problems(self) -> Iterator[Mistake]:
         """Reject keys that have no meaning for this control and kind, and missing ones."""
+        yield from unread(self, "file")
+        yield from unread(self, "velocity_file", "velocity_reading")
         wrong, table = list(self._without_meaning()), self.kind == "table"
         if table and self.file is None:
             wrong.append(("file", "missing; kind: table needs the name of a file"))

@@ -1,8 +1,11 @@
-"""Measured force curves in files: columns of text, HDF5, and the formats of AFMs.
+"""Measured force curves in files: the formats of AFMs, columns of text, HDF5.
 
-Text (.csv, .txt, .dat, .tsv): one curve in columns of time, depth and force, in this order or in the order
-of the headings. A column `base`, the position of the cantilever's base, may replace the depth. The columns
-`segment` and `prescribed` have words. Units are in the headings, as in ``depth (nm)``, or given separately.
+afmformats (the extra `afm`) reads the formats that it knows, whatever their ending, in SI units and with
+their segments: the base is prescribed, and the force in the pause of a creep curve.
+
+Text (.csv, .txt, .dat, .tsv): one curve in columns of time, depth and force, by their headings or in this
+order (`files.tables`). A column `base`, the position of the cantilever's base, may replace the depth. The
+columns `segment` and `prescribed` have words.
 
 HDF5 (.h5, .hdf5): variables time, depth (or base) and force at the root, (rows,) for one curve or
 (curves, rows) for many, which may share a time of (rows,) and have x and y of (curves,); or one group for
@@ -10,15 +13,15 @@ each curve with these variables and the attributes x, y and stiffness. `segment`
 variables of words. Units are the attribute `units`; the stiffness has those of force over depth. Rows of NaN
 after the end of a short curve are left out.
 
-afmformats (the extra `afm`) reads other files, in SI units, with their segments: the base is prescribed, and
-the force in the pause of a creep curve.
+Without a time the rows are equally spaced, where nothing relaxes or the sampling rate is given.
 """
 
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -29,23 +32,22 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.hdf5 import open_hdf5, refuse_other_files
-from gfmdlayer.files.tables import TableError, is_number, read_lines
+from gfmdlayer.files.headings import WORDS
+from gfmdlayer.files.tables import Answers, TableError, converted, read_table
+from gfmdlayer.files.units import unit_of
 from gfmdlayer.fitting.estimates import FitOptions
-from gfmdlayer.fitting.force_curve import (
-    BASE,
-    COLUMNS,
-    FORCE,
-    WORDS,
-    ForceCurve,
-    Sizes,
-    allowed,
-    parse_heading,
-    size_of,
-)
+from gfmdlayer.fitting.force_curve import BASE, COLUMNS, FORCE, ForceCurve
+from gfmdlayer.validation.units import Units
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}
 HDF5 = {".h5", ".hdf5"}
-Units = Sequence[str]
+Into = tuple[str, str, str]
+SI: Into = ("s", "m", "N")  # units of time, depth and force
+
+
+def units_of(units: Units | None) -> Into:
+    """Return the units of time, depth and force of a model; SI without units."""
+    return SI if units is None else (units.time, units.length, units.label("force"))
 
 
 @dataclass(frozen=True)
@@ -84,38 +86,63 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
 
 def read_curve(
     entry: Entry,
-    units: Units | None = None,
-    into: Sizes = (1.0, 1.0, 1.0),
+    answers: Answers = Answers(),  # noqa: B008
+    into: Into = SI,
     options: FitOptions = FitOptions(),  # noqa: B008
+    *,
+    timeless: bool = False,
 ) -> ForceCurve:
-    """Read a curve; with known units, convert it to the units of the model.
+    """Read a curve; columns with a unit are converted to the units of the model, `into`.
 
-    `units` are those of time, depth and force for columns without a unit; `into` are the sizes in SI of the
-    model's units of time, length and force. The options have facts that are not in the file.
+    The answers and the options have facts that are not in the file. `timeless`: nothing relaxes, and the
+    curve needs no time.
     """
-    origin = {"file": entry.path.name, "sha256": contents(entry.path), "curve": entry.key}
-    suffix = entry.path.suffix.lower()
-    if suffix not in TEXT | HDF5:
-        data = _afm_group(entry.path)[int(entry.key)]
-        return afm_curve(data, entry.name, into, options, position=entry.position, origin=origin)
-    columns, units_read, words, stiffness = (
-        _text_columns(entry.path) if suffix in TEXT else _hdf5_columns(entry)
-    )
-    sizes = _sizes(entry.path, units_read, units, into, columns)
-    columns = {key: values * sizes[key] for key, values in columns.items()}
-    length = sizes["depth" if "depth" in columns else "base"]
-    own = options.stiffness if stiffness is None else stiffness * sizes["force"] / length
+    path, suffix = entry.path, entry.path.suffix.lower()
+    origin = {"file": path.name, "sha256": contents(path), "curve": entry.key}
+    own, account = options.stiffness, ""
+    if suffix not in TEXT | HDF5 or known_to_afmformats(path):
+        curves, missing = _afm_curves(path, *_calibration(options, into))
+        if missing:
+            lacking = " and ".join(f"the {key} (--{_OPTIONS[key]})" for key in missing)
+            raise TableError(f"{path}: the file does not have {lacking}; give it")
+        data = curves[int(entry.key)]
+        return afm_curve(
+            data, entry.name, into, options, timeless=timeless, position=entry.position, origin=origin
+        )
+    words: dict[str, list[str]]
+    if suffix in TEXT:
+        columns, words, account = _text_columns(path, answers, into)
+    else:
+        columns, words, stiffness = _hdf5_columns(entry, dict(answers.units), into)
+        own = stiffness or own
     if "depth" not in columns:
         if own is None:
             raise TableError(
-                f"{entry.path}: curve {entry.name} has the base but no depth, which is base - "
-                "force/stiffness; give the stiffness of the cantilever"
+                f"{path}: curve {entry.name} has the base but no depth, which is base - force/stiffness; "
+                "give the stiffness of the cantilever"
             )
         columns["depth"] = columns.pop("base") - columns["force"] / own
+    time, note = _time(f"{path}: curve {entry.name}", columns, options, timeless=timeless)
+    more = {"account": "; ".join(filter(None, (account, note)))} if account or note else {}
     return ForceCurve(
-        entry.name, columns["time"], columns["depth"], columns["force"], position=entry.position,
-        origin=origin, **curve_facts(words, own, options),
+        entry.name, time, columns["depth"], columns["force"], position=entry.position,
+        origin=origin | more, **curve_facts(words, own, options),
     )  # fmt: skip
+
+
+def _time(
+    name: str, columns: Mapping[str, FloatArray], options: FitOptions, *, timeless: bool
+) -> tuple[FloatArray, str]:
+    """Return the time of a curve, or equal steps where it has none, and a note on them."""
+    if "time" in columns:
+        return columns["time"], ""
+    rows = np.arange(columns["force"].size, dtype=float)
+    if options.sampling is not None:
+        return rows / options.sampling, f"no time: {options.sampling:g} rows in a unit of time"
+    if timeless:
+        return rows, "no time: rows count as times, as nothing relaxes"
+    needs = "the model relaxes, or the fit has a drift; give the sampling rate, rows per time"
+    raise TableError(f"{name} has no time, but {needs}")
 
 
 def curve_facts(
@@ -138,99 +165,36 @@ def contents(path: Path) -> str:
 
 def _entries(path: Path) -> Iterator[Entry]:
     suffix = path.suffix.lower()
-    if suffix in TEXT:
-        yield Entry(path, "", path.stem)
-    elif suffix in HDF5:
-        yield from _hdf5_entries(path)
-    else:
-        for number, data in enumerate(_afm_group(path)):
+    if suffix not in TEXT | HDF5 or known_to_afmformats(path):
+        for number, data in enumerate(_afm_curves(path)[0]):
             meta = data.metadata
             place = tuple(float(meta[key]) for key in ("position x", "position y") if key in meta)
             number_of_curve = meta.get("enum", number)
             yield Entry(path, str(number), f"{path.stem}-{number_of_curve}", place if len(place) == 2 else ())
+    elif suffix in TEXT:
+        yield Entry(path, "", path.stem)
+    else:
+        yield from _hdf5_entries(path)
 
 
-_Columns = tuple[dict[str, FloatArray], dict[str, str], dict[str, list[str]], float | None]
-
-
-def _text_columns(path: Path) -> _Columns:
-    """Return the columns of a text file, the units in its headings, its words; it has no stiffness."""
-    lines = read_lines(path)
-    first = next((i for i, line in enumerate(lines) if sum(map(is_number, line[2])) >= len(COLUMNS)), None)
-    if first is None:
-        raise TableError(f"{path}:1: no rows of numbers; the file must have columns of time, depth and force")
-    order = {column: i for i, column in enumerate(COLUMNS)}
-    units: dict[str, str] = {}
-    if first:
-        order, units = _headings(path, *lines[first - 1][:2])
-    width, numbers = len(lines[first][2]), [i for column, i in order.items() if column not in WORDS]
-    if max(order.values()) >= width:
-        raise TableError(f"{path}:{lines[first][0]}: got {width} columns; must be time, depth and force")
-    wrong = set(range(width)) - set(numbers) if first else set()
-    for number, shown, words in lines[first:]:
-        must_be_numbers = [word for i, word in enumerate(words) if i not in wrong]
-        if len(words) != width or not all(map(is_number, must_be_numbers)):
-            raise TableError(
-                f"{path}:{number}: got {shown[:60]!r}; must be {width} numbers, as in the rows above"
-            )
-    rows = [words for _, _, words in lines[first:]]
+def _text_columns(
+    path: Path, answers: Answers, into: Into
+) -> tuple[dict[str, FloatArray], dict[str, list[str]], str]:
+    """Return the columns of a text file, its words, and how it was read."""
+    table = read_table(path, (*COLUMNS, "base", *WORDS), answers, orders=(COLUMNS,))
+    names: list[str] = [name for name in ("time", "depth", "base", "force") if name in table.columns]
+    if "depth" in names and "base" in names:  # the base follows from depth, force and stiffness
+        names.remove("base")
+    needed = ("force",) if "base" in names else ("force", "depth")
+    missing = [name for name in needed if name not in names]
+    if refused := [name for name in ("time", *missing) if name in table.refused] + missing:
+        table.take(refused[0])  # says why not
+    target = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
     columns = {
-        column: np.array([float(words[i]) for words in rows]) for column, i in order.items() if i in numbers
+        name: table.take(name, target[name] if table.columns[name].unit is not None else None)
+        for name in names
     }
-    text = {column: [words[i] for words in rows] for column, i in order.items() if column in WORDS}
-    return columns, units, text, None
-
-
-def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[str, str]]:
-    """Return the positions and units of the columns in a line of headings."""
-    separator = next((mark for mark in ",;\t" if mark in line), None)
-    order: dict[str, int] = {}
-    units: dict[str, str] = {}
-    for i, heading in enumerate(line.split(separator)):
-        column, unit = parse_heading(heading)
-        if column is None:
-            continue
-        if column in order:
-            raise TableError(f"{path}:{number}: two columns are named {column}; name only one so")
-        order[column] = i
-        if unit:
-            units[column] = unit
-    if "depth" in order:  # the base follows from depth, force and stiffness
-        order.pop("base", None)
-        units.pop("base", None)
-    if missing := [
-        column for column in COLUMNS if column not in order and not (column == "depth" and "base" in order)
-    ]:
-        raise TableError(
-            f"{path}:{number}: no column is named {' or '.join(missing)}; name time, depth and force, as in "
-            "time (s), depth (nm), force (nN)"
-        )
-    return order, units
-
-
-def _sizes(
-    path: Path, of_file: dict[str, str], of_user: Units | None, into: Sizes, columns: Iterable[str]
-) -> dict[str, float]:
-    """Return the sizes of the columns' units over the sizes of the model's; 1 if no column has a unit."""
-    units = dict(zip(COLUMNS, of_user or (), strict=False))
-    units = ({"base": units["depth"]} if units else {}) | units | of_file
-    if not units:
-        return dict.fromkeys(columns, 1.0)
-    if missing := [column for column in columns if column not in units]:
-        raise TableError(
-            f"{path}: {' and '.join(units)} with a unit, but {' and '.join(missing)} without; give "
-            "all units, in the headings or with --units"
-        )
-    own = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
-    sizes = {}
-    for column in columns:
-        size = size_of(units[column], column)
-        if size is None:
-            raise TableError(
-                f"{path}: got the unit {units[column]!r} for {column}; must be {allowed(column)}"
-            )
-        sizes[column] = size / own[column]
-    return sizes
+    return columns, dict(table.words), table.account
 
 
 def _hdf5_entries(path: Path) -> Iterator[Entry]:
@@ -251,19 +215,22 @@ def _hdf5_entries(path: Path) -> Iterator[Entry]:
             yield Entry(path, str(i), f"{path.stem}-{i:0{digits}d}", place)
 
 
-def _hdf5_columns(entry: Entry) -> _Columns:
+def _hdf5_columns(
+    entry: Entry, given: Mapping[str, str], into: Into
+) -> tuple[dict[str, FloatArray], dict[str, list[str]], float | None]:
     with _hdf5(entry.path) as file:
         row = int(entry.key) if "force" in file and entry.key else None
         place = file if "force" in file else file[entry.key]
         refuse_other_files(entry.path, place)
         columns, units, words = {}, {}, {}
-        for column in ("time", "depth" if "depth" in place or "base" not in place else "base", "force"):
+        position = "depth" if "depth" in place or "base" not in place else "base"
+        for column in (*(["time"] if "time" in place else []), position, "force"):
             if column not in place:
                 raise TableError(f"{entry.path}: curve {entry.name} has no variable {column}")
             data = place[column]
             columns[column] = np.asarray(data[:] if data.ndim == 1 or row is None else data[row], dtype=float)
-            if unit := data.attrs.get("units"):
-                units[column] = unit.decode() if isinstance(unit, bytes) else str(unit)
+            unit = data.attrs.get("units") or given.get("depth" if column == "base" else column, "")
+            units[column] = unit.decode() if isinstance(unit, bytes) else str(unit)
         for column in WORDS:
             if column in place:
                 values = place[column].asstr()
@@ -271,12 +238,29 @@ def _hdf5_columns(entry: Entry) -> _Columns:
         stiffness = place.attrs.get("stiffness")
     sizes = {values.size for values in columns.values()}
     if len(sizes) == 1:
-        position = columns["depth" if "depth" in columns else "base"]
-        missing = np.isnan(columns["force"]) & np.isnan(position)
+        missing = np.isnan(columns["force"]) & np.isnan(columns[position])
         end = int(np.flatnonzero(~missing)[-1]) + 1 if not missing.all() else missing.size
         columns = {column: values[:end] for column, values in columns.items()}
         words = {column: values[:end] for column, values in words.items()}
-    return columns, units, words, None if stiffness is None else float(stiffness)
+    if any(units.values()):
+        if lacking := [column for column, unit in units.items() if not unit]:
+            having = " and ".join(column for column, unit in units.items() if unit)
+            missing_ones = " and ".join(lacking)
+            raise TableError(
+                f"{entry.path}: {having} with a unit, but {missing_ones} without; give all units, in the "
+                "attribute units or with --units"
+            )
+        target = dict(zip(COLUMNS, into, strict=True)) | {"base": into[1]}
+        ones = {}
+        for column, symbol in units.items():
+            if (unit := unit_of(symbol)) is None:
+                raise TableError(f"{entry.path}: got the unit {symbol!r} for {column}, which is not known")
+            where = f"{entry.path}: {column}"
+            columns[column] = converted(columns[column], unit, target[column], where, symbol)
+            ones[column] = converted(np.ones(1), unit, target[column], where, symbol).item()
+        if stiffness is not None:
+            stiffness *= ones["force"] / ones[position]
+    return columns, words, None if stiffness is None else float(stiffness)
 
 
 @contextmanager
@@ -295,8 +279,47 @@ def _place(attributes: Any) -> tuple[float, ...]:
     return tuple(float(attributes[key]) for key in "xy") if {"x", "y"} <= set(attributes) else ()
 
 
+def known_to_afmformats(path: Path) -> bool:
+    """Whether afmformats is installed and knows the format of a file."""
+    try:
+        import afmformats.formats
+    except ImportError:
+        return False
+    try:
+        afmformats.formats.get_recipe(path)
+    except BaseException as error:
+        _pass_on(error)
+        return False
+    return True
+
+
+def _calibration(options: FitOptions, into: Into) -> tuple[float | None, float | None]:
+    """Return the stiffness of the cantilever and its deflection per volt in SI, where they are given."""
+    length, newton = _sizes(into)[1:]
+    stiffness, sensitivity = options.stiffness, options.sensitivity
+    return (
+        None if stiffness is None else stiffness * newton / length,
+        None if sensitivity is None else sensitivity * length,
+    )
+
+
+def _sizes(into: Into) -> tuple[float, float, float]:
+    """Return the sizes of the units of time, depth and force in SI."""
+    time, length, force = (unit_of(symbol) for symbol in into)
+    assert time  # all of a checked configuration
+    assert length
+    assert force
+    return float(time.size), float(length.size), float(force.size)
+
+
+_OPTIONS = {"spring constant": "stiffness", "sensitivity": "sensitivity"}
+
+
 @lru_cache(maxsize=2)
-def _afm_group(path: Path) -> Any:
+def _afm_curves(
+    path: Path, stiffness: float | None = None, sensitivity: float | None = None
+) -> tuple[Any, list[str]]:
+    """Return the curves of a file by afmformats, and the calibration that they lack: it is one in them."""
     try:
         import afmformats
     except ImportError:
@@ -304,10 +327,26 @@ def _afm_group(path: Path) -> Any:
         raise TableError(
             f"{path}: must be {known}; for AFM formats first run pip install 'gfmdlayer[afm]'"
         ) from None
+    logging.getLogger("afmformats").setLevel(logging.CRITICAL)  # its errors become ours
+    given = {"spring constant": stiffness, "sensitivity": sensitivity}
     try:
-        return afmformats.load_data(path)
-    except Exception as error:  # each format fails with exceptions of its own
-        raise TableError(f"{path}: cannot be read by afmformats ({error})") from error
+        try:
+            return afmformats.load_data(path), []
+        except afmformats.errors.MissingMetaDataError as error:
+            if not {*error.meta_keys} <= given.keys():
+                raise
+            override = {key: given[key] or 1.0 for key in error.meta_keys}
+            missing = [key for key in error.meta_keys if given[key] is None]
+            return afmformats.load_data(path, meta_override=override), missing
+    except BaseException as error:  # each format fails with exceptions of its own, some not of Exception
+        _pass_on(error)
+        raise TableError(f"{path}: cannot be read by afmformats ({type(error).__name__}: {error})") from error
+
+
+def _pass_on(error: BaseException) -> None:
+    """Raise what ends the program."""
+    if isinstance(error, (KeyboardInterrupt, SystemExit, GeneratorExit)):
+        raise error
 
 
 # Names of the segments of afmformats by number.
@@ -321,16 +360,19 @@ _PARTS = {
 def afm_curve(
     data: Any,
     name: str,
-    into: Sizes = (1.0, 1.0, 1.0),
+    into: Into = SI,
     options: FitOptions = FitOptions(),  # noqa: B008
+    *,
+    timeless: bool = False,
     **more: Any,
 ) -> ForceCurve:
     """Return a curve of afmformats; the position of the tip is the measured height plus the deflection."""
+    sizes = _sizes(into)
     stiffness = data.metadata.get("spring constant")
-    if stiffness is None and options.stiffness is not None:
-        stiffness = options.stiffness * into[2] / into[1]
-    if "time" not in data.columns or "force" not in data.columns:
-        raise TableError(f"curve {name} has no time or no force; it needs both")
+    if stiffness is None or not np.isfinite(stiffness):
+        stiffness = _calibration(options, into)[0]
+    if "force" not in data.columns:
+        raise TableError(f"curve {name} has no force")
     force = np.asarray(data["force"])
     if "tip position" in data.columns:
         tip = np.asarray(data["tip position"])
@@ -339,7 +381,7 @@ def afm_curve(
     else:
         raise TableError(
             f"curve {name} has no tip position; it needs the tip position, or the measured height and the "
-            "spring constant"
+            "spring constant: give the stiffness of the cantilever"
         )
     words: dict[str, list[str]] = {}
     mode = str(data.metadata.get("imaging mode", "force-distance"))
@@ -349,6 +391,13 @@ def afm_curve(
         if stiffness:
             creep = mode == "creep-compliance"
             words["prescribed"] = [FORCE if creep and word == "hold" else BASE for word in words["segment"]]
-    facts = curve_facts(words, stiffness and float(stiffness), options)
-    curve = ForceCurve(name, data["time"], -tip, force, **facts, **more)
-    return curve.in_units(*(1 / size for size in into))
+    columns = {"depth": -tip / sizes[1], "force": force / sizes[2]}
+    if "time" in data.columns:
+        columns["time"] = np.asarray(data["time"]) / sizes[0]
+    time, note = _time(f"curve {name}", columns, options, timeless=timeless)
+    if note:
+        more["origin"] = more.get("origin", {}) | {"account": note}
+    own = None if not stiffness else float(stiffness) * sizes[1] / sizes[2]
+    return ForceCurve(
+        name, time, columns["depth"], columns["force"], **curve_facts(words, own, options), **more
+    )

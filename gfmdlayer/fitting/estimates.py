@@ -57,6 +57,9 @@ class FitOptions:
     stiffness_error: float | None = None
     # none, jkr or dmt, whose work or force is then free, or choose: the best by BIC; the model's by default.
     adhesion: str | None = None
+    # Of files without them: the deflection per volt, and the rows in a unit of time, in the model's units.
+    sensitivity: float | None = None
+    sampling: float | None = None
 
     def __post_init__(self) -> None:
         problems = []
@@ -68,7 +71,7 @@ class FitOptions:
             problems.append(f"prescribed: got {self.prescribed!r}; must be one of {', '.join(PRESCRIBED)}")
         if self.adhesion not in (None, *ADHESIONS):  # also of a list, which a set would not take
             problems.append(f"adhesion: got {self.adhesion!r}; must be one of {', '.join(ADHESIONS)}")
-        for key in ("stiffness", "stiffness_error"):
+        for key in ("stiffness", "stiffness_error", "sensitivity", "sampling"):
             value = getattr(self, key)
             if value is not None and not 0 < value < math.inf:
                 problems.append(f"{key}: got {value!r}; must be > 0 and finite")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,12 +14,10 @@ from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import EdgeAdhesion
 from gfmdlayer.indentation.solve import corners
 from gfmdlayer.punch.revolution import Revolution, abel_transform
-from gfmdlayer.validation.units import Units
 
 FEWEST_ROWS = 8
 GAP = 0.05  # of the duration: a longer pause between two rows gives a warning if the force changes in it
@@ -134,8 +131,8 @@ class ForceCurve:
             yield f"time does not increase in {_rows(back)}; it must increase from row to row"
         elif sound and np.ptp(self.depth) == 0:
             yield "the depth never changes"
-        elif sound and self.force.max() <= 0:
-            yield "no force is positive; forces are positive where the indenter presses"
+        elif sound and np.ptp(self.force) == 0:
+            yield "the force never changes"
         for key in ("noise", "depth_noise", "stiffness", "stiffness_error"):
             value = getattr(self, key)
             if value is not None and not 0 < value < math.inf:
@@ -574,67 +571,4 @@ class Pieces(NamedTuple):
         return piece, float(self.begin[piece] + part * (self.end[piece] - self.begin[piece]))
 
 
-# Units of measured columns in headings, and their sizes in metres, seconds and newtons.
-
-Sizes = tuple[float, float, float]
-PREFIXES = {
-    "": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2,
-    "k": 1e3, "M": 1e6,
-}  # fmt: skip
-BASES = {
-    "time": {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0},
-    "depth": {"m": 1.0},
-    "base": {"m": 1.0},
-    "force": {"N": 1.0},
-}
 COLUMNS = ("time", "depth", "force")  # the base may replace the depth
-WORDS = ("segment", "prescribed")  # columns of words
-_NAMES = {
-    "time": {"t", "time"},
-    "depth": {"d", "depth", "indentation", "delta", "displacement"},
-    "base": {"base", "height", "piezo", "z"},
-    "force": {"f", "force", "load", "p"},
-    "segment": {"segment"},
-    "prescribed": {"prescribed", "control"},
-}
-_HEADING = re.compile(r"\s*([^(\[/]*?)\s*(?:[(\[/]\s*([^)\]]*?)\s*[)\]]?)?\s*")
-
-
-def size_of(unit: str, column: str) -> float | None:
-    """Return the size of a unit of a column in SI; None for an unknown unit."""
-    for base, size in BASES[column].items():
-        if unit.endswith(base) and unit[: -len(base)] in PREFIXES:
-            prefix = unit[: -len(base)]
-            if prefix and base in {"min", "h", "sec"}:
-                continue
-            return PREFIXES[prefix] * size
-    return None
-
-
-def parse_heading(heading: str) -> tuple[str | None, str]:
-    """Return the column that a heading names, or None, and its unit: ``Force (nN)`` is force and nN."""
-    parts = _HEADING.fullmatch(heading.strip().strip("\"'"))
-    word, unit = (parts[1], parts[2] or "") if parts else (heading, "")
-    last = re.split(r"[\s_]+", word.strip().lower())
-    for column, names in _NAMES.items():
-        if word.strip().lower() in names or last[0] in names:
-            return column, unit
-    return None, unit
-
-
-def in_si(units: Units | None) -> Sizes:
-    """Return the sizes in SI of the units of time, length and force of a model; 1 without units."""
-    if units is None:
-        return 1.0, 1.0, 1.0
-    time, length = size_of(units.time, "time"), size_of(units.length, "depth")
-    stress = PREFIXES.get(units.stress.removesuffix("Pa")) if units.stress.endswith("Pa") else None
-    if time is None or length is None or stress is None:
-        raise ConfigError([f"units: got {units}; curves with units need metric ones, such as um, kPa and s"])
-    return time, length, stress * length**2
-
-
-def allowed(column: str) -> str:
-    """Name the units of a column."""
-    lengths = "m, mm, um or nm"
-    known = {"time": "s, ms, min or h", "depth": lengths, "base": lengths, "force": "N, mN, uN, nN or pN"}
-    return known[column]

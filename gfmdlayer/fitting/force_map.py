@@ -13,7 +13,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,11 +23,13 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
+from gfmdlayer.files.tables import Answers
 from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
-from gfmdlayer.fitting.curve_files import Entry, Units, contents, entries, read_curve
+from gfmdlayer.fitting.curve_files import Entry, contents, entries, read_curve, units_of
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.estimates import FitOptions, IndentationFit
-from gfmdlayer.fitting.force_curve import Correction, in_si
+from gfmdlayer.fitting.force_curve import COLUMNS as OF_A_CURVE
+from gfmdlayer.fitting.force_curve import Correction
 from gfmdlayer.fitting.indentation import fit_curves
 from gfmdlayer.fitting.indentation_report import COLUMNS, SCALARS, add_estimates
 from gfmdlayer.fitting.measurement import FitError
@@ -76,6 +78,9 @@ class MapCase:
         return {"curve": self.entry.name}
 
 
+_FACTS = {"sensitivity", "sampling"}
+
+
 @dataclass(frozen=True)
 class FitTask:
     """Fit of one curve of a map."""
@@ -84,16 +89,29 @@ class FitTask:
     model: dict[str, Any]  # body and indenter
     free: Free  # free parameters
     options: FitOptions  # how curves are fitted
-    units: Units | None = None  # of columns without a unit
+    answers: Answers = field(default_factory=Answers)  # what the files leave open
 
     def digest(self, case: MapCase) -> str:
         """Return a hash of all input that determines the estimates of a case."""
         asked = self.free if isinstance(self.free, dict) else list(self.free)
-        units = None if self.units is None else list(self.units)
-        determined = [
-            self.model, asked, vars(self.options), units, case.contents, case.entry.key,
-        ]  # fmt: skip
+        units = [unit for _, unit in self.answers.units] or None
+        determined = [self.model, asked, self.given, units, case.contents, case.entry.key, *self.further]
         return hashlib.sha256(json.dumps(determined, default=str).encode()).hexdigest()
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The options of the fit; facts that files lack only where they are given."""
+        return {
+            key: value for key, value in vars(self.options).items() if key not in _FACTS or value is not None
+        }
+
+    @property
+    def further(self) -> list[Any]:
+        """What is said about tables, besides units in their usual order."""
+        said = {key: value for key, value in vars(self.answers).items() if value}
+        if [name for name, _ in self.answers.units] == [*OF_A_CURVE]:
+            said.pop("units")
+        return [said] if said else []
 
     def __call__(self, case: MapCase) -> Outcome:
         """Fit a curve and write its file; an error becomes the outcome, with the name of the curve."""
@@ -115,7 +133,8 @@ class FitTask:
 
     def _fit(self, case: MapCase) -> IndentationFit:
         model = IndentationModel(self.model)
-        curve = read_curve(case.entry, self.units, in_si(model.config.units), self.options)
+        into, timeless = units_of(model.config.units), model.is_timeless(self.free)
+        curve = read_curve(case.entry, self.answers, into, self.options, timeless=timeless)
         fit = fit_curves([curve], model, self.free, self.options, advise=False)
         if not all(np.isfinite(each.value) for each in fit.parameters):
             raise FitError("an estimate is not a finite number")
@@ -264,7 +283,7 @@ class ForceMap:
 
     def __init__(
         self, paths: Sequence[Path], directory: Path, model: Mapping[str, Any], free: Free,
-        options: FitOptions, units: Units | None = None,
+        options: FitOptions, answers: Answers = Answers(),  # noqa: B008
     ) -> None:  # fmt: skip
         self._model, self.keys = IndentationModel(model), list(free)
         if options.contact == "detect":
@@ -279,7 +298,7 @@ class ForceMap:
         if options.stiffness_error is not None and "stiffness" not in self.keys:
             self.keys.append("stiffness")
         self.folder = Folder(directory, name_of_run())
-        self.task = FitTask(self.folder, dict(model), free, options, units)
+        self.task = FitTask(self.folder, dict(model), free, options, answers)
         found = entries(paths)
         hashes = {path: contents(path) for path in dict.fromkeys(entry.path for entry in found)}
         self.cases = [MapCase(i, entry, hashes[entry.path]) for i, entry in enumerate(found)]
@@ -287,14 +306,15 @@ class ForceMap:
     @cached_property
     def document(self) -> str:
         """The input that determines the results, as in config.yaml."""
-        free = self.task.free
+        free, further = self.task.free, self.task.further
+        units = [unit for _, unit in self.task.answers.units]
         data: dict[str, Any] = {
             "name": self._model.config.name,
             "curves": [
                 str(path.absolute()) for path in dict.fromkeys(case.entry.path for case in self.cases)
             ],
             "free": list(free),
-            "fit": vars(self.task.options) | ({"units": list(self.task.units)} if self.task.units else {}),
+            "fit": self.task.given | ({"units": units} if units else {}) | (further[0] if further else {}),
         }
         if isinstance(free, Mapping):
             data["free"] = {key: "free" if bounds is None else list(bounds) for key, bounds in free.items()}
@@ -338,7 +358,7 @@ class ForceMap:
         """Compile the kernels here, before several processes do."""
         if todo and not pool.alone:
             with suppress(Exception):  # the fit repeats the error and records it
-                curve = read_curve(todo[0].entry, self.task.units, options=self.task.options)
+                curve = read_curve(todo[0].entry, self.task.answers, options=self.task.options, timeless=True)
                 Prediction(curve).response(self._model.config, Correction())
 
     def _is_done(self, case: MapCase) -> bool:

@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.fitting.curve_files import Units, afm_curve, curve_facts, entries, read_curve
+from gfmdlayer.files.headings import WORDS
+from gfmdlayer.files.tables import Answers
+from gfmdlayer.fitting.curve_files import Into, afm_curve, curve_facts, entries, read_curve, units_of
 from gfmdlayer.fitting.design import second_curve
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, conclude, minimised
-from gfmdlayer.fitting.force_curve import WORDS, ForceCurve, Sizes, in_si
+from gfmdlayer.fitting.force_curve import COLUMNS, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.problem import (
     STICKING,
@@ -56,7 +58,9 @@ def fit_indentation(
     model: Mapping[str, Any] | str | Path,
     free: Free | None = None,
     *,
-    units: Units | None = None,
+    units: Sequence[str] | Mapping[str, str] | None = None,
+    decimal: str | None = None,
+    columns: Sequence[str] = (),
     loss: str = "linear",
     profile: bool = False,
     contact: str = "given",
@@ -65,6 +69,8 @@ def fit_indentation(
     stiffness: float | None = None,
     stiffness_error: float | None = None,
     adhesion: str | None = None,
+    sensitivity: float | None = None,
+    sampling: float | None = None,
 ) -> IndentationFit:
     """Fit moduli, times, thicknesses and more to measured force curves.
 
@@ -80,9 +86,13 @@ def fit_indentation(
     free : sequence of str, or mapping
         Dotted keys of the model, and contact_point, drift, force_offset, force_drift, tilt, stiffness; a
         mapping gives bounds as [low, high], or None.
-    units : sequence of str, optional
-        Units of time, depth and force for columns without units, such as ("s", "nm", "nN").
-    loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion
+    units : sequence of str, or mapping, optional
+        Units of columns without units: of time, depth and force, such as ("s", "nm", "nN"), or by name.
+    decimal : str, optional
+        Decimal mark of text files, "." or ",", where they leave it open.
+    columns : sequence of str, optional
+        Names of the columns of text files in place of their headings; "-" is not read.
+    loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion, sensitivity, sampling
         See `FitOptions`.
 
     Returns
@@ -116,13 +126,17 @@ def fit_indentation(
     7.00
     """
     options = FitOptions(
-        loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion
-    )
+        loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion,
+        sensitivity, sampling,
+    )  # fmt: skip
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
     data, keys = read_model(model, free)
     made = IndentationModel(data)
-    measured = list(_curves(every, units, in_si(made.config.units), options))
+    pairs = units if isinstance(units, Mapping) else dict(zip(COLUMNS, units or (), strict=False))
+    answers = Answers(decimal, tuple(pairs.items()), tuple(columns))
+    timeless = made.is_timeless(keys)
+    measured = list(_curves(every, answers, units_of(made.config.units), options, timeless=timeless))
     if not measured:
         raise FitError("got no curve; give at least one")
     return fit_curves(measured, made, keys, options)
@@ -134,16 +148,17 @@ def _is_afm(curve: Any) -> bool:
 
 
 def _curves(
-    curves: Iterable[Any], units: Units | None, into: Sizes, options: FitOptions
+    curves: Iterable[Any], answers: Answers, into: Into, options: FitOptions, *, timeless: bool
 ) -> Iterator[ForceCurve]:
     """Yield the curves, given in any form that `fit_indentation` takes."""
     for number, curve in enumerate(curves):
         if isinstance(curve, ForceCurve):
             yield curve
         elif isinstance(curve, (str, Path)):
-            yield from (read_curve(entry, units, into, options) for entry in entries([Path(curve)]))
+            for entry in entries([Path(curve)]):
+                yield read_curve(entry, answers, into, options, timeless=timeless)
         elif _is_afm(curve):
-            yield afm_curve(curve, f"{Path(curve.path).stem}-{curve.enum}", into, options)
+            yield afm_curve(curve, f"{Path(curve.path).stem}-{curve.enum}", into, options, timeless=timeless)
         elif all(key in curve for key in ("time", "depth", "force")):
             time, depth, force = (np.asarray(curve[key]) for key in ("time", "depth", "force"))
             words = {key: np.asarray(curve[key]).astype(str).tolist() for key in WORDS if key in curve}

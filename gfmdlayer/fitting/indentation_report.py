@@ -239,6 +239,8 @@ def summary(fit: IndentationFit) -> list[str]:
 def _curve(fitted: CurveFit) -> Iterator[str]:
     """Yield lines with the segments of a curve, as given or guessed, and its noise."""
     name, guessed = fitted.curve.name, fitted.curve.guessed
+    if account := fitted.curve.origin.get("account"):
+        yield str(account)
     yield f"segments of {name}: {', '.join(map(str, fitted.curve.segments))}" + (
         f" ({guessed})" if guessed else ""
     )

@@ -20,7 +20,10 @@ Bayesian information criterion would set it to 3 % for 80 rows of a master curve
 
 The times lie in the measured range and half a decade to either side. A slower branch looks like the relaxed
 modulus, a faster one like a dashpot. If the fitted G0 is a small part of the lowest measured modulus, the
-material is a liquid or the curve ends far too early, and the fit is rejected.
+material is a liquid or the curve ends far too early, and the fit is rejected unless G0 = 0 is given.
+
+A creep curve is fitted in the same way by retarded compliances at retardation times, with a flow t/eta where
+the curve shows one, and the series of relaxation times follows exactly (`measurement.CreepCurve`).
 """
 
 from __future__ import annotations
@@ -38,10 +41,11 @@ from scipy.special import expit, logit
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
 from gfmdlayer.body.materials import Law, Prony
-from gfmdlayer.fitting.measurement import FitError, Measurement
+from gfmdlayer.fitting.measurement import CreepCurve, FitError, Measurement
 
 MARGIN = 1.05
 ACCURACY = 2e-3
+INSTANT = ACCURACY / 2  # of the least measured compliance: the least instantaneous one
 EXACT = 1e-6  # relative error below the written digits
 FLOWING = 0.1  # of the lowest measured modulus
 STALLED = 0.9999  # of the previous error: another branch does not help
@@ -78,12 +82,8 @@ class FittedLaw:
 
     def normalised(self) -> FittedLaw:
         """The same fit with all moduli in units of G0, or of G for a power law without G0."""
-        unit, data = self.material.unit, self.material.model_dump(exclude_none=True)
-        for section in (data, *data.get("branches", ())):
-            section |= {key: section[key] / unit for key in ("G", "G0", "Ginf") if key in section}
-        return FittedLaw(
-            self.measurement.in_units_of(unit), type(self.material).model_validate(data), self.least
-        )
+        unit = self.material.unit
+        return FittedLaw(self.measurement.in_units_of(unit), self.material.scaled(1 / unit), self.least)
 
 
 def fit(measurement: Measurement, branches: int | None = None, relaxed: float | None = None) -> FittedLaw:
@@ -96,44 +96,73 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
     if branches is not None and not 1 <= branches <= most:
         raise FitError(f"got {branches} branches; must be 1 to {most} for {measurement.abscissa.size} rows")
     check_relaxed(measurement, relaxed)
+    if isinstance(measurement, CreepCurve):
+        return _fit_creep(measurement, branches, flows=relaxed == 0 or None)
     problem = _SeriesProblem(measurement, relaxed)
     least = problem.least
     enough = max(MARGIN * least, ACCURACY)
     times = problem.grown(branches or most, EXACT if branches else enough)
     if not times.size:
-        raise FitError(f"{measurement.source}: nothing relaxes in the measured range; use model: elastic")
+        raise _elastic(measurement)
     moduli = problem.moduli(times)
-    if relaxed is None and moduli[0] < FLOWING * measurement.moduli[0].min():
+    if relaxed is None and moduli[0] < FLOWING * measurement.elastic.min():
         raise flows(measurement, float(moduli[0]))
     series = zip(moduli[1:].tolist(), np.exp(times).tolist(), strict=True)
     return FittedLaw(measurement, Prony(float(moduli[0]), tuple(series)), least)
 
 
+def _fit_creep(curve: CreepCurve, branches: int | None, *, flows: bool | None) -> FittedLaw:
+    """Fit retarded compliances, and a flow where the curve shows one or it is asked for."""
+    problems = [
+        _SeriesProblem(curve, None, flows=each) for each in ((False, True) if flows is None else (True,))
+    ]
+    least = problems[-1].least
+    # A solid whose creep ends beyond the data looks like a liquid: a flow must improve the fit.
+    problem = problems[0] if problems[0].least <= max(MARGIN * least, ACCURACY) else problems[-1]
+    enough = max(MARGIN * least, ACCURACY)
+    most = min(MOST_BRANCHES, (curve.moduli.size - 1) // 2)
+    times = problem.grown((branches or most) - problem.flows, EXACT if branches else enough)
+    if not times.size and not problem.flows:
+        raise _elastic(curve)
+    instant, *flow = problem.moduli(times)[: problem.first].tolist()
+    retarded = problem.moduli(times)[problem.first :]
+    return FittedLaw(curve, curve.series(instant, sum(flow), retarded, np.exp(times)), least)
+
+
+def _elastic(measurement: Measurement) -> FitError:
+    return FitError(f"{measurement.source}: nothing relaxes in the measured range; use model: elastic")
+
+
 def check_relaxed(measurement: Measurement, relaxed: float | None) -> None:
     """Reject a relaxed modulus that is not between 0 and the highest measured modulus."""
-    highest = measurement.moduli[0].max()
-    if relaxed is not None and not 0 < relaxed < highest:
-        raise FitError(
-            f"got the relaxed modulus {relaxed:g}; must be > 0 and below the highest measured, {highest:.6g}"
-        )
+    highest = measurement.elastic.max()
+    if relaxed is not None and not 0 <= relaxed < highest:
+        allowed = f"must be > 0 and below the highest measured, {highest:.6g}, or 0 for a liquid"
+        raise FitError(f"got the relaxed modulus {relaxed:g}; {allowed}")
+    if relaxed and isinstance(measurement, CreepCurve):
+        raise FitError(f"got the relaxed modulus {relaxed:g}; a creep curve has its own, or 0 for a liquid")
 
 
 def flows(measurement: Measurement, relaxed: float) -> FitError:
     """Return the error for a curve that does not determine the relaxed modulus."""
-    lowest = measurement.moduli[0].min()
+    lowest = measurement.elastic.min()
     return FitError(
         f"{measurement.source}: the material flows like a liquid: the fitted G0 = {relaxed:.3g} is far below "
-        f"the lowest measured modulus, {lowest:.3g}. A layer needs G0 > 0; measure at {measurement.slower}, "
-        "or give --relaxed-modulus"
+        f"the lowest measured modulus, {lowest:.3g}. For a solid, measure at {measurement.slower}, or give "
+        "--relaxed-modulus; a liquid has --relaxed-modulus 0"
     )
 
 
 @dataclass(frozen=True)
 class _SeriesProblem:
-    """The least-squares problem in the moduli, G0 first, and the logarithms of the times."""
+    """The least-squares problem in the moduli, G0 first, and the logarithms of the times.
+
+    Of a creep curve: in the compliances, the instantaneous one and then that of the flow first.
+    """
 
     measurement: Measurement
     relaxed: float | None
+    flows: bool = False
 
     @cached_property
     def bounds(self) -> tuple[float, float]:
@@ -153,19 +182,33 @@ class _SeriesProblem:
     @cached_property
     def directions(self) -> FloatArray:
         """Responses of the branches on the grid, of unit length."""
-        columns = self.columns(self.grid)[:, 1:]
+        columns = self.columns(self.grid)[:, self.first :]
         return np.asarray(columns / np.linalg.norm(columns, axis=0))
 
     def columns(self, times: FloatArray) -> FloatArray:
-        """Responses of the relaxed spring and the branches, over the measured moduli."""
-        responses = np.column_stack([self.measurement.constant(), self.measurement.response(np.exp(times))])
-        return responses / self.measurement.moduli.reshape(-1, 1)
+        """Responses of the spring, the flow and the branches, over the measured moduli."""
+        curve = self.measurement
+        flow = [curve.flow] if self.flows and isinstance(curve, CreepCurve) else []
+        responses = np.column_stack([curve.constant, *flow, curve.response(np.exp(times))])
+        return responses / curve.moduli.reshape(-1, 1)
+
+    @property
+    def first(self) -> int:
+        """Number of the column of the first branch."""
+        return 1 + self.flows
+
+    @cached_property
+    def stiffest(self) -> float:
+        """The least instantaneous compliance of a creep curve, which a series must have."""
+        return INSTANT * float(self.measurement.moduli.min()) * isinstance(self.measurement, CreepCurve)
 
     def moduli(self, times: FloatArray) -> FloatArray:
         """The moduli of least error."""
         columns = self.columns(times)
         if self.relaxed is None:
-            return _non_negative(columns, np.ones(len(columns)))
+            found = _non_negative(columns, 1 - self.stiffest * columns[:, 0])
+            found[0] += self.stiffest
+            return found
         rest = _non_negative(columns[:, 1:], 1 - self.relaxed * columns[:, 0])
         return np.append(self.relaxed, rest)
 
@@ -181,8 +224,8 @@ class _SeriesProblem:
         """Derivative of the residual by the times, projected since the moduli follow (Kaufman)."""
         moduli = self.moduli(times)
         free = moduli > 0
-        free[0] &= self.relaxed is None
-        slopes = self.measurement.sensitivity(np.exp(times)) * moduli[1:]
+        free[0] &= self.relaxed is None and moduli[0] > self.stiffest
+        slopes = self.measurement.sensitivity(np.exp(times)) * moduli[self.first :]
         slopes /= self.measurement.moduli.reshape(-1, 1)
         basis = np.linalg.qr(self.columns(times)[:, free]).Q
         return np.asarray(slopes - basis @ (basis.T @ slopes))
@@ -194,7 +237,7 @@ class _SeriesProblem:
         return kept if kept.size == times.size else self.polished(kept)
 
     def _distinct(self, times: FloatArray) -> FloatArray:
-        moduli = self.moduli(times)[1:]
+        moduli = self.moduli(times)[self.first :]
         times, moduli = times[moduli > 0], moduli[moduli > 0]
         close = np.flatnonzero(np.diff(times) < NEIGHBOURS)
         if not close.size:
@@ -247,8 +290,7 @@ class _Unknowns:
 
 def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) -> FittedLaw:
     """Fit the law MODELS[model] to a measured curve, with G0 = `relaxed` if given."""
-    if not (model == "power_law" and relaxed == 0):
-        check_relaxed(measurement, relaxed)
+    check_relaxed(measurement, relaxed)
     unknowns = MODELS[model](measurement, relaxed)
     wanted = measurement.moduli
 
@@ -260,19 +302,20 @@ def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) 
     trials = [least_squares(residual, start, x_scale="jac") for start in starts[:BEST]]
     best = min(trials, key=lambda trial: trial.cost)
     law = unknowns.law(best.x.clip(-LIMIT, LIMIT))
-    lowest = float(wanted[0].min())
+    lowest = float(measurement.elastic.min())
     if relaxed is None and isinstance(law, PowerLaw) and 0 < law.G0 < NO_SPRING * lowest:
         return fit_law(measurement, model, 0.0)
     if relaxed is None and not isinstance(law, PowerLaw) and law.relaxed < FLOWING * lowest:
         raise flows(measurement, law.relaxed)
-    return FittedLaw(measurement, law, _SeriesProblem(measurement, relaxed or None).least)
+    creeps = isinstance(measurement, CreepCurve)
+    return FittedLaw(measurement, law, _SeriesProblem(measurement, relaxed or None, flows=creeps).least)
 
 
 def _relaxing(
     law: Callable[..., Law], exponent: str, measurement: Measurement, relaxed: float | None
 ) -> _Unknowns:
     """Unknowns G0 (if not given), Ginf - G0, tau and an exponent."""
-    elastic = measurement.moduli[0]
+    elastic = measurement.elastic
     shortest, longest = np.log(measurement.reach)
     times = np.linspace(shortest, longest, 5)[1:4]
 
@@ -304,7 +347,7 @@ def _havriliak_negami(measurement: Measurement, relaxed: float | None) -> _Unkno
 
 def _power_law(measurement: Measurement, relaxed: float | None) -> _Unknowns:
     """Unknowns G at the middle of the measured times, the exponent, and G0 if it is not given."""
-    middle, unit = math.sqrt(math.prod(measurement.reach)), float(np.median(measurement.moduli[0]))
+    middle, unit = math.sqrt(math.prod(measurement.reach)), float(np.median(measurement.elastic))
 
     def made(x: FloatArray) -> Law:
         modulus, shape, *spring = x.tolist()
@@ -312,7 +355,7 @@ def _power_law(measurement: Measurement, relaxed: float | None) -> _Unknowns:
         law: Law = PowerLaw(unit * math.exp(modulus), middle, 0.01 + 0.98 * float(expit(shape)), G0)
         return law
 
-    spring = [] if relaxed is not None else [math.log(float(measurement.moduli[0].min()) / unit / 2)]
+    spring = [] if relaxed is not None else [math.log(float(measurement.elastic.min()) / unit / 2)]
     return _Unknowns(made, [[0.0, float(logit(a)), *spring] for a in EXPONENTS])
 
 

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +14,10 @@ from gfmdlayer.body.materials import Law, Prony
 from gfmdlayer.body.shifts import WLF
 from gfmdlayer.figures.labels import SPAN_OF_ROUND, Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
+from gfmdlayer.files.tables import Answers
 from gfmdlayer.files.whole import output_file, write_text
 from gfmdlayer.fitting.laws import FittedLaw, fit, fit_law
-from gfmdlayer.fitting.measurement import FitError, MasterCurve, Reading, read
+from gfmdlayer.fitting.measurement import CreepCurve, FitError, MasterCurve, read
 from gfmdlayer.results.names import ResultsError
 
 if TYPE_CHECKING:
@@ -41,19 +42,21 @@ def fit_material(
     shift: WLF | None = None,
     normalise: bool = False,
     force: bool = False,
-    **reading: Unpack[Reading],
+    poisson: float = 0.5,
+    answers: Answers = Answers(),  # noqa: B008
 ) -> str:
     """Fit a law to a file of measurements, write the material and a figure, and return a summary.
 
     `out` is the YAML file, or with any other name a folder for NAME.yaml (default: the working folder); the
     figure NAME.png lies beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of
-    G0; `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`.
-    The relaxation times are shifted to a `temperature` by a `shift` with the reference of the data.
+    G0; `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`,
+    for `poisson` and `answers` see `measurement.read`. The relaxation times are shifted to a `temperature` by
+    a `shift` with the reference of the data.
     """
     if out is not None and Path(out).suffix.lower() not in YAML:
         out = f"{out}/"  # a folder, which is made
     material, picture = with_suffixes(output_file(out, Path(f"{data.stem}.yaml")), [".png"], force, data)
-    measured = read(data, **reading)
+    measured = read(data, poisson, answers)
     if shift is not None and temperature is not None:
         if reason := shift.refused(temperature):
             raise FitError(f"--temperature: {reason}")
@@ -79,6 +82,8 @@ def material_yaml(fitted: FittedLaw, name: str, notes: list[str]) -> str:
     material = fitted.material
     lines = [f"# {note}" for note in notes]
     lines += [f"name: {plain_name(name, 'material')}"]
+    if all(units := fitted.measurement.units):
+        lines += [f"units: {{length: m, stress: {units[1]}, time: {units[0]}}}"]
     lines += ["layer:", "  material:", f"    model: {material.model}"]
     lines += [f"    {name}: {value:.6e}" for name, value in _parameters(material).items()]
     if isinstance(material, Prony):
@@ -93,7 +98,7 @@ def fit_figure(fitted: FittedLaw) -> Figure:
 
     curve = fitted.measurement
     is_master = isinstance(curve, MasterCurve)
-    symbols = ["$G'$", "$G''$"] if is_master else ["$G$"]
+    symbols = ["$G'$", "$G''$"] if is_master else ["$J$" if isinstance(curve, CreepCurve) else "$G$"]
     smooth = np.geomspace(curve.abscissa[0], curve.abscissa[-1], 500)
     lines = curve.predicted(fitted.material, smooth)
     with styled():
@@ -116,8 +121,9 @@ def fit_figure(fitted: FittedLaw) -> Figure:
         below.axhline(0, color="black", linewidth=0.5)
         limit = 115 * max(fitted.largest, 1e-6)
         below.set(ylabel="error (%)", ylim=(-limit, limit))
-        name_axes(above, y=Quantity(", ".join(symbols), curve.units[1]))
-        name_axes(below, Quantity(r"$\omega$" if is_master else "$t$", curve.units[0]))
+        along, across = curve.labels
+        name_axes(above, y=Quantity(", ".join(symbols), across))
+        name_axes(below, Quantity(r"$\omega$" if is_master else "$t$", along))
         below.set_title("(b)", loc="left")
         finish(figure)
     return figure
@@ -158,6 +164,9 @@ def _origin(
     rows, name = curve.abscissa.size, law.model
     kind = f"Prony series of {_branches(len(law.branches))}" if isinstance(law, Prony) else f"Law {name}"
     yield f"{kind}, fitted to the {curve.name} {curve.source!r} of {rows} rows."
+    if curve.account:
+        yield curve.account
+    yield from curve.notes
     yield (
         f"Relative error: {_percent(fitted.rms)} rms, {_percent(fitted.largest)} at most; "
         f"the least error of any series is {_percent(fitted.least)} rms."
@@ -167,11 +176,19 @@ def _origin(
             f"WLF: at temperature {temperature:g}, from reference {shift.reference:g} with "
             f"C1 = {shift.C1:g}, C2 = {shift.C2:g}; times multiplied by aT = {shift.factor(temperature):.6g}."
         )
+    time, modulus = curve.units
     if unit:
-        symbol = "G0" if law.relaxed else "G"
+        symbol = _unit_symbol(law)
         yield f"Moduli are in units of {symbol} = {unit:.6g} of the data, times in the unit of the data."
+    elif time and modulus:
+        yield f"Moduli are in {modulus}, times in {time}; a configuration with units converts them."
     else:
         yield "Moduli and times are in the units of the data."
+
+
+def _unit_symbol(law: Law) -> str:
+    """Name the modulus by which dimensionless pressures are divided."""
+    return "G0" if law.relaxed else "G" if hasattr(law, "G") else "Ginf"
 
 
 def _table(fitted: FittedLaw) -> Iterator[str]:
@@ -188,12 +205,12 @@ def _table(fitted: FittedLaw) -> Iterator[str]:
 
 def _parameters(law: Law) -> dict[str, float]:
     """Return the fitted numbers of a law by their names."""
-    kept = law.model_dump(exclude={"model", "shift", "tolerance", "branches"})
+    kept = law.model_dump(exclude={"model", "shift", "tolerance", "branches"}, exclude_none=True)
     return {name: float(value) for name, value in kept.items()}
 
 
 def _warnings(fitted: FittedLaw, asked: int | None, relaxed: float | None) -> Iterator[str]:
-    material, elastic = fitted.material, fitted.measurement.moduli[0]
+    material, elastic = fitted.material, fitted.measurement.elastic
     if asked is not None and isinstance(material, Prony) and len(material.branches) < asked:
         yield f"{_branches(len(material.branches))} instead of {asked}: more branches do not reduce the error"
     if fitted.rms > max(POOR * fitted.least, POOR_RMS):
@@ -217,8 +234,8 @@ def _warnings(fitted: FittedLaw, asked: int | None, relaxed: float | None) -> It
             f"Ginf = {material.glassy:.4g} is extrapolated: the highest measured modulus is "
             f"{elastic.max():.4g}"
         )
-    if abs(material.unit - 1) > 1e-6:
-        symbol = "G0" if material.relaxed else "G"
+    if abs(material.unit - 1) > 1e-6 and not all(fitted.measurement.units):
+        symbol = _unit_symbol(material)
         yield (
             f"the moduli are in the unit of the data ({symbol} = {material.unit:.6g}); give "
             f"halfspace.shear_modulus in that unit too, or divide by {symbol} with --normalise"

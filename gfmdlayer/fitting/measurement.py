@@ -1,10 +1,18 @@
-"""Measured curves, and the response of a Maxwell branch at the measured frequencies or times.
+"""Measured curves, and the response of a branch at the measured frequencies or times.
 
 A master curve is the storage and loss modulus G' + i G'' = G(omega) over angular frequency, a relaxation
-curve G(t) the stress after a unit step of strain, over two. A branch of unit modulus and relaxation time tau
-adds, Eqs. (4) and (5) of Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68,
+curve G(t) the stress after a unit step of strain, over two, a creep curve J(t) the strain after a unit step
+of stress, times two. A branch of unit modulus and relaxation time tau adds, Eqs. (4) and (5) of Petrenko et
+al., Materials Physics and Mechanics 52 (2024) 60-68,
 
-    i omega tau/(1 + i omega tau)     to the one, and     exp(-t/tau)     to the other.
+    i omega tau/(1 + i omega tau)     to the first, and     exp(-t/tau)     to the second.
+
+The compliance is linear in retarded parts instead,
+
+    J(t)   = Jinf + t/eta     + sum_k J_k (1 - exp(-t/theta_k))
+    1/G(s) = Jinf + 1/(s eta) + sum_k J_k/(1 + s theta_k)
+
+and the relaxation times are the poles of G(s). Dynamic compliances are moduli, G = 1/(J' - i J'').
 """
 
 from __future__ import annotations
@@ -12,17 +20,21 @@ from __future__ import annotations
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Self, TypedDict
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.materials import Law
-from gfmdlayer.files.tables import TableError, is_number, read_columns, read_lines
+from gfmdlayer.body.materials import Law, Prony
+from gfmdlayer.body.network import relaxation
+from gfmdlayer.files.headings import ANGULAR, ORDINARY
+from gfmdlayer.files.tables import Answers, TableError, TextTable, read_table
+from gfmdlayer.files.units import unit_of
 
 FEWEST_ROWS = 8  # enough to choose between one branch and two
 
@@ -37,13 +49,14 @@ class Measurement(ABC):
 
     source: str  # name of the file
     abscissa: FloatArray  # shape (rows,): angular frequencies or times, positive
-    moduli: FloatArray  # shape (moduli, rows), positive
-    units: tuple[str, str] = ("", "")  # of abscissa and moduli, where the file names them
+    moduli: FloatArray  # moduli, or compliances: shape (moduli, rows), positive
+    units: tuple[str, str] = ("", "")  # of times and moduli, where the file names them
+    account: str = ""  # how the file was read
+    notes: tuple[str, ...] = ()  # conversions
 
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
     slower: ClassVar[str]
-    spring: ClassVar[tuple[float, ...]]  # the moduli of a spring of unit modulus
     power: ClassVar[int]  # of the relaxation times to which the abscissa is proportional
 
     @property
@@ -52,9 +65,15 @@ class Measurement(ABC):
         shortest, longest = sorted((self.abscissa[[0, -1]] ** float(self.power)).tolist())
         return shortest, longest
 
+    @property
+    def elastic(self) -> FloatArray:
+        """The modulus that a spring has over the abscissa: G', G, 1/J, shape (rows,)."""
+        return np.asarray(self.moduli[0])
+
+    @property
+    @abstractmethod
     def constant(self) -> FloatArray:
-        """Response of a spring of unit modulus, shape (moduli * rows,)."""
-        return np.repeat(self.spring, self.abscissa.size)
+        """Response of a spring of unit modulus, or of unit compliance, shape (moduli * rows,)."""
 
     @abstractmethod
     def response(self, times: FloatArray) -> FloatArray:
@@ -76,6 +95,12 @@ class Measurement(ABC):
         """The same curve with its moduli divided by one."""
         return replace(self, moduli=self.moduli / modulus, units=(self.units[0], ""))
 
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Units of the abscissa and of the moduli or compliances, "" where they are not known."""
+        time, modulus = self.units
+        return time and ("rad/s" if self.power < 0 else time), modulus
+
 
 class MasterCurve(Measurement):
     """Storage and loss modulus over angular frequency."""
@@ -83,8 +108,12 @@ class MasterCurve(Measurement):
     name = "master curve"
     columns = ("omega", "G'", "G''")
     slower = "lower frequencies"
-    spring = (1.0, 0.0)
     power = -1
+
+    @property
+    def constant(self) -> FloatArray:
+        """One and zero."""
+        return np.repeat((1.0, 0.0), self.abscissa.size)
 
     def response(self, times: FloatArray) -> FloatArray:
         """Real and imaginary part of i omega tau/(1 + i omega tau)."""
@@ -108,8 +137,12 @@ class RelaxationCurve(Measurement):
     name = "relaxation curve"
     columns = ("t", "G")
     slower = "longer times"
-    spring = (1.0,)
     power = 1
+
+    @property
+    def constant(self) -> FloatArray:
+        """One."""
+        return np.ones(self.abscissa.size)
 
     def response(self, times: FloatArray) -> FloatArray:
         """exp(-t/tau)."""
@@ -125,194 +158,251 @@ class RelaxationCurve(Measurement):
         return material.relaxation_modulus(abscissa)[np.newaxis]
 
 
-class Reading(TypedDict, total=False):
-    """How a file is read, see `read`."""
+class CreepCurve(Measurement):
+    """Creep compliance over time; its branches are retarded compliances."""
 
-    poisson: float
-    names: str | None
+    name = "creep curve"
+    columns = ("t", "J")
+    slower = "longer times"
+    power = 1
 
+    @property
+    def elastic(self) -> FloatArray:
+        """Modulus 1/J."""
+        return np.asarray(1 / self.moduli[0])
 
-def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurement:
-    """Read a measured curve: a master curve from three columns, a relaxation curve from two columns.
+    @property
+    def constant(self) -> FloatArray:
+        """One."""
+        return np.ones(self.abscissa.size)
 
-    Commas, semicolons or white space separate columns, `#` starts a comment, and the first line may name the
-    columns; without names they are omega, G' and G'', or t and G. `names` replaces the names in the file;
-    `poisson` converts moduli in tension. Frequencies or times must increase.
-    """
-    quantities, units = _quantities(path, names)
-    symbols = symbols_of(quantities)
+    @property
+    def flow(self) -> FloatArray:
+        """Response t of a dashpot, in units of the longest time, shape (rows,)."""
+        return np.asarray(self.abscissa / self.abscissa[-1])
 
-    def row_error(row: Sequence[float]) -> str | None:
-        wrong = (f"{name} = {value:g}" for name, value in zip(symbols, row, strict=True) if value <= 0)
-        found = ", ".join(wrong)
-        return found and f"{found}; must be > 0"
+    def response(self, times: FloatArray) -> FloatArray:
+        """1 - exp(-t/theta)."""
+        return np.asarray(-np.expm1(-np.divide.outer(self.abscissa, times)))
 
-    increasing = quantities[0] in {"omega", "frequency", "time"}
-    rows = read_columns(path, symbols, increasing=increasing, at_least=FEWEST_ROWS, row_error=row_error)
-    abscissa, *moduli = converted(quantities, rows, poisson).T
-    if not (np.diff(abscissa) > 0).all():
-        raise TableError(f"{path}: frequencies or times must increase from row to row")
-    kind = MasterCurve if len(moduli) == 2 else RelaxationCurve
-    return kind(path.name, abscissa, np.array(moduli), units)
+    def sensitivity(self, times: FloatArray) -> FloatArray:
+        """-(t/theta) exp(-t/theta)."""
+        elapsed = np.divide.outer(self.abscissa, times)
+        return np.asarray(-elapsed * np.exp(-elapsed))
 
+    def predicted(self, material: Law, abscissa: FloatArray) -> FloatArray:
+        """Creep compliance of a material, in a first dimension of one."""
+        return material.creep_compliance(abscissa)[np.newaxis]
 
-def _quantities(path: Path, names: str | None) -> tuple[tuple[str, ...], tuple[str, str]]:
-    """Find the quantities of the columns, by their names or their number, and the units in their names."""
-    by_width = {len(each): each for each in (MASTER, RELAXATION)}
-    expected = " or ".join(f"{len(kind.columns)} ({', '.join(kind.columns)})" for kind in KINDS)
-    lines = read_lines(path)
-    if not lines:
-        raise TableError(f"{path}:1: no numbers; must be {FEWEST_ROWS} rows or more of {expected}")
-    for number, text, _ in lines:
-        # 0,5;1,2 would pass for three numbers or more.
-        if re.search(r"\d,\d", text) and re.search(r"\d\s*;|\d\s+[-+.\d]", text):
-            raise TableError(f"{path}:{number}: {text!r} has decimal commas; use decimal points")
-    number, text, words = next((line for line in lines if any(map(is_number, line[2]))), lines[-1])
-    header = names if names is not None else lines[0][1] if number > lines[0][0] else None
-    place = "--columns" if names is not None else f"{path}:{lines[0][0]}"
-    if header is not None and (quantities := recognised(header)) is not None:
-        if not names_one_curve(quantities):
-            raise TableError(f"{place}: {header!r} does not name the columns of a curve; must be {WAYS}")
-        if len(quantities) != len(words):
-            raise TableError(
-                f"{path}:{number}: {text!r} is {len(words)} words; {header!r} names {len(quantities)}"
-            )
-        return quantities, _units(header, quantities)
-    if names is not None or len(words) not in by_width:
-        if names is not None:
-            raise TableError(f"{place}: {names!r} is not known; must be {WAYS}")
-        raise TableError(f"{path}:{number}: {text!r} is {len(words)} words; must be numbers, {expected}")
-    if header is not None:
-        _check_name(place, header, len(words))
-    return by_width[len(words)], ("", "")
+    def in_units_of(self, modulus: float) -> Self:
+        """The same curve with its compliances multiplied by a modulus."""
+        return replace(self, moduli=self.moduli * modulus, units=(self.units[0], ""))
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Units of the time and of the compliance."""
+        time, modulus = self.units
+        return time, modulus and f"1/{modulus}"
+
+    def series(self, instant: float, flow: float, compliances: FloatArray, times: FloatArray) -> Prony:
+        """Return the Prony series of retarded compliances and a flow in units of the longest time."""
+        if flow:  # a retardation far beyond all times
+            endless = _ENDLESS * max(self.abscissa[-1], times.max(initial=0.0))
+            compliances = np.append(compliances, flow * endless / self.abscissa[-1])
+            times = np.append(times, endless)
+        moduli, relaxing = relaxation(instant, compliances, times)
+        order = np.argsort(relaxing)
+        branches = zip(moduli[order].tolist(), relaxing[order].tolist(), strict=True)
+        G0 = 0.0 if flow else 1 / (instant + float(compliances.sum()))
+        return Prony(G0, tuple(branches))
 
 
-def _units(header: str, quantities: Sequence[str]) -> tuple[str, str]:
-    """Return the units of the abscissa and of the moduli, "" where they have none or several."""
-    matches = [_UNIT.search(name.strip().strip('"')) for name in separated(header)]
-    written = [match[1].strip("[]()/ ") if match else "" for match in matches]
-    units = {quantity.removeprefix("E "): unit for quantity, unit in zip(quantities, written, strict=True)}
-    first = next(units[quantity] for quantity in ("omega", "frequency", "time") if quantity in units)
-    first = "rad/s" if "frequency" in units and first == "Hz" else first
-    moduli = {units[quantity] for quantity in ("storage", "loss", "relaxation") if quantity in units}
-    return first, moduli.pop() if len(moduli) == 1 else ""
-
-
-def _check_name(place: str, header: str, width: int) -> None:
-    """Reject relaxation times, and a first column that does not fit the number of columns."""
-    names = re.split(r"[,;\t]", header) if re.search(r"[,;\t]", header) else header.split()
-    if any(map(is_relaxation_time, names)):
-        raise TableError(
-            f"{place}: {header!r} names the relaxation times of a Prony series, not a curve; write it "
-            "as material: {model: prony, G0: ..., branches: [{G: ..., tau: ...}, ...]}"
-        )
-    name = names[0]
-    kind = MasterCurve if width == 3 else RelaxationCurve
-    quantity = quantity_named(name)
-    if quantity == "frequency":
-        raise TableError(f"{place}: {header!r} is not known with a frequency; must be {WAYS}")
-    if quantity in {"time", "omega"} and (quantity == "omega") is not (kind is MasterCurve):
-        raise TableError(
-            f"{place}: the first column is {name.strip()!r}, but {width} columns make a {kind.name}; "
-            f"must be {', '.join(kind.columns)}"
-        )
-
-
-KINDS: tuple[type[Measurement], ...] = (MasterCurve, RelaxationCurve)
+_ENDLESS = 1e25
 
 
 def _parts(values: NDArray[np.complex128]) -> FloatArray:
     return np.concatenate([values.real, values.imag])
 
 
-# Columns of measured data by their names: frequency in Hz, moduli in tension, tan delta.
+# Columns of measured data by their quantities (`files.headings`): frequency in Hz, moduli in tension ...
 #
-#     omega = 2 pi f,      G = E/(2 (1 + nu)),      G'' = G' tan delta
+#     omega = 2 pi f,      G = E/(2 (1 + nu)),     J = 2 (1 + nu) D,      G = 1/(J' - i J'')
 #
 # with a constant Poisson's ratio nu.
 
-# Patterns of a name without its unit, in small letters.
-_NAMES = {
-    "omega": r"omega|w|ω|angular[ _]frequency",
-    "frequency": r"f|nu|freq|frequency|hz",
-    "time": r"t|time",
-    "storage": r"([ge])('|′|_?prime|_?storage)|storage([ _]modulus)?",
-    "loss": r"([ge])(''|\"|″|′′|_?(double|dbl)_?prime|_?loss)|loss([ _]modulus)?",
-    "tan": r"tan[ _]?\(?(d|delta|δ)\)?|tand|loss[ _](factor|tangent)",
-    "relaxation": r"([ge])(\(t\))?|modulus",
+_TENSION = {
+    "G'": "E'", "G''": "E''", "|G*|": "|E*|", "G(t)": "E(t)", "J'": "D'", "J''": "D''", "J(t)": "D(t)",
+}  # fmt: skip
+_TAN = "tan delta"
+_ABSCISSAE = {
+    ANGULAR: ((ANGULAR, "rad/s", 1.0), (ORDINARY, "Hz", 2 * math.pi)),
+    "time": (("time", "s", 1.0), ("step time", "s", 1.0)),
 }
-_UNIT = re.compile(r"\s*(\[[^\]]*\]|\((?!t\)|d\)|delta\)|δ\))[^)]*\)|/\s*(?!tan).*)\s*$")
-
-MASTER, RELAXATION = ("omega", "storage", "loss"), ("time", "relaxation")
-WAYS = "omega or f with two of G', G'', tan delta; or t, G; E for G in tension"
-
-
-def recognised(header: str) -> tuple[str, ...] | None:
-    """Return the quantities of the columns in a line of names, E before moduli in tension, or None."""
-    quantities = [quantity_named(name) for name in separated(header)]
-    return None if None in quantities else tuple(map(str, quantities))
-
-
-def separated(header: str) -> list[str]:
-    """Return the names in a line: commas, semicolons, tabs or several spaces separate them, or one space."""
-    apart = re.search(r"[,;\t]|\S\s{2,}\S", header)
-    return re.split(r"[,;\t]|\s{2,}", header) if apart else header.split()
-
-
-def quantity_named(name: str) -> str | None:
-    """Return the quantity of a column by its name, with E before a modulus in tension; None if not known."""
-    plain = name.strip().strip('"') if name.strip().startswith('"') else name.strip()
-    in_hertz = re.search(r"\bhz\b", plain.lower()) is not None
-    plain = _UNIT.sub("", plain.lower()).strip()
-    for found, pattern in _NAMES.items():
-        if match := re.fullmatch(pattern, plain):
-            tension = "E " if match.re.groups and match[1] == "e" else ""
-            return tension + ("frequency" if in_hertz and found == "omega" else found)
-    return None
-
-
-def is_relaxation_time(name: str) -> bool:
-    """Whether a column is named like the relaxation times of a series: tau, tau_k [s], τ."""
-    plain = _UNIT.sub("", name.strip().strip('"').lower()).strip()
-    return re.fullmatch(r"(tau|τ)([ _]?[ikn]|_relax)?|relaxation[ _]times?", plain) is not None
+# The moduli of a master curve by two columns, in the order of preference.
+_PAIRS: Mapping[tuple[str, str], Callable[[FloatArray, FloatArray], NDArray[Any]]] = {
+    ("G'", "G''"): lambda storage, loss: storage + 1j * loss,
+    ("J'", "J''"): lambda storage, loss: 1 / (storage - 1j * loss),
+    ("G'", _TAN): lambda storage, tan: storage * (1 + 1j * tan),
+    ("|G*|", _TAN): lambda size, tan: size * (1 + 1j * tan) / np.hypot(1, tan),
+    ("G''", _TAN): lambda loss, tan: loss * (1 / tan + 1j),
+    ("J'", _TAN): lambda storage, tan: 1 / (storage * (1 - 1j * tan)),
+    ("J''", _TAN): lambda loss, tan: 1 / (loss * (1 / tan - 1j)),
+    ("|G*|", "G'"): lambda size, storage: storage + 1j * np.sqrt(size**2 - storage**2),
+    ("|G*|", "G''"): lambda size, loss: np.sqrt(size**2 - loss**2) + 1j * loss,
+}
+_WAYS: Sequence[tuple[type[Measurement], str, tuple[str, ...]]] = (
+    *((MasterCurve, ANGULAR, pair) for pair in _PAIRS),
+    (RelaxationCurve, "time", ("G(t)",)),
+    (CreepCurve, "time", ("J(t)",)),
+)
+_STRESSES = ("Pa", "kPa", "MPa", "GPa", "mPa", "bar", "psi", "ksi")  # of configurations
+WANTED = (ANGULAR, ORDINARY, "time", "step time", _TAN, "phase", *_TENSION, *_TENSION.values())
+_APART = 4  # of these, the units of frequencies and times
+ORDERS = ((ANGULAR, "G'", "G''"), ("time", "G(t)"))
+WAYS = (
+    "omega or f with two of G', G'', |G*|, tan delta or phase, or with J' and J''; or t with G(t) or J(t); "
+    "E in place of G, and D of J, in tension"
+)
+_TAU = re.compile(r"(tau|τ)([ _]?[ikn]|_relax)?\b|relaxation[ _]times?", re.IGNORECASE)
+_AGREE = 0.05  # median of the relative differences of a further column from the two that are read
 
 
-def symbols_of(quantities: Sequence[str]) -> tuple[str, ...]:
-    """Return the symbols of the quantities for messages: omega, E', tan delta."""
-    plain = {
-        "frequency": "f",
-        "time": "t",
-        "storage": "G'",
-        "loss": "G''",
-        "tan": "tan delta",
-        "relaxation": "G",
-    }
-    written = (plain.get(each.removeprefix("E "), each) for each in quantities)
-    tension = (each.startswith("E ") for each in quantities)
-    return tuple(
-        text.replace("G", "E") if is_E else text for text, is_E in zip(written, tension, strict=True)
-    )
+def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Measurement:  # noqa: B008
+    """Read a measured curve from a table: moduli over frequency, or a modulus or a compliance over time.
+
+    The columns go by their names; without names they are omega, G', G'', or t, G. `poisson` converts moduli
+    and compliances in tension. Rows are sorted by frequency or time.
+    """
+    table = read_table(path, WANTED, answers, orders=ORDERS, apart=WANTED[:_APART])
+    columns = _Quantities(table, 1 / (2 * (1 + poisson)))
+    kind, abscissa, needed = _way(columns, answers)
+    values = {name: columns.take(name) for name in (abscissa, *needed)}
+    x, notes = values[abscissa], []
+    order = np.argsort(x, kind="stable")
+    if kind is not MasterCurve and x[order[0]] == 0:
+        order = order[1:]
+        notes.append("The row at t = 0 is left out: times count by their logarithm.")
+    for name, column in values.items():
+        if (wrong := np.flatnonzero(~(column > 0))).size and (row := int(wrong[0])) in order:
+            raise TableError(f"{table.place(row)}: {name} = {column[row]:g}; must be > 0")
+    if (same := np.flatnonzero(np.diff(x[order]) <= 0)).size:
+        first, second = (int(order[same[0] + i]) for i in range(2))
+        line = table.place(first).rpartition(":")[2]
+        message = f"{abscissa} = {x[second]:g} again, after line {line}; must be one row for each"
+        raise TableError(f"{table.place(second)}: {message}")
+    if order.size < FEWEST_ROWS:
+        raise TableError(f"{path}: holds {order.size} rows of numbers; must be at least {FEWEST_ROWS}")
+    if (np.diff(order) < 0).any():
+        notes.append(f"The rows are sorted by {abscissa}.")
+    if columns.tension:
+        notes.append(f"Moduli in tension are divided by 2 (1 + nu), with Poisson's ratio nu = {poisson:g}.")
+    if kind is MasterCurve:
+        moduli = _PAIRS[needed[0], needed[1]](values[needed[0]], values[needed[1]])
+        columns.refuse_contradictions(moduli, needed)
+        parts = _parts(moduli).reshape(2, -1)
+        if (wrong := np.flatnonzero(~(parts > 0).all(axis=0))).size:
+            raise TableError(f"{table.place(int(wrong[0]))}: {needed[0]} < {needed[1]}; must be larger")
+    else:
+        parts = values[needed[0]][np.newaxis]
+    return kind(path.name, x[order], parts[:, order], columns.units(abscissa), table.account, tuple(notes))
 
 
-def names_one_curve(quantities: Sequence[str]) -> bool:
-    """Whether the columns make one master curve or relaxation curve."""
-    plain = {each.removeprefix("E ") for each in quantities}
-    master = len(plain & {"omega", "frequency"}) == 1 and len(plain & {"storage", "loss", "tan"}) == 2
-    return len(quantities) == len(plain) and ((master and len(plain) == 3) or plain == {*RELAXATION})
+def _way(columns: _Quantities, answers: Answers) -> tuple[type[Measurement], str, tuple[str, ...]]:
+    """Return the kind of curve that the columns make, its abscissa, and the columns that are needed."""
+    known = columns.known
+    found = next((way for way in _WAYS if {way[1], *way[2]} <= known), None)
+    if found is not None:
+        return found
+    table = columns.table
+    if table.refused:
+        reasons = dict.fromkeys(table.refused.values())
+        asked = "; say which with --modulus G or E" if any("tension" in each for each in reasons) else ""
+        raise TableError(f"{table.path}: {'; '.join(reasons)}{asked}")
+    if tau := next((heading for heading in table.unread if _TAU.match(heading)), None):
+        raise TableError(
+            f"{table.path}: {tau!r} names the relaxation times of a Prony series, not a curve; write it as "
+            "material: {model: prony, G0: ..., branches: [{G: ..., tau: ...}, ...]}"
+        )
+    heads = [column.heading or name for name, column in table.columns.items()]
+    unread = [f"{heading!r} is not read ({why})" for heading, why in table.unread.items()]
+    message = f"the columns {', '.join(map(repr, heads))} make no curve; must be {WAYS}"
+    names = [f"name all columns by {answers.to_give('columns', 'NAMES')}"] if unread else []
+    raise TableError("; ".join([f"{table.path}: {message}", *unread, *names]))
 
 
-def converted(quantities: Sequence[str], rows: FloatArray, poisson: float) -> FloatArray:
-    """Return omega, G' and G'', shape (rows, 3), or t and G, shape (rows, 2), in shear."""
-    known = {}
-    for quantity, values in zip(quantities, rows.T, strict=True):
-        tension = quantity.startswith("E ")
-        known[quantity.removeprefix("E ")] = values / (2 * (1 + poisson)) if tension else values
-    if "time" in known:
-        return np.column_stack([known["time"], known["relaxation"]])
-    if "frequency" in known:
-        known["omega"] = 2 * math.pi * known["frequency"]
-    if "storage" not in known:
-        known["storage"] = known["loss"] / known["tan"]
-    if "loss" not in known:
-        known["loss"] = known["storage"] * known["tan"]
-    return np.column_stack([known[quantity] for quantity in MASTER])
+@dataclass
+class _Quantities:
+    """The columns of a table as quantities in shear, in rad/s, and in one unit of moduli."""
+
+    table: TextTable
+    in_shear: float  # G/E
+    tension: bool = False
+
+    @property
+    def known(self) -> set[str]:
+        """The quantities that follow from the columns."""
+        return {name for name in (ANGULAR, "time", _TAN, *_TENSION) if self._sources(name)}
+
+    def _sources(self, name: str) -> list[str]:
+        abscissae = [other for other, _, _ in _ABSCISSAE.get(name, ())]
+        others = ["phase"] if name == _TAN else [_TENSION[name]] if name in _TENSION else []
+        return [each for each in dict.fromkeys([*abscissae, name, *others]) if each in self.table.columns]
+
+    @cached_property
+    def modulus(self) -> str:
+        """The unit of all moduli: that of the first one, if a configuration can have it."""
+        sizes = [
+            1 / column.unit.size if name[0] in "JD" else column.unit.size
+            for name, column in self.table.columns.items()
+            if column.unit is not None and name in {*_TENSION, *_TENSION.values()}
+        ]
+        if not sizes:
+            return ""
+        return next((name for name in _STRESSES if unit_of(name).size == sizes[0]), "Pa")  # type: ignore[union-attr]
+
+    def take(self, name: str) -> FloatArray:
+        """Return a quantity."""
+        source, table = self._sources(name)[0], self.table
+        unit = table.columns[source].unit
+        for other, into, factor in _ABSCISSAE.get(name, ()):
+            if other == source:
+                return factor * table.take(source, into if unit else None)
+        if source == "phase":
+            if unit is None:
+                raise TableError(
+                    f"{table.path}: phase has no unit; must be in degrees or in rad, as in phase [deg]"
+                )
+            return np.asarray(np.tan(table.take(source, "rad")))
+        if source == _TAN:
+            return table.take(source)
+        compliance = name[0] == "J"
+        into = f"1/{self.modulus}" if compliance else self.modulus
+        values = table.take(source, into if unit else None)
+        if source == name:
+            return values
+        self.tension = True
+        return values / self.in_shear if compliance else values * self.in_shear
+
+    def units(self, abscissa: str) -> tuple[str, str]:
+        """Return the units of times and moduli, "" where the file does not have them."""
+        has_unit = self.table.columns[self._sources(abscissa)[0]].unit is not None
+        return "s" if has_unit else "", self.modulus
+
+    def refuse_contradictions(self, moduli: NDArray[np.complex128], needed: Sequence[str]) -> None:
+        """Refuse further columns that differ from the moduli by two of them."""
+        compliance = 1 / moduli
+        follow = {
+            "G'": moduli.real, "G''": moduli.imag, "|G*|": np.abs(moduli), _TAN: moduli.imag / moduli.real,
+            "J'": compliance.real, "J''": -compliance.imag,
+        }  # fmt: skip
+        for name in sorted((self.known - {*needed}) & follow.keys()):
+            try:
+                values = self.take(name)
+            except TableError:  # of holes
+                continue
+            ratio = float(np.median(values / follow[name]))
+            if not abs(ratio - 1) <= _AGREE:
+                message = f"{name} is {ratio:.3g} times the value that follows from {' and '.join(needed)}"
+                raise TableError(
+                    f"{self.table.path}: {message}; correct a unit, or leave it out with columns"
+                )

@@ -25,6 +25,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.body.materials import Material
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.model import explain
 from gfmdlayer.config.sweeps import assigned
@@ -96,6 +97,13 @@ class IndentationModel:
         }
         dotted = {key.replace("[", ".").replace("]", ""): value for key, value in (elastic | values).items()}
         return Config.model_validate(assigned(self._data, dotted))
+
+    def is_timeless(self, free: Free) -> bool:
+        """Whether nothing in the model or among the free parameters depends on time."""
+        drifting = {"drift", "force_drift"} & {*free}
+        relaxing = [key for key in free if key.rpartition(".")[2] in {"Ginf", "tau"}]
+        elastic = all(isinstance(law, Material) and law.elastic for law in self.config.laws)
+        return elastic and not drifting and not relaxing
 
     @cached_property
     def _elastic(self) -> set[str]:
@@ -193,7 +201,7 @@ TRIES = 3  # the differences are repeated when the nodes changed on the way, at 
 # a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a shorter step would
 # take the jump for a derivative.
 STEP, LINEAR_STEP = 5e-3, 2e-3
-MODULI = {"G0", "Ginf", "G", "shear_modulus"}
+MODULI = {"G0", "Ginf", "G", "young", "bulk", "shear_modulus", "young_modulus", "bulk_modulus"}
 STICKING = "adhesion."  # of the keys of the adhesion
 EXACT_STEP = 1e-5  # the same for an elastic body, whose response is smooth
 NO_MODULI = {*"tau thickness poisson exponent alpha gamma radius slope angle width face".split()}  # noqa: SIM905
@@ -688,7 +696,10 @@ def _thickness(model: IndentationModel) -> tuple[float, bool]:
     """Return the thickness above the halfspace, and whether the halfspace is stiffer than the layer."""
     keys = [key for key in model.keys if key.endswith(".thickness")]
     thickness = sum(model.keys[key] for key in keys)
-    base = model.keys.get("halfspace.shear_modulus", 0.0)
+    base = next(
+        (model.keys[key] for key in model.keys if key.startswith("halfspace.") and key.endswith("_modulus")),
+        0.0,
+    )
     moduli = [
         value
         for key, value in model.keys.items()

@@ -16,7 +16,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.elastic import KINDS, NO_ADHESION, work_for
 from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
-from gfmdlayer.fitting.force_curve import DEPTH, ForceCurve, baseline, noise_of
+from gfmdlayer.fitting.force_curve import DEPTH, CurveError, ForceCurve, baseline, noise_of
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import (
     MODULI,
@@ -122,13 +122,21 @@ def curve_parameters(
     curves: Sequence[ForceCurve], model: IndentationModel, free: Free, options: FitOptions
 ) -> list[FreeParameter]:
     """Return the free parameters of a fit, with the starts and the default bounds that follow from curves."""
+    if options.contact == "given" and "force_offset" not in free:
+        for curve in curves:
+            if curve.force.max() <= 0:
+                reason = "no force is positive; forces are positive where the indenter presses"
+                hint = "Is the baseline below zero? Detect the contact"
+                raise CurveError(f"curve {curve.name}: {reason}. {hint}")
     depth = max(float(np.ptp(curve.depth)) for curve in curves)
     force = max(float(np.ptp(curve.force)) for curve in curves)
+    lowest = min(float(curve.force.min()) for curve in curves)
+    highest = max(float(curve.force.max()) for curve in curves)
     duration = min(float(np.ptp(curve.time)) for curve in curves)
     spans = {
         "contact_point": (-depth, depth),
         "drift": (-depth / duration, depth / duration),
-        "force_offset": (-force, force),
+        "force_offset": (min(-force, lowest), max(force, highest)),
         "force_drift": (-force / duration, force / duration),
         "tilt": (-force / depth, force / depth),
     }

@@ -24,12 +24,25 @@ energy that is lost, by at most the drive times the jump of the response. A step
 accepted if both errors are within the tolerance. Else it is repeated by halves towards the jump, down to the
 length at which the errors, which are proportional to it, will be within the tolerance. Behind the jump the
 steps start as after a breakpoint.
+
+Where u(t) is a straight line the error vanishes: an elastic body, or a flat punch, would be solved at the
+stops only. Two more bounds follow from the rows:
+
+* A curve can be drawn through them. The second divided difference of the last three responses gives the
+  deviation of the response from a straight line over the step, |bend| dt^2/4. It stays within a hundredth of
+  the largest response, or the step is rejected. Where a stretch begins, the deviation is unknown: at most
+  4/27 of the change, as that of a power 2/3 or 3/2 from zero. While the drive grows, the largest response is
+  expected from its largest value, as the response of a Hertzian contact grows.
+* The energy balance closes. What a step leaves open is the error of its work (`path_work`), of third order in
+  the step like the error above, and sets the next step in the same way. The shares of the steps (`_SHARE`) add
+  up to less than three tolerances of the largest work.
 """
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,6 +72,16 @@ _FROM_REST = 30.0  # first step without contact, in units of tolerance times the
 # rates from relaxed to glassy), and the largest at any tolerance.
 _SEPARATION, _WIDEST_SEPARATION = 0.3, 0.5
 _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shortest relaxation times
+
+# Rows between which the response is drawn as a straight line.
+_DEVIATION = 0.01  # of the response from it, relative to the largest response, while the drive changes
+_DEVIATION_AT_REST = 0.05
+_UNKNOWN_DEVIATION = 4 / 27  # part of the change of the response: the most for a power 2/3 or 3/2 from zero
+
+# Share of a step in the open balance: the tolerance times its work, and times this many roots of the tolerance
+# of the largest work. For N steps leave open some 0.1/N^2 of it, as trapezoids do: 0.1/N^3 each.
+_SHARE = 20.0
+_MOST_WEIGHED = 32.0  # of the step that the other errors allow, over the one that the balance asks for
 
 
 class Changes(Saving):
@@ -123,6 +146,12 @@ STEP_STATE = record_type(
         ("last_step", np.float64),  # length of the last step, 0 after a breakpoint
         ("jump_by", np.float64),  # a step to this time was rejected for an instability
         ("over_jump", np.float64),  # length of a step over the instability that will be accepted
+        ("earlier", np.float64),  # response one step before the last
+        ("prescribed", np.float64),
+        ("room", np.float64),  # longest step within the tolerances, without the balance of the energies
+        ("work", np.float64),  # of the last row
+        ("largest_work", np.float64),  # or energy of the body
+        ("imbalance", np.float64),  # of the energies, of the last row
     ]
 )
 
@@ -137,6 +166,10 @@ class StepControl(NamedTuple):
     shortest_time: float  # relaxation time
     shortest: float  # step: times closer than this are the same
     attracted: bool
+    largest_drive: float  # prescribed depth or load
+    growth_of_response: float  # exponent over the drive
+    first_step: float  # at most
+    noise: float  # of the solver, in the energies, relative to them
     now: npt.NDArray[Any]  # one record of `STEP_STATE`
     behind: npt.NDArray[Any]  # the same behind the last step, if it is accepted
 
@@ -208,6 +241,7 @@ def relative_error(
 def judge(
     control: StepControl,
     point: Point,
+    prescribed: float,
     response: float,
     depth: float,
     deforms: bool,
@@ -224,25 +258,69 @@ def judge(
     if step == 0.0:
         # The depth at rest may differ from zero: it counts from the lowest point of the grid.
         first = _AFTER_JUMP if depth_scale > 0.0 and deforms else _FROM_REST * tolerance
-        now.next_step = control.shortest_time * first
+        now.next_step = min(control.shortest_time * first, control.first_step)
     elif jumps or separation > control.separation:
         jump = abs(response - before.response) / response_scale if response_scale > 0.0 else 0.0
         accepted = _accepts_abrupt(control, point, max(estimate, drive * jump), jumps, separation)
     else:
-        accepted = estimate <= tolerance
+        deviation = _deviation(control, step, prescribed, response)
+        accepted = estimate <= tolerance and deviation <= 1.0
         if not accepted and step <= _ROUNDING * point.time:
-            accepted, estimate = True, tolerance  # there is no shorter step
+            accepted, estimate, deviation = True, tolerance, 1.0  # there is no shorter step
         widest = _SAFETY * control.separation / separation if separation > 0.0 else np.inf
+        widest = min(widest, math.sqrt(_SAFETY / max(deviation, 1e-300)))
         _set_next_step(control, step, _SAFETY * tolerance / max(estimate, 1e-300), accepted, widest)
     if accepted:
         now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, depth
-        now.response, now.last_step, now.time = response, step, point.time
+        now.prescribed = prescribed
+        now.earlier, now.response, now.last_step, now.time = now.response, response, step, point.time
         now.after_breakpoint = (point.marks & BREAKPOINT) != 0
         if point.lands:
             now.next_stop, now.reach = now.next_stop + 1, 0.0
     else:
         control.now[0] = control.behind[0]
     return accepted
+
+
+@kernel(inner=True, borrows=True)
+def _deviation(control: StepControl, step: float, prescribed: float, response: float) -> float:
+    """Deviation of the response from a straight line over a step, relative to the largest deviation."""
+    now = control.now[0]
+    change, last = response - now.response, now.last_step
+    off = _UNKNOWN_DEVIATION * abs(change)
+    if last > 0.0:
+        bend = (change / step - (now.response - now.earlier) / last) / (step + last)
+        off = abs(bend) * step**2 / 4.0
+    largest = max(now.largest_response, abs(response) * _growth(control, prescribed))
+    part = _DEVIATION if prescribed != now.prescribed else _DEVIATION_AT_REST
+    return float(off / (max(part, control.tolerance) * largest)) if off > 0.0 else 0.0
+
+
+@kernel(inner=True, borrows=True)
+def _growth(control: StepControl, prescribed: float) -> float:
+    """Factor by which the response is expected to grow up to the largest drive."""
+    if 0.0 < prescribed < control.largest_drive:
+        return float((control.largest_drive / prescribed) ** control.growth_of_response)
+    return 1.0
+
+
+@kernel(borrows=True)
+def weigh(control: StepControl, work: float, energy: float, imbalance: float) -> None:
+    """Bound the next step by what the last one, which was accepted, has left open in the energy balance."""
+    now = control.now[0]
+    done, left_open = abs(work - now.work), abs(imbalance - now.imbalance)
+    now.largest_work = max(now.largest_work, abs(work), energy)
+    largest = now.largest_work
+    if 0.0 < now.prescribed < control.largest_drive:
+        expected = _growth(control, now.prescribed) * control.largest_drive / now.prescribed
+        largest = max(largest, abs(work) * expected)
+    share = control.tolerance * (done + _SHARE * math.sqrt(control.tolerance) * largest)
+    share += control.noise * largest
+    if done > 0.0 and left_open > 0.0 and now.last_step > 0.0 and not control.attracted:
+        factor = (_SAFETY * share / left_open) ** (1 / 3)
+        weighed = max(max(factor, _SHRINK[0]) * now.last_step, now.room / _MOST_WEIGHED)
+        now.next_step = min(now.next_step, weighed)
+    now.work, now.imbalance = work, imbalance
 
 
 @kernel(inner=True, borrows=True)
@@ -264,6 +342,7 @@ def _accepts_abrupt(control: StepControl, point: Point, error: float, jumps: boo
 def _set_next_step(control: StepControl, step: float, room: float, accepted: bool, widest: float) -> None:
     """Set the next step: `room` is the largest factor on its error, `widest` on its length."""
     now, factor = control.behind[0], min(room ** (1 / 3), widest)
+    now.room = factor * step
     if accepted:
         growth = _FIRST_GROWTH if now.steps_since_breakpoint < _FIRST_STEPS else _GROWTH
         # A step that was cut to land on a stop does not shorten the next ones.
@@ -271,6 +350,14 @@ def _set_next_step(control: StepControl, step: float, room: float, accepted: boo
         now.steps_since_breakpoint += 1
     else:
         now.next_step = min(max(factor, _SHRINK[0]), _SHRINK[1]) * step
+
+
+class Drawn(NamedTuple):
+    """The drive over which the response is drawn."""
+
+    largest: float  # value
+    growth: float  # exponent of the response over the drive, in a Hertzian contact
+    first: float  # length of the first stretch
 
 
 class AdaptiveSteps:
@@ -282,12 +369,16 @@ class AdaptiveSteps:
         stops: Sequence[Instant],
         shortest_time: float,
         least: tuple[float, float] = (0.0, 0.0),
+        drawn: Drawn | None = None,
+        noise: float = 0.0,
     ) -> None:
         # The tolerance is the largest error of the response relative to its largest value so far, and of the
         # displacement relative to the largest depth so far. Steps land on the `stops`, from the start to the
         # end. `shortest_time` is the shortest relevant relaxation time at the start. `least` has the smallest
         # scales of response and depth; the scale of the depth is the range of an interface that attracts, and
-        # zero for a hard wall.
+        # zero for a hard wall. `drawn` is the drive as far as a curve is drawn over it, and `noise` the part
+        # of the energies that the solver leaves open.
+        drawn = drawn or Drawn(0.0, 1.0, math.inf)
         self._stops = stops
         self.control = StepControl(
             stops=np.array([stop.time for stop in stops]),
@@ -297,6 +388,10 @@ class AdaptiveSteps:
             shortest_time=shortest_time,
             shortest=SAME_TIME * stops[-1].time,
             attracted=least[1] > 0,
+            largest_drive=drawn.largest,
+            growth_of_response=drawn.growth,
+            first_step=(_SAFETY * _DEVIATION / _UNKNOWN_DEVIATION) ** (1 / drawn.growth) * drawn.first,
+            noise=noise,
             now=np.zeros(1, STEP_STATE),
             behind=np.zeros(1, STEP_STATE),
         )
@@ -321,11 +416,17 @@ class AdaptiveSteps:
             errors = error(step, moving=moving, deep=step.depth >= RETRACTED * depth_scale)
             estimate = relative_error(control, step.response, step.depth, *errors)
         changes = (False, 0.0, 0.0) if change is None else (change.jumps, change.separation, change.drive)
-        return bool(judge(control, self._point, step.response, step.depth, step.deforms, estimate, changes))
+        of_step = step.prescribed, step.response, step.depth, step.deforms
+        return bool(judge(control, self._point, *of_step, estimate, changes))
 
     def advance(self) -> None:
         """Go on behind the last step, which was accepted."""
         self.control.now[0] = self.control.behind[0]
+
+    def weigh(self, row: Mapping[str, float]) -> None:
+        """Look at the energy balance of the last step, in its row."""
+        energy = float(row["stored"]) + float(row["dissipated"])
+        weigh(self.control, float(row["work"]), energy, float(row["energy_residual"]))
 
     def course(self) -> Course | None:
         """Return the course if the next step is the first that depends on the end."""

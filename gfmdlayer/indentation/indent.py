@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body, check_body
+from gfmdlayer.body.materials import Law
 from gfmdlayer.config.geometries import FINEST
 from gfmdlayer.indentation.compliance import gauss_rule
 from gfmdlayer.indentation.march import Marched
@@ -289,6 +290,16 @@ class IsolatedIndentation:
 FIELDS = ("pressure", "displacement", "gap")
 
 
+def _beside_springs(body: Body, duration: float) -> Body:
+    """Return a body of liquids with springs that its response over a time does not feel, see `Law.prony`."""
+    laws: tuple[Law, ...] = getattr(body, "laws", ())
+    if all(law.relaxed for law in laws):
+        return body
+    series = [law.prony(duration, duration).material for law in laws]
+    made: Body = body.with_series(series, 0.0)  # type: ignore[attr-defined]
+    return made
+
+
 def indent(
     body: Body,
     indenter: OfRevolution | Revolution | Mapping[str, Any] | tuple[ArrayLike, ArrayLike],
@@ -371,6 +382,7 @@ def indent(
         raise ValueError(f"force: got {history.value.min():.6g}; must be >= 0 without adhesion")
     if not history.by_force and history.value.max() >= (floor := getattr(body, "rigid_below", math.inf)):
         raise ValueError(f"depth: got {history.value.max():.6g}; must be above the rigid base, < {floor!r}")
+    body = _beside_springs(body, float(np.ptp(history.time)))
     times = np.unique(np.asarray(snapshots, dtype=float))
     if times.size and not (history.time[0] <= times[0] and times[-1] <= history.time[-1]):
         raise ValueError(f"snapshots: got {times}; must be between the first and the last time")

@@ -78,7 +78,7 @@ class IsolatedContact(Model):
         by_force = config.trajectory.control == "force"
         return IsolatedIndentation(
             self.body,
-            config.punch.revolution(),  # type: ignore[attr-defined]  # which the configuration has checked
+            config.punch_in_units.revolution(),  # type: ignore[attr-defined]  # which the configuration has checked
             History(np.array(times), np.array([drive(each) for each in times]), by_force),
             tolerance=time.tolerance or DEFAULT_TOLERANCE,
             step=None if isinstance(time.step, str) else time.step,
@@ -109,7 +109,7 @@ class IsolatedContact(Model):
         trajectory, names = self.config.trajectory, files_named(self.config)
         key = next((name for name in names if name.startswith("punch.")), "punch")
         try:
-            self.config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
+            self.config.punch_in_units.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
             key = "trajectory.file"
             drive = self.drives.drive
         except TableError as error:

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     import xarray
 
     from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
 
@@ -232,7 +233,7 @@ def solve(
         return with_friction(body, grid, heights, (control, target), **step, **frictional)
     loading = Loading(heights, Constant(target), law, by_depth=control == "depth")
     spectrum = response.spectrum(grid.waves)
-    kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
+    kappa = np.ravel(spectrum.glassy) if instantaneous else _in_the_end(spectrum)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     contact = NormalContact(Parts(config, grid=grid, body=body, punch=heights, interface=law))
     problem = contact.imprint.under(loading.problem(kappa, nothing, 0.0))
@@ -306,6 +307,15 @@ def _config(grid: Mapping[str, Any], solver: Mapping[str, object], sections: Map
 @made_once(lambda _: 1 << 10)
 def _config_of(text: str) -> Config:
     return from_python(json.loads(text))
+
+
+def _in_the_end(spectrum: Spectrum) -> FloatArray:
+    """Return the relaxed stiffness; ConfigError for a liquid, which has none."""
+    relaxed = np.ravel(spectrum.relaxed)
+    if not relaxed.any():
+        message = "relaxes to nothing, as a liquid does; give instantaneous=True, or run it over time"
+        raise ConfigError([f"body: {message}"])
+    return relaxed
 
 
 def _prescribed(

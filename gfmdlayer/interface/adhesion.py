@@ -23,10 +23,11 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Discriminator, Field, Tag
 
 from gfmdlayer.interface.interface import Interface
-from gfmdlayer.validation.fields import File, Finite, MustBe, Optional, Positive, strict
+from gfmdlayer.validation.fields import File, Finite, MustBe, Optional, Positive, given, strict
 from gfmdlayer.validation.problems import ConfigError, Mistake
+from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Section
-from gfmdlayer.validation.units import Units
+from gfmdlayer.validation.units import Units, label_of
 
 if TYPE_CHECKING:
     from gfmdlayer.interface.law import Interaction
@@ -173,6 +174,8 @@ class Electrostatic(Interface):
     """h0, thickness/relative permittivity, or a list of insulators: length"""
     permittivity: Optional = None
     """permittivity of vacuum; known from units: pressure length^2/V^2"""
+    reading: Annotated[Reading | None, given] = None
+    """how the file of the voltage is read, where it does not say so"""
 
     @property
     def h0(self) -> float:
@@ -185,9 +188,10 @@ class Electrostatic(Interface):
         """Refuse a list without insulators: the traction in contact would be infinite."""
         if not self.h0:
             yield Mistake(("insulation",), f"got an empty list; must be {_thickness.allowed}")
+        yield from unread(self, "voltage")
 
     def permittivity_of_vacuum(self, units: Units | None) -> float | None:
-        """Return the given permittivity, or that in the units; None where these do not tell."""
+        """Return the given permittivity, or that in the units; None without either."""
         if self.permittivity is not None or units is None:
             return self.permittivity
         return units.permittivity_of_vacuum
@@ -204,7 +208,8 @@ class Electrostatic(Interface):
         stress = 0.5 * permittivity / self.h0**2
         one = of_terms((forms.INVERSE_SQUARE, stress, self.h0, 0.0), work=stress * self.h0, strength=stress)
         if isinstance(self.voltage, Path):
-            return Driven.by(one, Table.read(self.voltage, "voltage"))
+            into = label_of(units, "time"), "V"
+            return Driven.by(one, Table.read(self.voltage, "voltage", into, self.reading))
         return one.times(self.voltage**2)
 
 

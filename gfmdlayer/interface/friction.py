@@ -7,7 +7,7 @@ on the slip speed: a step then finds speeds and coefficients that agree (`fricti
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.files.tables import read_columns
+from gfmdlayer.files.tables import TableError, read_table
 from gfmdlayer.interface.interface import Coulomb, FrictionLaw, ShearStrength
+from gfmdlayer.validation.reading import Reading, answers
+from gfmdlayer.validation.units import Units, label_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,16 +28,20 @@ class SpeedTable:
 
     speeds: FloatArray  # increasing, >= 0; length / time
     values: FloatArray  # coefficients >= 0
+    account: str = ""  # how the file was read
 
     @classmethod
-    def read(cls, file: Path) -> SpeedTable:
-        """Read a table of two columns; TableError if it cannot be used."""
-
-        def refused(row: Sequence[float]) -> str:
-            return "" if min(row) >= 0 else f"holds {min(row):g}; speed and coefficient must be >= 0"
-
-        columns = read_columns(file, ("speed", "coefficient"), increasing=True, row_error=refused)
-        return cls(*columns.T)
+    def read(cls, file: Path, units: Units | None = None, reading: Reading | None = None) -> SpeedTable:
+        """Read a table of two columns, in any order of the speeds; TableError if it cannot be used."""
+        table = read_table(file, ("speed", "coefficient"), answers(reading))
+        speeds = table.take("speed", label_of(units, "length / time"))
+        values = table.take("coefficient", "1")
+        smaller = np.minimum(speeds, values)
+        if smaller[row := int(smaller.argmin())] < 0:
+            found = f"holds {smaller[row]:g}; speed and coefficient must be >= 0"
+            raise TableError(f"{table.place(row)}: {found}")
+        order = table.ascending(speeds, "speed")
+        return cls(speeds[order], values[order], table.account)
 
     def at(self, speed: Any) -> FloatArray:
         """Coefficient at a slip speed, or at an array of them."""
@@ -76,7 +82,7 @@ class ShearBound:
             raise ValueError(f"shear strength: got {self.strength!r}; must be >= 0")
 
     @classmethod
-    def of(cls, laws: Iterable[FrictionLaw]) -> ShearBound | None:
+    def of(cls, laws: Iterable[FrictionLaw], units: Units | None = None) -> ShearBound | None:
         """Return the bound of laws of friction together; None without any, TableError from a bad file."""
         bound: ShearBound | None = None
         for law in laws:
@@ -86,7 +92,7 @@ class ShearBound:
             elif isinstance(law, Coulomb):
                 mu, table = law.coefficient, None
                 if isinstance(mu, Path):
-                    table = SpeedTable.read(mu)
+                    table = SpeedTable.read(mu, units, law.reading)
                     mu = float(table.at(0.0))
                 bound = replace(bound, coefficient=mu, over_speed=table)
         return bound

@@ -6,12 +6,15 @@ Configurations are read without numpy, which is imported inside of methods.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Tag
 
-from gfmdlayer.validation.fields import File, MustBe, NotNegative, Optional
+from gfmdlayer.validation.fields import File, MustBe, NotNegative, Optional, given
+from gfmdlayer.validation.problems import Mistake
+from gfmdlayer.validation.reading import Reading, unread
 from gfmdlayer.validation.sections import Kind
 from gfmdlayer.validation.units import Units
 
@@ -106,6 +109,12 @@ class Coulomb(FrictionLaw):
     """friction: shear traction up to coefficient times pressure"""
     coefficient: Coefficient
     """coefficient of friction, or a file with two columns, slip speed and coefficient"""
+    reading: Annotated[Reading | None, given] = None
+    """how the file is read, where it does not say so"""
+
+    def problems(self) -> Iterator[Mistake]:
+        """Refuse a reading without a file."""
+        yield from unread(self, "coefficient")
 
 
 class ShearStrength(FrictionLaw):

@@ -5,7 +5,13 @@ the mean tangential stress over the position; with friction at the interface als
 over the displacement of the punch along the surface, and the heat of slip is subtracted. It does not use the
 modes, from which stored and dissipated energy follow. The energy of the interface is the mean of its law over
 the gap, zero for the hard wall. So the residual of the balance is an error of the time integration: of second
-order in dt with the exponential scheme and of first order with backward Euler.
+order in dt with the exponential scheme and of first order with backward Euler. A residual above the limit is
+a warning: three times the tolerance of adaptive steps, a hundredth with fixed ones.
+
+Between fixed steps the curve is a parabola, between adaptive ones a bent power law (`history.path_work`).
+Adaptive steps see the residual, and are chosen so that the balance closes (`history.adaptive_steps`). In an
+adaptive step in which a hard wall first touches or last touches, the path in contact is not known: the gain of
+the energies counts as work.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
@@ -30,6 +36,7 @@ friction at the interface the energy of an elastic contact does not depend on th
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -42,6 +49,10 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.config import Config
     from gfmdlayer.step import Step
+
+
+UNBALANCED = "UNBALANCED"  # with this word the warning begins
+_TOLERANCES, _CLOSED = 3, 0.01  # largest residual over the work: in tolerances, or with fixed steps
 
 
 class EnergyBalance(Observable):
@@ -58,7 +69,7 @@ class EnergyBalance(Observable):
     LOST = declared("""
         lost | energy lost in instabilities per area | pressure length | from the beginning of the run
         """)
-    KEPT = "work", "lost", "energies", "torn"
+    KEPT = "work", "lost", "energies", "torn", "largest", "open"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -70,6 +81,9 @@ class EnergyBalance(Observable):
         self._interface, self._has_losses = case.drives.interface, bool(case.config.interfaces)
         self._by_depth = case.config.trajectory.control == "depth"
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
+        self._largest = self._open = 0.0  # work or energy; residual
+        self._time = case.config.time
+        self._by_power = self._time.tolerance is not None and not self._has_losses
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
         # Positions and tangential stresses; displacements of the punch and shear tractions, along each axis.
@@ -89,6 +103,9 @@ class EnergyBalance(Observable):
             self._rows.clear()
         else:
             self._work += self._work_of_step(step, now, tangential, energies - self._energies)
+        residual = self._work - stored - dissipated - attraction - self._lost
+        self._largest = max(self._largest, abs(self._work), stored + dissipated)
+        self._open = max(self._open, abs(residual))
         self._torn, self._energies = step.detached, energies
         self._rows.append(now)
         self._tangential.append(tangential)
@@ -98,13 +115,15 @@ class EnergyBalance(Observable):
             "work": self._work,
             "stored": stored,
             "dissipated": dissipated,
-            "energy_residual": self._work - stored - dissipated - attraction - self._lost,
+            "energy_residual": residual,
         }
 
     def _work_of_step(
         self, step: Step, now: PathPoint, tangential: tuple[Point, ...], gained: float
     ) -> float:
         """Work over a step in which the energies grow by `gained`, plus the loss."""
+        if self._by_power and (self._rows[-1].pressure == 0) != (now.pressure == 0):
+            return gained
         released = step.released_energy if self._has_losses else 0.0
         over = None
         if released > 0:
@@ -112,6 +131,8 @@ class EnergyBalance(Observable):
         points = [row.point for row in (*self._rows, now)]
         if step.plastic_work > 0:
             points = points[-2:]  # the depth may jump where points yield, and no parabola leads over a jump
+        if self._by_power and len(points) > 1 and step.plastic_work == 0:
+            over = self._along_curve(now), 0.5
         normal, part = over or (_area(*points), 0.5)
         work = normal + sum(_area(*curve) for curve in zip(*self._tangential, tangential, strict=True))
         if self._field is not None:
@@ -122,6 +143,30 @@ class EnergyBalance(Observable):
             lost = lost if 0 < lost < released + across(*points[-2:]) else released
             self._lost, work = self._lost + lost, gained + lost
         return work
+
+    def _along_curve(self, now: PathPoint) -> float:
+        """Work from the last row to a point, where steps are adaptive."""
+        import numpy as np
+
+        from gfmdlayer.history.path_work import work_along
+
+        curve = np.array([self._rows[0], self._rows[-1]])
+        return float(work_along(curve, len(self._rows), now.depth, now.pressure))
+
+    @property
+    def warning(self) -> str:  # type: ignore[override]
+        """Say that the balance is open, and the steps that would close it."""
+        time = self._time
+        limit = _CLOSED if time.tolerance is None else _TOLERANCES * time.tolerance
+        if self._open <= limit * self._largest:
+            return ""
+        part, order = self._open / self._largest, 1 if time.integrator == "backward_euler" else 2
+        if time.tolerance is None:
+            assert not isinstance(time.step, str)
+            remedy = f"time.step {_rounded_down(time.step * (limit / part) ** (1 / order))}"
+        else:  # the error is of second order in the steps, which grow with the cube root of the tolerance
+            remedy = f"time.tolerance {_rounded_down(time.tolerance * (limit / part) ** (3 / 2))}"
+        return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
 
     def _attraction(self, step: Step) -> float:
         """Energy of the interface per area."""
@@ -189,6 +234,12 @@ def _tangential(step: Step) -> tuple[Point, ...]:
     position, force = (float(step.row.get(name, 0.0)) for name in ("position", "tangential_force"))
     by_loss = force - step.shear_force + step.stretch
     return (position, by_loss), *zip(step.moved, step.mean_shear, strict=True)
+
+
+def _rounded_down(value: float) -> str:
+    """Return a number with its first digit."""
+    unit = 10.0 ** math.floor(math.log10(value))
+    return f"{math.floor(value / unit) * unit:.1g}"
 
 
 def _area(*points: Point) -> float:

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import TableError, read_columns
+from gfmdlayer.files.tables import TableError, read_table
 from gfmdlayer.kernels import kernel
+from gfmdlayer.validation.reading import Reading, answers
 
 # A contact that comes this near to the equator of a sphere has slopes far beyond the theory's small ones.
 _EQUATOR = 0.999
@@ -97,11 +98,16 @@ def of_table(r: ArrayLike, h: ArrayLike) -> Revolution:
     return of_pieces(knots, starts - linear * knots, linear, rim=float(r[-1]))
 
 
-def read_table(file: Path) -> Revolution:
-    """Return the profile of a file with the columns radius and height; TableError unless it is convex."""
-    r, h = read_columns(file, ("radius", "height"), increasing=True, at_least=3).T
+def read_profile(file: Path, length: str | None, reading: Reading | None) -> tuple[Revolution, str]:
+    """Return the profile of a file with the columns radius and height, in a unit, and how it was read.
+
+    TableError unless it is convex. The order of the rows has no meaning.
+    """
+    table = read_table(file, ("radius", "height"), answers(reading))
+    r, h = table.take("radius", length), table.take("height", length)
+    order = table.ascending(r, "radius")
     try:
-        return of_table(r, h - h[0])
+        return of_table(r[order], h[order] - h[order[0]]), table.account
     except ValueError as error:
         raise TableError(f"{file}: {error}") from None
 

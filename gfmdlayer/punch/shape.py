@@ -51,6 +51,10 @@ class Shape(Kind):
         """Key and value that keep this shape from being distributed over ranks; else empty."""
         return ""
 
+    def with_length(self, length: str | None) -> Shape:  # noqa: ARG002
+        """Return the shape whose file, if it has one, is converted into a unit of length."""
+        return self
+
     @abstractmethod
     def heights(self, grid: Grid) -> FloatArray:
         """Heights above the lowest point, of the grid's shape.
@@ -72,6 +76,10 @@ class Shape(Kind):
     def notes(self, cell: Cell) -> list[str]:  # noqa: ARG002
         """Describe the changes made to a measured surface."""
         return []
+
+    def account(self, cell: Cell) -> str:  # noqa: ARG002
+        """Say in one line how its file was read, if it has one."""
+        return ""
 
     def mean_height(self, cell: Cell) -> float | None:  # noqa: ARG002
         """Mean height in closed form, where there is one."""

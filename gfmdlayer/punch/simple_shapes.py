@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from gfmdlayer.punch.shape import Analytic, Axes, Cell, Extent, Shape, across, along_axis, distance, single
-from gfmdlayer.validation.fields import Amplitudes, File, Lengths, MustBe, Positive, Word, strict
+from gfmdlayer.validation.fields import Amplitudes, File, Lengths, MustBe, Positive, Word, given, strict
 from gfmdlayer.validation.problems import Mistake
+from gfmdlayer.validation.reading import Reading
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -398,9 +399,25 @@ class RadialProfile(_Rimmed):
     """a convex profile from a table; for grid.geometry: axisymmetric"""
     file: File
     """two columns, radius from 0 and height"""
+    reading: Annotated[Reading | None, given] = None
+    """how the file is read, where it does not say so"""
+
+    _length: str | None = PrivateAttr(default=None)  # unit of length of the configuration
+
+    def with_length(self, length: str | None) -> RadialProfile:
+        """Return the shape that converts lengths of its file into a unit."""
+        shape = self.model_copy()
+        shape._length = length
+        return shape
 
     def revolution(self) -> Revolution:
         """The profile, which ends at the last radius; TableError if the file has no convex one."""
-        from gfmdlayer.punch.revolution import read_table
+        from gfmdlayer.punch.revolution import read_profile
 
-        return read_table(self.file)
+        return read_profile(self.file, self._length, self.reading)[0]
+
+    def account(self, cell: Cell) -> str:  # noqa: ARG002
+        """Say how the file was read; TableError if it cannot be used."""
+        from gfmdlayer.punch.revolution import read_profile
+
+        return read_profile(self.file, self._length, self.reading)[1]

@@ -1,83 +1,64 @@
-"""Heights from files and arrays, and the steps that make a measured surface periodic and complete.
-
-Files are NumPy arrays, text, HDF5 and netCDF, and the formats of SurfaceTopography. The first axis of an
-array is x, the second y. In text each line is one value of x. Points that were not measured are NaN.
+"""The steps that make a measured surface periodic and complete, and heights of a punch given in Python.
 
 A measurement neither joins up with itself at the edges nor is it free of holes. The steps that the user asks
 for are taken in this order, and each describes its change:
 
-fill        points that were not measured take the heights of a membrane spanned between their neighbours
+fill        points without a height, NaN, take those of a membrane spanned between their neighbours
 detrend     the plane, or the paraboloid, of least squares is subtracted
 taper       deviations from the mean height fade out towards the edges (Tukey's window; 1 is Hann's)
 resample    to the points of the grid, by the Fourier series
 
-Each returns the heights and a note, which is empty where nothing changed.
+Each returns the heights and a note, which is empty where nothing changed. The files: `punch/scan_files.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.files.hdf5 import READING, open_group, open_hdf5
-from gfmdlayer.files.tables import LARGEST, TableError, read_columns, read_matrix
+from gfmdlayer.files.tables import LARGEST, TableError, read_table
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.punch.scan import Keys, Measured, Scan, ScanAxis, on_grid, times, without_holes
+from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.validation.problems import ConfigError
 
 _SEAM = 3.0  # a step across the seam beyond so many times the usual one is no part of the surface
 
 
-class Heights(NamedTuple):
-    """Heights, and the lengths of the cell that they fill along each axis if the file holds them.
-
-    Where a process reads some rows, values has these only; shape counts all.
-    """
-
-    values: FloatArray
-    lengths: tuple[float, ...] | None = None
-    shape: tuple[int, ...] = ()
-
-
-def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid | None = None) -> Heights:
-    """Read heights on so many axes by the ending of a file's name; TableError if there are none."""
-    # `dataset` is the name in an HDF5 or netCDF file with several, behind those of its groups and /. Where
-    # several processes hold the grid, the rows of this one are read.
-    rows = slice(None)
-    if grid is not None and not grid.is_whole:
-        rows = slice(grid.first_row, grid.first_row + grid.shape[0])
-    reader = _READERS.get(file.suffix.lower(), _by_surface_topography)
-    if dataset is not None and reader is not _labelled:
-        raise TableError(f"{file}: is no HDF5 or netCDF file; dataset must be left out")
-    heights = reader(file, axes, dataset, rows)
-    shape = heights.shape or heights.values.shape
-    if grid is not None and not grid.is_whole and shape != grid.points:
-        raise TableError(f"{file}: holds {times(shape)} heights; must be {times(grid.points)}, as the grid")
-    if len(shape) != axes:
-        wanted = "one axis" if axes == 1 else "two axes"
-        raise TableError(f"{file}: holds {times(shape)} heights; must have {wanted}, as the grid")
-    if min(shape) < 2:
-        row = "a single height" if max(shape) < 2 else f"a single row of {max(shape)} heights"
-        raise TableError(f"{file}: holds {row}; must be at least two along each axis")
-    _refuse(file, heights.values, np.abs(heights.values) > LARGEST)
-    return heights
-
-
-def read_profile(file: Path, grid: Grid, *, outward: bool = False) -> FloatArray:
+def read_profile(
+    file: Path, grid: Grid, keys: Keys, length: str | None, *, outward: bool = False
+) -> Measured:
     """Read one height for each grid point, above the first touch; TableError unless they fit the grid."""
     # The file is .npy of the grid's shape, or text with a row, x and height, for each point of a line, spaced
     # by L/n. The lowest height touches first, or the highest where heights are counted outward.
-    if grid.is_whole:
-        npy = file.suffix == ".npy"
-        heights = _array(file, 0, None, slice(None)).values if npy else _read_line(file, grid)
+    if file.suffix == ".npy":
+        found = on_grid(read_scan(file, len(grid.points), keys, grid), keys, grid, length)
     else:
-        heights = read_heights(file, len(grid.points), None, grid).values
-    heights = fitting(file, heights, grid.shape) * (-1.0 if outward else 1.0)
-    return np.asarray(heights - grid.ranks.minimum(float(heights.min())))
+        found = _read_line(file, grid, keys, length)
+    heights = fitting(file, found.heights, grid.shape) * (-1.0 if outward else 1.0)
+    return found._replace(heights=np.asarray(heights - grid.ranks.minimum(float(heights.min()))))
+
+
+def _read_line(file: Path, grid: Grid, keys: Keys, length: str | None) -> Measured:
+    if len(grid.shape) != 1:
+        raise TableError(
+            f"{file}: two columns describe a line; a surface in two dimensions needs an array (.npy)"
+        )
+    table = read_table(file, ("x", "height"), keys.answers)
+    x = table.take("x", length)
+    heights, _ = without_holes(Scan(file, table.take("height", length), None, (ScanAxis(),)), keys)
+    spacing = grid.period[0] / grid.points[0]
+    if x.size == grid.size and not np.allclose(np.diff(x), spacing, rtol=1e-6, atol=0):
+        row = int(np.argmax(np.abs(np.diff(x) - spacing))) + 1
+        raise TableError(
+            f"{file}: x is not spaced by period/points = {spacing:.6g} (worst at data row {row + 1}); "
+            "shape: topography interpolates"
+        )
+    return Measured(np.ascontiguousarray(heights), table.account)
 
 
 def fitting(source: Path | str, heights: FloatArray, shape: tuple[int, ...]) -> FloatArray:
@@ -97,153 +78,6 @@ def _refuse(file: Path | str, heights: FloatArray, bad: BoolArray) -> None:
         size = "not a finite number" if np.isnan(first) else "infinite" if np.isinf(first) else "too large"
         allowed = f"; must be up to {LARGEST:g}" * bool(np.isfinite(first))
         raise TableError(f"{file}: the height at index {where} is {size}{allowed}")
-
-
-def times(shape: tuple[int, ...]) -> str:
-    """Write a shape for people: 512 x 512."""
-    return " x ".join(map(str, shape)) or "no"
-
-
-def _array(file: Path, _axes: int, _dataset: str | None, rows: slice) -> Heights:
-    mapped: Literal["r"] | None = None if rows == slice(None) else "r"
-    try:
-        if mapped is None:
-            with file.open("rb") as stream:
-                array = np.load(stream, allow_pickle=False)
-        else:
-            array = np.load(file, mapped, allow_pickle=False)
-    except (ValueError, OSError, EOFError, OverflowError) as error:
-        raise TableError(f"{file}: is not a NumPy array file ({error})") from error
-    except MemoryError as error:
-        raise TableError(f"{file}: its header names more numbers than memory holds ({error})") from error
-    if not (isinstance(array, np.ndarray) and array.dtype.kind in "fiu"):
-        raise TableError(f"{file}: must hold one array of real numbers")
-    values = array[rows] if array.ndim else array
-    return Heights(values.astype(np.float64), None, array.shape)
-
-
-def _text(file: Path, axes: int, _dataset: str | None, _rows: slice) -> Heights:
-    matrix = read_matrix(file)
-    if axes == 2:
-        return Heights(matrix)
-    if matrix.shape[1] != 2:
-        raise TableError(f"{file}: holds {matrix.shape[1]} columns; must be two, x and height, on a line")
-    x, heights = matrix.T
-    return Heights(np.ascontiguousarray(heights), (_length(file, "x", x),))
-
-
-def _read_line(file: Path, grid: Grid) -> FloatArray:
-    if len(grid.shape) != 1:
-        raise TableError(
-            f"{file}: two columns describe a line; a surface in two dimensions needs an array (.npy)"
-        )
-    x, heights = read_columns(file, ("x", "height")).T
-    spacing = grid.period[0] / grid.points[0]
-    if x.size == grid.size and not np.allclose(np.diff(x), spacing, rtol=1e-6, atol=0):
-        row = int(np.argmax(np.abs(np.diff(x) - spacing))) + 1
-        raise TableError(
-            f"{file}: x is not spaced by period/points = {spacing:.6g} (worst at data row {row + 1})"
-        )
-    return np.ascontiguousarray(heights)
-
-
-def _labelled(file: Path, axes: int, dataset: str | None, rows: slice) -> Heights:
-    import h5py
-    import xarray
-
-    group, _, name = (dataset or "").strip("/").rpartition("/")
-    hdf5 = bool(h5py.is_hdf5(file))
-    options: dict[str, Any] = {"engine": "h5netcdf", "phony_dims": "sort"} if hdf5 else {"engine": "scipy"}
-    try:
-        if hdf5:
-            with open_hdf5(file) as h5:
-                open_group(file, h5, group)
-            options["driver_kwds"] = READING
-        with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as opened:
-            chosen = _chosen(file, opened, axes, name)
-            if set(chosen.dims) == {"x", "y"}:
-                chosen = chosen.transpose("x", "y")
-            values = chosen[rows].to_numpy().astype(np.float64)
-            coordinates = {str(dim): opened[dim].to_numpy() for dim in chosen.dims if dim in opened.coords}
-    except TableError:
-        raise
-    except Exception as error:  # a damaged file can fail anywhere in its libraries, with any exception
-        raise TableError(f"{file}: cannot be read as HDF5 or netCDF ({error})") from error
-    if len(coordinates) < values.ndim:
-        return Heights(values, None, chosen.shape)
-    lengths = tuple(_length(file, name, x) for name, x in coordinates.items())
-    return Heights(values, lengths, chosen.shape)
-
-
-def _chosen(file: Path, data: Any, axes: int, name: str) -> Any:
-    """Return the variable of an xarray.Dataset by name, or the only one of numbers on these axes."""
-    if name:
-        if name not in data:
-            known = ", ".join(map(str, data.data_vars)) or "none"
-            raise TableError(f"{file}: has no dataset {name!r} there; known: {known}")
-        return data[name]
-    fit = [
-        key
-        for key, variable in data.data_vars.items()
-        if variable.ndim == axes and variable.dtype.kind in "fiu"
-    ]
-    if len(fit) != 1:
-        listed = f": {', '.join(map(str, fit))}" if fit else ""
-        raise TableError(
-            f"{file}: holds {len(fit)} datasets of numbers on {axes} axes{listed}; dataset must name one"
-        )
-    return data[fit[0]]
-
-
-def _by_surface_topography(file: Path, _axes: int, _dataset: str | None, _rows: slice) -> Heights:
-    try:
-        from SurfaceTopography import open_topography
-    except ImportError:
-        known = ", ".join(sorted(_READERS))
-        raise TableError(
-            f"{file}: must be one of {known}; for the formats of instruments install the extra `topography`"
-        ) from None
-    try:
-        with open_topography(str(file)) as reader:
-            topography = reader.topography()
-            values = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
-            return Heights(values, tuple(map(float, topography.physical_sizes)))
-    except Exception as error:  # its readers raise exceptions of any kind
-        raise TableError(f"{file}: SurfaceTopography cannot read it ({error})") from error
-
-
-def _length(file: Path, name: str, x: FloatArray) -> float:
-    """Length of the cell that equally spaced coordinates fill."""
-    steps = np.diff(x)
-    spacing = float(x[-1] - x[0]) / max(x.size - 1, 1)
-    if not (spacing > 0 and np.allclose(steps, spacing, rtol=1e-3, atol=0)):
-        raise TableError(f"{file}: {name} is not equally spaced, increasing")
-    return spacing * x.size
-
-
-IN_PARTS = (".npy", ".h5", ".hdf5", ".nc")  # endings of files of which a process may read some rows
-
-_READERS: dict[str, Callable[[Path, int, str | None, slice], Heights]] = {
-    ".npy": _array,
-    ".txt": _text,
-    ".dat": _text,
-    ".csv": _text,
-    ".h5": _labelled,
-    ".hdf5": _labelled,
-    ".nc": _labelled,
-}
-
-
-def check_lengths(
-    file: Path, lengths: tuple[float, ...] | None, unit: float, period: tuple[float, ...]
-) -> None:
-    """Raise a TableError if the measured cell and the period differ by more than a thousandth."""
-    own = tuple(unit * length for length in lengths or ())
-    if own and not np.allclose(own, period, rtol=1e-3, atol=0):
-        raise TableError(
-            f"{file}: is {_lengths(own)} long (with unit = {unit:g}), but grid.period is "
-            f"{_lengths(period)}; must agree within a thousandth"
-        )
 
 
 def filled(file: Path, heights: FloatArray, method: str) -> tuple[FloatArray, str]:
@@ -299,9 +133,10 @@ def resampled(file: Path, heights: FloatArray, shape: tuple[int, ...], method: s
     if heights.shape == shape:
         return heights, ""
     if method == "none":
+        swapped = " or transpose: true" if heights.shape[::-1] == shape else ""
         raise TableError(
             f"{file}: holds {times(heights.shape)} heights; must be {times(shape)}, as the grid, or "
-            "resample: fourier"
+            f"resample: fourier{swapped}"
         )
     from scipy.signal import resample
 
@@ -363,10 +198,6 @@ def _rms(values: FloatArray) -> float:
 
 def _change(before: FloatArray, after: FloatArray) -> str:
     return f"rms height from {before.std():.4g} to {after.std():.4g}"
-
-
-def _lengths(lengths: tuple[float, ...]) -> str:
-    return " x ".join(f"{length:.6g}" for length in lengths)
 
 
 # Heights of a punch given in Python, as an array or a function of the coordinates.

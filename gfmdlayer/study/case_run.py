@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.case.model import ConvergenceError, Model, model_of
-from gfmdlayer.case.notes import notes
+from gfmdlayer.case.notes import accounts, notes
 from gfmdlayer.config import digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.files.whole import write_text
@@ -395,6 +395,8 @@ def attributes(
         attributes["units"] = str(config.units)
     if said := notes([config], surfaces=surfaces):
         attributes["warnings"] = "\n".join(said)
+    if read := accounts([config], surfaces=surfaces):
+        attributes["read"] = "\n".join(read)
     return attributes
 
 

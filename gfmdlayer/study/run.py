@@ -22,7 +22,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from gfmdlayer.case.notes import notes
+from gfmdlayer.case.notes import accounts, notes
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.files.locks import read_json
@@ -311,6 +311,7 @@ class Study:
     def _warnings(self, some: Sequence[SweepCase], missing: int) -> Iterator[str]:
         storage = sum(case.cost.storage for case in some) * missing / max(len(some), 1)
         space = preflight.disk_warnings(self._folder.path, storage)
+        yield from (f"read {line}" for line in accounts(case.config for case in self._sample))
         said = notes(case.config for case in self._sample)
         yield from (f"warning: {warning}" for warning in (*said, *self._pool.warnings, *space))
 

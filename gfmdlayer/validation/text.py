@@ -12,6 +12,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -19,7 +20,6 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from gfmdlayer.files.tables import NumberList, shortened
 from gfmdlayer.validation.problems import Location, colon_without_space, dotted
 
 _TOO_DEEP = "nested too deeply for a configuration"
@@ -259,3 +259,78 @@ def _word(value: object) -> str:
     if _PLAIN.fullmatch(text) and text.lower() not in _RESERVED:
         return text
     return _UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", json.dumps(text, ensure_ascii=False))
+
+
+# Long lists of plain numbers in YAML, which are read a hundred times faster than by a parser of YAML.
+#
+# One word replaces each of these lists before the text is parsed. It is the list again where it is the
+# only entry of a list. Lines and columns stay those of the file. A list that a parser of YAML would not
+# take for just these numbers, as inside of a quoted text, is left to that parser with all the others.
+
+_FEWEST = 500  # characters of a list in brackets, and half the lines of one with a line for each entry
+_FLOW = re.compile(rf"(?<=\[)[-+0-9.eE, \n]{{{_FEWEST},}}(?=\])")
+_BLOCK = re.compile(rf"^ *- [-+0-9.eE]+ *\n(?: *- [-+0-9.eE]+ *\n){{{_FEWEST // 2},}}", re.MULTILINE)
+_NUMBER = re.compile(r"[-+]?(?:0|[1-9][0-9]{0,99})(\.[0-9]*)?([eE][-+]?[0-9]+)?")
+_LAST = re.compile(r" *(?:\n|$)")  # after the bracket
+_MARK = "\ue000"  # of private use
+
+
+@dataclass(frozen=True)
+class NumberList:
+    """The numbers of a list, its text, and line and column of the file, from 1, at which that begins."""
+
+    numbers: list[int | float]
+    text: str
+    line: int
+    column: int
+    in_lines: bool
+
+    @cached_property
+    def places(self) -> list[tuple[int, int]]:
+        """Line and column of each number in the file."""
+        places = []
+        pattern = re.compile(r"(?<=- )[^\s]+" if self.in_lines else r"[^,\s]+")
+        for number, line in enumerate(self.text.split("\n")):
+            before = 1 if number else self.column
+            places += [(self.line + number, before + item.start()) for item in pattern.finditer(line)]
+        return places
+
+
+def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
+    """Replace long lists of numbers in YAML by words; return the text, and the list of each word."""
+    lists: dict[str, NumberList] = {}
+    if _MARK in content:
+        return content, lists
+    parts, end = [], 0
+    candidates = [(match, False) for match in _FLOW.finditer(content)]
+    candidates += [(match, True) for match in _BLOCK.finditer(content)]
+    for match, in_lines in sorted(candidates, key=lambda each: each[0].start()):
+        written = match[0]
+        items = [line.strip()[2:] for line in written.splitlines()] if in_lines else written.split(",")
+        if match.start() < end or (numbers := _numbers(items)) is None:
+            continue
+        indents = {line.index("-") for line in written.splitlines()} if in_lines else {0}
+        if len(indents) > 1:
+            continue
+        word = f"{_MARK}{len(lists)}{_MARK}"
+        line = content.count("\n", 0, match.start()) + 1
+        column = match.start() - content.rfind("\n", 0, match.start())
+        lists[word] = NumberList(numbers, written, line, column, in_lines)
+        dash = " " * indents.pop() + "- " if in_lines else ""
+        blank = "\n" * written.count("\n")
+        if not in_lines and not _LAST.match(content, match.end() + 1):  # the rest keeps its column
+            last = written.rpartition("\n")[2]
+            blank += " " * (len(last) if blank else len(last) - len(word))
+        parts += [content[end : match.start()], dash, word, blank]
+        end = match.end()
+    return "".join([*parts, content[end:]]), lists
+
+
+def _numbers(items: list[str]) -> list[int | float] | None:
+    """Return the numbers of a list; None where one of its items is something else, or infinite."""
+    numbers: list[int | float] = []
+    for item in items:
+        if (match := _NUMBER.fullmatch(item.strip(" \n"))) is None:
+            return None
+        numbers.append(int(match[0]) if match[1] is None and match[2] is None else float(match[0]))
+    return numbers if all(map(math.isfinite, numbers)) else None

@@ -51,6 +51,26 @@ def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path, cont
 
 
 @pytest.mark.parametrize(
+    ("content", "key"),
+    [
+        (
+            "grid: {geometry: axisymmetric}\ncounterbody: {layer: {thickness: 0.2}}\n"
+            "sweep: {counterbody.layer.thickness: [0.1, 0.2]}",
+            "counterbody: not available",
+        ),
+        (
+            "trajectory: {tangential: {displacement: 0.01}}\n"
+            "sweep: {zip: {trajectory.tangential.displacement: [0.1, 0.2], punch.radius: [1, 2]}}",
+            "trajectory.tangential: needs friction",
+        ),
+    ],
+)
+def test_swept_keys_of_a_refused_section_are_no_further_errors(tmp_path, content, key):
+    (found,) = problems(tmp_path, f"name: x\n{content}\n")
+    assert key in found
+
+
+@pytest.mark.parametrize(
     ("sweep", "meant"),
     [
         ("thicknes: [1]", "'layer.thickness'"),
@@ -246,7 +266,7 @@ def test_a_punch_at_rest_has_no_velocity_in_its_digest():
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("0 1\n1 fast\n", r"v\.txt:2: cannot read '1 fast'; .*\(time, velocity\)"),
+        ("0 1\n1 fast\n", r"v\.txt:2: '1 fast' is not a row of numbers like those above"),
         ("1 1\n2 1\n", r"v\.txt: the first time is 1; must be 0"),
         ("0 1\n1 0\n", r"v\.txt: ends at rest; .* remove time\.steady"),
     ],

@@ -63,17 +63,22 @@ def test_impossible_laws_are_refused(interface, message):
 
 @pytest.mark.parametrize(
     ("units", "permittivity"),
-    [(("m", "Pa"), 8.8541878128e-12), (("mm", "MPa"), 8.8541878128e-12), (("um", "kPa"), 8.8541878128e-3)],
+    [
+        (("m", "Pa"), 8.8541878128e-12),
+        (("mm", "MPa"), 8.8541878128e-12),
+        (("um", "kPa"), 8.8541878128e-3),
+        # A pound of force is 4.4482216152605 N.
+        (("in", "psi"), 8.8541878128e-12 / 4.4482216152605),
+    ],
 )
 def test_the_permittivity_of_vacuum_follows_from_units(units, permittivity):
-    # eps0 V^2/d^2 is a stress: 1 Pa m^2 = 1e12 Pa um^2 = 1e9 kPa um^2.
+    # eps0 V^2/d^2 is a stress: 1 Pa m^2 = 1e12 Pa um^2 = 1e9 kPa um^2; psi in^2 is a pound of force.
     given = {"length": units[0], "stress": units[1], "time": "s"}
     law = Config(name="a", units=given, interface=VOLTAGE).interfaces[0]
     assert isinstance(law, Electrostatic)
     assert law.permittivity_of_vacuum(Units(**given)) == pytest.approx(permittivity, rel=1e-15)
-    inches = {"length": "in", "stress": "psi", "time": "s"}
     with pytest.raises(ConfigError, match=r"interface.permittivity: missing"):
-        Config(name="a", units=inches, interface=VOLTAGE)
+        Config(name="a", interface=VOLTAGE)
 
 
 def test_the_solver_is_one_for_attraction_unless_another_is_named():

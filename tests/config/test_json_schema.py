@@ -34,6 +34,9 @@ class Bed(Solid):
 
     def spectrum(self, waves): ...
 """
+READING = (
+    'reading: {decimal: ",", units: {depth: nm, K: MPa/um}, columns: [time, "depth [nm]", "-"], table: 2}'
+)
 # Sound configurations that have every key between them.
 SOUND = [
     LINE + """\
@@ -73,7 +76,8 @@ output:
 """,
     LINE + "output: {snapshots: [1.0], inside: {depths: [0, 0.1], times: [1.0], every: 2}}\n",
     LINE + "output: {inside: {points: 5, every: 1}}\n",
-    LINE + "trajectory: {kind: table, file: heights.txt}\ntime: {step: adaptive}\noutput: {times: [1, 2]}\n",
+    LINE + f"trajectory: {{kind: table, file: heights.txt, {READING}}}\ntime: {{step: adaptive}}\n"
+    "output: {times: [1, 2]}\n",
     LINE + """\
 layer:
   material:
@@ -89,11 +93,18 @@ temperature: {value: 20}
     LINE + """\
 layer: {material: {model: power_law, G: 1, G0: 0.1, exponent: 0.4, shift: {law: arrhenius,
   activation_energy: 8.0e+4, reference: 25}}}
-temperature: {file: degrees.txt}
-""",
+temperature: {file: degrees.txt, READING}
+""".replace("READING", READING),
     LINE + "layer: {material: {model: havriliak_negami, Ginf: 10, alpha: 0.4, gamma: 1.5}}\n",
     LINE + "layer: {material: {model: kohlrausch, exponent: 1}}\n",
     LINE + "layer: {material: {model: elastic, G: 2}}\n",
+    LINE + "layer: {poisson: 0.3, material: {model: elastic, young: 2, bulk: 1.6666666667}}\n",
+    LINE + "layer: {material: {model: zener, moduli: young, Ginf: 10}}\nhalfspace: {young_modulus: 3}\n",
+    LINE + "halfspace: {poisson: 0.3, bulk_modulus: .inf}\ncounterbody: {halfspace: {young_modulus: 3}}\n",
+    LINE + "counterbody: {halfspace: {bulk_modulus: 3, poisson: 0.3}}\n",
+    LINE + "layers: [{thickness: 1, poisson: 0.3, material: {model: elastic, bulk: 2}},\n"
+    "  {thickness: 1, poisson: 0.3, material: {model: elastic, young: 2}},\n"
+    "  {thickness: 1, material: {model: prony, moduli: young, G0: 0, branches: [{G: 1, tau: 1}]}}]\n",
     LINE + """\
 layers:
   - {thickness: 0.01, poisson: 0.4, material: {model: prony, branches: [{G: 1, tau: 0.1}]}}
@@ -115,7 +126,7 @@ sweep:
     "  [1, 4, 1, 0, 0, 0], [1, 1, 4, 0, 0, 0],\n"
     "  [0, 0, 0, 2, 0, 0], [0, 0, 0, 0, 2, 0], [0, 0, 0, 0, 0, 2]]}\n",
     LINE + "body: {kind: lattice, nearest: 1, spacing: 0.03125}\n",
-    LINE + "body: {kind: table, table: heights.txt, mean: 0.5}\n",
+    LINE + f"body: {{kind: table, table: heights.txt, mean: 0.5, {READING}}}\n",
     LINE + "body: {kind: table, table: stiffness.npy, period: 2.0}\n",
     LINE
     + "counterbody: {layer: {thickness: 0.1, poisson: 0.4, material: {}}, halfspace: {shear_modulus: 3}}\n",
@@ -146,6 +157,10 @@ sweep: {trajectory.tangential.displacement: [0.1, 0.2]}
 interface: {law: shear_strength, stress: 0}
 trajectory: {tangential: {kind: table, file: heights.txt}}
 """,
+    LINE + "interface: {law: electrostatic, voltage: heights.txt, permittivity: 1, insulation: 1,\n"
+    f"  {READING}}}\n",
+    LINE + f"interface: {{law: coulomb, coefficient: heights.txt, {READING}}}\n"
+    f"trajectory: {{tangential: {{kind: table, file: heights.txt, {READING}}}}}\n",
     LINE + "interface: {law: coulomb, coefficient: 1}\ntrajectory: {velocity: 1.0, creepage: -0.1}\n",
     LINE + "interface: {law: hard_wall}\nsweep: {interface: [{work: 1, range: 1}, {law: hard_wall}]}\n",
     LINE + """\
@@ -161,7 +176,8 @@ units: {length: mm, stress: MPa, time: s}
 interface: {law: electrostatic, voltage: -100, insulation: [{thickness: 0.01, permittivity: 3}]}
 sweep: {interface.insulation.0.thickness: [0.1, 0.2]}
 """,
-    LINE + "punch: {shape: cone, slope: 0.1}\ntrajectory: {velocity_file: heights.txt}\n",
+    LINE + "punch: {shape: cone, slope: 0.1}\n"
+    f"trajectory: {{velocity_file: heights.txt, velocity_{READING}}}\n",
     LINE + "punch: {shape: wedge, slope: 0.1, along: y}\n",
     LINE + "punch: {shape: profile, file: heights.txt, touches_first: highest}\n",
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
@@ -200,12 +216,14 @@ punch:
     SURFACE + "punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.2, rms_height: 0.1, seed: 0}\n",
     LINE + "punch: {shape: blunted_cone, slope: 0.1, tip_radius: 0.3}\n",
     AXISYMMETRIC + "  extent: 2.0\npunch: {shape: flat_punch, radius: 0.1}\n",
-    AXISYMMETRIC + "punch: {shape: radial_profile, file: heights.txt}\n",
+    AXISYMMETRIC + f"punch: {{shape: radial_profile, file: heights.txt, {READING}}}\n",
     SURFACE + """\
 punch:
   {shape: topography, file: heights.txt, dataset: a, unit: 2.0, fill: membrane, detrend: plane, taper: 0.1,
-   resample: fourier}
+   resample: fourier, size: [1, 2], transpose: true, hole: -9999, reading: {decimal: ","}}
 """,
+    SURFACE + "punch: {shape: topography, file: heights.txt, unit: nm, size: 3.0, hole: none}\n",
+    LINE + "punch: {shape: profile, file: heights.txt, hole: -1, reading: {decimal: \",\"}}\n",
 ]  # fmt: skip
 # Types and ranges that most keys refuse. What a problem rests on besides its own key, the schema cannot know.
 ODD = (None, True, "adaptif", {}, [[]], -1, math.inf)
@@ -246,7 +264,12 @@ def is_of_one_value(problem):
     """Whether no other value, key or file has a part in a problem."""
     own = unswept(problem.key)
     related = ("does not exist", "> from", "log with from", "lists of the same length", "row by row")
-    related += ("positive definite", "must be perpendicular")
+    related += (
+        "positive definite",
+        "must be perpendicular",
+        "is not a unit of it",
+        "is not the name of a quantity",
+    )
     return (
         all(f"{other}.".startswith(f"{own}.") for other in problem.others)
         and not problem.at_key

@@ -94,7 +94,7 @@ def test_an_interface_that_the_grid_does_not_resolve_is_noted_with_points_that_w
 
 
 def test_an_attraction_that_bends_a_free_layer_is_noted():
-    """A wedge jumps to one side of a plate with K = E h^3 q^4/(12 (1 - nu^2)), far softer than a halfspace."""
+    """A wedge jumps to one side of a plate, K = E h^3 q^4/(12 (1 - nu^2)), much softer than a halfspace."""
     free = {
         "grid.points": 128,
         "layer": {"thickness": 0.05, "poisson": 0.45},
@@ -169,7 +169,7 @@ def test_each_default_with_a_dimension_is_named_beside_units():
         if dimension(value.get("description", "").partition("; must be ")[0])[1] not in ("", "degrees")
         if isinstance(value.get("default"), float) and value["default"]
     }
-    assert {("Time", "step"), ("Topography", "unit"), ("Layer", "thickness")} <= dimensional
+    assert {("Time", "step"), ("Parabola", "radius"), ("Layer", "thickness")} <= dimensional
     assert {key for _, key in dimensional} <= set(DIMENSIONS)
     speed = {"trajectory": {"kind": "approach_retract", "depth": 1e-6}, "units": UNITS}
     assert "trajectory.approach_speed = 1e-06 m/s" in of(speed)[0]

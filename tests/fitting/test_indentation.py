@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from gfmdlayer import ConfigError, ForceCurve, cli, fit_indentation
-from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.curve_files import entries, read_curve
-from gfmdlayer.fitting.estimates import detect
-from gfmdlayer.fitting.force_curve import StraightDrive, in_si
+from gfmdlayer.files.tables import Answers, TableError
+from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
+from gfmdlayer.fitting.estimates import FitOptions, detect
+from gfmdlayer.fitting.force_curve import StraightDrive
 from gfmdlayer.fitting.indentation_report import comparison, write_report
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
@@ -209,7 +209,7 @@ def test_a_noisy_depth_is_reduced_to_its_straight_pieces():
         ({"time": TIME[:-1]}, "200 of time, 201 of depth"),
         ({"time": [], "depth": [], "force": []}, "has 0 rows; a fit needs at least 8"),
         ({"depth": 0 * TIME}, "depth never changes"),
-        ({"force": -TIME}, "no force is positive"),
+        ({"force": 0 * TIME}, "the force never changes"),
         ({"noise": -1.0}, "noise = -1.0; it must be > 0"),
         ({"depth": [[1.0]]}, "depth has 2 dimensions"),
         ({"depth": ["one"]}, "depth cannot be read as numbers"),
@@ -309,25 +309,25 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path):
     path.write_text(f"time (ms),depth (nm),force (nN)\n{rows}\n")
     units = {"length": "um", "stress": "kPa", "time": "s"}  # kPa um^2 = nN
     model = IndentationModel(body() | {"units": units})
-    found = read_curve(entries([path])[0], into=in_si(model.config.units))
+    found = read_curve(entries([path])[0], into=units_of(model.config.units))
     assert [found.time[1], found.depth[1], found.force[1]] == pytest.approx([1e-3, 1e-3, 1.0])
 
 
 @pytest.mark.parametrize(
     ("head", "units", "message"),
     [
-        ("time (s),depth (nm),force", None, "time and depth with a unit, but force without"),
-        ("time (s),depth (nN),force (nN)", None, "got the unit 'nN' for depth; must be m, mm, um or nm"),
-        ("time,width,force", None, "no column is named depth"),
-        ("time,depth,depth", None, "two columns are named depth"),
-        ("time,depth,force", ("s", "nm", "kg"), "got the unit 'kg' for force"),
+        ("time (s),depth (nm),force", {}, "time has a unit, but force has none; give both, or neither"),
+        ("time (s),depth (nN),force (nN)", {}, "'nN', which is no unit of depth"),
+        ("time,width,force", {}, "no column is named depth"),
+        ("time,depth,depth", {}, "two columns are named depth"),
+        ("time,depth,force", {"time": "s", "depth": "nm", "force": "kg"}, "is in 'kg', which is no unit of"),
     ],
 )
 def test_units_and_headings_that_are_unknown_are_refused(tmp_path, head, units, message):
     path = tmp_path / "gel.csv"
     path.write_text(head + "\n" + "\n".join(f"{i},{i},{i}" for i in range(20)))
     with pytest.raises(TableError, match=message):
-        read_curve(entries([path])[0], units)
+        read_curve(entries([path])[0], Answers(units=tuple(units.items())))
 
 
 def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path):
@@ -383,6 +383,124 @@ def test_afm_formats_give_the_depth_of_the_tip(tmp_path, monkeypatch):
     made[0].pop("height (measured)")
     with pytest.raises(TableError, match="no tip position"):
         read_curve(entry)
+
+
+class MissingMetaDataError(BaseException):
+    """As afmformats has it: of no class that `except Exception` takes."""
+
+    def __init__(self, meta_keys):
+        super().__init__(f"Missing meta data: {meta_keys}")
+        self.meta_keys = meta_keys
+
+
+@pytest.fixture
+def uncalibrated(tmp_path, monkeypatch):
+    """A file of a .csv format of afmformats, whose curve has no calibration and no time."""
+    path = tmp_path / "curve.csv"
+    path.write_text("File Format: 3\n")
+
+    def load_data(_path, meta_override=None):
+        if not meta_override:
+            raise MissingMetaDataError(["sensitivity", "spring constant"])
+        volts = np.maximum(RAMP_HOLD, 0) * 1e3
+        force = volts * meta_override["sensitivity"] * meta_override["spring constant"]
+        curve = AfmCurve(force=force) | {"height (measured)": -1e-6 * RAMP_HOLD}
+        made = AfmCurve(curve)
+        made.metadata = dict(meta_override)
+        return [made]
+
+    def get_recipe(path):
+        if path.read_text() != "File Format: 3\n":
+            raise MissingMetaDataError([])
+
+    errors = SimpleNamespace(MissingMetaDataError=MissingMetaDataError)
+    formats = SimpleNamespace(get_recipe=get_recipe)
+    module = SimpleNamespace(load_data=load_data, errors=errors, formats=formats)
+    monkeypatch.setitem(sys.modules, "afmformats", module)
+    monkeypatch.setitem(sys.modules, "afmformats.formats", formats)
+    return path
+
+
+def test_a_format_of_afms_comes_first_and_options_fill_what_it_lacks(uncalibrated):
+    (entry,) = entries([uncalibrated])
+    with pytest.raises(TableError, match=r"the sensitivity \(--sensitivity\) and the spring constant"):
+        read_curve(entry)
+    into = ("ms", "um", "nN")
+    options = FitOptions(stiffness=50.0, sensitivity=0.02)  # nN/um, um/V
+    with pytest.raises(TableError, match="has no time, but the model relaxes"):
+        read_curve(entry, into=into, options=options)
+    found = read_curve(entry, into=into, options=options, timeless=True)
+    force = np.maximum(RAMP_HOLD, 0) * 1e3 * 0.02 * 50.0
+    assert found.force == pytest.approx(force)
+    assert found.depth == pytest.approx(RAMP_HOLD - force / 50.0)
+    assert found.time[:2].tolist() == [0, 1]
+    timed = read_curve(entry, into=into, options=replace(options, sampling=10.0))
+    assert timed.time[1] == pytest.approx(0.1)
+    uncalibrated.write_text("time,depth,force\n" + "\n".join(f"{i},{i},{i}" for i in range(20)))
+    assert read_curve(entries([uncalibrated])[0]).time.size == 20  # of no AFM: a table
+
+
+def test_errors_that_are_no_exceptions_are_words(uncalibrated, monkeypatch):
+    def fails(_path, **_options):
+        raise MissingMetaDataError(["imaging mode"])
+
+    monkeypatch.setattr(sys.modules["afmformats"], "load_data", fails)
+    with pytest.raises(TableError, match=r"curve.csv: cannot be read by afmformats \(MissingMetaDataError: "):
+        entries([uncalibrated])
+
+
+def test_a_baseline_below_zero_needs_a_free_offset():
+    force = on_halfspace(TIME)
+    data = ForceCurve("low", TIME, RAMP_HOLD, force - 1.5 * force.max())
+    with pytest.raises(FitError, match=r"no force is positive.* Is the baseline below zero"):
+        fit_indentation(data, body(), ZENER)
+    fit = fit_indentation(data, body(), [*ZENER, "force_offset"])
+    # The tolerance of the marches.
+    assert fit["force_offset"].value == pytest.approx(-1.5 * force.max(), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_gel_in_decimal_commas_has_the_moduli_of_the_points():
+    model = {
+        "units": {"length": "m", "stress": "Pa", "time": "s"},
+        "layer": {"thickness": 2e-6, "material": {"model": "zener", "G0": 1e3, "Ginf": 3e3, "tau": 1.0}},
+        "halfspace": {"shear_modulus": math.inf},
+        "punch": {"shape": "sphere", "radius": 5e-6},
+    }
+    fit = fit_indentation(Path(__file__).with_name("gel_commas.csv"), model, ZENER, contact="detect")
+    # With decimal points the fit gives 416 and 1489, with standard errors of 1 %.
+    assert [fit["G0"].value, fit["Ginf"].value] == pytest.approx([416, 1489], rel=2e-3)
+
+
+def test_an_elastic_fit_needs_no_time(tmp_path):
+    path = tmp_path / "curve.csv"
+    depth = np.linspace(0.0, 0.1, 50)
+    force = 8 / 3 * 7.0 * 5.0**0.5 * depth**1.5 / (1 - 0.5)  # Hertz
+    path.write_text(
+        "depth;force\n" + "\n".join(f"{d:.9g};{f:.9g}" for d, f in zip(depth, force, strict=True))
+    )
+    layer = {"thickness": math.inf, "material": {"model": "elastic", "young": 3.0}}
+    model = {"layer": layer, "punch": {"shape": "parabola", "radius": 5.0}}
+    fit = fit_indentation(path, model, ["layer.material.young"])
+    assert fit["young"].value == pytest.approx(21.0, rel=1e-6)  # 3 G; nine digits
+    assert "rows count as times" in fit.curves[0].curve.origin["account"]
+    relaxes = model | {"layer": layer | {"material": {"model": "zener"}}}
+    with pytest.raises(TableError, match="has no time, but the model relaxes"):
+        fit_indentation(path, relaxes, ["layer.material.G0"])
+
+
+def test_decimal_commas_semicolons_and_units_give_the_numbers_of_points(tmp_path):
+    columns = TIME, RAMP_HOLD, np.maximum(on_halfspace(TIME), 0)
+    points, commas = tmp_path / "points.csv", tmp_path / "commas.csv"
+    rows = [[f"{value:.6f}" for value in row] for row in zip(*columns, strict=True)]
+    points.write_text("time,depth,force\n" + "\n".join(map(",".join, rows)))
+    german = [[f"{1e3 * float(t):.3f}", d, f] for t, d, f in rows]
+    text = "Zeit (ms);Eindringtiefe (um);Kraft (nN)\n" + "\n".join(map(";".join, german)).replace(".", ",")
+    commas.write_text(text, encoding="utf-16")
+    one, two = (read_curve(entries([path])[0], into=("s", "um", "nN")) for path in (points, commas))
+    for key in ("time", "depth", "force"):
+        np.testing.assert_allclose(getattr(two, key), getattr(one, key), rtol=1e-14)
+    assert "decimal mark ','" in two.origin["account"]
 
 
 def test_newtons_for_nanonewtons_are_refused_with_a_free_offset_too():

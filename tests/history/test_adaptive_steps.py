@@ -134,7 +134,9 @@ def test_the_effort_of_a_rejected_step_is_in_the_next_row(monkeypatch, recorder)
 
 def attempt(instant, depth=0.0):
     """A step to a time point, at a depth, without attraction."""
-    return SimpleNamespace(instant=instant, response=1.0, depth=depth, deforms=False, change=None)
+    return SimpleNamespace(
+        instant=instant, prescribed=depth, response=1.0, depth=depth, deforms=False, change=None
+    )
 
 
 def accepted_steps(size, end, snapshots=(), breakpoints=()):

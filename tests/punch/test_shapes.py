@@ -165,12 +165,16 @@ def stretched(at):
         (text_rows(17), r"h\.txt: holds 17 heights; must be 16"),
         (text_rows(spacing=1 / 15), r"h\.txt: x is not spaced by period/points = 0\.0625"),
         (stretched(9), r"h\.txt: x is not spaced .* row 10"),
-        (replaced("0.1875 nan"), r"h\.txt:4: .*not finite; must be 2 numbers \(x, height\)"),
-        (replaced("0.1875 -inf"), r"h\.txt:4: .*not finite; must be 2 numbers"),
-        (replaced("0.1875 high"), r"h\.txt:4: cannot read '0\.1875 high'; must be 2 numbers \(x, height\)"),
-        (replaced("0.1875"), r"h\.txt:4: holds 1 numbers; must be 2 numbers"),
-        (replaced("0.1875 1 2"), r"h\.txt:4: holds 3 numbers; must be 2 numbers"),
-        ([], r"h\.txt(:\d+)?: holds 0 rows of numbers; must be at least 2"),
+        (replaced("0.1875 nan"), r"h\.txt:4: height is 'nan' in '0\.1875 nan'; must be a number"),
+        (replaced("0.1875 -inf"), r"h\.txt:4: '0\.1875 -inf' is not a row of numbers"),
+        (replaced("0.1875 high"), r"h\.txt:4: '0\.1875 high' is not a row of numbers"),
+        (replaced("0.1875"), r"h\.txt:4: '0\.1875' is not a row of numbers"),
+        (replaced("0.1875 1 2"), r"h\.txt:4: .* holds 3 columns; must be 2, as above"),
+        (
+            replaced("0.1875 -9999"),
+            r"h\.txt: 1 of 16 heights are -9999, far from all others.* give punch\.hole",
+        ),
+        ([], r"h\.txt:1: holds no rows of numbers"),
     ],
 )
 def test_a_text_file_that_cannot_be_used_is_refused_by_its_line(rows, message, tmp_path):
@@ -192,7 +196,7 @@ NO_ARRAY = r"h\.npy: is not a NumPy array file"
     ("heights", "message"),
     [
         (np.zeros(15), r"h\.npy: holds 15 heights; must be 16, as the grid"),
-        (np.zeros((16, 16)), r"h\.npy: holds 16 x 16 heights; must be 16"),
+        (np.zeros((16, 16)), r"h\.npy: holds 16 x 16 heights; must have one axis, as the grid"),
         (np.append(np.zeros(15), np.nan), r"h\.npy: the height at index \[15\] is not a finite number"),
         (np.full(16, "high"), r"h\.npy: must hold one array of real numbers"),
         (np.zeros(16, complex), r"h\.npy: must hold one array of real numbers"),

@@ -46,7 +46,7 @@ def test_the_summits_of_a_measured_surface_touch_first(tmp_path):
 def test_arrays_text_hdf5_and_netcdf_hold_the_same(unit, tmp_path):
     expected = WAVES.max() - WAVES
     files = [saved(tmp_path, WAVES / unit), tmp_path / "h.txt", tmp_path / "h.h5"]
-    np.savetxt(files[1], WAVES / unit, header="rows are x")
+    np.savetxt(files[1], WAVES.T / unit, header="rows are y")
     with h5py.File(files[2], "w") as file:
         file["heights"] = WAVES / unit
         file["note"] = 3.0
@@ -87,7 +87,9 @@ def test_heights_in_other_files_are_refused(way, tmp_path):
     with h5py.File(file, "w") as h5:
         way(h5, tmp_path / "other.h5")
     named = {"dataset": "scan/height"} if way is linked_group else {}
-    with pytest.raises(TableError, match=r"(link to other\.h5|in another file); must be in the file itself"):
+    with pytest.raises(
+        TableError, match=r"(link to another file, other\.h5|in another file); must be in the file itself"
+    ):
         Topography(file=file, **named).heights(GRID)
 
 
@@ -113,35 +115,89 @@ def test_a_line_is_read_with_its_coordinate(tmp_path):
     np.testing.assert_allclose(Topography(file=file).heights(LINE), 1 - heights, atol=1e-15)
 
 
-def test_instruments_formats_come_through_surface_topography(tmp_path, monkeypatch):
-    file = tmp_path / "scan.opd"
-    file.write_bytes(b"\x01\x00")
-    with monkeypatch.context() as absent:
-        absent.setitem(sys.modules, "SurfaceTopography", None)
-        with pytest.raises(TableError, match=r"install the extra `topography`"):
-            Topography(file=file).heights(GRID)
+class Reader:
+    """A reader as SurfaceTopography has them, with two channels."""
 
-    class Reader:
-        def __init__(self, name):
-            assert name == str(file)
+    def __init__(self, heights, **found):
+        self.found = {
+            "heights": lambda: heights,
+            "physical_sizes": (3.0, 4.0),
+            "unit": None,
+            "is_uniform": True,
+        }
+        self.found |= found
+        names, sizes = ("height", "phase"), found.get("sized", (3.0, 4.0))
+        self.channels = [SimpleNamespace(name=name, physical_sizes=sizes, dim=2) for name in names]
+        self.default_channel = self.channels[0]
 
-        def __enter__(self):
-            return self
+    def __enter__(self):
+        return self
 
-        def __exit__(self, *_):
-            pass
+    def __exit__(self, *_):
+        pass
 
-        def topography(self):
-            heights = np.ma.masked_array(WAVES, np.zeros(WAVES.shape, bool))
-            heights.mask[3, 4] = True
-            return SimpleNamespace(heights=lambda: heights, physical_sizes=(3.0, 4.0))
+    def format(self):
+        return self.found.get("format", "opd")
 
-    monkeypatch.setitem(sys.modules, "SurfaceTopography", SimpleNamespace(open_topography=Reader))
+    def topography(self, channel_index, **_):
+        assert channel_index == 0
+        return SimpleNamespace(**self.found)
+
+
+def known(monkeypatch, reader):
+    """Let SurfaceTopography open any file with a reader."""
+    exceptions = SimpleNamespace(CannotDetectFileFormat=KeyError)
+    module = SimpleNamespace(open_topography=lambda _: reader, Exceptions=exceptions)
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", module)
+    monkeypatch.setitem(sys.modules, "SurfaceTopography.Exceptions", exceptions)
+
+
+@pytest.fixture
+def scan(tmp_path):
+    (tmp_path / "scan.dat").write_bytes(b"\x01\x00")
+    return tmp_path / "scan.dat"
+
+
+def test_instruments_formats_come_through_surface_topography(scan, monkeypatch):
+    """Whatever the ending of the name; asked where the content is of no kind of the package."""
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
+    with pytest.raises(TableError, match=r"install the extra `topography`"):
+        Topography(file=scan).heights(GRID)
+    heights = np.ma.masked_array(WAVES, np.zeros(WAVES.shape, bool))
+    heights.mask[3, 4] = True
+    known(monkeypatch, Reader(heights))
     with pytest.raises(TableError, match=r"1 of 192 points have no height, the first at index \[3, 4\]"):
-        Topography(file=file).heights(GRID)
-    found = Topography(file=file, fill="membrane").heights(GRID)
+        Topography(file=scan).heights(GRID)
+    found = Topography(file=scan, fill="membrane").heights(GRID)
     measured = np.arange(192).reshape(12, 16) != 3 * 16 + 4
     np.testing.assert_allclose(found[measured], (WAVES.max() - WAVES)[measured], atol=1e-15)
+
+
+def test_what_surface_topography_says_is_converted_and_checked(scan, monkeypatch):
+    cell = Cell(GRID.points, GRID.period)
+    known(monkeypatch, Reader(1e3 * WAVES, unit="nm", physical_sizes=(3e3, 4e3), sized=(3e3, 4e3)))
+    punch = Topography(file=scan).with_length("um")
+    np.testing.assert_allclose(punch.heights(GRID), WAVES.max() - WAVES, atol=1e-15)
+    assert punch.account(cell) == (
+        "scan.dat: 12 x 16 points; heights [nm], x and y [nm] -> um; size 3 x 4 um; opd, read by "
+        "SurfaceTopography; channel 'height' of height, phase (dataset chooses)"
+    )
+    with pytest.raises(TableError, match=r"no dataset 'trace', or several; known: height, phase"):
+        Topography(file=scan, dataset="trace").heights(GRID)
+    for wrong, said in (
+        ({"physical_sizes": (-3.0, 4.0)}, r"a size of -3 x 4; must be > 0"),
+        ({"unit": "V"}, r"channel 'height' is in 'V'; must be a length"),
+        ({"format": "xyz"}, r"takes it for xyz, which it does not read with certainty"),
+    ):
+        known(monkeypatch, Reader(WAVES, **wrong))
+        with pytest.raises(TableError, match=said):
+            Topography(file=scan).heights(GRID)
+    known(monkeypatch, Reader(WAVES, sized=None, unit="um"))
+    with pytest.raises(TableError, match=r"says heights in um, but the configuration has no units"):
+        Topography(file=scan).heights(GRID)
+    np.testing.assert_allclose(
+        Topography(file=scan, unit=1.0, size=[3, 4]).heights(GRID), WAVES.max() - WAVES
+    )
 
 
 # --- files that are refused ---
@@ -187,10 +243,10 @@ def test_a_surface_without_any_height_cannot_be_filled(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        (["1 2 3", "4 5"], r":2: holds 2 numbers; must be 3, as above"),
-        (["1 2 3", "4 high 6"], r":2: cannot read '4 high 6'; must be numbers"),
-        (["# nothing"], ": holds no numbers"),
-        (["1 2 3"], ": holds a single row of 3 heights"),
+        (["1 2 3", "4 5 6", "7 8"], r":3: '7 8' holds 2 columns; must be 3, as above"),
+        (["1 2 3", "4 high 6"], r":2: 'high' in '4 high 6' is not a number"),
+        (["# nothing"], ":1: holds no rows of numbers"),
+        (["1 2 3"], ":1: holds 1 row of numbers; must be at least 2"),
     ],
 )
 def test_text_that_cannot_be_used_is_refused_by_its_line(rows, said, tmp_path):
@@ -203,8 +259,12 @@ def test_text_that_cannot_be_used_is_refused_by_its_line(rows, said, tmp_path):
 def test_a_file_of_another_period_is_refused(spacing, tmp_path):
     labelled(WAVES, spacing).to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
     long = f"{12 * spacing:g} x {16 * spacing:g}"
-    with pytest.raises(TableError, match=rf"is {long} long \(with unit = 1\), but grid.period is 3 x 4"):
+    with pytest.raises(
+        TableError, match=rf"is {long} long, but grid.period is 3 x 4; .* or give punch\.size"
+    ):
         Topography(file=tmp_path / "h.nc").heights(GRID)
+    with pytest.raises(TableError, match=r"long \(with unit = 3\.0\)"):
+        Topography(file=tmp_path / "h.nc", unit=3.0).heights(GRID)
     # The same file in other units of length fits, and its heights are lengths, too.
     unit = 0.25 / spacing
     np.testing.assert_allclose(

@@ -7,7 +7,7 @@ import pytest
 
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.drives import Drives
-from gfmdlayer.files.tables import TableError, read_columns
+from gfmdlayer.files.tables import TableError
 from gfmdlayer.study.cases import cases
 from gfmdlayer.time_functions import RampHold, Table
 
@@ -109,14 +109,35 @@ def test_a_cycle_that_cannot_be_is_refused(wrong, said):
         ("time,depth\n0,0\n1,1\n1,2\n", r"path\.csv:4: time = 1 after 1; must increase"),
         ("1,0\n2,1\n", r"path\.csv: the first time is 1; must be 0"),
         ("-1,0\n2,1\n", r"path\.csv: the first time is -1; must be 0"),
-        ("0,0\n", r"path\.csv(:\d+)?: holds 1 rows of numbers; must be at least 2"),
-        ("", r"path\.csv(:\d+)?: holds 0 rows of numbers; must be at least 2"),
-        ("0,0\n1,nan\n", r"path\.csv:2: '1,nan' is not finite; must be 2 numbers \(time, depth\)"),
-        ("0,0\ninf,1\n", r"path\.csv:2: 'inf,1' is not finite"),
-        ("0,0\n1,deep\n", r"path\.csv:2: cannot read '1,deep'; must be 2 numbers \(time, depth\)"),
-        ("0,0\n1\n", r"path\.csv:2: holds 1 numbers; must be 2 numbers"),
-        ("0,0\n1,1,1\n", r"path\.csv:2: holds 3 numbers; must be 2 numbers"),
-        ("time,depth\nthen,deeper\n0,zero\n", r"path\.csv:3: cannot read '0,zero'"),
+        ("0,0\n", r"path\.csv:1: holds 1 row of numbers; must be at least 2"),
+        ("", r"path\.csv:1: holds no rows of numbers"),
+        ("0,0\n1,nan\n", r"path\.csv:2: depth is 'nan' in '1,nan'; must be a number"),
+        ("0,0\ninf,1\n2,1\n", r"path\.csv:2: 'inf,1' is not a row of numbers"),
+        ("0,0\n1,1e31\n", r"path\.csv:2: depth is too large; must be up to 1e\+30"),
+        ("0,0\n1,deep\n2,1\n", r"path\.csv:2: '1,deep' is not a row of numbers like those above"),
+        ("0,0\n1,2\n2\n", r"path\.csv:3: '2' is not a row of numbers like those above"),
+        ("0,0\n1,2\n2,1,1\n", r"path\.csv:3: '2,1,1' holds 3 columns; must be 2, as above"),
+        ("0,0,0\n1,1,1\n", r"path\.csv:1: holds 3 numbers; must be 2 numbers \(time, depth\)"),
+        ("time,depth\n0,zero\n1,1\n2,2\n", r"path\.csv:2: '0,zero' is not a row of numbers like those below"),
+        (
+            "time,depth\n0,0\n1,1\nnought,nought\n2,2\n",
+            "holds 2 tables, in lines 2 to 3, 5 to 5; give the number of one, reading: {table: 1} or ",
+        ),
+        ("time,deep\n0,0\n1,1\n", "no column is named depth; headings are 'time', 'deep'; names are depth"),
+        ("then,deep\n0,0\n1,1\n", "no heading is known among 'then', 'deep'; known names are time: time"),
+        (
+            "time,depth,force\n0,0\n1,1\n",
+            r"path\.csv:1: 'time,depth,force' names 3 columns; the rows below have 2",
+        ),
+        ("time,depth [s]\n0,0\n1,1\n", "'depth \\[s\\]' is in 's', which is no unit of depth"),
+        (
+            "time [s],depth [um]\n0,0\n1,1\n",
+            "'time \\[s\\]' is in s, but the configuration has no units; add units",
+        ),
+        (
+            "depth,displacement,time\n0,0,1\n1,1,2\n",
+            "two columns are named depth, 'depth' and 'displacement'",
+        ),
     ],
 )
 def test_a_table_that_cannot_be_used_is_refused_by_its_line(text, said, tmp_path):
@@ -124,17 +145,11 @@ def test_a_table_that_cannot_be_used_is_refused_by_its_line(text, said, tmp_path
         Table.read(written(tmp_path, text), "depth")
 
 
-def test_words_are_passed_over_before_the_numbers_and_not_among_them(tmp_path):
-    assert Table.read(written(tmp_path, "time,depth\ns,mm\n0,0\n1,1\n"), "depth")(0.5) == 0.5
-    with pytest.raises(TableError, match=r"path\.csv:3: cannot read 'nought,nought'"):
-        Table.read(written(tmp_path, "time,depth\n0,0\nnought,nought\n1,1\n"), "depth")
-
-
 def test_a_table_that_is_not_there_or_not_text_is_named(tmp_path):
     with pytest.raises(TableError, match=r"missing\.csv: cannot be read"):
         Table.read(tmp_path / "missing.csv", "depth")
-    (tmp_path / "path.csv").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(TableError, match=r"path\.csv: cannot be read as text"):
+    (tmp_path / "path.csv").write_bytes(b"\xff\xfe\x00\xd8")
+    with pytest.raises(TableError, match=r"path\.csv: is not text"):
         Table.read(tmp_path / "path.csv", "depth")
     with pytest.raises(TableError, match="cannot be read"):
         Table.read(tmp_path, "depth")
@@ -143,4 +158,110 @@ def test_a_table_that_is_not_there_or_not_text_is_named(tmp_path):
 def test_what_spreadsheets_write_is_read(tmp_path):
     file = tmp_path / "path.csv"
     file.write_bytes("\ufefftime;depth\r\n0;0\r\n1;1e-2\r\n".encode())
-    np.testing.assert_array_equal(read_columns(file, ("time", "depth")), [[0, 0], [1, 0.01]])
+    np.testing.assert_array_equal(Table.read(file, "depth").values, [0, 0.01])
+
+
+UNITS = {"length": "um", "stress": "MPa", "time": "s"}
+
+
+def drives(tmp_path, text, **trajectory):
+    """Return the drives of a case in um, MPa and s whose table is a text."""
+    file = tmp_path / "path.csv"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    keys = {"kind": "table", "file": str(file), **trajectory}
+    return Drives(Config(name="x", units=UNITS, grid={"points": [64, 64]}, trajectory=keys))
+
+
+@pytest.mark.parametrize(
+    ("control", "text", "factor"),
+    [
+        ("depth", "time [ms],depth [nm]\n0,0\n1000,1\n", 1e-3),
+        ("depth", "Zeit;Eindringtiefe\ns;nm\n0;0\n1;1,0\n2;1,0", 1e-3),
+        ("depth", "depth_nm\ttime_ms\n0\t0\n1\t1000\n", 1e-3),
+        ("depth", "Temps [s];Profondeur [mm]\n0;0\n1;1\n".encode("utf-16"), 1e3),
+        ("depth", "Prüfzeit/min Weg/µm\n0 0\n0.0166666666666666666667 1\n".encode("cp1252"), 1.0),
+        ("depth", "# t  d\n0 0\n1 1\n", 1.0),
+        ("load", "load (kPa), time (s)\n0, 0\n1, 1\n", 1e-3),
+        ("load", "time,p\ns,psi\n0,0\n1,1\n", 6894.757293168362e-6),
+        # Over a cell of 1 um^2; a force of 1 uN is then 1 MPa.
+        ("force", "time (s)|load (nN)\n0|0\n1|1\n", 1e-3),
+        ("force", "F in uN;t in s\n0;0\n1;1\n", 1.0),
+    ],
+)
+def test_a_history_is_converted_into_the_units_of_the_configuration(control, text, factor, tmp_path):
+    assert drives(tmp_path, text, control=control).drive(1.0) == pytest.approx(factor, rel=1e-15)
+
+
+def test_what_a_file_does_not_say_is_said_beside_it(tmp_path):
+    text = "Zeit;Weg\n0,000;0,000\n1,000;1,234\n2,000;2,345\n".replace("0,000", "3,000", 2)
+    with pytest.raises(TableError, match="may have decimal marks or marks of thousands"):
+        _ = drives(tmp_path, text).drive
+    text = "Zeit [s];Weg von links [x]\n0,0;0,0\n1,0;1,5\n"
+    reading = {"columns": ["time", "depth [nm]"], "decimal": ","}
+    assert drives(tmp_path, text, reading=reading).drive(1.0) == pytest.approx(1.5e-3, rel=1e-15)
+    reading = {"columns": ["time", "depth [um]"]}
+    with pytest.raises(TableError, match="columns: 'depth \\[um\\]', but the file says nm"):
+        _ = drives(tmp_path, "Z;Weg von links\ns;nm\n0;0\n1;1\n", reading=reading).drive
+    assert drives(tmp_path, "t;d\n0;0\n1;1\n", reading={"units": {"t": "ms", "d": "nm"}}).drive(1e-3) == 1e-3
+    assert (
+        drives(tmp_path, "time;depth\n0;0\n1;1\n", reading={"units": {"t": "ms", "d": "nm"}}).drive(1e-3)
+        == 1e-3
+    )
+    assert drives(tmp_path, "0 0\n1 1\n", reading={"units": {"t": "ms", "depth": "nm"}}).drive(1e-3) == 1e-3
+    two = "t d\n0 0\n1 1\n\nt d\n0 0\n1 2\n"
+    assert drives(tmp_path, two, reading={"table": 2}).drive(1.0) == 2.0
+    for wrong, said in [
+        ({"units": {"depth": "s"}}, "depth: got the text 's'; is not a unit of it"),
+        ({"units": {"deep": "nm"}}, "got the text 'deep'; must be the name of a quantity"),
+        (
+            {"columns": ["time", "deep"]},
+            "reading.columns\\[1\\]: got the text 'deep'; is not the name of a quantity",
+        ),
+        ({"decimal": ";"}, "reading.decimal: got the text ';'; must be . or ,"),
+        ({"table": 0}, "reading.table: got 0; must be a whole number >= 1"),
+    ]:
+        with pytest.raises(ConfigError, match=said):
+            drives(tmp_path, two, reading=wrong)
+    with pytest.raises(ConfigError, match="reading: only for a file"):
+        Config(name="x", trajectory={"reading": {"table": 1}})
+
+
+def test_how_a_table_was_read_is_said_in_one_line(tmp_path):
+    text = "Sample A\n\nNr;Weg [nm];Zeit [ms]\n1;0,0;0\n2;1,5;10\n"
+    (line,) = drives(tmp_path, text).accounts()
+    assert line == (
+        "path.csv: 2 rows, Weg: depth [nm] -> depth [um], Zeit: time [ms] -> time [s]; separator ';', "
+        "decimal mark ','; 1 line above not read; not read: 'Nr' (not a known name)"
+    )
+
+
+def test_a_velocity_and_a_temperature_are_converted(tmp_path):
+    (tmp_path / "v.csv").write_text("time [ms],velocity [mm/s]\n0,0\n1000,1\n")
+    config = Config(name="x", units=UNITS, trajectory={"velocity_file": str(tmp_path / "v.csv")})
+    assert Drives(config).velocity(1.0) == pytest.approx(1e3, rel=1e-15)
+    (tmp_path / "T.csv").write_text("time [s],temperature [K]\n0,298.15\n9,303.15\n")
+    config = Config(
+        name="x", temperature={"file": str(tmp_path / "T.csv")}, units=UNITS,
+        layer={"material": {"shift": {"law": "arrhenius", "activation_energy": 8e4, "reference": 25.0}}},
+    )  # fmt: skip
+    # Kelvins less 273.15: the last digit of 303.15 is 6e-14.
+    assert Drives(config).temperature(9.0) == pytest.approx(30.0, abs=1.2e-13)
+
+
+def test_columns_with_and_without_units_do_not_stand_beside_each_other(tmp_path):
+    with pytest.raises(TableError, match="time has a unit, but depth has none; give both, or neither"):
+        _ = drives(tmp_path, "time [s],depth\n0,0\n1,1\n").drive
+    assert (
+        drives(tmp_path, "time [s],depth\n0,0\n1,1\n", reading={"units": {"depth": "nm"}}).drive(1.0) == 1e-3
+    )
+
+
+def test_a_force_on_a_line_is_per_length(tmp_path):
+    (tmp_path / "f.csv").write_text("time [s],force [N/m]\n0,0\n1,1\n")
+    keys = {"kind": "table", "control": "force", "file": str(tmp_path / "f.csv")}
+    # 1 N/m is 1 MPa um.
+    config = Config(name="x", units=UNITS, trajectory=keys)
+    assert Drives(config).drive(1.0) == pytest.approx(1.0, rel=1e-15)
+    (tmp_path / "f.csv").write_text("time [s],force [N]\n0,0\n1,1\n")
+    with pytest.raises(TableError, match="no column is named force per length; headings are"):
+        _ = Drives(config).drive

@@ -71,7 +71,8 @@ with open_results(folder) as sweep, open_case(case) as one:
         raise AssertionError("the body was read")
 kinds = ["curves", "loop", "snapshots", "waterfall", "movie"]
 for path in (folder, case):
-    for command in (["plot"], *(["plot", "--kind", each] for each in kinds[:4]), ["plot", "--movie"], ["report"]):
+    of_kinds = (["plot", "--kind", each] for each in kinds[:4])
+    for command in (["plot"], *of_kinds, ["plot", "--movie"], ["report"]):
         assert main([command[0], path, *command[1:], "--out", out + "/"]) == 0, command
     assert main(["leak", path, "--viscosity", "1", "--pressure-drop", "1e-3", "--out", out + "/"]) == 0
 assert main(["plot", folder, "--kind", "map", "--x", "depth", "--y", "depth", "--out", out + "/"]) in (0, 2)
@@ -201,14 +202,14 @@ def test_a_collected_sweep_too(results, tmp_path, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_files_of_users_too(tmp_path, kind):
     """A topography must be in the file that enters the digest."""
-    from gfmdlayer.punch.topography import read_heights
+    from gfmdlayer.punch.scan_files import read_scan
 
     (tmp_path / "secret").write_bytes(SECRET)
     with h5py.File(tmp_path / "secret.h5", "w") as other, h5py.File(tmp_path / "scan.h5", "w") as h5:
         other["secret"] = h5["heights"] = np.zeros((8, 8))
         foreign(h5, "heights", kind, tmp_path / "secret")
     with pytest.raises(TableError, match=FOREIGN):
-        read_heights(tmp_path / "scan.h5", 2)
+        read_scan(tmp_path / "scan.h5", 2)
 
 
 # Names that are HTML.

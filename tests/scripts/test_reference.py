@@ -24,7 +24,7 @@ EXAMPLES = PAGES["EXAMPLES"]
 PURE = {
     *("alpha", "exponent", "gamma", "hurst", "poisson", "rms_slope", "slope", "smoothing", "taper"),
     *("C1", "steady", "tolerance", "Insulator.permittivity", "Range.from", "Range.to", "Spaced.from"),
-    *("Spaced.to", "coefficient", "creepage", "cycles", "velocity_ratio", "normal", "along"),
+    *("Spaced.to", "coefficient", "creepage", "cycles", "velocity_ratio", "normal", "along", "hole"),
 }
 
 
@@ -90,6 +90,7 @@ def files(tmp_path, monkeypatch):
     x = np.arange(512) / 512 - 0.5
     np.savetxt("heights.txt", np.stack([x, x**2], axis=1), fmt="%.17g")
     np.savetxt("profile.txt", np.stack([x[256:] + 0.5, x[256:] ** 2], axis=1) - [0.5, 0], fmt="%.17g")
+    np.savetxt("scan.txt", np.zeros((256, 256)), fmt="%g")
     with h5py.File("surface.h5", "w") as h5:
         h5["scan/height"] = np.zeros((64, 64))
 

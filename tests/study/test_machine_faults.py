@@ -17,7 +17,7 @@ from gfmdlayer.cli import main
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
 from gfmdlayer.fitting.curve_files import entries
-from gfmdlayer.punch.topography import read_heights
+from gfmdlayer.punch.scan_files import read_scan
 from gfmdlayer.study import schedule
 from gfmdlayer.study.preflight import machine_problem
 
@@ -214,7 +214,7 @@ def test_a_header_that_promises_more_than_the_file_holds_is_named(monkeypatch):
     monkeypatch.setattr(np, "load", load)
     Path("heights.npy").write_bytes(b"")
     with pytest.raises(TableError, match=r"heights\.npy: its header names more numbers than memory holds"):
-        read_heights(Path("heights.npy"), 1)
+        read_scan(Path("heights.npy"), 1)
 
 
 @pytest.mark.parametrize(("name", "told"), [("a", ": a"), (None, "")])

@@ -32,6 +32,7 @@ from gfmdlayer.figures.plot_style import CONTACT, GAP_COLOURS, PRESSURE_COLOURS,
 from gfmdlayer.figures.selection import default_columns, value_titles
 from gfmdlayer.files.whole import is_intact, write_text
 from gfmdlayer.observables.contact import FEWEST
+from gfmdlayer.observables.energy_balance import UNBALANCED
 from gfmdlayer.results.gathering import lay_out
 from gfmdlayer.results.names import FIELDS, ResultsError, described_key
 from gfmdlayer.results.netcdf import opened
@@ -513,6 +514,7 @@ def _case(
         "balance": contents.extremes["energy_residual"] / work
         if work and "energy_residual" in contents.extremes
         else None,
+        "open": any(line.startswith(UNBALANCED) for line in warnings(contents)),
         "seconds": plain(contents.attributes.get("wall_seconds")),
         "warnings": warnings(contents),
         "facts": facts,

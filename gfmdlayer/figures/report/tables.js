@@ -14,7 +14,7 @@ function tableColumns() {
     { head: "warnings and reasons", value: (one) => [one.reason, ...(one.warnings ?? [])].filter(Boolean).join("; "), text: true, warning: true },
     { head: "steps", value: (one) => one.rows && one.rows - 1 },
     { head: "largest residual", value: (one) => one.residual },
-    { head: "energy balance", value: (one) => one.balance },
+    { head: "energy balance", value: (one) => one.balance, doubtful: (one) => one.open },
     { head: "seconds", value: (one) => one.seconds },
     ...facts.map((name) => ({ head: escaped(words(name)), value: (one) => one.facts?.[name] })),
   ];
@@ -50,6 +50,10 @@ function tableRow(one) {
       cell.textContent = shownValue(each, one);
     }
     if (each.state) cell.classList.add(one.state);
+    if (each.doubtful?.(one)) {
+      cell.classList.add("warning");
+      cell.textContent += " (open)";
+    }
     if (each.warning) cell.classList.add("wide", ...(one.state === "waiting" || one.state === "running" ? [] : ["warning"]));
     row.append(cell);
   });

@@ -1,0 +1,135 @@
+"""The table of docs/reference/files-of-others.md: test files of other packages, read or refused.
+
+    python scripts/files_of_others.py > table.md
+
+It downloads the source distributions of the packages, and needs the extras `afm` and `topography`. A folder
+may stand in for one: SurfaceTopography=FOLDER, a copy of its repository, as its distribution has no examples.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tarfile
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gfmdlayer.files.tables import Answers, TableError
+from gfmdlayer.fitting.curve_files import entries, read_curve
+from gfmdlayer.fitting.estimates import FitOptions
+from gfmdlayer.fitting.measurement import FitError, read
+from gfmdlayer.punch.scan import times
+from gfmdlayer.punch.scan_files import read_scan
+
+Reader = Callable[[Path], str]
+
+
+def topography(path: Path) -> str:
+    """Read heights of a surface, or of a line."""
+    try:
+        scan = read_scan(path, 2)
+    except TableError as error:
+        try:
+            scan = read_scan(path, 1)
+        except TableError as second:
+            raise (second if "two columns" in str(error) else error) from None
+    if scan.doubt:
+        raise TableError(f"{path}: {scan.doubt} may say a length or a unit; unit and size are asked")
+    sizes = [f"{axis.length:.6g} {axis.unit or ''}".strip() for axis in scan.axes if axis.length is not None]
+    unequal = "unequal distances" * any(axis.positions is not None for axis in scan.axes)
+    holes = int(np.isnan(scan.heights).sum())
+    unit = f"heights in {scan.unit}" * bool(scan.unit)
+    parts = (f"{times(scan.shape)} points", " x ".join(sizes), unequal, unit, f"{holes} holes" * bool(holes))
+    return ", ".join(filter(None, [*parts, *scan.notes[:1]]))
+
+
+def force_curve(path: Path) -> str:
+    """Read all curves of a file without any option; with a calibration where it lacks one."""
+    try:
+        return _curves(path, FitOptions())
+    except (FitError, TableError):
+        options = FitOptions(stiffness=0.1, sensitivity=5e-8, sampling=1e3)
+        found = _curves(path, options)
+    lacks = []
+    for key in ("stiffness", "sensitivity", "sampling"):
+        try:
+            _curves(path, replace(options, **{key: None}))
+        except (FitError, TableError):
+            lacks.append(f"`--{key}`")
+    return f"{found}, with {' and '.join(filter(None, (', '.join(lacks[:-1]), *lacks[-1:])))}"
+
+
+def _curves(path: Path, options: FitOptions) -> str:
+    found = entries([path])
+    rows = [read_curve(entry, options=options).time.size for entry in found]
+    return f"{len(rows)} curve{'s' * (len(rows) > 1)} of {min(rows)} rows" + " or more" * (len(set(rows)) > 1)
+
+
+def material(path: Path) -> str:
+    """Read a measured curve; moduli that do not say it are in tension."""
+    curve = read(path, answers=Answers(modulus="E"))
+    return f"{curve.name} of {curve.abscissa.size} rows"
+
+
+# Packages, the files in their source distributions, and how each is read.
+PACKAGES: dict[str, tuple[tuple[str, Reader], ...]] = {
+    "SurfaceTopography": (("test/file_format_examples/*", topography), ("test/*.txt.gz", topography)),
+    "afmformats": (("tests/data/*", force_curve),),
+    "nanite": (("tests/data/fmt-*", force_curve), ("tests/data/*.h5", force_curve)),
+    "pyvisco": (("sample_data/*.csv", material), ("sample_data/*.xls", material),
+                ("verification/*/input_master.csv", material)),
+}  # fmt: skip
+
+
+def unpacked(package: str, folder: Path) -> Path:
+    """Download and unpack the source distribution of a package."""
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--no-deps",
+        "--no-binary",
+        ":all:",
+        package,
+    ]
+    subprocess.run([*command, "--dest", str(folder)], check=True)
+    (archive,) = folder.glob(f"{package}-*.tar.gz")
+    with tarfile.open(archive) as file:
+        file.extractall(folder, filter="data")
+    return folder / archive.name.removesuffix(".tar.gz")
+
+
+def results(root: Path, patterns: tuple[tuple[str, Reader], ...]) -> Iterator[tuple[str, str]]:
+    """Yield the files of a package and what became of each."""
+    for pattern, reader in patterns:
+        for path in sorted(root.glob(pattern)):
+            try:
+                result = reader(path)
+            except (TableError, FitError) as error:
+                result = f"refused: {error}"
+            lines = result.replace(f"{path}:", "").replace(str(path), path.name).split("\n")
+            shown = lines[0].partition("; known names are")[0]
+            yield path.name, " ".join(shown.split()).replace("|", "\\|")
+
+
+def main() -> None:
+    """Print the tables."""
+    warnings.simplefilter("ignore")
+    given = dict(argument.split("=", 1) for argument in sys.argv[1:])
+    for package, patterns in PACKAGES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            root = Path(given[package]) if package in given else unpacked(package, Path(folder))
+            print(f"\n## {root.name.replace('-', ' ')}\n\n| file | result |\n|-|-|")
+            for name, result in results(root, patterns):
+                print(f"| `{name}` | {result} |")
+
+
+if __name__ == "__main__":
+    main()
