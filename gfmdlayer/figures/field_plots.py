@@ -83,8 +83,9 @@ def stick_figure(
 def states(case: Dataset) -> DataArray:
     """Return APART, STICK or SLIP at each point of the snapshots of a case."""
     slips = (case[name] for name in ("slip_velocity_x", "slip_velocity_y") if name in case)
-    moving = sum(abs(each.fillna(0.0)) for each in slips) > 0
-    return (STICK + moving * (SLIP - STICK)).where(touching(case), APART)
+    moving = sum(abs(each.fillna(0.0)) for each in slips) > 0  # nowhere but in contact
+    found: DataArray = touching(case) * STICK + moving * (SLIP - STICK)
+    return found
 
 
 def _stick_over_time(case: Dataset, style: Style) -> Figure:

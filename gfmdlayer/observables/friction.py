@@ -9,7 +9,8 @@ deformable bodies each counts with the velocity of the contact along it: u = u_1
 With friction at the interface the mean of the shear traction t of the punch on the body adds to the
 tangential force. Under a moving punch t moves with the surface, which stretches by dv/dx, v the displacement
 along it: the body takes the mean of p du/dx less that of t dv/dx, and the rest is heat of slip. The heat of a
-step of slip s is -t.s, with the mean of t at the beginning and at the end of the step.
+step of slip s is -t.s, with the mean of t at the beginning and at the end of the step; under a
+punch at rest with that at the end alone where t turns in the step.
 
 With P and U the transforms of p and u, the mean is sum_q w q Im(P conj(U)), w the weights of Parseval's sum.
 """
@@ -39,19 +40,30 @@ def direction(config: Config) -> FloatArray:
     return np.array([math.cos(angle), math.sin(angle)])[: len(config.grid.points)]
 
 
+def _carries(mean: float, step: Step) -> bool:
+    """Whether a contact carries a mean pressure, or a pull beside an attraction."""
+    return mean > 0 or (mean < 0 and step.interface.attracts and step.contact_area > 0)
+
+
+def _over_normal(force: float, mean: float, step: Step) -> float:
+    """Return a tangential force over the normal one."""
+    return force / mean if _carries(mean, step) else math.nan
+
+
 class FrictionColumns(Observable):
     """Position, mean tangential stress, its ratio to the mean pressure, and the centre of pressure.
 
     Position and centre are those of a punch that moves at a velocity. The fields are on coordinates that move
     with the punch. The centre is found on the circle of one period. Friction and centre are NaN without
-    contact.
+    contact. Where an attraction pulls more than the punch presses, friction is negative: the tangential
+    force over a normal force that pulls; it has a pole where this changes its sign.
     """
 
     COLUMNS = declared(r"""
         position | position of the punch along x | length | from its place at t = 0
         tangential_force | mean tangential stress against the motion | pressure | mean over the whole cell of
           pressure times slope of the surface, and of shear traction | \bar{t}
-        friction | tangential force / normal force | 1 | of the whole cell | \mu
+        friction | tangential force / normal force | 1 | of the whole cell, negative where this pulls | \mu
         contact_centre | centre of pressure along x, from the middle of the punch | length |
           from the middle of the punch
         """)
@@ -93,16 +105,17 @@ class FrictionColumns(Observable):
         pressure = step.fields["pressure"]
         mean, shear = self._sums.mean(pressure), step.shear_force - step.stretch
         if self._position is None:
-            return {"tangential_force": shear, "friction": shear / mean if mean > 0 else math.nan}
+            return {"tangential_force": shear, "friction": _over_normal(shear, mean, step)}
         p = self._transforms.forward(pressure)
         u = step.fields["carried"]
         force = self._sums.total(float((self._slope * (p.imag * u.real - p.real * u.imag)).sum())) + shear
-        angle = cmath.phase(self._sums.total((self._phase * pressure).sum(keepdims=True))[0])
+        turned = self._sums.total((self._phase * pressure).sum(keepdims=True))[0]
+        angle = cmath.phase(-turned if mean < 0 else turned)
         return {
             "position": self._position(step.time),
             "tangential_force": force,
-            "friction": force / mean if mean > 0 else math.nan,
-            "contact_centre": angle * self._period / (2 * math.pi) if mean > 0 else math.nan,
+            "friction": _over_normal(force, mean, step),
+            "contact_centre": angle * self._period / (2 * math.pi) if _carries(mean, step) else math.nan,
         }
 
 
@@ -170,8 +183,8 @@ class Slip(Observable):
         travelled, self._position = position - self._position, position
         by_loss = float(step.row["tangential_force"]) - force
         values = {
-            "interface_friction": force / mean if mean > 0 else math.nan,
-            "hysteresis_friction": by_loss / mean if mean > 0 else math.nan,
+            "interface_friction": _over_normal(force, mean, step),
+            "hysteresis_friction": _over_normal(by_loss, mean, step),
             "stick_area": float(stick.mean()),
             "slip_heat": self._heat,
             "tangential_displacement": float(n @ step.moved),

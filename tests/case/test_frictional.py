@@ -332,6 +332,48 @@ def test_the_energy_balance_closes_beside_attraction():
     assert off[1] < 0.5 * off[0]
 
 
+def test_the_heat_of_slip_never_falls_however_long_the_steps():
+    """At t = 2.7 the tractions of a flat punch turn within a step: their means at its ends drive no slip."""
+    config = {
+        "name": "heat",
+        "grid": {"points": [32, 32]},
+        "halfspace": {"poisson": 0.3, "shear_modulus": 50.0},
+        "interface": {"law": "coulomb", "coefficient": 0.4},
+        "layer": {"material": {"G0": 1.0, "Ginf": 5.0, "tau": 1.0}, "poisson": 0.3, "thickness": 0.05},
+        "punch": {"edge_radius": 0.1, "shape": "flat", "width": 0.2},
+        "time": {"step": 0.1},
+        "trajectory": {
+            "kind": "approach_retract",
+            "depth": 0.02,
+            "approach_speed": 0.04,
+            "retract_speed": 0.04,
+            "dwell": 0.5,
+            "cycles": 2,
+            "final": 0.0,
+        },
+    }
+    heats = {step: run(config, {"time": {"step": step}}).slip_heat for step in (0.1, 0.025)}
+    for heat in heats.values():
+        assert float(heat.diff("time").min()) >= 0
+    # The means alone leave 0.48 of the heat at the longer steps, 1.171e-6 is its limit.
+    assert float(heats[0.1][-1]) > 0.6 * 1.171e-6
+    assert float(heats[0.025][-1]) == pytest.approx(1.171e-6, rel=0.02)
+
+
+def test_friction_has_a_value_where_an_attraction_pulls_more_than_the_punch_presses():
+    """Tangential over normal force, which pulls: negative while the punch drags the surface along."""
+    drive = {"displacement": 3e-3, "start": 0.1, "ramp_time": 0.2}
+    config = relaxing(interface=[ATTRACTION, COULOMB], time={"end": 0.3, "step": 0.05})
+    found = run(config, {"trajectory": {"depth": 1e-5, "ramp_time": 0.1, "tangential": drive}})
+    pulled = found.isel(time=found.mean_pressure < 0)
+    assert float(pulled.contact_area.min()) > 0
+    assert pulled.sizes["time"] > 2
+    # `mean_pressure` counts in units of 2 G0, and G0 is 1.
+    expected = pulled.tangential_force / (2 * pulled.mean_pressure)
+    np.testing.assert_allclose(pulled.friction, expected, rtol=1e-12)
+    assert float(pulled.friction[-1]) < 0
+
+
 def test_a_pull_takes_the_punch_off_though_it_sticks(tmp_path):
     (tmp_path / "load.txt").write_text("0 0\n1 0.002\n2 -0.05\n3 -0.05\n")
     load = {"control": "load", "kind": "table", "file": str(tmp_path / "load.txt")}

@@ -93,6 +93,23 @@ def test_an_interface_that_the_grid_does_not_resolve_is_noted_with_points_that_w
     assert note.endswith("is 3.2 points wide; at least 8 are needed: use grid.points: [4096, 4096]")
 
 
+def test_an_attraction_that_bends_a_free_layer_is_noted():
+    """A wedge jumps to one side of a plate, K = E h^3 q^4/(12 (1 - nu^2)), much softer than a halfspace."""
+    free = {
+        "grid.points": 128,
+        "layer": {"thickness": 0.05, "poisson": 0.45},
+        "halfspace.shear_modulus": 0.0,
+        "interface": {"law": "dugdale", "work": 4e-3, "stress": 0.1},
+    }
+    (note,) = of(free)
+    # With E/(1 - nu^2) = 2 G/(1 - nu) = E*, K over E* q/2 is (q h)^3/6 = 0.00517, less terms in (q h)^2.
+    assert "bends the layer like a plate: in waves of the period the body has 0.0051 of the stiffness" in note
+    assert "halfspace.shear_modulus" in note
+    assert of(free | {"layer": {"thickness": 0.3, "poisson": 0.45}}) == []
+    assert of(free | {"halfspace.shear_modulus": 1.0}) == []
+    assert of(free | {"interface": {"law": "hard_wall"}}) == []
+
+
 def test_an_indentation_in_a_single_step_of_first_order_is_noted():
     coarse = {"time": {"end": 8.0, "step": 2.0, "integrator": "backward_euler"}}
     assert of(coarse | {"trajectory.ramp_time": 4.0}) == []

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.case.case import Case
+from gfmdlayer.case.model import simulate
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested.iteration import extent, settle
@@ -18,6 +19,7 @@ from gfmdlayer.contact.residual import assess, residual_scales
 from gfmdlayer.contact.stencil import stencil
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from tests.recordings import Kept
 
 TOLERANCE = 1e-6
 MPIRUN = Path(sys.executable).parent / "mpirun"
@@ -198,6 +200,22 @@ def test_without_contact_there_is_no_pressure():
     assert found.converged
     assert found.pressure.max() == 0.0
     assert found.contact_area == 0.0
+
+
+@pytest.mark.parametrize("method", ["nested_gradient", "active_set", "conjugate_gradient"])
+def test_a_ridge_at_depth_zero_touches_nowhere(method):
+    """Whichever solver the number of ranks chooses: a pressure of nothing but rounding is no contact."""
+    config = Config(
+        name="ridge",
+        grid={"points": [32, 32]},
+        punch={"shape": "wedge", "slope": 0.1},
+        solver={"method": method},
+    )
+    recording = Kept()
+    simulate(config.with_values({"time": {"end": 0.1, "step": 0.05}}), recording)
+    assert recording.rows[0]["contact_area"] == 0.0
+    assert recording.rows[0]["force"] == 0.0
+    assert recording.rows[1]["contact_area"] > 0.0
 
 
 def test_a_depth_may_follow_a_load():

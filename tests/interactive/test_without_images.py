@@ -244,7 +244,7 @@ def test_a_contact_that_will_be_too_wide_is_known_before_the_run(control, fits, 
 
 
 def test_tractions_of_nothing_but_rounding_are_no_contact_beyond_reach(tmp_path):
-    """After the pull-off tractions are 1e-8 all over the cell, below the tolerance of 1e-6 of the strength."""
+    """After the pull-off tractions of 1e-8 lie all over the cell, less than 1e-6 of the strength."""
     (tmp_path / "depth.txt").write_text("0 0.01\n1 -0.06\n")
     found = run(
         Config(

@@ -256,6 +256,8 @@ class NestedGradient:
             return self._by_active_set(problem, start, (0, 0), tolerance, limit)
         fine = self._level_of(problem)
         at = self._fields(fine, problem, start, tolerance)
+        if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
+            return self._no_contact(fine, problem, at, tolerance)
         search = self._from_guess(fine, problem, at, tolerance)
         if search is None or not search.residual < _POOR:
             coarse = nest(fine, self._transforms, problem, at)
@@ -336,13 +338,21 @@ class NestedGradient:
         self._doubles += 0.5
         return at
 
+    def _no_contact(self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float) -> Solution:
+        """Return the surface without pressure, which nothing presses: a search would leave its aim as one."""
+        at.p[:] = 0.0
+        spectrum, extent = self._evaluate(problem, fine, at)
+        solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
+        self.spent = self._doubles, 0.0
+        pairs, self._part = divmod(self._doubles + self._part, 1.0)
+        self._failures = 0
+        return replace(solution, transforms=int(pairs))
+
     def _from_guess(
         self, fine: GridLevel, problem: Problem, at: NestedFields, tolerance: float
     ) -> Search | None:
-        """Begin with the first guess, if it has any pressure or needs none."""
-        if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
-            at.p[:] = 0.0  # no contact
-        elif not fine.set_load(at):
+        """Begin with the first guess, if it has any pressure."""
+        if not fine.set_load(at):
             return None
         return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
 
