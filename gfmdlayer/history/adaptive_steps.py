@@ -81,7 +81,7 @@ _UNKNOWN_DEVIATION = 4 / 27  # part of the change of the response: the most for 
 # Share of a step in the open balance: the tolerance times its work, and a part of the largest work. N even steps
 # with an error of third order would leave open C/N^2, each the tolerance to the power 3/2. But contact grows by
 # whole grid points, at each of which the curve has a corner, so that the power is larger (measured, at
-# tolerances from 1e-3 to 1e-6, on lines, spheres and rough surfaces).
+# tolerances from 1e-3 to 1e-6, on spheres and rough surfaces).
 _SHARE, _POWER = 600.0, 2.0
 _SHORTEST_WEIGHED = 0.3  # of the way between two stops, times the root of the tolerance: a tenth of such a step
 
@@ -361,6 +361,13 @@ class Drawn(NamedTuple):
     first: float  # length of the first stretch
 
 
+def _first_part(tolerance: float, growth: float) -> float:
+    """Return the first step as a part of the first stretch of the drive."""
+    # The response deviates from a straight line, and the work of the second step is off, by a power of it.
+    of_response = (_SAFETY * _DEVIATION / _UNKNOWN_DEVIATION) ** (1 / growth)
+    return of_response * min(1.0, tolerance / 1e-3) ** (1 / (1 + growth))
+
+
 class AdaptiveSteps:
     """Steps chosen during the run: `accepts` judges each, and `advance` goes on behind an accepted one."""
 
@@ -391,7 +398,7 @@ class AdaptiveSteps:
             attracted=least[1] > 0,
             largest_drive=drawn.largest,
             growth_of_response=drawn.growth,
-            first_step=(_SAFETY * _DEVIATION / _UNKNOWN_DEVIATION) ** (1 / drawn.growth) * drawn.first,
+            first_step=_first_part(tolerance, drawn.growth) * drawn.first,
             noise=noise,
             now=np.zeros(1, STEP_STATE),
             behind=np.zeros(1, STEP_STATE),

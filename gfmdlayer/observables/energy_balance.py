@@ -52,7 +52,9 @@ if TYPE_CHECKING:
 
 
 UNBALANCED = "UNBALANCED"  # with this word the warning begins
-_TOLERANCES, _CLOSED = 3, 0.01  # largest residual over the work: in tolerances, or with fixed steps
+# Largest residual over the work: in tolerances of adaptive steps, and what the solver leaves open in its own; or
+# with fixed steps.
+_TOLERANCES, _OF_SOLVER, _CLOSED = 3, 10, 0.01
 
 
 class EnergyBalance(Observable):
@@ -82,7 +84,7 @@ class EnergyBalance(Observable):
         self._by_depth = case.config.trajectory.control == "depth"
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._largest = self._open = 0.0  # work or energy; residual
-        self._time = case.config.time
+        self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
         self._by_power = self._time.tolerance is not None and not self._has_losses
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
@@ -157,7 +159,9 @@ class EnergyBalance(Observable):
     def warning(self) -> str:  # type: ignore[override]
         """Say that the balance is open, and the steps that would close it."""
         time = self._time
-        limit = _CLOSED if time.tolerance is None else _TOLERANCES * time.tolerance
+        limit = _CLOSED
+        if time.tolerance is not None:
+            limit = _TOLERANCES * (time.tolerance + _OF_SOLVER * self._solver_tolerance)
         if self._open <= limit * self._largest:
             return ""
         part, order = self._open / self._largest, 1 if time.integrator == "backward_euler" else 2

@@ -38,7 +38,7 @@ def test_other_curves_are_integrated_to_third_order():
 
     counts = [16, 32, 64]
     order = -np.polyfit(np.log(counts), np.log([error(count) for count in counts]), 1)[0]
-    assert order == pytest.approx(3, abs=0.3)  # the last bend is not centred, as in a parabola through three
+    assert order >= 2.8  # the bend of the last two steps is that of this one to first order
 
 
 def test_a_punch_that_rests_does_no_work_and_a_free_one_none():

@@ -175,8 +175,8 @@ def test_adaptive_steps_close_the_balance_and_draw_the_ramp(run, case):
     largest = fine["work"].max()
     assert abs(coarse["work"][-1] - fine["work"][-1]) < 3e-3 * largest
     for recording, tolerance in ((coarse, 1e-3), (fine, 1e-5)):
-        # Beside the tolerance of the steps, what the solver leaves open at each of them.
-        assert np.abs(recording["energy_residual"]).max() < (3 * tolerance + 3e-6) * largest
+        # Beside the tolerance of the steps, what the solver leaves open at some thirty of them, 1e-6 each.
+        assert np.abs(recording["energy_residual"]).max() < (3 * tolerance + 3e-5) * largest
     times = np.linspace(0, of_case["trajectory"]["ramp_time"], 301)
     drawn, exact = (np.interp(times, each["time"], each[asked]) for each in (coarse, fine))
     # A hundredth between the rows, the error of the step, and the lines between the rows of the finer run.
@@ -185,8 +185,9 @@ def test_adaptive_steps_close_the_balance_and_draw_the_ramp(run, case):
 
 def test_an_elastic_body_does_the_work_that_it_stores(run):
     found = run(EVERYDAY["elastic"] | {"time.tolerance": 1e-6})
-    assert found["work"][-1] == pytest.approx(found["stored"][-1], rel=5e-5)
-    assert found["work"][-1] == pytest.approx(1.28512e-4, rel=1e-4)
+    # What the solver leaves open at some thirty steps, 1e-6 each, and three tolerances.
+    assert found["work"][-1] == pytest.approx(found["stored"][-1], rel=3.3e-5)
+    assert found["work"][-1] == pytest.approx(1.28511e-4, rel=1e-4)
     assert np.interp(0.25, found["time"], found["depth"]) == pytest.approx(0.0087, abs=1e-2 * 0.0136)
 
 
@@ -197,9 +198,9 @@ def test_an_open_balance_is_a_warning_with_the_step_that_closes_it(integrator):
         config = Config(name="open").with_values(values)
         return [line for line in Case(config).run(Kept()) if line.startswith(UNBALANCED)]
 
-    (warning,) = warnings_with(0.5)
+    (warning,) = warnings_with(1.0)
     step = float(warning.rpartition("time.step ")[2])
-    assert 0.01 < step < 0.5
+    assert 0.01 < step < 1.0
     assert warnings_with(step) == []
 
 
