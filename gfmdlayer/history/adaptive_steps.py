@@ -26,7 +26,7 @@ length at which the errors, which are proportional to it, will be within the tol
 steps start as after a breakpoint.
 
 Where u(t) is a straight line the error vanishes: an elastic body, or a flat punch, would be solved at the
-stops only. Two more bounds follow from the rows:
+stops only. With a hard wall two more bounds follow from the rows; an attraction has its own, above:
 
 * A curve can be drawn through them. The second divided difference of the last three responses gives the
   deviation of the response from a straight line over the step, |bend| dt^2/4. It stays within a hundredth of
@@ -83,6 +83,7 @@ _UNKNOWN_DEVIATION = 4 / 27  # part of the change of the response: the most for 
 # whole grid points, at each of which the curve has a corner, so that the power is larger (measured, at
 # tolerances from 1e-3 to 1e-6, on spheres and rough surfaces).
 _SHARE, _POWER = 600.0, 2.0
+_GROWTH_WEIGHED = 1.4  # largest growth of that step: between two corners of the curve the balance is closed
 _SHORTEST_WEIGHED = 0.3  # of the way between two stops, times the root of the tolerance: a tenth of such a step
 
 
@@ -150,6 +151,7 @@ STEP_STATE = record_type(
         ("over_jump", np.float64),  # length of a step over the instability that will be accepted
         ("earlier", np.float64),  # response one step before the last
         ("prescribed", np.float64),
+        ("weighed", np.float64),  # longest step by the balance; 0 if it is not known
         ("work", np.float64),  # of the last row
         ("largest_work", np.float64),  # or energy of the body
         ("imbalance", np.float64),  # of the energies, of the last row
@@ -264,7 +266,7 @@ def judge(
         jump = abs(response - before.response) / response_scale if response_scale > 0.0 else 0.0
         accepted = _accepts_abrupt(control, point, max(estimate, drive * jump), jumps, separation)
     else:
-        deviation = _deviation(control, step, prescribed, response)
+        deviation = 0.0 if control.attracted else _deviation(control, step, prescribed, response)
         accepted = estimate <= tolerance and deviation <= 1.0
         if not accepted and step <= _ROUNDING * point.time:
             accepted, estimate, deviation = True, tolerance, 1.0  # there is no shorter step
@@ -318,10 +320,13 @@ def weigh(control: StepControl, work: float, energy: float, imbalance: float) ->
     share = control.tolerance * done + _SHARE * control.tolerance**_POWER * largest
     share += control.noise * largest
     if done > 0.0 and left_open > 0.0 and now.last_step > 0.0 and not control.attracted:
-        factor = (_SAFETY * share / left_open) ** (1 / 3)
+        longest = max((_SAFETY * share / left_open) ** (1 / 3), _SHRINK[0]) * now.last_step
         to, stops = min(now.next_stop, control.stops.size - 1), control.stops
         shortest = _SHORTEST_WEIGHED * math.sqrt(control.tolerance) * (stops[to] - stops[to - 1])
-        now.next_step = min(now.next_step, max(max(factor, _SHRINK[0]) * now.last_step, shortest))
+        if now.weighed > 0.0:
+            longest = min(longest, _GROWTH_WEIGHED * now.weighed)
+        now.weighed = max(longest, shortest)
+        now.next_step = min(now.next_step, now.weighed)
     now.work, now.imbalance = work, imbalance
 
 
