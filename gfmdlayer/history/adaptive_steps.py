@@ -82,7 +82,7 @@ _UNKNOWN_DEVIATION = 4 / 27  # part of the change of the response: the most for 
 # with an error of third order would leave open C/N^2, each the tolerance to the power 3/2. But contact grows by
 # whole grid points, at each of which the curve has a corner, so that the power is larger (measured, at
 # tolerances from 1e-3 to 1e-6, on spheres and rough surfaces).
-_SHARE, _POWER = 600.0, 2.0
+_SHARE, _POWER = 63.0, 5 / 3
 _GROWTH_WEIGHED = 1.4  # largest growth of that step: between two corners of the curve the balance is closed
 _SHORTEST_WEIGHED = 0.3  # of the way between two stops, times the root of the tolerance: a tenth of such a step
 

@@ -171,36 +171,39 @@ def test_adaptive_steps_close_the_balance_and_draw_the_ramp(run, case):
     of_case = EVERYDAY[case]
     control = of_case["trajectory"].get("control", "depth")
     asked = "mean_pressure" if control == "depth" else "depth"
-    coarse, fine = (run(of_case | {"time.tolerance": tolerance}) for tolerance in (1e-3, 1e-5))
+    coarse, fine = (run(of_case | {"time.tolerance": tolerance}) for tolerance in (1e-3, 1e-4))
     largest = fine["work"].max()
     assert abs(coarse["work"][-1] - fine["work"][-1]) < 3e-3 * largest
-    for recording, tolerance in ((coarse, 1e-3), (fine, 1e-5)):
-        # Beside the tolerance of the steps, what the solver leaves open at some thirty of them, 1e-6 each.
-        assert np.abs(recording["energy_residual"]).max() < (3 * tolerance + 3e-5) * largest
+    for recording, tolerance in ((coarse, 1e-3), (fine, 1e-4)):
+        assert np.abs(recording["energy_residual"]).max() < 3 * tolerance * largest
     times = np.linspace(0, of_case["trajectory"]["ramp_time"], 301)
     drawn, exact = (np.interp(times, each["time"], each[asked]) for each in (coarse, fine))
-    # A hundredth between the rows, the error of the step, and the lines between the rows of the finer run.
-    assert np.abs(drawn - exact).max() < 1.4e-2 * exact.max()
+    # A hundredth between the rows. In the first step of a thin layer d ~ F^(1/2), which deviates from its chord
+    # by 1/4 of it in place of 4/27.
+    assert np.abs(drawn - exact).max() < 1.8e-2 * exact.max()
 
 
 def test_an_elastic_body_does_the_work_that_it_stores(run):
     found = run(EVERYDAY["elastic"] | {"time.tolerance": 1e-6})
-    # What the solver leaves open at some thirty steps, 1e-6 each, and three tolerances.
-    assert found["work"][-1] == pytest.approx(found["stored"][-1], rel=3.3e-5)
-    assert found["work"][-1] == pytest.approx(1.28511e-4, rel=1e-4)
-    assert np.interp(0.25, found["time"], found["depth"]) == pytest.approx(0.0087, abs=1e-2 * 0.0136)
+    half = run(EVERYDAY["elastic"] | {"time.end": 0.25, "time.step": 0.25})["depth"][-1]
+    # The coarse grid gives the curve a corner at each new ring of points; three rows had 0.3.
+    assert found["work"][-1] == pytest.approx(found["stored"][-1], rel=3e-4)
+    assert found["stored"][-1] == pytest.approx(1.28511e-4, rel=1e-5)
+    drawn, largest = np.interp(0.25, found["time"], found["depth"]), found["depth"].max()
+    assert drawn == pytest.approx(half, abs=1e-2 * largest)
+    assert half - largest / 2 > 0.1 * largest  # where a straight line would be
 
 
 @pytest.mark.parametrize("integrator", ["exponential", "backward_euler"])
 def test_an_open_balance_is_a_warning_with_the_step_that_closes_it(integrator):
     def warnings_with(step):
-        values = {"grid.points": 256, "time.end": 2.0, "time.integrator": integrator, "time.step": step}
-        config = Config(name="open").with_values(values)
+        time = {"time": {"end": 2.0, "integrator": integrator, "step": step}}
+        config = Config(name="open").with_values(EVERYDAY["elastic"] | time)
         return [line for line in Case(config).run(Kept()) if line.startswith(UNBALANCED)]
 
-    (warning,) = warnings_with(1.0)
+    (warning,) = warnings_with(0.5)
     step = float(warning.rpartition("time.step ")[2])
-    assert 0.01 < step < 1.0
+    assert 0.01 < step < 0.2
     assert warnings_with(step) == []
 
 
