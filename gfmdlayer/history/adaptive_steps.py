@@ -33,9 +33,9 @@ stops only. With a hard wall two more bounds follow from the rows; an attraction
   the largest response, or the step is rejected. Where a stretch begins, the deviation is unknown: at most
   4/27 of the change, as that of a power 2/3 or 3/2 from zero. While the drive grows, the largest response is
   expected from its largest value, as the response of a Hertzian contact grows.
-* The energy balance closes. What a step leaves open is the error of its work (`path_work`), of third order in
-  the step like the error above, and sets the next step in the same way. The shares of the steps (`_SHARE`) add
-  up to less than three tolerances of the largest work.
+* The energy balance closes. What a step leaves open is the error of its work (`path_work`), of third order
+  in the step like the error above, and sets the next step in the same way. The shares of the steps (`_SHARE`)
+  add up to less than three tolerances of the largest work.
 """
 
 from __future__ import annotations
@@ -78,13 +78,14 @@ _DEVIATION = 0.01  # of the response from it, relative to the largest response, 
 _DEVIATION_AT_REST = 0.05
 _UNKNOWN_DEVIATION = 4 / 27  # part of the change of the response: the most for a power 2/3 or 3/2 from zero
 
-# Share of a step in the open balance: the tolerance times its work, and a part of the largest work. N even steps
-# with an error of third order would leave open C/N^2, each the tolerance to the power 3/2. But contact grows by
-# whole grid points, at each of which the curve has a corner, so that the power is larger (measured, at
-# tolerances from 1e-3 to 1e-6, on spheres and rough surfaces).
+# Share of a step in the open balance: the tolerance times its work, and a part of the largest work. N even
+# steps with an error of third order would leave open C/N^2, each the tolerance to the power 3/2. But contact
+# grows by whole grid points, at each of which the curve has a corner, so that the power is larger (measured,
+# at tolerances from 1e-3 to 1e-6, on spheres and rough surfaces).
 _SHARE, _POWER = 63.0, 5 / 3
 _GROWTH_WEIGHED = 1.4  # largest growth of that step: between two corners of the curve the balance is closed
-_SHORTEST_WEIGHED = 0.3  # of the way between two stops, times the root of the tolerance: a tenth of such a step
+# The shortest such step over the time between two stops and the root of the tolerance, a tenth of a usual one.
+_SHORTEST_WEIGHED = 0.3
 
 
 class Changes(Saving):
@@ -358,7 +359,7 @@ def _set_next_step(control: StepControl, step: float, room: float, accepted: boo
         now.next_step = min(max(factor, _SHRINK[0]), _SHRINK[1]) * step
 
 
-class Drawn(NamedTuple):
+class DrawnDrive(NamedTuple):
     """The drive over which the response is drawn."""
 
     largest: float  # value
@@ -370,7 +371,7 @@ def _first_part(tolerance: float, growth: float) -> float:
     """Return the first step as a part of the first stretch of the drive."""
     # The response deviates from a straight line, and the work of the second step is off, by a power of it.
     of_response = (_SAFETY * _DEVIATION / _UNKNOWN_DEVIATION) ** (1 / growth)
-    return of_response * min(1.0, tolerance / 1e-3) ** (1 / (1 + growth))
+    return float(of_response * min(1.0, tolerance / 1e-3) ** (1 / (1 + growth)))
 
 
 class AdaptiveSteps:
@@ -382,7 +383,7 @@ class AdaptiveSteps:
         stops: Sequence[Instant],
         shortest_time: float,
         least: tuple[float, float] = (0.0, 0.0),
-        drawn: Drawn | None = None,
+        drawn: DrawnDrive | None = None,
         noise: float = 0.0,
     ) -> None:
         # The tolerance is the largest error of the response relative to its largest value so far, and of the
@@ -391,7 +392,7 @@ class AdaptiveSteps:
         # scales of response and depth; the scale of the depth is the range of an interface that attracts, and
         # zero for a hard wall. `drawn` is the drive as far as a curve is drawn over it, and `noise` the part
         # of the energies that the solver leaves open.
-        drawn = drawn or Drawn(0.0, 1.0, math.inf)
+        drawn = drawn or DrawnDrive(0.0, 1.0, math.inf)
         self._stops = stops
         self.control = StepControl(
             stops=np.array([stop.time for stop in stops]),
