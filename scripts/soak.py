@@ -6,12 +6,15 @@ The kinds of trials are drawn at random:
     fuzz        a damaged configuration for `gfmdlayer check`: accepted, or rejected with a clear message
     kills       a study on one process, several processes, MPI ranks, or ranks with a shared surface; killed
     faults      the same with full disks, damaged and lost files, failing locks, folders without permission
+    combos      three to six abilities together: refused in words, or run, drawn, reported, opened, compared
+                with a run of half the tolerance, the energies balanced
 
 Kills and faults end with a bitwise comparison with an undisturbed run. (S, i) determines trial i of seed S,
 except for the moment at which a signal arrives.
 
     python scripts/soak.py 2                                        # hours
     python scripts/soak.py --only extremes --seed 7 --trials 1000 --methods fire newton
+    python scripts/soak.py combos --seed 51                         # 2000 of this kind
     python scripts/soak.py --only kills --seed 1:17                 # trial 17 of seed 1 again
     python scripts/soak.py --table                                  # table of the results so far
 
@@ -34,7 +37,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from trials import extremes, faults, fuzz, launches, runs
+from trials import combinations, extremes, faults, fuzz, launches, runs
 from trials.configurations import DEFAULT, draw
 from trials.outcomes import GOOD, Outcome
 
@@ -47,8 +50,16 @@ KINDS: Mapping[str, Any] = {
     "fuzz": fuzz.trial,
     "kills": runs.killed,
     "faults": faults.trial,
+    "combos": combinations.trial,
 }
-SHARES = {"extremes": 0.3, "fuzz": 0.3, "kills": 0.25, "faults": 0.15}  # of the trials of all kinds
+SHARES = {
+    "extremes": 0.3,
+    "fuzz": 0.3,
+    "kills": 0.25,
+    "faults": 0.15,
+    "combos": 0.3,
+}  # of the trials of all kinds
+MANY = 2000  # trials of a single kind
 SHOWN = 12  # failures of a kind that the table names
 
 
@@ -157,7 +168,11 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
-    add("hours", type=float, nargs="?", default=np.inf, help="no trial starts after this time")
+    add(
+        "hours",
+        nargs="?",
+        help=f"no trial starts after this time; or a kind of trials: so many of it, {MANY}",
+    )
     add("--seed", default="1", help="seed of all trials; S:I runs only trial I")
     add("--trials", type=int, help="number of trials")
     add("--first", type=int, default=0, help="number of the first trial")
@@ -182,6 +197,13 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--show", action="store_true", help="print the extreme cases")
     add("--table", action="store_true", help="only print the table of the folder")
     options = parser.parse_args(arguments)
+    if options.hours in KINDS:
+        options.only, options.hours = [options.hours], None
+        options.trials = MANY if options.trials is None else options.trials
+    try:
+        options.hours = np.inf if options.hours is None else float(options.hours)
+    except ValueError:
+        parser.error(f"got {options.hours!r}; must be a number of hours, or one of {', '.join(KINDS)}")
     seed, colon, index = options.seed.partition(":")
     options.seed = int(seed)
     if colon:

@@ -120,8 +120,8 @@ class Lattice(OneModulus):
         for number, length in zip(points, period, strict=False):
             if abs(length / (number * self.spacing) - 1) > _SAME:
                 message = (
-                    f"got {self.spacing!r} on a grid of spacing {length / number:.10g}; each point "
-                    f"is a surface atom: period {number * self.spacing:.10g} for {number} points"
+                    f"got {self.spacing!r}; must be {length / number:.10g}, the spacing of the grid, whose "
+                    f"points are the surface atoms; or take period {number * self.spacing:.10g} for {number}"
                 )
                 yield Mistake(("spacing",), message)
                 return

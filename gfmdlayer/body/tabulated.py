@@ -116,7 +116,7 @@ class Tabulated(OneModulus):
         return held, own
 
     @property
-    def _rows(self) -> _Rows:
+    def _rows(self) -> _TabulatedStiffness:
         return _rows(self.table, self._units, self.reading, self.table.stat().st_mtime_ns)
 
     def relaxed_stiffness(self, waves: Wavevectors) -> FloatArray:
@@ -224,7 +224,7 @@ def _of_fix_gfc(file: Path) -> tuple[FloatArray, tuple[float, ...]]:
 _HEAD = 24  # bytes: four integers and a number
 
 
-class _Rows(NamedTuple):
+class _TabulatedStiffness(NamedTuple):
     """Wavenumbers and stiffness, shape (2, rows), and how their file was read."""
 
     values: FloatArray
@@ -232,7 +232,7 @@ class _Rows(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _rows(file: Path, units: Units | None, reading: Reading | None, _changed: int) -> _Rows:
+def _rows(file: Path, units: Units | None, reading: Reading | None, _changed: int) -> _TabulatedStiffness:
     """Return the two columns of a table of stiffness, in the order of wavenumbers."""
     import numpy as np
 
@@ -246,4 +246,4 @@ def _rows(file: Path, units: Units | None, reading: Reading | None, _changed: in
         found = f"holds {smaller[row]:g}; wavenumber and stiffness must be > 0"
         raise TableError(f"{table.place(row)}: {found}")
     order = table.ascending(q, "wavenumber")
-    return _Rows(np.stack((q, K))[:, order], table.account)
+    return _TabulatedStiffness(np.stack((q, K))[:, order], table.account)

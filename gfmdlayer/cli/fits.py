@@ -105,7 +105,7 @@ def _answers(
     if options.decimal not in {None, ".", ","}:
         raise FitError(f"--decimal {options.decimal}: must be . or ,")
     names = tuple(name.strip() for name in (options.columns or "").split(",")) if options.columns else ()
-    return Answers(options.decimal, tuple(units), names, modulus, options.table)
+    return Answers(options.decimal, tuple(units), names, modulus, options.table, by_options=True)
 
 
 def _units(words: Sequence[str], order: Sequence[str] = ()) -> list[tuple[str, str]]:

@@ -525,7 +525,10 @@ def rests_on(problem: Mistake, refused: Iterable[str]) -> bool:
     own = problem.key if problem.at_key and not in_a_list else unswept(problem.key)
     names = [f"{name}." for name in (own, problem.key, *problem.others)]
     keys = {f"{key}." for name in refused for key in (name, unswept(name))}
-    return any(name.startswith(key) or key.startswith(name) for name in names for key in keys)
+    below = f"{unswept(problem.key)}."  # a swept key of a section that is refused
+    return any(name.startswith(key) or key.startswith(name) for name in names for key in keys) or any(
+        below.startswith(key) for key in keys
+    )
 
 
 def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Mistake]:

@@ -36,23 +36,26 @@ class Reach(Saving):
         self._origin = np.zeros(len(grid.period))
         self._support = np.full(self._directions.shape[1], -math.inf)
 
-    def width(self, pressure: FloatArray) -> float:
+    def width(self, pressure: FloatArray, noise: float = 0.0) -> float:
         """Return the largest distance of points that are or were pressed, in periods."""
-        _, support = self._with(pressure)
+        _, support = self._with(pressure, noise)
         half = support.size // 2
         return float((support[:half] + support[half:]).max())
 
-    def refusal(self, pressure: FloatArray) -> str:
-        """Return why pressures, one value a point, are not those of an isolated contact, if so."""
-        width = self.width(pressure)
+    def refusal(self, pressure: FloatArray, noise: float = 0.0) -> str:
+        """Return why pressures, one value a point, are not those of an isolated contact, if so.
+
+        Up to `noise` they are zero to the tolerance of the solver, as all are after a pull-off.
+        """
+        width = self.width(pressure, noise)
         if width <= self._body.reach:
             return ""
         found = f"pressed points are {width:.3g} periods apart, in which there are periodic images"
         return f"{found}; must be at most {self._body.reach:g}{period_for(self._body, width)}"
 
-    def remember(self, pressure: FloatArray) -> None:
+    def remember(self, pressure: FloatArray, noise: float = 0.0) -> None:
         """Add the pressures of an accepted step."""
-        self._origin, self._support = self._with(pressure)
+        self._origin, self._support = self._with(pressure, noise)
 
     def masked(self, field: FloatArray) -> FloatArray:
         """Return a field, one value a point, NaN where the displacement is not known."""
@@ -65,13 +68,13 @@ class Reach(Saving):
             np.maximum(furthest, support - along, out=furthest)
         return np.where(np.ravel(furthest) <= self._body.reach, field, math.nan)
 
-    def _with(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _with(self, pressure: FloatArray, noise: float) -> tuple[FloatArray, FloatArray]:
         """Return origin and support function with these pressures."""
         ranks, size = self._grid.ranks, np.abs(pressure)
         largest = ranks.maximum(float(size.max(initial=0.0)))
-        if largest == 0:
+        if largest <= noise:
             return self._origin, self._support
-        pressed = (size > _NEGLIGIBLE * largest).reshape(self._grid.shape)
+        pressed = (size > max(_NEGLIGIBLE * largest, noise)).reshape(self._grid.shape)
         origin = self._origin if self._support[0] > -math.inf else self._middle(pressed)
         points = self._outermost(pressed, self._from_origin(origin))
         support = (points @ self._directions).max(axis=0, initial=-math.inf)

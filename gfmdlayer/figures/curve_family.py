@@ -92,7 +92,9 @@ class Scale(NamedTuple):
 
 
 def _off_middle(values: Any) -> float:
-    """Return how far the median is from the middle, as a part of the range."""
+    """Return how far the median is from the middle, as a part of the range; of no values, endlessly far."""
+    if not len(values):  # of positive numbers, where none is
+        return np.inf
     return float(abs(np.median(values) - (values.min() + values.max()) / 2) / (np.ptp(values) or 1.0))
 
 

@@ -33,7 +33,7 @@ from gfmdlayer.figures.selection import (
     case_dimensions,
     column_name,
     default_columns,
-    each_interface,
+    each_place,
     notes,
     rows,
     swept,
@@ -105,7 +105,7 @@ def curves_figure(
         If there is no such column, or an option needs another `x`.
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
-    dataset, y = each_interface(dataset, y)
+    dataset, y = each_place(dataset, y)
     asked = [column_name(dataset, name, of_cases=bool(along)) for name in y]
     names, empty = with_values(dataset, asked, default_columns(dataset))
     x = along or column_name(dataset, x)
@@ -142,7 +142,8 @@ def curves_figure(
         more = _draw_legend(figure, drawn, columns, style)
         if inset is not None:
             inset.draw(panels[0, 0])
-        said = [*notes(drawn.sweep, names), *drawn.notes, *more, *empty]
+        places = [f"{name}: {place}" for name in names if (place := drawn.sweep[name].attrs.get("place"))]
+        said = [*places, *notes(drawn.sweep, names), *drawn.notes, *more, *empty]
         symbols = explained(drawn.sweep, [*names, x], [*drawn.written, *said])
         finish(figure, [*dict.fromkeys(said_of_panels), *symbols, *said])
     return figure

@@ -84,8 +84,7 @@ def states(case: Dataset) -> DataArray:
     """Return APART, STICK or SLIP at each point of the snapshots of a case."""
     slips = (case[name] for name in ("slip_velocity_x", "slip_velocity_y") if name in case)
     moving = sum(abs(each.fillna(0.0)) for each in slips) > 0
-    found: DataArray = (case["pressure"] > 0) * STICK + moving * (SLIP - STICK)
-    return found.where(case["pressure"] > 0, APART)
+    return (STICK + moving * (SLIP - STICK)).where(touching(case), APART)
 
 
 def _stick_over_time(case: Dataset, style: Style) -> Figure:

@@ -32,6 +32,7 @@ from gfmdlayer.figures.snapshots import (
     map_values,
     mark_contact,
     snapshot_titles,
+    touching,
 )
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.names import ResultsError
@@ -122,7 +123,7 @@ def _moving_line(axes: Axes, case: Dataset, name: str, seen: Extremes) -> Callab
     x = case["x"].to_numpy() / along.scale
     (field,) = axes.plot(x, np.full(x.shape, np.nan), color=colours(1)[0])
     (punch,) = axes.plot(x, np.full(x.shape, np.nan), **PUNCH)
-    touched = mark_contact(axes, x, x, np.ones(x.shape))
+    touched = mark_contact(axes, x, x, np.zeros(x.shape, dtype=bool))
     ends = seen.pressures if name == "pressure" else heights(limits(case[name]))
     name_axes(axes, along, up)
     axes.set(xlim=np.divide(seen.view["x"], along.scale), ylim=np.divide(ends, up.scale))
@@ -133,7 +134,7 @@ def _moving_line(axes: Axes, case: Dataset, name: str, seen: Extremes) -> Callab
         if name == "displacement" and "gap" in case:
             surface, gap = one["displacement"].to_numpy() / up.scale, one["gap"].to_numpy()
             punch.set_ydata(surface + gap / up.scale)
-            touched.set_ydata(np.where(gap <= 0, surface, np.nan))
+            touched.set_ydata(np.where(touching(one), surface, np.nan))
 
     return update
 

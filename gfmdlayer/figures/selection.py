@@ -257,6 +257,9 @@ def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
     found = _own_name(dataset, name)
     if found not in ("time", *columns):
         known = ", ".join(["time", *columns])
+        if found in dataset and (others := [str(each) for each in dataset[found].dims if each not in along]):
+            has = f"{name} has values along {' and '.join(others)}, which no curve has"
+            raise ResultsError(f"{has}; must be one of {known}")
         raise ResultsError(f"there is no column {name}; must be one of {known}{nearest(name, columns)}")
     return found
 
@@ -266,16 +269,23 @@ def _own_name(dataset: Dataset, name: str) -> str:
     return f"{name}{OVER_TIME}" if f"{name}{OVER_TIME}" in dataset.data_vars else name
 
 
-def each_interface(dataset: Dataset, names: Sequence[str]) -> tuple[Dataset, list[str]]:
-    """Give each interface columns of its own, interface_peel_0 for interface_peel, in results and names."""
-    is_swept = "interface" in case_dimensions(dataset)
-    parts = {
-        str(name): [
-            column.isel(interface=i, drop=True).rename(f"{name}_{i}") for i in range(column.interface.size)
-        ]
-        for name, column in dataset.data_vars.items()
-        if "interface" in column.dims and not is_swept
-    }
+_PLACES = ("interface", "frequency")  # dimensions beside time whose places have curves of their own
+
+
+def each_place(dataset: Dataset, names: Sequence[str]) -> tuple[Dataset, list[str]]:
+    """Give each interface, or frequency, a column of its own, interface_peel_0 for interface_peel."""
+    parts: dict[str, list[DataArray]] = {}
+    for place in _PLACES:
+        if place in case_dimensions(dataset):  # swept
+            continue
+        for name, column in dataset.data_vars.items():
+            if place in column.dims:
+                parts[str(name)] = [
+                    column.isel({place: i}, drop=True)
+                    .rename(f"{name}_{i}")
+                    .assign_attrs(place=f"{place} {value:g}")
+                    for i, value in enumerate(column[place].values)
+                ]
     single = {str(column.name): column for columns in parts.values() for column in columns}
     wanted = [[str(column.name) for column in parts[name]] if name in parts else [name] for name in names]
     return dataset.drop_vars(parts).assign(single), [column for group in wanted for column in group]

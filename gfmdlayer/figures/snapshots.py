@@ -130,8 +130,12 @@ def snapshot_titles(case: Dataset) -> list[str]:
 
 
 def touching(case: Dataset) -> DataArray:
-    """Return where there is contact: in result files the gap is zero there."""
-    return case["gap"] <= 0
+    """Return where there is contact, as the run found it: the punch slips or sticks there, the gap is zero.
+
+    Beside an attraction the pressure does not say: it is that of the wall less the traction across the gap.
+    """
+    slip = case.get("slip_velocity_x")
+    return case["gap"] <= 0 if slip is None else slip.notnull()
 
 
 def part_of(case: Dataset, most: int) -> tuple[Dataset, list[str]]:
@@ -282,7 +286,7 @@ def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
                 axes.plot(along, values, color=shade, linestyle=dashes)
                 if name == "displacement" and "gap" in one:
                     few = len(looks) <= LEGEND_MOST
-                    mark_contact(axes, along, values, one["gap"].to_numpy(), 3.0 if few else 1.8)
+                    mark_contact(axes, along, values, touching(one), 3.0 if few else 1.8)
             name_axes(axes, y=up)
         row[0].set_title(title, loc="left")
     x, p = quantity(case["x"], case.attrs), quantity(case["pressure"], case.attrs)
@@ -311,10 +315,10 @@ def contact_entry(times: float = 3.0) -> Line2D:
     return Line2D([], [], color=CONTACT, linewidth=width, label="contact", zorder=1, **look)
 
 
-def mark_contact(axes: Axes, x: FloatArray, u: FloatArray, gap: FloatArray, times: float = 3.0) -> Line2D:
+def mark_contact(axes: Axes, x: FloatArray, u: FloatArray, touched: ArrayLike, times: float = 3.0) -> Line2D:
     """Draw the part of a surface in contact, as a broad line below it."""
     line = contact_entry(times)
-    line.set_data(x, np.where(gap <= 0, u, np.nan))
+    line.set_data(x, np.where(touched, u, np.nan))
     axes.add_line(line)
     return line
 
@@ -371,7 +375,7 @@ def _surface(title: str, case: Dataset, seen: Extremes, style: Style) -> Figure:
         profile_u = (profile["displacement"] / u.scale).to_numpy()
         column[2].plot(across, profile_u, color=colours(1)[0])
         column[2].plot(across, profile_u + (profile["gap"] / u.scale).to_numpy(), **PUNCH)
-        mark_contact(column[2], across, profile_u, profile["gap"].to_numpy())
+        mark_contact(column[2], across, profile_u, touching(profile))
         column[3].plot(across, profile["pressure"] / p.scale, color=colours(1)[0])
         column[0].set_title(time, loc="right")
         column[2].set_ylim(surface)

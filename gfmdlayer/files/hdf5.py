@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.files.locks import regular
-from gfmdlayer.files.tables import TableError
 
 if TYPE_CHECKING:
     import h5py
@@ -46,30 +45,37 @@ def other_file(group: h5py.Group, *, deep: bool = False) -> str:
 
     own = h5o.get_info(group.id).fileno
 
-    def look(name: bytes, info: Any) -> str | None:
+    found = ""
+
+    def look(name: bytes, info: Any) -> bool | None:
+        nonlocal found
         shown = name.decode(errors="replace")
         if info.type not in (h5l.TYPE_HARD, h5l.TYPE_SOFT):
-            return f"{shown} is a link to another file"
+            found = f"{shown} is a link to another file"
+            if info.type == h5l.TYPE_EXTERNAL:
+                found += f", {group.id.links.get_val(name)[0].decode(errors='replace')}"
+            return True
         try:
             member = h5o.open(group.id, name)
         except KeyError:
             return None  # a link to nothing
         if h5o.get_info(member).fileno != own:
-            return f"{shown} is a link to another file"
-        if isinstance(member, h5d.DatasetID):
+            found = f"{shown} is a link to another file"
+        elif isinstance(member, h5d.DatasetID):
             stored = member.get_create_plist()
             if stored.get_layout() == h5d.VIRTUAL or stored.get_external_count():
-                return f"{shown} is stored in another file"
-        return None
+                found = f"{shown} is stored in another file"
+        return bool(found) or None  # True ends the search
 
     links = group.id.links
-    # `iterate` returns where it stopped, too.
-    found = links.visit(look, info=True) if deep else links.iterate(look, info=True)[0]
-    return found or ""
+    (links.visit if deep else links.iterate)(look, info=True)
+    return found
 
 
 def refuse_other_files(path: Path, group: h5py.Group) -> None:
     """Refuse a group of a user's file, not those in it, with data in other files, which enter no digest."""
+    from gfmdlayer.files.tables import TableError  # numpy
+
     if member := other_file(group):
         raise TableError(f"{path}: {member}; must be in the file itself")
 
@@ -77,6 +83,8 @@ def refuse_other_files(path: Path, group: h5py.Group) -> None:
 def open_group(path: Path, file: h5py.File, name: str) -> h5py.Group:
     """Return a group of a user's file, refusing other files on the way to it and in it."""
     import h5py
+
+    from gfmdlayer.files.tables import TableError
 
     group: h5py.Group = file
     refuse_other_files(path, group)

@@ -2,8 +2,8 @@
 
 A heading is a name with or without a unit: ``time [ms]``, ``Eindringtiefe (nm)``, ``force in mN``,
 ``G' / Pa``, ``velocity, um/s``, ``time_ms``. A name may stand for several quantities (delta is a depth or a
-phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities that
-the reader of the file wants. If several remain, the message names them.
+phase angle): then the dimension of the unit chooses, then the case of a single letter, then the quantities
+that the reader of the file wants. If several remain, the message names them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from gfmdlayer.files.units import Unit, unit_of
 
 ANGULAR, ORDINARY = "angular frequency", "frequency"
 
-# Each quantity: a unit of its dimension, and its names. Names are compared in small letters, but single letters
-# by their case first.
+# Each quantity: a unit of its dimension, and its names. Names are compared in small letters, but single
+# letters by their case first.
 _QUANTITIES: dict[str, tuple[str, str]] = {
     "time": ("s", "time, t, elapsed time, test time, time stamp, timestamp, zeit, messzeit, prüfzeit, "
         "versuchszeit, laufzeit, zeit gesamt, temps, temps écoulé, durée, time (sequence), total time"),
@@ -185,18 +185,15 @@ def _options(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 # Name and unit of a heading, the surest way of writing first.
-_WAYS = [
-    re.compile(pattern)
-    for pattern in (
-        r"(.+?)[\s_]*\[([^\[\]]*)\]",
-        r"(.+?)[\s_]*\(([^()]*|[^()]*\([^()]*\)[^()]*)\)",
-        r"(.+?)[\s_]+in[\s_]+(\S.*)",
-        r"(.+?)\s*/\s*\(?(\S.*?)\)?",
-        r"(.+?)[\s_]*[,:;][\s_]*(\S.*)",
-        r"(.+)[_\s]+(\S+)",
-        r"(.+?)[_\s]+(\S.*)",
-    )
-]
+_WAYS = (
+    r"(.+?)[\s_]*\[([^\[\]]*)\]",
+    r"(.+?)[\s_]*\(([^()]*|[^()]*\([^()]*\)[^()]*)\)",
+    r"(.+?)[\s_]+in[\s_]+(\S.*)",
+    r"(.+?)\s*/\s*\(?(\S.*?)\)?",
+    r"(.+?)[\s_]*[,:;][\s_]*(\S.*)",
+    r"(.+)[_\s]+(\S+)",
+    r"(.+?)[_\s]+(\S.*)",
+)  # compiled when first used, as `re` keeps them
 _SURE = 4  # ways in which the unit needs not be known
 
 
@@ -207,7 +204,7 @@ def split(heading: str) -> tuple[str, str]:
     if any(_options(heading)):
         return heading, ""
     for way in _WAYS:
-        match = way.fullmatch(heading)
+        match = re.fullmatch(way, heading)
         if match and any(_options(match[1])) and (way in _WAYS[:_SURE] or unit_of(match[2])):
             return match[1], match[2].strip(" []()")
     return heading, ""
@@ -216,7 +213,7 @@ def split(heading: str) -> tuple[str, str]:
 def unit_in(heading: str) -> str:
     """Return the unit that a heading with any name has in brackets or behind a slash, "" without one."""
     for way in _WAYS[:_SURE]:
-        if (match := way.fullmatch(heading.strip())) and unit_of(match[2].strip(" []()")) is not None:
+        if (match := re.fullmatch(way, heading.strip())) and unit_of(match[2].strip(" []()")) is not None:
             return match[2].strip(" []()")
     return ""
 
@@ -244,15 +241,20 @@ def meaning(
     if not options:
         return Meaning()
     symbol = symbol or below.strip(" []()")
+    own = unit_of(symbol) if symbol else None
+    frequencies = {ANGULAR, ORDINARY}
+    # 1/s, and Hz beside omega, leave open which of the two frequencies it is.
+    doubtful = own is not None and frequencies & {*exact} and _frequency(exact, own, symbol)[2]
     for key, answer in dict(units).items():
-        if _folded(key) in {_folded(heading), _folded(name)} or {*quantities_named(key)} & {*options}:
+        named = {*quantities_named(key)}
+        by_name = _folded(key) in {_folded(heading), _folded(name)}
+        if by_name or named & {*options} or (doubtful and named & frequencies):
             if (given := unit_of(answer)) is None:
                 return Meaning(options, None, answer, f"the unit {answer!r} given for it is not known")
-            own = unit_of(symbol) if symbol else None
-            open_still = any(each in {ANGULAR, ORDINARY} for each in options)
-            if own is not None and own != given and not open_still:
+            if own is not None and own != given and not doubtful:
                 return Meaning(options, None, symbol, f"is in {symbol!r}, but {answer!r} is given for it")
             symbol = answer
+            exact = (*exact, ORDINARY) if doubtful and _in_hertz(answer) else exact
     unit = unit_of(symbol) if symbol else None
     if symbol and unit is None:
         return Meaning(options, None, symbol, f"has the unknown unit {symbol!r}")
@@ -276,6 +278,10 @@ def _fits(quantity: str, unit: Unit) -> bool:
     return quantity not in WORDS and unit.dimension == dimension_of(quantity).dimension
 
 
+def _in_hertz(symbol: str) -> bool:
+    return re.search(r"hz|hertz", symbol.lower()) is not None
+
+
 def _frequency(options: tuple[str, ...], unit: Unit, symbol: str) -> tuple[tuple[str, ...], Unit, str]:
     """Tell angular from ordinary frequency by the unit; the reason where it leaves that open."""
     radians, hertz = dimension_of(ANGULAR), dimension_of(ORDINARY)
@@ -285,8 +291,7 @@ def _frequency(options: tuple[str, ...], unit: Unit, symbol: str) -> tuple[tuple
         fitting = tuple(each for each in options if _fits(each, unit))
         reason = "" if fitting else f"is in {symbol!r}, which is no unit of {alternatives(options)}"
         return fitting or options, unit, reason
-    in_hertz = re.search(r"hz|hertz", symbol.lower()) is not None
-    if in_hertz is (ORDINARY in options):
+    if (in_hertz := _in_hertz(symbol)) is (ORDINARY in options):
         own = ORDINARY if in_hertz else ANGULAR
         return (own,), unit if in_hertz else unit._replace(dimension=radians.dimension), ""
     reason = f"in {symbol!r} may be a frequency in Hz or an angular frequency in rad/s; say which by its unit"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import shlex
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -14,6 +15,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.files.headings import (
+    ANGULAR,
+    ORDINARY,
     WORDS,
     Meaning,
     alternatives,
@@ -36,9 +39,9 @@ class TableError(ValueError):
 
 # Tables that people bring: text in any dialect.
 #
-# Each separator, decimal mark and mark of thousands is tried. A dialect stands only if the columns of numbers
-# are numbers throughout, in rows of one width. If another dialect stands with other numbers, the file is refused.
-# Columns have their meaning by name (`files.headings`), by position only where no headings are.
+# Each separator, decimal mark and mark of thousands is tried. A dialect stands only if the columns of
+# numbers are numbers throughout, in rows of one width. If another dialect stands with other numbers, the
+# file is refused. Columns have their meaning by name (`files.headings`), by position only without headings.
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,14 @@ class Answers:
     columns: tuple[str, ...] = ()  # names in place of the headings, with or without units; "-" for none
     modulus: str | None = None  # G: moduli and compliances are in shear; E: in tension
     table: int | None = None  # of several, counted from 1
+    by_options: bool = field(default=False, compare=False)  # of the command line, not by keys
+
+    def to_give(self, key: str, value: str, of: str = "") -> str:
+        """Write an answer, `of` a quantity, for a message that asks for it: as a key, or as an option."""
+        if self.by_options:
+            return f"--{key} {shlex.quote(f'{of}={value}' if of else value)}"
+        plain = value if value.isalnum() or of else repr(value)
+        return f"reading: {{{key}: {f'{{{of}: {plain}}}' if of else plain}}}"
 
 
 def decoded(path: Path) -> tuple[str, str]:
@@ -197,9 +208,13 @@ class _Rows:
         return f"{self.path}:{self.at[row] + 1}"
 
 
-def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None) -> _Rows:
+def _rows_in(path: Path, lines: list[str], dialect: _Dialect, answers: Answers) -> _Rows:
     """Find the rows of numbers in a dialect; a _DialectError where it does not stand."""
-    if table is None and not dialect.thousands and (rows := _at_once(path, lines, dialect)) is not None:
+    if (
+        answers.table is None
+        and not dialect.thousands
+        and (rows := _at_once(path, lines, dialect)) is not None
+    ):
         return rows
     number = _number(dialect)
     blocks: list[list[tuple[int, list[str], str]]] = []
@@ -217,7 +232,7 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None)
         same = not comment and last is not None and len(kinds) == len(last[2])
         same = same and _agree(kinds, blocks[-1][0][2]) and ("N" in kinds or "T" not in kinds)
         full = not comment and "N" in kinds and len(kinds) - kinds.count("T") > 1
-        if same or (full and not _is_units(cells)):
+        if same or (full and not _is_units(cells)) or (not comment and _is_empty_row(cells, kinds)):
             if last is None or len(last[2]) != len(kinds):
                 if last is not None and len(blocks[-1]) > 1:
                     message = f"holds {len(kinds)} columns; must be {len(last[2])}, as above"
@@ -235,7 +250,16 @@ def _rows_in(path: Path, lines: list[str], dialect: _Dialect, table: int | None)
                 message = f"{_shown(line, ''.join(words[:1]))} is not a row of numbers like those above"
                 raise _DialectError(f"{path}:{i + 1}: {message}", len(blocks[-1]) if blocks else 0)
             gap = True
-    return _chosen_block(path, lines, dialect, blocks, table)
+    return _chosen_block(path, lines, dialect, blocks, answers)
+
+
+def _is_empty_row(cells: list[str], kinds: str) -> bool:
+    """Whether a row has nothing but words for holes, and is no rule of dashes or stars."""
+    return len(cells) > 1 and {*kinds} == {"H"} and all(cells) and not all(map(_is_rule, cells))
+
+
+def _is_rule(cell: str) -> bool:
+    return set(cell) <= {*"-–—*"}
 
 
 def _agree(kinds: str, first: str) -> bool:
@@ -248,9 +272,10 @@ def _chosen_block(
     lines: list[str],
     dialect: _Dialect,
     blocks: list[list[tuple[int, list[str], str]]],
-    table: int | None,
+    answers: Answers,
 ) -> _Rows:
     """Return the rows of the only table, or of the one with a number."""
+    table = answers.table
     first = next((i for i, block in enumerate(blocks) if len(block) > 1), len(blocks))
     long = blocks[first:]  # single rows above are remarks with numbers
     if not long:
@@ -271,7 +296,8 @@ def _chosen_block(
                 )
     if (len(long) > 1 and table is None) or not 1 <= (table or 1) <= len(long):
         ends = ", ".join(f"{block[0][0] + 1} to {block[-1][0] + 1}" for block in long)
-        message = f"holds {len(long)} tables, in lines {ends}; give its number, table: 1 to {len(long)}"
+        asked = " or ".join(answers.to_give("table", str(i)) for i in (1, len(long)))
+        message = f"holds {len(long)} tables, in lines {ends}; give the number of one, {asked}"
         raise _DialectError(f"{path}: {message}", max(map(len, long)))
     block = long[(table or 1) - 1]
     return _columns_of(path, lines, dialect, block)
@@ -364,7 +390,7 @@ def _at_once(path: Path, lines: list[str], dialect: _Dialect) -> _Rows | None:
     number, first = _number(dialect), None
     for i, line in enumerate(lines[:200]):
         kinds = "".join([_kind(cell, number) for cell in _cells(line, dialect.separator)])
-        if {"N"} <= set(kinds) <= {"N", "H"} and len(kinds) > 1:
+        if set(kinds) <= {"N", "H"} and len(kinds) > 1 and (line.strip() or "N" in kinds):
             first = None if "H" in kinds else i
             break
     if first is None:
@@ -398,7 +424,7 @@ def _at_once(path: Path, lines: list[str], dialect: _Dialect) -> _Rows | None:
 
 def _is_damage(cell: str) -> bool:
     """Whether a cell stands for a number: one with a wrong letter, or a hole that is no rule of dashes."""
-    return _is_marks(cell) or (cell.lower() in _HOLES and not set(cell) <= {*"-–—*"})
+    return _is_marks(cell) or (cell.lower() in _HOLES and not _is_rule(cell))
 
 
 def _is_comment(line: str, dialect: _Dialect) -> bool:
@@ -534,7 +560,7 @@ def _may_be_headings(rows: _Rows, head: _Head) -> bool:
 
 
 @dataclass(frozen=True)
-class Column:
+class TextColumn:
     """A column of numbers as written; NaN where there is a hole."""
 
     heading: str  # "" without headings
@@ -545,11 +571,11 @@ class Column:
 
 
 @dataclass
-class Table:
+class TextTable:
     """The columns of a file by quantity, and an account of how it was read."""
 
     path: Path
-    columns: dict[str, Column]
+    columns: dict[str, TextColumn]
     words: dict[str, list[str]]  # columns of words
     refused: dict[str, str]  # why a quantity is not certain
     unread: dict[str, str]  # headings of other columns, and why they are not read
@@ -628,7 +654,7 @@ class Table:
             parts.append(f"{heading}{quantity}{unit}{into}")
         account = f"{self.path.name}: {', '.join(parts)}"
         holes = [
-            f"{len(column.holes)} holes in {quantity}"
+            f"{counted(len(column.holes), 'hole')} in {quantity}"
             for quantity, column in self.columns.items()
             if column.holes
         ]
@@ -663,7 +689,7 @@ def read_table(
     *,
     orders: Sequence[Sequence[str]] | None = None,
     apart: Collection[str] = (),
-) -> Table:
+) -> TextTable:
     """Read the wanted quantities of a table in text.
 
     With headings the columns go by their names, in any order. Without headings they have one of the `orders`,
@@ -673,7 +699,7 @@ def read_table(
     answers = answers or Answers()
     rows, head = _only_reading(path, answers)
     heads, units = _headings(rows, head, answers)
-    table = Table(path, {}, {}, {}, {}, rows.lines, rows.at, _notes(rows, head))
+    table = TextTable(path, {}, {}, {}, {}, rows.lines, rows.at, _notes(rows, head))
     if heads is None:
         order = next((each for each in orders or (wanted,) if len(each) == rows.width), None)
         if order is None:
@@ -691,14 +717,14 @@ def read_table(
             continue
         else:
             means = meaning(heading, below, wanted, answers.units, answers.modulus)
-        _add_column(table, rows, c, heading, means, wanted)
+        _add_column(table, rows, c, heading, means, wanted, answers)
     if head is not None and not answers.columns and not (table.columns or table.words or table.refused):
         known = "; ".join(f"{quantity}: {', '.join(names_of(quantity)[:6])}" for quantity in wanted)
         shown = ", ".join(repr(cell) for cell in head.cells if cell)
         raise TableError(
             f"{path}:{head.line + 1}: no heading is known among {shown}; known names are {known}"
         )
-    _refuse_mixture(table, apart)
+    _refuse_mixture(table, apart, answers)
     return table
 
 
@@ -711,7 +737,13 @@ def _of_position(quantity: str, answers: Answers) -> Meaning:
 
 
 def _add_column(
-    table: Table, rows: _Rows, c: int, heading: str, means: Meaning, wanted: Sequence[str]
+    table: TextTable,
+    rows: _Rows,
+    c: int,
+    heading: str,
+    means: Meaning,
+    wanted: Sequence[str],
+    answers: Answers,
 ) -> None:
     """Put a column into a table, or the reason why it is not read."""
     quantity = means.quantity
@@ -721,13 +753,18 @@ def _add_column(
     elif not asked:
         table.unread[heading] = "not asked for" if quantity else means.reason
     elif means.reason:
-        table.refused.update(dict.fromkeys(asked, f"heading {heading!r} {means.reason}"))
+        reason = f"heading {heading!r} {means.reason}"
+        if {ANGULAR, ORDINARY} <= {*means.options}:
+            either = (answers.to_give("units", unit, "frequency") for unit in ("Hz", "rad/s"))
+            reason += f", {' or '.join(either)}"
+        table.refused.update(dict.fromkeys(asked, reason))
         table.unread[heading] = means.reason
     elif quantity in table.columns or quantity in table.words:
         assert quantity is not None
         other = table.columns[quantity].heading if quantity in table.columns else quantity
         table.refused[quantity] = (
-            f"two columns are named {quantity}, {other!r} and {heading!r}; name only one so"
+            f"two columns are named {quantity}, {other!r} and {heading!r}; name only one so, "
+            f"or all columns by {answers.to_give('columns', 'NAMES')}"
         )
         table.columns.pop(quantity, None)
         table.words.pop(quantity, None)
@@ -741,17 +778,18 @@ def _add_column(
         table.refused[str(quantity)] = f"the column {heading!r} holds no numbers"
     else:
         holes = tuple(rows.holes.get(c, ()))
-        table.columns[str(quantity)] = Column(
+        table.columns[str(quantity)] = TextColumn(
             heading, means.unit, means.symbol, rows.values[:, c].copy(), holes
         )
 
 
-def _refuse_mixture(table: Table, apart: Collection[str]) -> None:
+def _refuse_mixture(table: TextTable, apart: Collection[str], answers: Answers) -> None:
     """Refuse quantities without a unit beside others with one."""
     having = [name for name, column in table.columns.items() if column.unit is not None and name not in apart]
     for name, column in list(table.columns.items()):
         if having and column.unit is None and dimension_of(name).dimension != _DIMENSIONLESS:
             table.refused[name] = f"{having[0]} has a unit, but {name} has none; give both, or neither"
+            table.refused[name] += f", as by {answers.to_give('units', 'UNIT', names_of(name)[0])}"
             table.unread[column.heading] = "no unit"
             del table.columns[name]
 
@@ -792,7 +830,7 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
             if dialect.by_space and any(rows.dialect.separator == "\t" for rows, _ in found):
                 continue  # tabs are white space too
             try:
-                rows = _rows_in(path, lines, dialect, answers.table)
+                rows = _rows_in(path, lines, dialect, answers)
                 found.append((rows, _head(rows)))
             except _DialectError as error:
                 reasons.append(error)
@@ -802,12 +840,12 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
             str(max(reasons, key=lambda each: each.rows, default=f"{path}:1: holds no rows of numbers"))
         )
     rows, head = found[0]
+    asked = " or ".join(answers.to_give("decimal", mark) for mark in ".,")
     others = [other for other, _ in found[1:] if not _same_numbers(rows, other)]
     if others:
         ways = f"{rows.dialect}; or {others[0].dialect}"
         raise TableError(
-            f"{path}: has two readings with other numbers: {ways}; say which is the decimal mark, "
-            "decimal: '.' or ','"
+            f"{path}: has two readings with other numbers: {ways}; say which is the decimal mark, {asked}"
         )
     if not rows.sure and answers.decimal is None:
         example = next(
@@ -815,11 +853,16 @@ def _only_reading(path: Path, answers: Answers) -> tuple[_Rows, _Head | None]:
         )
         raise TableError(
             f"{path}: may have decimal marks or marks of thousands, as in {example}; say which is the "
-            "decimal mark, decimal: '.' or ','"
+            f"decimal mark, {asked}"
         )
     if encoding != "UTF-8":
         rows.encoding = encoding
     return rows, head
+
+
+def counted(count: int, noun: str) -> str:
+    """Write a number of things: 1 hole, 2 holes."""
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def _same_numbers(one: _Rows, other: _Rows) -> bool:
@@ -870,7 +913,7 @@ def _notes(rows: _Rows, head: _Head | None) -> list[str]:
     below = [i + 1 for i in range(rows.at[-1] + 1, len(rows.lines)) if rows.lines[i].strip()]
     for kind, unread in (("above", above), ("below", below)):
         if unread:
-            notes.append(f"{len(unread)} line{'s' * (len(unread) > 1)} {kind} not read")
+            notes.append(f"{counted(len(unread), 'line')} {kind} not read")
     return notes
 
 
@@ -899,9 +942,22 @@ def read_matrix(path: Path, answers: Answers = Answers()) -> Matrix:
     if "T" in rows.kinds:
         c = rows.kinds.index("T")
         raise TableError(_not_a_number(rows, 0, rows.words[c][0]))
+    if head is None or not head.known:  # below headings a rule is no row
+        _refuse_empty_rows(rows)
     header = [line for line in rows.lines[: rows.at[0]] if line.strip()]
     count = f"{path.name}: {rows.values.shape[0]} rows of {rows.width} numbers"
     holes = int(np.isnan(rows.values).sum())
-    account = "; ".join([count, *_notes(rows, head), *([f"{holes} holes"] if holes else [])])
+    account = "; ".join([count, *_notes(rows, head), *([counted(holes, "hole")] if holes else [])])
     headings, units = _headings(rows, head, answers)
     return Matrix(path, rows.values, header, headings or [], units, account, rows.dialect.decimal)
+
+
+def _refuse_empty_rows(rows: _Rows) -> None:
+    """Refuse rows of empty cells, and rules above the numbers: rows of a matrix without a height, or none."""
+    taken = {*rows.at}
+    for i in range(max(rows.at[0] - 1, 0), min(rows.at[-1] + 2, len(rows.lines))):
+        line = rows.lines[i]
+        cells = [] if i in taken or not line.strip(" ") else _cells(line, rows.dialect.separator)
+        if len(cells) >= rows.width and all(map(_is_rule, cells)):
+            message = "a row without a number; write nan where a height is missing, or remove the line"
+            raise TableError(f"{rows.path}:{i + 1}: {message}")

@@ -94,15 +94,15 @@ _TEMPERATURES = {
 }
 # Prefixes and symbols in the wrong case that have one meaning: Kpa is kPa, but mpa may be mPa or MPa.
 _MISWRITTEN = [
-    (re.compile(r"\b[kK]p[aA]\b|\bKPa\b|\bKPA\b"), "kPa"), (re.compile(r"\bM(pa|PA)\b"), "MPa"),
-    (re.compile(r"\bG(pa|PA)\b"), "GPa"), (re.compile(r"\b[kK][hH][zZ]\b"), "kHz"),
-    (re.compile(r"\b(hz|HZ)\b"), "Hz"),
-    (re.compile(r"\brads(?=\^?-)"), "rad s"),
+    (r"\b[kK]p[aA]\b|\bKPa\b|\bKPA\b", "kPa"), (r"\bM(pa|PA)\b", "MPa"),
+    (r"\bG(pa|PA)\b", "GPa"), (r"\b[kK][hH][zZ]\b", "kHz"),
+    (r"\b(hz|HZ)\b", "Hz"),
+    (r"\brads(?=\^?-)", "rad s"),
 ]  # fmt: skip
 
 _PLAIN = str.maketrans("µμ⁻−–⁰¹²³⁴⁵⁶·⋅×∙*", "uu---0123456.....")
-_FACTOR = re.compile(r"([^\W\d_]+|°|%|1(?!\d))(?:(?:\^|(?<!1))(?:\(([-+]?\d+)\)|([-+]?\d+)))?")
-_MARKS = re.compile(r"\s*([/.()]|\s)\s*")
+_FACTOR = r"([^\W\d_]+|°|%|1(?!\d))(?:(?:\^|(?<!1))(?:\(([-+]?\d+)\)|([-+]?\d+)))?"
+_MARKS = r"\s*([/.()]|\s)\s*"
 
 
 @cache
@@ -122,7 +122,7 @@ def unit_of(text: str) -> Unit | None:
         .translate(_PLAIN)
     )
     for pattern, symbol in _MISWRITTEN:
-        plain = pattern.sub(symbol, plain)
+        plain = re.sub(pattern, symbol, plain)
     if "%" in plain and plain != "%":
         return None  # the mark of a comment before a unit
     if plain.startswith("/"):
@@ -143,19 +143,19 @@ def _product(text: str, at: int) -> tuple[Unit | None, int]:
             power = re.compile(r"\^?([-+]?\d)").match(text, at)
             exponent, at = (int(power[1]), power.end()) if power else (1, at)
         else:
-            match = _FACTOR.match(text, at)
+            match = re.match(_FACTOR, text[at:])
             inner = _symbol(match[1]) if match else None
             if match is None or inner is None:
                 return None, at
-            exponent, at = int(match[2] or match[3] or 1), match.end()
+            exponent, at = int(match[2] or match[3] or 1), at + match.end()
         if abs(exponent) > 9:
             return None, at
         exponent, factors = exponent * sign, factors + 1
         size *= inner.size**exponent
         powers = [old + exponent * new for old, new in zip(powers, inner.dimension, strict=True)]
-        mark = _MARKS.match(text, at)
+        mark = re.match(_MARKS, text[at:])
         if mark and mark[1] not in "()":
-            sign, at = -1 if mark[1] == "/" else 1, mark.end()
+            sign, at = -1 if mark[1] == "/" else 1, at + mark.end()
             if at == len(text):
                 return None, at
     a, b, c, d, e, f = powers

@@ -49,9 +49,9 @@ def fit_material(
 
     `out` is the YAML file, or with any other name a folder for NAME.yaml (default: the working folder); the
     figure NAME.png lies beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of
-    G0; `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`, for
-    `poisson` and `answers` see `measurement.read`.
-    The relaxation times are shifted to a `temperature` by a `shift` with the reference of the data.
+    G0; `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`,
+    for `poisson` and `answers` see `measurement.read`. The relaxation times are shifted to a `temperature` by
+    a `shift` with the reference of the data.
     """
     if out is not None and Path(out).suffix.lower() not in YAML:
         out = f"{out}/"  # a folder, which is made

@@ -33,7 +33,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Law, Prony
 from gfmdlayer.body.network import relaxation
 from gfmdlayer.files.headings import ANGULAR, ORDINARY
-from gfmdlayer.files.tables import Answers, Table, TableError, read_table
+from gfmdlayer.files.tables import Answers, TableError, TextTable, read_table
 from gfmdlayer.files.units import unit_of
 
 FEWEST_ROWS = 8  # enough to choose between one branch and two
@@ -275,7 +275,7 @@ def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Meas
     """
     table = read_table(path, WANTED, answers, orders=ORDERS, apart=WANTED[:_APART])
     columns = _Quantities(table, 1 / (2 * (1 + poisson)))
-    kind, abscissa, needed = _way(columns)
+    kind, abscissa, needed = _way(columns, answers)
     values = {name: columns.take(name) for name in (abscissa, *needed)}
     x, notes = values[abscissa], []
     order = np.argsort(x, kind="stable")
@@ -307,7 +307,7 @@ def read(path: Path, poisson: float = 0.5, answers: Answers = Answers()) -> Meas
     return kind(path.name, x[order], parts[:, order], columns.units(abscissa), table.account, tuple(notes))
 
 
-def _way(columns: _Quantities) -> tuple[type[Measurement], str, tuple[str, ...]]:
+def _way(columns: _Quantities, answers: Answers) -> tuple[type[Measurement], str, tuple[str, ...]]:
     """Return the kind of curve that the columns make, its abscissa, and the columns that are needed."""
     known = columns.known
     found = next((way for way in _WAYS if {way[1], *way[2]} <= known), None)
@@ -326,14 +326,15 @@ def _way(columns: _Quantities) -> tuple[type[Measurement], str, tuple[str, ...]]
     heads = [column.heading or name for name, column in table.columns.items()]
     unread = [f"{heading!r} is not read ({why})" for heading, why in table.unread.items()]
     message = f"the columns {', '.join(map(repr, heads))} make no curve; must be {WAYS}"
-    raise TableError("; ".join([f"{table.path}: {message}", *unread]))
+    names = [f"name all columns by {answers.to_give('columns', 'NAMES')}"] if unread else []
+    raise TableError("; ".join([f"{table.path}: {message}", *unread, *names]))
 
 
 @dataclass
 class _Quantities:
     """The columns of a table as quantities in shear, in rad/s, and in one unit of moduli."""
 
-    table: Table
+    table: TextTable
     in_shear: float  # G/E
     tension: bool = False
 

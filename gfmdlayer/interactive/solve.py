@@ -245,9 +245,10 @@ def solve(
         reason = why_not_converged(problem, solution, solver.method, solver.tolerance)
         raise ConvergenceError(reason, problem, solution)
     if reach is not None:
-        if beyond := reach.refusal(solution.pressure):
+        noise = config.solver.tolerance * law.strength
+        if beyond := reach.refusal(solution.pressure, noise):
             raise ConvergenceError(beyond, problem, solution)
-        reach.remember(solution.pressure)
+        reach.remember(solution.pressure, noise)
     points = int(in_contact(problem, solution).sum())
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)

@@ -26,6 +26,7 @@ from gfmdlayer.observables.observable import Column, Observable, Observed, decla
 from gfmdlayer.observables.transport import (
     FLOW,
     RESISTANCE,
+    STIFFNESS,
     THROATS,
     ConductanceColumns,
     LeakageColumns,
@@ -79,7 +80,7 @@ OBSERVABLES: dict[str, type[Observable]] = {
 }
 
 # Columns that are NaN in the rows between two others.
-SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE, *LARGEST))
+SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE, *STIFFNESS, *LARGEST))
 
 
 def observables(case: Observed) -> dict[str, Observable]:

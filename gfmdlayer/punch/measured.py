@@ -34,7 +34,7 @@ Name = Annotated[str, Field(strict=True, min_length=1), MustBe("the name of a da
 _examples = "m, mm, um, nm or in"
 _number_or_word = Discriminator(lambda value: "word" if isinstance(value, str) else "number")
 _unit = MustBe(f"a number > 0, or a unit of length, such as {_examples}")
-_hole = MustBe("a number, or none")
+_hole = MustBe("a number, or none", any_size=True)
 _UnitOfFile = Annotated[
     Annotated[float, strict, Field(gt=0), _unit, Tag("number")]
     | Annotated[str, UnitOf("length", LENGTHS, _examples), Tag("word")],

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import Answers, TableError
+from gfmdlayer.files.tables import LARGEST, Answers, TableError, counted
 from gfmdlayer.files.units import unit_of
 from gfmdlayer.grid.grid import Grid
 
@@ -108,6 +108,7 @@ def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: boo
     units or the size of the scan are not known, and where the size is not that of the cell.
     """
     values, holes = without_holes(scan, keys)
+    _refuse_larger(scan.file, values)
     vertical, lateral, taken = _factors(scan, keys, grid, length)
     unit = f" {length}" if length else ""
     size = keys.size and (keys.size * len(grid.points) if len(keys.size) == 1 else keys.size)
@@ -132,7 +133,7 @@ def on_grid(scan: Scan, keys: Keys, grid: Grid, length: str | None, *, gaps: boo
         said.append(words)
     said += scan.notes
     if holes or np.isnan(values).any():
-        said.append(f"{int(np.isnan(values).sum())} holes" + holes)
+        said.append(counted(int(np.isnan(values).sum()), "hole") + holes)
     return Measured(heights, f"{scan.file.name}: " + "; ".join(filter(None, said)))
 
 
@@ -207,6 +208,13 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Sc
             f"{scan.file}: punch.unit is {keys.unit}, but the configuration has no units; {_ADD_UNITS}, or "
             "give unit as a number, its length in the configuration's"
         )
+    known = scan.unit or keys.unit is not None
+    sized = keys.size or all(axis.length is not None or axis.positions is not None for axis in scan.axes)
+    if scan.doubt and not (known and sized):
+        missing = " and ".join(["punch.unit"] * (not known) + ["punch.size"] * (not sized))
+        raise TableError(
+            f"{scan.file}: {scan.doubt} may say a length or a unit, but is not understood; give {missing}"
+        )
     if scan.unit is None and keys.unit is None and said:
         raise TableError(
             f"{scan.file}: says lengths in {said}, but no unit of heights; give punch.unit, {said} or another"
@@ -217,13 +225,6 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Sc
         raise TableError(
             f"{scan.file}: says heights in {scan.unit}, but x and y have no unit; give punch.size, the "
             "lengths of the scan, or punch.unit for all"
-        )
-    known = scan.unit or keys.unit is not None
-    sized = keys.size or all(axis.length is not None or axis.positions is not None for axis in scan.axes)
-    if scan.doubt and not (known and sized):
-        missing = " and ".join(["punch.unit"] * (not known) + ["punch.size"] * (not sized))
-        raise TableError(
-            f"{scan.file}: {scan.doubt} may say a length or a unit, but is not understood; give {missing}"
         )
 
 
@@ -263,8 +264,14 @@ def _check_size(scan: Scan, keys: Keys, size: Sequence[float | None], grid: Grid
         raise TableError(
             f"{which} {lengths_in_words(size)}{unit} long{given}, but grid.period is "
             f"{lengths_in_words(grid.period)}{unit}; must agree within a thousandth: change grid.period, or "
-            f"give punch.size (lengths of the scan) or punch.unit{hint}"
+            f"give punch.size (lengths of the scan){_or_unit(scan)}{hint}"
         )
+
+
+def _or_unit(scan: Scan) -> str:
+    """Offer the key for the unit where the file has none of its lengths."""
+    said = any(axis.unit for axis in scan.axes)
+    return "; punch.unit is for lengths without a unit" if said else ", or punch.unit"
 
 
 def without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
@@ -276,10 +283,17 @@ def without_holes(scan: Scan, keys: Keys) -> tuple[FloatArray, str]:
     if keys.hole is None and (found := _probable_hole(values)) is not None:
         mark, count = found
         raise TableError(
-            f"{scan.file}: {count} of {values.size} heights are {mark:g}, far from all others: probably "
-            f"points without a height; give punch.hole: {mark:g}, or hole: none if they are heights"
+            f"{scan.file}: {count} of {values.size} heights are {mark:.9g}, far from all others: probably "
+            f"points without a height; give punch.hole: {mark:.9g}, or hole: none if they are heights"
         )
     return values, ""
+
+
+def _refuse_larger(file: Path, heights: FloatArray) -> None:
+    if (large := np.abs(heights) > LARGEST).any():
+        where, first = np.argwhere(large)[0].tolist(), heights[large][0]
+        size = "infinite" if np.isinf(first) else f"too large; must be up to {LARGEST:g}"
+        raise TableError(f"{file}: the height at index {where} is {size}")
 
 
 def _probable_hole(values: FloatArray) -> tuple[float, int] | None:
@@ -319,13 +333,13 @@ def _interpolated(
     if span > period * (1 + ROUNDING):
         raise TableError(
             f"{scan.file}: is {span:.6g}{unit} long, but grid.period is {period:.6g}{unit}; must not be "
-            "longer: change grid.period, or give punch.unit"
+            f"longer: change grid.period{_or_unit(scan)}"
         )
     if seam > max(widest, period / n) * (1 + ROUNDING):
         raise TableError(
             f"{scan.file}: x goes over {span:.6g}{unit}, but grid.period is {period:.6g}{unit}; the rest "
-            f"must not be longer than the distance of neighbours, {widest:.6g}{unit}: change grid.period, or "
-            "give punch.unit"
+            f"must not be longer than the distance of neighbours, {widest:.6g}{unit}: change grid.period, to "
+            f"at most {span + widest:.6g}{_or_unit(scan)}"
         )
     if widest > _WIDEST * period / n and not gaps:
         raise TableError(
@@ -351,7 +365,7 @@ def axis_of(file: Path, name: str, x: FloatArray, unit: Length | None) -> ScanAx
             if x.size and np.isfinite(x).all() and steps.size and steps.min() < 0
             else ""
         )
-        same = "has a value twice" if not order and steps.size and steps.min() == 0 else ""
+        same = f"is {x[np.argmin(steps)]:g} twice" if not order and steps.size and steps.min() == 0 else ""
         wrong = order or same or "is no row of numbers"
         raise TableError(f"{file}: {name} is not equally spaced, increasing: it {wrong}")
     spacing = float(x[-1] - x[0]) / (x.size - 1)

@@ -16,9 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.hdf5 import READING, is_hdf5, open_group, open_hdf5
-from gfmdlayer.files.tables import LARGEST, Answers, TableError
+from gfmdlayer.files.tables import Answers, TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.scan import Keys, Length, Scan, ScanAxis, axis_of, length_unit, lengths_in_words, times
 from gfmdlayer.punch.scan_text import read_text
@@ -36,7 +35,6 @@ def read_scan(file: Path, axes: int, keys: Keys = _NO_KEYS, grid: Grid | None = 
     if keys.transpose and axes == 2 and len(scan.shape) == 2:
         scan = scan.transposed()
     _check_shape(scan, axes, grid)
-    _refuse_larger(file, scan.heights)
     return scan
 
 
@@ -50,13 +48,6 @@ def _check_shape(scan: Scan, axes: int, grid: Grid | None) -> None:
     if min(shape) < 2:
         row = "a single height" if max(shape) < 2 else f"a single row of {max(shape)} heights"
         raise TableError(f"{file}: holds {row}; must be at least two along each axis")
-
-
-def _refuse_larger(file: Path, heights: FloatArray) -> None:
-    if (large := np.abs(heights) > LARGEST).any():
-        where, first = np.argwhere(large)[0].tolist(), heights[large][0]
-        size = "infinite" if np.isinf(first) else f"too large; must be up to {LARGEST:g}"
-        raise TableError(f"{file}: the height at index {where} is {size}")
 
 
 Reader = Callable[[Path, int, Keys, slice], Scan]

@@ -60,7 +60,7 @@ def _in_words(axes: int) -> str:
 def _marks(matrix: Matrix) -> tuple[str, ...]:
     """Return what is unusual in how a text is written."""
     parts = matrix.account.split("; ")[1:]
-    return tuple(part for part in parts if not part.endswith(("not read", "holes")))
+    return tuple(part for part in parts if not part.endswith(("not read", "hole", "holes")))
 
 
 # Points in columns.
@@ -128,6 +128,7 @@ def _of_points(matrix: Matrix, columns: dict[str, _PointColumn], doubt: str) -> 
         raise TableError(
             f"{file}: holds {ix.size} points x, y, z with {nx} values of x and {ny} of y; each point must "
             f"occur once, but value {at // ny + 1} of x with value {at % ny + 1} of y is {state}"
+            f"{'; give it the height nan' if counts[at] == 0 else ''}"
         )
     heights = np.empty((nx, ny))
     heights[ix, iy] = height.values
@@ -266,6 +267,10 @@ _DOUBTFUL = re.compile(
 )
 
 
+class _UnknownUnitError(Exception):
+    """A line of a header has a unit that is no known length."""
+
+
 @dataclass
 class _Header:
     """What the lines above a matrix say."""
@@ -282,11 +287,15 @@ class _Header:
 
     @classmethod
     def of(cls, matrix: Matrix) -> _Header:
-        """Read the lines above a matrix; TableError for units that are no lengths and ambiguous numbers."""
+        """Read the lines above a matrix; TableError for ambiguous numbers."""
         header = cls(matrix)
         for line in matrix.header:
             plain = re.sub(r"^[\s#%;!*/\"]+|[\s;,\"]+$", "", line)
-            if not header._take_line(line.strip(), plain) and not header.doubt and _is_doubtful(plain):
+            try:
+                doubtful = not header._take_line(line.strip(), plain) and _is_doubtful(plain)
+            except _UnknownUnitError:
+                doubtful = True
+            if doubtful and not header.doubt:
                 header.doubt = f"the line {line.strip()[:60]!r}"
         for one, other in ("xy", "yx"):
             if (
@@ -306,7 +315,7 @@ class _Header:
         """Take a line; whether it is understood."""
         if match := _FACTOR.search(plain):
             self.factor, self.of_factor = self._number(line, match["number"]), True
-            self.units["height"] = self._unit(line, match["unit"])
+            self.units["height"] = self._unit(match["unit"])
             return True
         cells = re.split(r"[\s;,|]+", plain)
         units = [unit for unit in map(length_unit, cells) if unit]
@@ -324,10 +333,10 @@ class _Header:
         kind, _, axes = _LABEL.get(re.sub(r"[\s_]+", " ", label).strip().lower(), "").partition(" of ")
         if kind == "unit":
             if axes:
-                self.units |= dict.fromkeys(axes, unit := self._unit(line, value))
+                self.units |= dict.fromkeys(axes, unit := self._unit(value))
                 self.units = dict.fromkeys("xy", unit) | self.units  # a single one is for both
             elif not self.of_factor and value.strip() not in {"1", "-"}:
-                self.units["height"] = self._unit(line, value, factor=True)
+                self.units["height"] = self._unit(value, factor=True)
             return True
         values = [_VALUE.fullmatch(part.strip()) for part in re.split(r"\s+[x×*]\s+", value)]
         numbers = [match for match in values if match]
@@ -360,19 +369,19 @@ class _Header:
         number, symbol = self._number(line, match["number"]), match["unit"].strip() or bracket.strip()
         if not number > 0:
             raise TableError(f"{self.matrix.path}: {line!r}: must be > 0")
-        into |= dict.fromkeys(axes, number)
         if symbol:
-            self.units |= dict.fromkeys(axes, self._unit(line, symbol))
+            self.units |= dict.fromkeys(axes, self._unit(symbol))
+        into |= dict.fromkeys(axes, number)
         return True
 
-    def _unit(self, line: str, text: str, *, factor: bool = False) -> Length:
+    def _unit(self, text: str, *, factor: bool = False) -> Length:
         """Return a unit of length; a factor that follows may convert heights in another unit."""
         text = text.strip(" ;,\t[]()")
         if unit := length_unit(text):
             return unit
         if factor and any(map(_FACTOR.search, self.matrix.header)):
             return Length(1.0, text)
-        raise TableError(f"{self.matrix.path}: {line!r}: {text!r} is no known unit of length")
+        raise _UnknownUnitError
 
     def _number(self, line: str, text: str) -> float:
         """Return a number of a header, whose decimal mark need not be that of the matrix."""

@@ -42,6 +42,7 @@ class MustBe:
 
     allowed: str  # the values allowed, continuing "must be ..."
     words: tuple[str, ...] = ()  # the allowed words, where the field takes words
+    any_size: bool = False  # of numbers that are compared only
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Wrap the type's own validation."""
@@ -60,7 +61,7 @@ class MustBe:
         except (ValidationError, OverflowError):
             message = f"got {shown(value)}; must be {self.allowed}{self._hint(value)}"
             raise PydanticCustomError("must_be", message) from None
-        sized = isinstance(taken, float) and taken not in {0.0, math.inf}
+        sized = isinstance(taken, float) and taken not in {0.0, math.inf} and not self.any_size
         if sized and not SMALLEST <= abs(taken) <= LARGEST:
             limits = f"the size must be from {SMALLEST:g} to {LARGEST:g}; choose other units"
             raise PydanticCustomError("must_be", f"got {shown(value)}; {limits}")

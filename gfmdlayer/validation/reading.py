@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.files.headings import dimension_of, is_known, quantities_named
 from gfmdlayer.files.units import unit_of
-from gfmdlayer.validation.fields import MustBe, Word, given, sequence
+from gfmdlayer.validation.fields import MustBe, Word, given
 from gfmdlayer.validation.problems import Mistake, shown
 from gfmdlayer.validation.sections import Section
 
@@ -42,24 +42,26 @@ def _pairs(value: object) -> tuple[tuple[str, str], ...]:
             f"got {shown(value)}; must be units by the name of a quantity, such as {{depth: nm}}"
         )
     for name, text in value.items():
-        unit = unit_of(text) if isinstance(text, str) else None
         if not isinstance(name, str) or not (quantities := quantities_named(name)):
             raise ValueError(
                 f"got {shown(name)}; must be the name of a quantity, such as time, depth or force"
             )
+        if not isinstance(text, str):
+            raise ValueError(f"{name}: got {shown(text)}; must be the name of a unit")  # noqa: TRY004
+        unit = unit_of(text)
         if unit is None or unit.dimension not in {dimension_of(each).dimension for each in quantities}:
-            raise ValueError(f"{name}: got {shown(text)}; must be a unit of it")
+            raise ValueError(f"{name}: got {shown(text)}; is not a unit of it")
     return tuple(value.items())
 
 
-def _name(value: object) -> object:
-    if isinstance(value, str) and (value == "-" or is_known(value)):
+def _name(value: str) -> str:
+    if value == "-" or is_known(value):
         return value
-    raise ValueError
+    raise ValueError(f'got {shown(value)}; is not the name of a quantity, with or without a unit, or "-"')
 
 
 _decimal = Word(".", ",")
-_column = MustBe('the name of a quantity, with or without a unit, such as "depth [nm]"; or "-" for none')
+_column = MustBe('a name, such as "depth [nm]", or "-" for a column that is not read')
 
 
 class Reading(Section):
@@ -69,9 +71,7 @@ class Reading(Section):
     """decimal mark of the file, where 1,234 may be either"""
     units: Annotated[tuple[tuple[str, str], ...] | None, _UnitsOfColumns(), given] = None
     """units of columns whose headings have none: {depth: nm}"""
-    columns: Annotated[
-        tuple[Annotated[str, BeforeValidator(_name), _column], ...] | None, BeforeValidator(sequence), given
-    ] = None
+    columns: Annotated[tuple[Annotated[str, _column, AfterValidator(_name)], ...] | None, given] = None
     """names of all columns in place of the headings; "-" for one that is not read"""
     table: Annotated[
         Annotated[int, Field(strict=True, ge=1), MustBe("a whole number >= 1")] | None, given

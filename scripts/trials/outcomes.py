@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
-GOOD = ("converged", "refused", "taken", "equal", "too long")
+GOOD = ("converged", "failed in words", "refused", "taken", "equal", "too long")
 
 
 class Outcome(NamedTuple):

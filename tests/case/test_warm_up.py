@@ -1,5 +1,6 @@
 """Warming up compiles everything that a case may come to: later, all ranks would compile at once."""
 
+import math
 import subprocess
 import sys
 
@@ -99,6 +100,58 @@ def test_nothing_is_left_to_compile(tmp_path):
 def test_few_steps_are_enough_whatever_the_case(values):
     recording = Kept()
     simulate(smallest_equivalent_case(Config(name="warm").with_values(values)), recording)
+    assert 3 <= len(recording.rows) < 200
+
+
+# Times from 1e-7 to 1e-3 s, m and Pa: with these numbers a contact of a fixed size need not have a solution.
+SI = {
+    "units": {"length": "m", "stress": "Pa", "time": "s"},
+    "grid.period": 1e-4,
+    "layer": {
+        "thickness": 1e-6,
+        "poisson": 0.5,
+        "material": {
+            "model": "prony",
+            "G0": 1e6,
+            "branches": [{"G": 3e6, "tau": 1e-7}, {"G": 1e6, "tau": 1e-3}],
+        },
+    },
+    "halfspace.shear_modulus": math.inf,
+    "punch.radius": 1e-4,
+    "trajectory": {"depth": 1e-8, "ramp_time": 1e-6},
+    "time": {"end": 1e-5, "step": 1e-7},
+    "solver.tolerance": 1e-8,
+}
+FRICTION = {"interface": {"law": "coulomb", "coefficient": 0.3}}
+PULL = {"interface": {"law": "exponential", "work": 0.05, "range": 1e-8}}
+
+
+@pytest.mark.parametrize(
+    "laws",
+    [
+        {},
+        FRICTION,
+        PULL,
+        {"interface": [FRICTION["interface"], PULL["interface"]]},
+        {"interface": {"law": "hard_wall", "hardness": 1e4}},
+        {"time": {"end": 1e-5, "step": "adaptive"}},
+        {"time.integrator": "backward_euler"},
+        {"halfspace": {"material": {"G0": 1e7, "Ginf": 1e9, "tau": 1e-5}}},
+        {"counterbody": {"halfspace": {"shear_modulus": 1e8}}},
+        {"trajectory.velocity": 1e-3},
+    ],
+    ids=str,
+)
+def test_no_number_of_a_user_enters_the_case_that_compiles(laws):
+    config = Config(name="si").with_values(SI | laws)
+    scaled = Config(name="si").with_values(
+        SI | laws | {"punch.radius": 3e-4, "layer.thickness": 2e-5, "layer.material": {"tau": 1e-7}}
+    )
+    small = smallest_equivalent_case(config)
+    assert small == smallest_equivalent_case(scaled)
+    assert kind(small.with_values({"grid.points": config.grid.points})) == kind(config)
+    recording = Kept()
+    simulate(small, recording)
     assert 3 <= len(recording.rows) < 200
 
 

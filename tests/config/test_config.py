@@ -51,6 +51,26 @@ def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path, cont
 
 
 @pytest.mark.parametrize(
+    ("content", "key"),
+    [
+        (
+            "grid: {geometry: axisymmetric}\ncounterbody: {layer: {thickness: 0.2}}\n"
+            "sweep: {counterbody.layer.thickness: [0.1, 0.2]}",
+            "counterbody: not available",
+        ),
+        (
+            "trajectory: {tangential: {displacement: 0.01}}\n"
+            "sweep: {zip: {trajectory.tangential.displacement: [0.1, 0.2], punch.radius: [1, 2]}}",
+            "trajectory.tangential: needs friction",
+        ),
+    ],
+)
+def test_swept_keys_of_a_refused_section_are_no_further_errors(tmp_path, content, key):
+    (found,) = problems(tmp_path, f"name: x\n{content}\n")
+    assert key in found
+
+
+@pytest.mark.parametrize(
     ("sweep", "meant"),
     [
         ("thicknes: [1]", "'layer.thickness'"),

@@ -157,7 +157,8 @@ sweep: {trajectory.tangential.displacement: [0.1, 0.2]}
 interface: {law: shear_strength, stress: 0}
 trajectory: {tangential: {kind: table, file: heights.txt}}
 """,
-    LINE + f"interface: {{law: electrostatic, voltage: heights.txt, permittivity: 1, insulation: 1, {READING}}}\n",
+    LINE + "interface: {law: electrostatic, voltage: heights.txt, permittivity: 1, insulation: 1,\n"
+    f"  {READING}}}\n",
     LINE + f"interface: {{law: coulomb, coefficient: heights.txt, {READING}}}\n"
     f"trajectory: {{tangential: {{kind: table, file: heights.txt, {READING}}}}}\n",
     LINE + "interface: {law: coulomb, coefficient: 1}\ntrajectory: {velocity: 1.0, creepage: -0.1}\n",
@@ -175,7 +176,8 @@ units: {length: mm, stress: MPa, time: s}
 interface: {law: electrostatic, voltage: -100, insulation: [{thickness: 0.01, permittivity: 3}]}
 sweep: {interface.insulation.0.thickness: [0.1, 0.2]}
 """,
-    LINE + f"punch: {{shape: cone, slope: 0.1}}\ntrajectory: {{velocity_file: heights.txt, velocity_{READING}}}\n",
+    LINE + "punch: {shape: cone, slope: 0.1}\n"
+    f"trajectory: {{velocity_file: heights.txt, velocity_{READING}}}\n",
     LINE + "punch: {shape: wedge, slope: 0.1, along: y}\n",
     LINE + "punch: {shape: profile, file: heights.txt, touches_first: highest}\n",
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
@@ -262,7 +264,12 @@ def is_of_one_value(problem):
     """Whether no other value, key or file has a part in a problem."""
     own = unswept(problem.key)
     related = ("does not exist", "> from", "log with from", "lists of the same length", "row by row")
-    related += ("positive definite", "must be perpendicular")
+    related += (
+        "positive definite",
+        "must be perpendicular",
+        "is not a unit of it",
+        "is not the name of a quantity",
+    )
     return (
         all(f"{other}.".startswith(f"{own}.") for other in problem.others)
         and not problem.at_key

@@ -89,7 +89,15 @@ def test_contacts_along_a_line_and_on_a_surface_are_drawn_apart(tmp_path):
 
 @pytest.mark.parametrize(
     "values",
-    [[0, 200, 400, 800], [0.0, 1.0, 1.0e3], [-1.0, 0.0, 10.0, 2e4], [200, 400, 800], [1e-3, 1.0, 1e3]],
+    [
+        [-3.0, -2.0, -0.1],
+        [-1, 0],
+        [0, 200, 400, 800],
+        [0.0, 1.0, 1.0e3],
+        [-1.0, 0.0, 10.0, 2e4],
+        [200, 400, 800],
+        [1e-3, 1.0, 1e3],
+    ],
 )
 def test_swept_numbers_have_distances_along_an_axis(values):
     """A force that grows as the square of the voltage, zero included, is the square in the picture."""
@@ -171,3 +179,23 @@ def test_a_single_case_has_its_warnings_too():
     data = case(2).assign(contact_area=("time", [0.0, 1.0])).assign_coords(time=("time", [0.0, 1.0]))
     figure = curves_figure(data.assign_attrs(warnings="COARSE"), y=["contact_area"])
     assert "warning: COARSE" in figure.get_supxlabel()
+
+
+def test_each_frequency_has_curves_of_its_own_and_distributions_are_refused_by_name():
+    asked = {
+        "stiffness": {"frequencies": [0.0, 1.0, np.inf]},
+        "histograms": {"gap": {"max": 0.1, "bins": 4}},
+    }
+    asked["stiffness"]["every"] = 2  # NaN in the other rows
+    data = gfmdlayer.run(GIVEN, output=asked, time={"end": 1.0, "step": 0.25})
+    figure = curves_figure(data, y=["storage_stiffness"])
+    for i, axes in enumerate(figure.axes):
+        assert axes.get_ylabel().startswith(f"storage stiffness {i}")
+        known = data["storage_stiffness"].isel(frequency=i).dropna("time").to_numpy()
+        drawn = axes.lines[0].get_ydata()
+        assert known.size == 3  # of five rows
+        np.testing.assert_allclose(drawn / np.ptp(drawn), known / np.ptp(known), rtol=1e-12)
+    assert len(figure.axes) == 3
+    assert "storage_stiffness_1: frequency 1" in figure.get_supxlabel()
+    with pytest.raises(ResultsError, match="gap_histogram has values along gap_bin, which no curve has"):
+        curves_figure(data, y=["gap_histogram"])

@@ -61,7 +61,7 @@ NAMES = {
     "voltage": ("voltage", "voltage|Voltage|U|Spannung|bias|V|Tension"),
     "temperature": ("temperature", "temperature|T|Temperatur|Temp.|Température|TEMP"),
     "displacement": ("length", "displacement|x|tangential displacement|Verschiebung|Weg|Déplacement|disp"),
-    "tangential force": ("force", "tangential force|Friction force|Tangentialkraft|Q|Ft|Reibkraft|lateral force"),
+    "tangential force": ("force", "tangential force|Friction force|Tangentialkraft|Q|Ft|Reibkraft"),
     "speed": ("velocity", "speed|v|slip speed|Sliding Speed|Gleitgeschwindigkeit|vitesse de glissement"),
     "coefficient": ("ratio", "coefficient|mu|COF|Reibungskoeffizient|friction coefficient|µ|Reibzahl"),
     "wavenumber": ("wavenumber", "q|wavenumber|k|Wellenzahl|Wave number|wavevector"),
@@ -292,7 +292,7 @@ def read(path, written: Written) -> dict[str, np.ndarray]:
 
 
 def check(found: dict[str, np.ndarray], written: Written) -> None:
-    """Compare: text to double, ratio of units and offset are each rounded once, 3 half units of the last place."""
+    """Compare: text, ratio of units and offset are rounded once each, 3 half units of the last place."""
     for quantity, exact in written.values.items():
         expected = np.array([float(value) for value in exact])
         expected[list(written.holes[quantity])] = np.nan

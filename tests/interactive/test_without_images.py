@@ -241,3 +241,23 @@ def test_a_contact_that_will_be_too_wide_is_known_before_the_run(control, fits, 
     assert key == f"trajectory.{control}"
     assert message.startswith(f"got {too_much:g}, at which the contact is some 0.")
     assert "must be at most 0.42 periods wide; a period of " in message
+
+
+def test_tractions_of_nothing_but_rounding_are_no_contact_beyond_reach(tmp_path):
+    """After the pull-off tractions are 1e-8 all over the cell, below the tolerance of 1e-6 of the strength."""
+    (tmp_path / "depth.txt").write_text("0 0.01\n1 -0.06\n")
+    found = run(
+        Config(
+            name="a",
+            grid={"points": [32, 32], "period": 2.0, "boundary": "isolated"},
+            layer={"thickness": 0.05},
+            halfspace={"shear_modulus": math.inf},
+            punch={"radius": 1.0},
+            interface={"law": "dugdale", "work": 0.004, "stress": 0.14},
+            trajectory={"kind": "table", "file": str(tmp_path / "depth.txt")},
+            time={"end": 1.0, "step": 0.02},
+        )
+    )
+    assert found.time[-1] == 1.0
+    assert float(found.force.min()) < -0.01  # it held
+    assert abs(float(found.force[-1])) < 1e-6 * 0.14 * 4.0  # the tolerance over the cell

@@ -223,7 +223,7 @@ def test_an_esri_grid_has_its_spacing_and_its_holes(tmp_path):
     file = written(tmp_path, [*header, *rows(heights)])
     with pytest.raises(TableError, match=r"1 of 20 points have no height, the first at index \[2, 1\]"):
         read(file)
-    assert account(file, fill="membrane").endswith("size 10 x 8; 1 holes")
+    assert account(file, fill="membrane").endswith("size 10 x 8; 1 hole")
 
 
 @pytest.mark.parametrize(
@@ -233,8 +233,8 @@ def test_an_esri_grid_has_its_spacing_and_its_holes(tmp_path):
         (["# Breite: 10 µm", "# Einheiten: nm"], r"a length in one direction only, .*; give punch\.size"),
         (["# Width: 1,234 um", "# Height: 8 um", "# Value units: nm"],
          r"'# Width: 1,234 um': 1,234 has a decimal mark"),
-        (["# Width: 10 parsec"], r"'parsec' is no known unit of length"),
-        (["# Value units: V"], r"'V' is no known unit of length"),
+        (["# Width: 10 parsec"], r"'# Width: 10 parsec' may say .*; give punch\.unit and punch\.size"),
+        (["# Value units: V"], r"'# Value units: V' may say a length or a unit, .*; give punch\.unit"),
         (["Bit2nm: 0.25"], r"'Bit2nm: 0\.25' may say a length or a unit.*; give punch\.unit and punch\.size"),
         (["w = 6", "h = 4"], r"holds 5 columns of heights; its header says 6"),
         (["0 1 2 3 4"], r"the first row of the matrix counts its columns"),
@@ -297,7 +297,7 @@ def test_words_are_holes(word, tmp_path):
         read(file)
     found = read(file, fill="membrane")
     assert np.isclose(found[2, 1] - found[0, 0], HEIGHTS[0, 0] - HEIGHTS[[1, 3, 2, 2], [1, 1, 0, 2]].mean())
-    assert account(file, fill="membrane").endswith("1 holes")
+    assert account(file, fill="membrane").endswith("1 hole")
 
 
 @pytest.mark.parametrize("number", [-9999, -32768, 99999])
@@ -319,7 +319,7 @@ def test_a_number_that_stands_for_a_hole_is_no_height(number, name, tmp_path):
     with pytest.raises(TableError, match="1 of 20 points have no height"):
         read(file, hole=number)
     np.testing.assert_array_equal(read(file, hole="none"), depths(heights))
-    assert f"1 holes, marked by {number}" in account(file, hole=number, fill="membrane")
+    assert f"1 hole, marked by {number}" in account(file, hole=number, fill="membrane")
 
 
 def test_heights_near_such_a_number_are_heights(tmp_path):
@@ -366,7 +366,7 @@ def test_a_line_with_unequal_distances_is_interpolated(tmp_path):
         ),
         (
             np.append(np.arange(32.0) ** 1.01, 4.0**1.01),
-            "x is not equally spaced, increasing: it has a value twice",
+            "x is not equally spaced, increasing: it is 4\\.05584 twice",
         ),
     ],
 )
@@ -516,3 +516,46 @@ time: {end: 1.0, step: 1.0}
     assert float(found.contact_area) == pytest.approx(float(same.contact_area), abs=1 / 128)  # a point
     # Straight pieces are above a parabola by at most (distance of neighbours)^2/(8 R) = 1.2e-4.
     assert float(found.depth) == pytest.approx(float(same.depth), abs=1.3e-4)
+
+
+def test_a_unit_that_is_no_length_is_settled_by_the_key(tmp_path):
+    file = written(tmp_path, [*GWYDDION, "# Value units: V", *rows(1e3 * HEIGHTS)])
+    with pytest.raises(TableError, match=r"'# Value units: V' may say .*; give punch\.unit$"):
+        read(file, length="um")
+    np.testing.assert_allclose(read(file, length="um", unit="nm"), depths(HEIGHTS), rtol=1e-14)
+
+
+@pytest.mark.parametrize("word", ["nan", "NaN", "Bad", "#NV"])
+@pytest.mark.parametrize("separator", [" ", ",", ";", "\t"])
+@pytest.mark.parametrize("missing", [(0,), (0, 1), (2,), (3,)])
+def test_rows_without_any_height_are_rows(word, separator, missing, tmp_path):
+    lines = rows(separator=separator)
+    for j in missing:
+        lines[j] = separator.join([word] * 5)
+    scan = read_scan(written(tmp_path, lines), 2)
+    expected = HEIGHTS.copy()
+    expected[:, list(missing)] = np.nan
+    np.testing.assert_array_equal(scan.heights, expected)
+
+
+@pytest.mark.parametrize("line", ["--;--;--;--;--", "***;***;***;***;***", ";;;;"])
+@pytest.mark.parametrize("at", [0, 2])
+def test_rows_that_may_be_rules_or_blank_lines_are_refused(line, at, tmp_path):
+    """A row that is left out would make another surface, which fits by `resample`."""
+    lines = rows(separator=";")
+    lines.insert(at, line)
+    if at and line[0] != ";":  # holes between heights
+        assert read_scan(written(tmp_path, lines), 2).shape == (5, 5)
+        return
+    with pytest.raises(TableError, match=rf"h\.txt:{at + 1}: a row without a number; write nan"):
+        read_scan(written(tmp_path, lines), 2)
+
+
+def test_numbers_of_any_size_may_stand_for_holes(tmp_path):
+    """Surfer writes 1.70141e+38, beyond the sizes that heights may have."""
+    heights = HEIGHTS.copy()
+    heights[2, 1] = 1.70141183e38
+    np.save(tmp_path / "h.npy", heights)
+    with pytest.raises(TableError, match=r"give punch\.hole: 1\.70141183e\+38"):
+        read(tmp_path / "h.npy")
+    assert "1 hole," in account(tmp_path / "h.npy", hole=1.70141183e38, fill="membrane")

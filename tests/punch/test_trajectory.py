@@ -121,7 +121,7 @@ def test_a_cycle_that_cannot_be_is_refused(wrong, said):
         ("time,depth\n0,zero\n1,1\n2,2\n", r"path\.csv:2: '0,zero' is not a row of numbers like those below"),
         (
             "time,depth\n0,0\n1,1\nnought,nought\n2,2\n",
-            "holds 2 tables, in lines 2 to 3, 5 to 5; give its number",
+            "holds 2 tables, in lines 2 to 3, 5 to 5; give the number of one, reading: {table: 1} or ",
         ),
         ("time,deep\n0,0\n1,1\n", "no column is named depth; headings are 'time', 'deep'; names are depth"),
         ("then,deep\n0,0\n1,1\n", "no heading is known among 'then', 'deep'; known names are time: time"),
@@ -211,11 +211,11 @@ def test_what_a_file_does_not_say_is_said_beside_it(tmp_path):
     two = "t d\n0 0\n1 1\n\nt d\n0 0\n1 2\n"
     assert drives(tmp_path, two, reading={"table": 2}).drive(1.0) == 2.0
     for wrong, said in [
-        ({"units": {"depth": "s"}}, "depth: got the text 's'; must be a unit of it"),
+        ({"units": {"depth": "s"}}, "depth: got the text 's'; is not a unit of it"),
         ({"units": {"deep": "nm"}}, "got the text 'deep'; must be the name of a quantity"),
         (
             {"columns": ["time", "deep"]},
-            "reading.columns\\[1\\]: got the text 'deep'; must be the name of a quantity",
+            "reading.columns\\[1\\]: got the text 'deep'; is not the name of a quantity",
         ),
         ({"decimal": ";"}, "reading.decimal: got the text ';'; must be . or ,"),
         ({"table": 0}, "reading.table: got 0; must be a whole number >= 1"),

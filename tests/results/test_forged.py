@@ -202,14 +202,14 @@ def test_a_collected_sweep_too(results, tmp_path, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_files_of_users_too(tmp_path, kind):
     """A topography must be in the file that enters the digest."""
-    from gfmdlayer.punch.topography import read_heights
+    from gfmdlayer.punch.scan_files import read_scan
 
     (tmp_path / "secret").write_bytes(SECRET)
     with h5py.File(tmp_path / "secret.h5", "w") as other, h5py.File(tmp_path / "scan.h5", "w") as h5:
         other["secret"] = h5["heights"] = np.zeros((8, 8))
         foreign(h5, "heights", kind, tmp_path / "secret")
     with pytest.raises(TableError, match=FOREIGN):
-        read_heights(tmp_path / "scan.h5", 2)
+        read_scan(tmp_path / "scan.h5", 2)
 
 
 # Names that are HTML.

@@ -58,6 +58,26 @@ def test_damaged_configurations_are_taken_or_refused(trials, tmp_path):
     assert ends["refused"] > ends["taken"]
 
 
+def test_combinations_of_abilities_are_refused_or_complete_in_all_that_follows(trials, tmp_path):
+    """Each is run, drawn or reported, opened, interpolated beside half the tolerance, and balanced."""
+    ends = {}
+    for index in range(50):
+        (folder := tmp_path / str(index)).mkdir()
+        ends[index] = trials("combinations").trial(51, index, folder, 1)
+    assert {index: end for index, end in ends.items() if not end.good} == {}
+    counts = Counter(end.kind for end in ends.values())
+    assert counts["converged"] > 20
+    assert counts["refused"] > 2
+
+
+def test_combinations_have_three_to_six_abilities_and_every_one_is_drawn(trials):
+    combination = trials("combinations").combination
+    drawn = [combination(51, index) for index in range(150)]
+    assert {len(each.abilities) for each in drawn} == {3, 4, 5, 6}
+    assert {name for each in drawn for name in each.abilities} == {*trials("combinations").ABILITIES}
+    assert repr(combination(51, 7)) == repr(drawn[7]) != repr(combination(52, 7))
+
+
 @pytest.mark.parametrize("together", [False, True])
 def test_studies_are_configurations(together, trials, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
