@@ -84,7 +84,7 @@ _UNKNOWN_DEVIATION = 4 / 27  # part of the change of the response: the most for 
 # at tolerances from 1e-3 to 1e-6, on spheres and rough surfaces).
 _SHARE, _POWER = 63.0, 5 / 3
 _GROWTH_WEIGHED = 1.4  # largest growth of that step: between two corners of the curve the balance is closed
-# The shortest such step over the time between two stops and the root of the tolerance, a tenth of a usual one.
+# The shortest such step over the time between two stops and the root of the tolerance: a tenth of most.
 _SHORTEST_WEIGHED = 0.3
 
 
