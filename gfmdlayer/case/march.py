@@ -674,5 +674,6 @@ _NONE = np.zeros(0)  # arguments, for their types
 _EXTENT = np.zeros(0, np.bool_), _NONE, _NONE, (1, 1)
 _NO_POINTS = _points([])
 _NO_CONTROL = StepControl(
-    _NO_POINTS.times, _NO_POINTS.marks, *np.zeros(4), False, *np.zeros(4), *np.zeros((2, 1), STEP_STATE)
-)
+    _NO_POINTS.times, _NO_POINTS.marks, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0.0, 0.0, 0.0,
+    *np.zeros((2, 1), STEP_STATE),
+)  # fmt: skip

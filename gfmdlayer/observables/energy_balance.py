@@ -10,8 +10,8 @@ a warning: three times the tolerance of adaptive steps, a hundredth with fixed o
 
 Between fixed steps the curve is a parabola, between adaptive ones a bent power law (`history.path_work`).
 Adaptive steps see the residual, and are chosen so that the balance closes (`history.adaptive_steps`). In an
-adaptive step in which a hard wall first touches or last touches, the path in contact is not known: the gain of
-the energies counts as work.
+adaptive step in which a hard wall first touches or last touches, the path in contact is not known: the gain
+of the energies counts as work.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
@@ -52,7 +52,9 @@ if TYPE_CHECKING:
 
 
 UNBALANCED = "UNBALANCED"  # with this word the warning begins
-_TOLERANCES, _CLOSED = 3, 0.01  # largest residual over the work: in tolerances, or with fixed steps
+# Largest residual over the work: in tolerances of adaptive steps, beside what the solver leaves open in its
+# own; or with fixed steps.
+_TOLERANCES, _OF_SOLVER, _CLOSED = 3, 10, 0.01
 
 
 class EnergyBalance(Observable):
@@ -82,7 +84,7 @@ class EnergyBalance(Observable):
         self._by_depth = case.config.trajectory.control == "depth"
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._largest = self._open = 0.0  # work or energy; residual
-        self._time = case.config.time
+        self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
         self._by_power = self._time.tolerance is not None and not self._has_losses
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
@@ -157,13 +159,16 @@ class EnergyBalance(Observable):
     def warning(self) -> str:  # type: ignore[override]
         """Say that the balance is open, and the steps that would close it."""
         time = self._time
-        limit = _CLOSED if time.tolerance is None else _TOLERANCES * time.tolerance
+        limit = _CLOSED
+        if time.tolerance is not None:
+            limit = _TOLERANCES * (time.tolerance + _OF_SOLVER * self._solver_tolerance)
         if self._open <= limit * self._largest:
             return ""
-        part, order = self._open / self._largest, 1 if time.integrator == "backward_euler" else 2
+        part = self._open / self._largest
         if time.tolerance is None:
             assert not isinstance(time.step, str)
-            remedy = f"time.step {_rounded_down(time.step * (limit / part) ** (1 / order))}"
+            # Of second order only if steps are short beside the ramps.
+            remedy = f"time.step {_rounded_down(time.step * limit / part)}"
         else:  # the error is of second order in the steps, which grow with the cube root of the tolerance
             remedy = f"time.tolerance {_rounded_down(time.tolerance * (limit / part) ** (3 / 2))}"
         return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"

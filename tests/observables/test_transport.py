@@ -181,7 +181,8 @@ def test_the_conductance_of_a_creeping_sphere_follows_the_area():
             "time": {"end": 6.0, "step": "adaptive", "tolerance": 1e-2},
             "output": {"observables": ["spot_radius"]},
         }
-    ).isel(time=slice(1, None))
+    )
+    data = data.isel(time=data.time.values >= 0.01)  # contacts of a few points on the ramp have no circle
     a = np.sqrt(data.contact_area / np.pi) - 0.13 / n
     resistance = 1 / (4 * a) - 3.90026492 / (2 * np.pi) + 9.0336217 * a**2 / (6 * np.pi)
     np.testing.assert_allclose(4 * data.spot_radius * resistance, 1.0, rtol=5e-3)
