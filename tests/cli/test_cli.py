@@ -88,7 +88,8 @@ def interrupted(signum, *arguments):
 def test_help_and_check_answer_at_once(arguments, most):
     """In function calls, imports included, of which two million take about a second: as many on any machine.
 
-    Measured: 28 000 and 532 000, in 0.06 and 0.28 s: each key of a section takes about 1000. None of the heavy packages is imported.
+    Measured: 28 000 and 532 000, in 0.06 and 0.28 s: each key of a section takes about 1000. None
+    of the heavy packages is imported.
     """
     script = f"""
 import cProfile, io, pstats, sys
