@@ -5,6 +5,11 @@ A section is named by its class; a line of dashes separates two examples. Togeth
 
 EXAMPLES = {
     "Units": "units: {length: mm, stress: MPa, time: s}",
+    "Reading": """\
+trajectory: {kind: table, file: depth.txt, reading: {decimal: ",", columns: [time, depth, "-"], table: 2}}
+---
+trajectory: {kind: table, file: depth.txt, reading: {units: {depth: nm}}}
+units: {length: um, stress: MPa, time: s}""",
     "GridKeys": """\
 grid: {points: [512, 256], period: [2.0, 1.0]}
 ---

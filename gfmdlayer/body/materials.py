@@ -85,7 +85,7 @@ class Law(Kind):
     model: str
     """word that chooses the law"""
     moduli: Annotated[Annotated[str, Word(*IN_SHEAR)] | None, given] = None
-    """kind of all its moduli: shear (default), young or bulk, by poisson beside it"""
+    """kind of its moduli: shear (default), young or bulk, by poisson beside it"""
     shift: Annotated[Shift | None, OneOf(SHIFTS), given] = None
     """shift with the temperature: a mapping with law wlf or arrhenius"""
 

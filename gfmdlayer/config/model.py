@@ -164,7 +164,7 @@ class Config(Section):
     name: Name
     """name of the results folder"""
     units: Annotated[Units | None, given] = None
-    """of all numbers, into which those of files are converted: {length: m, stress: Pa, time: s}"""
+    """of all numbers; files are converted: {length: m, stress: Pa, time: s}"""
     grid: sections.GridKeys = Field(default_factory=sections.GridKeys)
     """the periodic cell and its points"""
     body: Annotated[Solid | None, BODY, given] = None

@@ -70,7 +70,7 @@ class Reading(Section):
     decimal: Annotated[Annotated[str, _decimal] | None, given] = None
     """decimal mark of the file, where 1,234 may be either"""
     units: Annotated[tuple[tuple[str, str], ...] | None, _UnitsOfColumns(), given] = None
-    """units of columns whose headings have none: {depth: nm}"""
+    """units of columns whose headings have none: {depth: nm}; must be units by the names of quantities"""
     columns: Annotated[tuple[Annotated[str, _column, AfterValidator(_name)], ...] | None, given] = None
     """names of all columns in place of the headings; "-" for one that is not read"""
     table: Annotated[

@@ -11,7 +11,7 @@ from gfmdlayer.body.bodies import place_of
 from gfmdlayer.case.notes import notes
 from gfmdlayer.cli import main
 from gfmdlayer.config.sections import Inside
-from gfmdlayer.files.tables import TableError, read_columns, read_matrix
+from gfmdlayer.files.tables import read_table
 from gfmdlayer.friction.slip_speed import _why_not_settled
 from gfmdlayer.interface.friction import SpeedTable
 from gfmdlayer.validation.problems import shown
@@ -52,20 +52,15 @@ def test_a_table_ends_before_the_run_only_where_the_numbers_say_so(last, said, t
     assert [re.search(r"ends at time (\S+), before time.end = 2;", note)[1] for note in found] == said
 
 
-@pytest.mark.parametrize("lines", ['"0" "0"\n"1" "2"\n', 'time,depth\n"0","0,5"\n"1","1,5"\n', "'0 1'\n"])
-def test_numbers_in_quotes_are_named(lines, tmp_path):
+@pytest.mark.parametrize(
+    "lines",
+    ['"0" "0.5"\n"1" "1.5"\n', 'time,depth\n"0","0,5"\n"1","1,5"\n', '"time","depth"\n0,0.5\n1,1.5\n'],
+)
+def test_quotes_around_numbers_and_names_are_no_part_of_them(lines, tmp_path):
     path = tmp_path / "quoted.csv"
     path.write_text(lines)
-    place = f"{path}:{2 if 'time' in lines else 1}: has numbers in quotes, "
-    for read in (lambda: read_columns(path, ("time", "depth")), lambda: read_matrix(path)):
-        with pytest.raises(TableError, match=re.escape(place) + ".*; remove the quotes"):
-            read()
-
-
-def test_quoted_names_of_columns_are_passed_over(tmp_path):
-    path = tmp_path / "quoted.csv"
-    path.write_text('"time (s)","depth"\n0,0.5\n1,1.5\n')
-    np.testing.assert_array_equal(read_columns(path, ("time", "depth")), [[0, 0.5], [1, 1.5]])
+    table = read_table(path, ("time", "depth"))
+    np.testing.assert_array_equal([table.take("time"), table.take("depth")], [[0, 1], [0.5, 1.5]])
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
