@@ -89,7 +89,8 @@ _SINGLE: dict[str, tuple[Fraction | str, Dimension]] = {
 _FAHRENHEIT = Fraction(5, 9)
 _CELSIUS = Unit(Fraction(1), _KELVIN, Fraction("273.15"))
 _TEMPERATURES = {
-    **dict.fromkeys(("C", "°C", "ºC", "℃", "degC", "deg C", "deg. C", "celsius", "degrees Celsius", "Grad C", "° C"), _CELSIUS),
+    **dict.fromkeys(("C", "°C", "ºC", "℃", "° C", "degC", "deg C", "deg. C", "Grad C"), _CELSIUS),
+    **dict.fromkeys(("celsius", "degrees Celsius"), _CELSIUS),
     **dict.fromkeys(("°F", "degF", "deg F"), Unit(_FAHRENHEIT, _KELVIN, Fraction("459.67") * _FAHRENHEIT)),
 }
 # Prefixes and symbols in the wrong case that have one meaning: Kpa is kPa, but mpa may be mPa or MPa.
