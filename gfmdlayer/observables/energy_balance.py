@@ -55,8 +55,8 @@ UNBALANCED = "UNBALANCED"  # with this word the warning begins
 # Largest residual over the work: in tolerances of adaptive steps, beside what the solver leaves open in its
 # own; or with fixed steps.
 _TOLERANCES, _OF_SOLVER, _CLOSED = 3, 10, 0.01
-# Tolerance below which shorter steps do not close the balance: at the corners of the curve, where contact grows
-# by a grid point, it stays open by a part that falls with the number of points.
+# Tolerance below which shorter steps do not close the balance: at the corners of the curve, where contact
+# grows by a grid point, it stays open by a part that falls with the number of points.
 _OF_CORNERS = 1e-4
 
 
