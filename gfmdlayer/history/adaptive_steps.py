@@ -404,7 +404,7 @@ class AdaptiveSteps:
             attracted=least[1] > 0,
             largest_drive=drawn.largest,
             growth_of_response=drawn.growth,
-            first_step=_first_part(tolerance, drawn.growth) * drawn.first,
+            first_step=math.inf if least[1] > 0 else _first_part(tolerance, drawn.growth) * drawn.first,
             noise=noise,
             now=np.zeros(1, STEP_STATE),
             behind=np.zeros(1, STEP_STATE),
@@ -439,6 +439,8 @@ class AdaptiveSteps:
 
     def weigh(self, row: Mapping[str, float]) -> None:
         """Look at the energy balance of the last step, in its row."""
+        if "work" not in row:
+            return
         energy = float(row["stored"]) + float(row["dissipated"])
         weigh(self.control, float(row["work"]), energy, float(row["energy_residual"]))
 

@@ -106,7 +106,7 @@ SNAPSHOT_ROW = "snapshot_row"  # likewise of their snapshots
 # These dimensions cannot be selected by keyword: sel(tolerance=1e-6) selects nothing, without an error.
 _ARGUMENTS_OF_SEL = ("indexers", "method", "tolerance", "drop")
 # Of a coordinate with such a name xarray gives its own method or attribute: data.load is no load.
-_OF_XARRAY = ("load", "max", "mean", "min", "name", "resample", "shape", "shift")
+_OF_XARRAY = ("load", "max", "mean", "min", "name", "resample", "shape", "shift", "size", "transpose")
 _SAYS_NOTHING = re.compile(r"value|\d+")  # last parts without a meaning of their own: temperature.value
 
 # Name and symbol of the keys that have one; the dimension is declared with the key, in its section.

@@ -178,6 +178,8 @@ def stored_config(
         known = attributes(path)
     except ResultsError as error:
         raise ConfigError([str(error)]) from None
+    except OSError as error:
+        raise ConfigError([f"{path}: {error.strerror}"]) from None
     if "config" not in known:
         raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
     return config_in(known, path, overrides, inspect, trust=trust)

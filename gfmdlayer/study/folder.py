@@ -179,7 +179,9 @@ class Folder:
     @property
     def is_there(self) -> bool:
         """Whether nobody has removed the folder during a run."""
-        return self.cases.is_dir()
+        with suppress(PermissionError):
+            return self.cases.is_dir()
+        return True
 
     @property
     def lacking(self) -> str:

@@ -298,7 +298,7 @@ def test_files_that_hold_no_stiffness_are_refused(tmp_path, name, data, message)
 
 
 def test_atoms_are_points_of_the_grid_in_solve_too():
-    with pytest.raises(gfmdlayer.ConfigError, match=r"spacing: got 1\.0 on a grid of spacing 0\.125"):
+    with pytest.raises(gfmdlayer.ConfigError, match=r"body\.spacing: got 1\.0; must be 0\.125"):
         gfmdlayer.solve(cubic(1.0), gfmdlayer.Parabola(radius=1.0), depth=0.01, points=(8, 8), period=1.0)
 
 

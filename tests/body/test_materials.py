@@ -89,7 +89,7 @@ def test_only_a_material_without_relaxing_branches_is_elastic(material):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Zener(0.0, 1.0, 1.0), "G0: got 0.0; must be a number > 0"),
+        (lambda: Zener(-1.0, 1.0, 1.0), "G0: got -1.0; must be a number >= 0"),
         (lambda: Zener(2.0, 1.0, 1.0), "Ginf: got 1.0, below G0 = 2.0; must be a number >= G0"),
         (lambda: Zener(1.0, math.inf, 1.0), "Ginf: got .inf; must be a number > 0, finite"),
         (lambda: Zener(1.0, math.nan, 1.0), "Ginf: got .nan"),

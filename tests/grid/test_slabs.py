@@ -125,7 +125,7 @@ class Divided(Ranks):
     """Holders of a grid, each of them in a thread."""
 
     def __init__(self, rank, values, barrier):
-        self._rank, self._values, self._barrier = rank, values, barrier
+        self._rank, self._values, self._barrier, self.count = rank, values, barrier, len(values)
 
     def _all(self, partial):
         self._values[self._rank] = partial

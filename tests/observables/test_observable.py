@@ -49,10 +49,11 @@ class RmsPressure(Observable):
 def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
     tmp_path, monkeypatch, run_up_to
 ):
-    before = estimate(CONFIG).storage
+    before = estimate(CONFIG.model_copy()).storage
     monkeypatch.setitem(OBSERVABLES, "pressure_rms", RmsPressure)
-    assert estimate(CONFIG).storage - before == 2 * 8 * 512  # a block of rows for each column
-    folder, case = Folder(tmp_path), SweepCase(0, CONFIG, {})
+    config = CONFIG.model_copy()  # whose columns are not known yet
+    assert estimate(config).storage - before == 2 * 8 * 512  # a block of rows for each column
+    folder, case = Folder(tmp_path), SweepCase(0, config, {})
     folder.cases.mkdir()
     run_up_to(1.25, case, folder)  # after the largest pressure, at the end of the ramp
     assert run_case(case, folder).state == "complete"

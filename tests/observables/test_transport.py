@@ -139,9 +139,9 @@ def test_a_sweep_has_the_columns_and_the_frequencies():
     both = gfmdlayer.run(
         CASE, sweep={"trajectory.load": [0.02, 0.04]}, **{"time.end": 0.2, "output.snapshots": [0.1]}
     )
-    assert both.storage_stiffness.dims == ("load", "time", "frequency")
+    assert both.storage_stiffness.dims == ("trajectory.load", "time", "frequency")
     np.testing.assert_array_equal(both.frequency, FREQUENCIES)
-    assert (both.flow_xx.isel(time=-1).diff("load") < 0).all()
+    assert (both.flow_xx.isel(time=-1).diff("trajectory.load") < 0).all()
 
 
 def test_over_ranks_the_first_computes_the_columns_for_all(tmp_path):

@@ -4,6 +4,7 @@ import json
 import re
 import time
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -209,7 +210,8 @@ def test_a_checkpoint_of_version_0_2_is_named_as_one(tmp_path):
 
 
 def run(folder, every=0.0):
-    return case_run.run_case(CASE, folder, checkpoint_every=every).state
+    case = replace(CASE, config=CASE.config.model_copy())  # a run knows no columns of another one
+    return case_run.run_case(case, folder, checkpoint_every=every).state
 
 
 @pytest.fixture

@@ -76,10 +76,10 @@ def test_a_step_that_the_compiled_loop_leaves_may_fail_too(tmp_path, monkeypatch
     compiled, solve = march.march, ActiveSet.solve
 
     def shallow(*arguments):
-        *others, now, rows, _, moving = arguments
+        *others, now, rows, _, moving, sliding = arguments
         deep = now["time"][0] >= 0.4 * RAMP
         # Some steps, and another one that is left.
-        reason = march.RARE if deep else compiled(*others, now, rows, 3, moving)
+        reason = march.RARE if deep else compiled(*others, now, rows, 3, moving, sliding)
         return march.RARE if reason == march.GO_ON else reason
 
     def limited(solver, problem, *given):

@@ -86,7 +86,7 @@ def test_a_library_that_is_not_found_because_it_cannot_be_mapped_lacks_memory():
 
 
 def test_what_this_user_may_not_read_is_refused(monkeypatch, capsys):
-    def fail(*_):
+    def fail(*_, **__):
         raise PermissionError(errno.EACCES, "Permission denied", "hidden/a.yaml")
 
     monkeypatch.setattr("gfmdlayer.study.folder.read_config", fail)
