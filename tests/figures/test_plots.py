@@ -141,7 +141,7 @@ def test_pictures_that_cannot_be_written_are_refused(thicknesses):
     with pytest.raises(ResultsError, match=r"'\.bmp'; use \.png, \.pdf, \.svg"):
         plot_results(thicknesses, thicknesses / "figure.bmp")
     with pytest.raises(ResultsError, match="cannot be written"):
-        plot_results(case_path(thicknesses, 0), thicknesses / "nowhere" / "figure.png", kind="waterfall")
+        plot_results(case_path(thicknesses, 0), thicknesses / "sweep.h5" / "figure.png", kind="waterfall")
     with pytest.raises(ResultsError, match="no such folder"):
         plot_results(thicknesses / "nowhere")
 
