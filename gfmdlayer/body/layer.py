@@ -168,6 +168,9 @@ class Layer(Section):
         )
         if problems := list(contradictions(self)):  # in a configuration a sweep may replace the values
             raise ConfigError(map(str, problems))
+        if self.material.units is not None:
+            words = "material: its file has units, which a configuration converts"
+            raise ConfigError([f"{words}; give the layer there as a mapping, or remove the units"])
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse moduli that contradict each other or Poisson's ratio."""

@@ -42,7 +42,7 @@ IN_SHEAR: Mapping[str, Callable[[float], float]] = {
     # At 0.5, where a bulk modulus is refused, any modulus will do.
     "bulk": lambda poisson: 3 * (1 - 2 * poisson) / (2 * (1 + poisson)) or 1.0,
 }
-_MODULI = ("G", "G0", "Ginf")
+_MODULI = ("G", "young", "bulk", "G0", "Ginf")
 _AGREE = 1e-6  # relative: moduli of two kinds that agree
 
 
@@ -255,7 +255,9 @@ class Material(Law):
         if not moduli.size:
             return np.full(elapsed.shape, 1 / self.glassy)
         # A liquid beside a spring that it does not feel: its longest retardation time is far beyond t.
-        spring = self.relaxed or _UNFELT * float(moduli @ times) / max(float(elapsed.max()), float(times[-1]))
+        spring = self.relaxed or _UNFELT * float(moduli @ times) / max(
+            float(elapsed.max(initial=0.0)), float(times[-1])
+        )
         compliances, thetas = retardation_spectrum(moduli, times, np.array([spring]))
         retarded = compliances[:, 0] * -np.expm1(-elapsed[..., np.newaxis] / thetas[:, 0])
         return np.asarray(1 / self.glassy + retarded.sum(axis=-1))

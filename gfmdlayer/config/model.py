@@ -10,6 +10,7 @@ import copy
 import hashlib
 import json
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
@@ -80,6 +81,9 @@ def _problems_of_the_materials(config: Any) -> Iterator[Mistake]:
         message = f"got {control!r}: {reason}; {allowed}"
         yield Mistake(("trajectory", "control"), message, (*liquids, "halfspace", "layer", "layers", "body"))
     for at, section in sections_in(config):
+        if isinstance(section, OneModulus) and not section.material.relaxed:
+            message = "got 0: all moduli of this body relax relative to it; must be > 0"
+            yield Mistake((*at, "material", "G0"), message, ("body",))
         if isinstance(section, Solid) and not isinstance(section, (Layers, OneModulus)):
             for below, law in sections_in(section):
                 if isinstance(law, Law) and (law.moduli or getattr(law, "G", 0.0) is None):
@@ -514,11 +518,19 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
 
     def contents(value: object) -> str:
         if isinstance(value, Path):
-            return hashlib.sha256(value.read_bytes()).hexdigest()
+            held = value.read_bytes()
+            # Before tables had units, those in headings were not converted: such results are others.
+            headed = config.units is not None and value.suffix.lower() not in _NO_TABLES
+            converted = b" converted" if headed and _LETTER.search(held) else b""
+            return hashlib.sha256(held + converted).hexdigest()
         raise TypeError(f"{type(value).__name__} is no part of a configuration")
 
     canonical = json.dumps(data, sort_keys=True, separators=(",", ":"), default=contents)
     return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+_NO_TABLES = {".npy", ".h5", ".hdf5", ".nc", ".py", ".bin"}
+_LETTER = re.compile(rb"[A-DF-Za-df-z]")  # other than those of numbers such as 1e-3
 
 
 def problems(data: Mapping[str, Any]) -> list[Mistake]:

@@ -190,6 +190,8 @@ def _by_name_and_symbol(heading: str) -> tuple[str, ...]:
     for symbol, name in ((words[-1], words[:-1]), (words[0], words[1:])):
         if len("".join(name)) < 2 or not re.fullmatch(r"\|?\w\*?\|?(['\"′″’]*|\(t\))", symbol):
             continue
+        if unit_of(" ".join(name)):  # f_Hz
+            continue
         named = _by_name().get(_folded(" ".join(name)), ())
         meant = {kind for each in named for kind in BY_MODULUS.get(each, (each,))}
         both = tuple(each for options in _options(symbol) for each in options if each in meant)
@@ -255,7 +257,10 @@ def meaning(
     options = (*exact, *other)
     if not options:
         return Meaning()
-    symbol = symbol or below.strip(" []()")
+    below = below.strip(" []()")
+    if symbol and below and (own := unit_of(symbol)) and (other_unit := unit_of(below)) and own != other_unit:
+        return Meaning((*exact, *other), own, symbol, f"is in {symbol!r}, but the row below says {below!r}")
+    symbol = symbol or below
     own = unit_of(symbol) if symbol else None
     frequencies = {ANGULAR, ORDINARY}
     # 1/s, and Hz beside omega, leave open which of the two frequencies it is.

@@ -57,6 +57,17 @@ def read_json(path: Path) -> dict[str, Any] | None:
     return None
 
 
+def is_gone(folder: Path) -> bool:
+    """Whether a folder was removed; one that cannot be read for a while is not."""
+    try:
+        folder.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:
+        return False
+    return False
+
+
 def regular(path: str, flags: int) -> int:
     """Open a regular file, also by a link, as `opener` of Python's open: a pipe is not waited for."""
     return _if_regular(os.open(path, flags | os.O_NONBLOCK), path)

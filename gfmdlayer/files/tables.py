@@ -506,7 +506,8 @@ def _head(rows: _Rows) -> _Head | None:
         nearest = next((head for head in found if head.line == first - 1), None)
         _refuse_numbers(rows, None)
         return nearest if nearest is not None and _may_be_headings(rows, nearest) else None
-    units = next((head for head in found if head.line > best.line and _is_units(head.cells)), None)
+    # Units stand below the headings, or in the line above.
+    units = next((head for head in found if head.line >= best.line - 1 and _is_units(head.cells)), None)
     _refuse_numbers(rows, best.line)
     return best if units is None else best._replace(units=units.cells)
 

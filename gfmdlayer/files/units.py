@@ -173,7 +173,7 @@ def _symbol(text: str) -> Unit | None:
             return Unit(Fraction(size), dimension)
     for symbol, (scale, dimension) in _METRIC.items():
         prefix = text.removesuffix(symbol)
-        allowed = "mu" if symbol == "rad" else PREFIXES  # Grad is German for a degree
+        allowed = ("", "m", "u") if symbol == "rad" else PREFIXES  # Grad is German for a degree
         if text.endswith(symbol) and prefix in allowed:
             return Unit(Fraction(scale) * Fraction(10) ** PREFIXES[prefix], dimension)
     for name, symbol in _WORDS.items():

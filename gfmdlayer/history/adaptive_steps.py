@@ -326,6 +326,7 @@ def weigh(control: StepControl, work: float, energy: float, imbalance: float) ->
         shortest = _SHORTEST_WEIGHED * math.sqrt(control.tolerance) * (stops[to] - stops[to - 1])
         if now.weighed > 0.0:
             longest = min(longest, _GROWTH_WEIGHED * now.weighed)
+        now.bound = now.bound or (longest < shortest and to == control.stops.size - 1)  # by the end
         now.weighed = max(longest, shortest)
         now.next_step = min(now.next_step, now.weighed)
     now.work, now.imbalance = work, imbalance

@@ -210,8 +210,9 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Sc
         )
     known = scan.unit or keys.unit is not None
     sized = keys.size or all(axis.length is not None or axis.positions is not None for axis in scan.axes)
-    if scan.doubt and not (known and sized):
-        missing = " and ".join(["punch.unit"] * (not known) + ["punch.size"] * (not sized))
+    of_heights = keys.unit is None and bool(_OF_HEIGHTS.search(scan.doubt))
+    if scan.doubt and (of_heights or not (known and sized)):
+        missing = " and ".join(["punch.unit"] * (of_heights or not known) + ["punch.size"] * (not sized))
         raise TableError(
             f"{scan.file}: {scan.doubt} may say a length or a unit, but is not understood; give {missing}"
         )
@@ -228,6 +229,7 @@ def _refuse_open(scan: Scan, keys: Keys, own: Length | None, needed: Sequence[Sc
         )
 
 
+_OF_HEIGHTS = re.compile(r"scale|factor|mult|bit|gain|unit", re.IGNORECASE)  # what heights are times
 _ADD_UNITS = "add units: {length: ..., stress: ..., time: ...}"
 
 

@@ -136,8 +136,9 @@ def _own_labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
         with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as opened:
             chosen = _chosen(file, opened, axes, name)
             layout = "first axis x, second y" if chosen.ndim == 2 else ""
-            if set(chosen.dims) == {"x", "y"}:
-                chosen, layout = chosen.transpose("x", "y"), "dimensions x and y"
+            by_name = {str(dim).lower(): dim for dim in chosen.dims}
+            if set(by_name) == {"x", "y"}:
+                chosen, layout = chosen.transpose(by_name["x"], by_name["y"]), "dimensions x and y"
             found = [_coordinate(file, opened, str(dim)) for dim in chosen.dims]
             backwards = {
                 dim: slice(None, None, -1) for dim, (_, down) in zip(chosen.dims, found, strict=True) if down
@@ -148,13 +149,15 @@ def _own_labelled(file: Path, axes: int, keys: Keys, rows: slice) -> Scan:
         raise
     except Exception as error:  # a damaged file can fail anywhere in its libraries, with any exception
         raise TableError(f"{file}: cannot be read as HDF5 or netCDF ({error})") from error
-    dims = tuple(axis for axis, _ in found)
+    dims, doubt = tuple(axis for axis, _ in found), ""
     if any(axis.length is None and axis.positions is None for axis in dims):
+        if any(axis.length is not None or axis.positions is not None for axis in dims):
+            doubt = "the file, which has a coordinate in one direction only,"
         dims = tuple(replace(axis, length=None) for axis in dims)
     uneven = [str(dim) for dim, axis in zip(chosen.dims, dims, strict=True) if axis.positions is not None]
     if uneven and len(dims) > 1:
         raise TableError(f"{file}: {uneven[0]} is not equally spaced")
-    return Scan(file, values, unit, dims, layout, shape=chosen.shape)
+    return Scan(file, values, unit, dims, layout, doubt=doubt, shape=chosen.shape)
 
 
 def _coordinate(file: Path, opened: Any, dim: str) -> tuple[ScanAxis, bool]:

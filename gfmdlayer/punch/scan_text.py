@@ -10,10 +10,10 @@ unit, but is not understood.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -333,10 +333,10 @@ class _Header:
         kind, _, axes = _LABEL.get(re.sub(r"[\s_]+", " ", label).strip().lower(), "").partition(" of ")
         if kind == "unit":
             if axes:
-                self.units |= dict.fromkeys(axes, unit := self._unit(value))
+                self._agree(self.units, axes, unit := self._unit(value))
                 self.units = dict.fromkeys("xy", unit) | self.units  # a single one is for both
             elif not self.of_factor and value.strip() not in {"1", "-"}:
-                self.units["height"] = self._unit(value, factor=True)
+                self._agree(self.units, ("height",), self._unit(value, factor=True))
             return True
         values = [_VALUE.fullmatch(part.strip()) for part in re.split(r"\s+[x×*]\s+", value)]
         numbers = [match for match in values if match]
@@ -370,9 +370,16 @@ class _Header:
         if not number > 0:
             raise TableError(f"{self.matrix.path}: {line!r}: must be > 0")
         if symbol:
-            self.units |= dict.fromkeys(axes, self._unit(symbol))
-        into |= dict.fromkeys(axes, number)
+            self._agree(self.units, axes, self._unit(symbol))
+        self._agree(into, axes, number)
         return True
+
+    def _agree(self, into: dict[str, Any], axes: Iterable[str], value: Any) -> None:
+        """Keep a value for axes; TableError where the header says another one."""
+        for axis in axes:
+            if (earlier := into.setdefault(axis, value)) != value:
+                said = f"its header says {earlier} and {value} for {axis}"
+                raise TableError(f"{self.matrix.path}: {said}; remove one of the two")
 
     def _unit(self, text: str, *, factor: bool = False) -> Length:
         """Return a unit of length; a factor that follows may convert heights in another unit."""

@@ -215,7 +215,7 @@ def outward_heights(punch: ArrayLike | Callable[..., ArrayLike], grid: Grid) -> 
 def numbers(heights: ArrayLike) -> FloatArray:
     """Return heights as an array of numbers; ConfigError if they are not real numbers."""
     try:
-        values = np.asarray(heights)
+        values = np.asarray(np.ma.filled(heights, np.nan) if np.ma.isMaskedArray(heights) else heights)
     except ValueError as error:  # rows of different lengths
         raise ConfigError([f"punch: {error}; must be an array of real numbers"]) from None
     if values.dtype.kind not in "fiu":

@@ -362,10 +362,14 @@ def _reason(path: Path, reason: str = INCOMPLETE) -> str:
 def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     """Add the snapshots of all cases to a sweep whose cases share grid and times."""
     files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
-    having = (path for path in files.flat if not flaw(path, VERIFIED) and attributes(path)["snapshots"])
     if any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
         return sweep
-    if (first := next(having, None)) is None:
+    complete = (path for path in files.flat if not flaw(path, VERIFIED))
+    if "snapshot" in sweep.coords:  # of some cases at least
+        first = next((path for path in complete if attributes(path)["snapshots"]), None)
+    elif (first := next(complete, None)) is not None and not attributes(first)["snapshots"]:
+        return sweep
+    if first is None:
         return sweep
     with _open(first) as example:
         if "axes" in example.attrs:  # each case has its own

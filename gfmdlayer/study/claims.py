@@ -36,6 +36,7 @@ from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from gfmdlayer.files.locks import (
     born,
+    is_gone,
     no_link,
     read_json,
     read_small,
@@ -115,7 +116,7 @@ class Claim:
         due = now - self._written >= WRITE_INTERVAL
         if due:
             self.confirm()
-            if not self._stop.parent.is_dir():
+            if is_gone(self._stop.parent):
                 raise Stopped  # somebody has removed the folder
         with suppress(OSError):  # the folder may be unreadable for a while
             if stop_requested() or ((due or not self._steps) and self._stop.exists()):

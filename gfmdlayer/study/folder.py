@@ -41,7 +41,7 @@ from gfmdlayer.body.bodies import code_refused
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.config.reader import Inspection
 from gfmdlayer.files.hdf5 import is_hdf5
-from gfmdlayer.files.locks import open_for_writing, regular, write_new
+from gfmdlayer.files.locks import is_gone, open_for_writing, regular, write_new
 from gfmdlayer.files.whole import UNFINISHED, is_unfinished, unfinished, write_text
 from gfmdlayer.results import stored
 from gfmdlayer.results.names import ResultsError
@@ -179,9 +179,7 @@ class Folder:
     @property
     def is_there(self) -> bool:
         """Whether nobody has removed the folder during a run."""
-        with suppress(PermissionError):
-            return self.cases.is_dir()
-        return True
+        return not is_gone(self.cases)
 
     @property
     def lacking(self) -> str:

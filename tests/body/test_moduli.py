@@ -279,3 +279,24 @@ def test_units_of_a_material_file_that_are_unknown_are_refused_at_their_place(ma
     Path(material["file"]).write_text(FILE.replace("MPa", "MPascal"))
     with pytest.raises(ConfigError, match=r"rubber.yaml:1:\d+: units.stress: got the text 'MPascal'"):
         config(units=UNITS, layer={"material": material})
+
+
+def test_a_young_modulus_of_a_material_file_is_converted(tmp_path):
+    path = tmp_path / "rubber.yaml"
+    path.write_text(
+        "units: {length: m, stress: MPa, time: s}\nlayer: {material: {model: elastic, young: 3.0}}\n"
+    )
+    own = config(units=UNITS, layer={"poisson": 0.5, "material": {"file": str(path)}})
+    in_pascal = config(units=UNITS, layer={"poisson": 0.5, "material": {"model": "elastic", "young": 3.0e3}})
+    assert own.laws[0].relaxed == pytest.approx(in_pascal.laws[0].relaxed, rel=1e-14)
+
+
+def test_a_layer_in_python_takes_no_units_of_a_file(material):
+    with pytest.raises(ConfigError, match="its file has units, which a configuration converts"):
+        gfmdlayer.Layer(1.0, 0.4, {"file": material["file"]})
+
+
+def test_a_body_whose_moduli_relax_alike_is_no_liquid():
+    body = {"kind": "anisotropic", "C11": 3.0, "C12": 1.0, "C44": 1.0}
+    with pytest.raises(ConfigError, match=r"body.material.G0: got 0: all moduli of this body relax relative"):
+        config(body=body | {"material": {"model": "zener", "G0": 0.0, "Ginf": 2.0, "tau": 1.0}})

@@ -149,3 +149,20 @@ def test_a_symbol_beside_a_name_is_no_other_name(heading, quantity, unit):
         heading, wanted=("G'", "G''", "E'", "E''", "|G*|", "G(t)", "time", "frequency", "voltage")
     )
     assert (means.quantity, means.symbol) == (quantity, unit)
+
+
+def test_names_and_units_that_a_symbol_could_hide(table):
+    found = table("f_Hz,G'_Pa,G''_Pa\n1,2,3\n4,5,6\n", ORDINARY, "storage modulus", "loss modulus")
+    assert found.columns[ORDINARY].unit == unit_of("Hz")
+    assert unit_of("murad") is None
+
+
+def test_two_units_of_one_column_are_refused(table):
+    with pytest.raises(TableError, match=r"depth \[mm\].*is in 'mm', but the row below says 'nm'"):
+        table("time [s],depth [mm]\ns,nm\n0,1\n1,2\n").take("depth", "m")
+
+
+def test_a_row_of_units_above_the_headings_counts(table):
+    found = table("ms,nm\ntime,depth\n0,1\n1,2\n")
+    np.testing.assert_array_equal(found.take("time", "s"), [0, 1e-3])
+    np.testing.assert_array_equal(found.take("depth", "um"), [1e-3, 2e-3])

@@ -559,3 +559,38 @@ def test_numbers_of_any_size_may_stand_for_holes(tmp_path):
     with pytest.raises(TableError, match=r"give punch\.hole: 1\.70141183e\+38"):
         read(tmp_path / "h.npy")
     assert "1 hole," in account(tmp_path / "h.npy", hole=1.70141183e38, fill="membrane")
+
+
+@pytest.mark.parametrize(
+    ("more", "asked"),
+    [
+        ("# Z scale factor: 0.5 nm/LSB", "punch.unit"),
+        ("# bit2nm: 0.1", "punch.unit"),
+        ("# z-unit: um", "its header says nm and um for height"),
+        ("# Width: 12 nm", "its header says 10.0 and 12.0 for x"),
+    ],
+)
+def test_a_header_that_says_two_things_is_refused(tmp_path, more, asked):
+    header = ["# Width: 10 nm", "# Height: 8 nm", "# Value units: nm", more]
+    with pytest.raises(TableError, match=asked):
+        read(written(tmp_path, [*header, *rows()]), length="nm")
+
+
+def test_a_coordinate_of_one_direction_asks_for_the_size(tmp_path):
+    data = xr.Dataset({"h": (("x", "y"), HEIGHTS)}, {"x": ("x", 2.0 * np.arange(5))})
+    data.to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
+    with pytest.raises(
+        TableError, match=r"a coordinate in one direction only.*give punch.unit and punch.size"
+    ):
+        read(tmp_path / "h.nc")
+
+
+def test_names_of_dimensions_in_capitals_are_the_same(tmp_path):
+    xr.Dataset({"h": (("Y", "X"), HEIGHTS.T)}).to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
+    np.testing.assert_array_equal(read(tmp_path / "h.nc"), depths(HEIGHTS))
+
+
+def test_masked_heights_are_holes():
+    masked = np.ma.masked_array(np.zeros(16), mask=np.arange(16) == 3)
+    with pytest.raises(gfmdlayer.ConfigError, match="not a finite number"):
+        gfmdlayer.run({"name": "a", "grid": {"points": 16}}, punch=masked)
