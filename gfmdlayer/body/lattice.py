@@ -121,7 +121,8 @@ class Lattice(OneModulus):
             if abs(length / (number * self.spacing) - 1) > _SAME:
                 message = (
                     f"got {self.spacing!r}; must be {length / number:.10g}, the spacing of the grid, whose "
-                    f"points are the surface atoms; or take period {number * self.spacing:.10g} for {number}"
+                    f"points are the surface atoms; or take period {number * self.spacing:.10g} for {number} "
+                    "points"
                 )
                 yield Mistake(("spacing",), message)
                 return

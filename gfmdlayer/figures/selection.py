@@ -26,7 +26,7 @@ Time = float | Literal["end", "max", "min"]
 Wanted = str | float | tuple[float, float]
 INTERPOLATED = "contact_area_interpolated"
 MOST_NAMED = 3  # failed cases
-MOST_WARNINGS = 2  # below a figure
+MOST_WARNINGS = 1  # below a figure
 
 
 def swept(dataset: Dataset) -> list[DataArray]:
