@@ -346,8 +346,20 @@ def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
                 axis.set_label_text(ticks.quantity.label if axis.get_label_text() else "")
         _part_ticks(axes.xaxis)
     if notes:
-        text = "\n".join(_lines(notes, figure.get_figwidth()))
+        lines = _lines(notes, figure.get_figwidth())
+        if len(lines) > _MOST_LINES and any(map(is_warning, notes)):
+            others = [note for note in notes if not is_warning(note)]
+            lines = _lines([*others, "with warnings, see status or report"], figure.get_figwidth())
+        text = "\n".join(lines)
         figure.supxlabel(text, x=0.01, ha="left", fontsize="small", color="0.3")
+
+
+def is_warning(note: str) -> bool:
+    """Whether a note is a warning of the run."""
+    return note.startswith("warning: ") or "more warning" in note
+
+
+_MOST_LINES = 3  # with warnings: panels stay legible
 
 
 def _part_ticks(axis: XAxis) -> None:
@@ -396,8 +408,8 @@ def _meaning(array: DataArray) -> str:
 
 
 def _lines(notes: Sequence[str], inches: float) -> list[str]:
-    """Fill lines with notes; a letter is taken to be half as wide as the font is high."""
-    room = inches * 72 / (0.5 * rcParams["font.size"] * font_scalings["small"])
+    """Fill lines with notes; a letter is taken to be .55 as wide as the font is high."""
+    room = inches * 72 / (0.55 * rcParams["font.size"] * font_scalings["small"])
     lines = [""]
     for note in notes:
         whole = _letters(note) <= room or "$" in note

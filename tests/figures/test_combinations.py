@@ -177,7 +177,7 @@ def test_warnings_stand_below_a_picture_and_stay_on_it():
         below = figure.get_supxlabel().replace("\n", " ")
         assert "warning: time.step = 0.5 is long beside" in below
         assert "use time.step: 0.1, or adaptive" in below
-        assert "1 more warning" in below
+        assert "2 more warnings" in below
         figure.draw_without_rendering()
         assert not list(faults(figure, is_si=False))
 
