@@ -83,6 +83,21 @@ class Response:
         coupled = self.coupling != 0
         return float(np.min(self.normal[coupled] / np.abs(self.coupling[coupled]), initial=np.inf))
 
+    def factors(self, grid: Grid) -> tuple[FloatArray, ...]:
+        """Real factors of the components over the number of points: C_pp, coupling along the axes, C_tt."""
+        flat = (self.normal, self.coupling, self.along, self.across)
+        normal, coupling, along, across = (np.ravel(part) / grid.size for part in flat)
+        if len(grid.points) == 1:
+            return normal, np.where(_has_odd(grid, 0), coupling, 0.0), along
+        q = grid.wavenumbers
+        length = np.where(q > 0, q, 1.0)
+        x, y = (np.ravel(np.broadcast_to(component, q.shape) / length) for component in grid.wavevectors)
+        odd_x, odd_y = (np.where(_has_odd(grid, axis), n, 0.0) for axis, n in enumerate((x, y)))
+        difference = along - across
+        xx, yy = across + difference * x**2, across + difference * y**2
+        xx[0] = yy[0] = along[0]
+        return normal, coupling * odd_x, coupling * odd_y, xx, difference * odd_x * odd_y, yy
+
     def on(self, fine: Transforms, coarse: Transforms) -> Response:
         """Response at the modes of a coarser grid of the same cell."""
         parts = self.normal, self.coupling, self.along, self.across
@@ -100,6 +115,76 @@ class Response:
         if len(grid.points) > 1:  # the mean has no direction
             stiffness[1].flat[0] = 2 / (1 / stiffness[1].flat[0] + 1 / stiffness[2].flat[0])
         return Response(stiffness[0], np.zeros_like(stiffness[0]), stiffness[1], stiffness[2])
+
+
+@dataclass(frozen=True)
+class CroppedResponse:
+    """Compliance of a surface without images, by its kernel in a cell: exact in a box of half of the cell.
+
+    Its spectrum has no direction of its own, and may be negative in some waves: on the points in contact it
+    is the positive one of the surface itself. `friction.isolated` makes it.
+    """
+
+    parts: tuple[FloatArray, ...]  # as of `Response.factors`, each of the spectral shape
+    plain: Response  # of the same surface with images, the mean fixed: for what needs positive waves only
+
+    @property
+    def normal(self) -> FloatArray:
+        """C_WW; at q = 0 the displacement under a mean pressure."""
+        return self.parts[0]
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the values."""
+        return blake2b(b"".join(part.tobytes() for part in self.parts)).hexdigest()
+
+    def equals(self, other: Response | CroppedResponse) -> bool:
+        """Whether another response has the same values."""
+        return self is other or self.digest == other.digest
+
+    @property
+    def couples(self) -> bool:
+        """Whether shear moves the surface up and down."""
+        return self.plain.couples
+
+    @property
+    def softest(self) -> float:
+        """Largest compliance of a wave to pressure."""
+        return self.plain.softest
+
+    @property
+    def critical_coefficient(self) -> float:
+        """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
+        return self.plain.critical_coefficient
+
+    def factors(self, grid: Grid) -> tuple[FloatArray, ...]:
+        """Real factors of the components over the number of points, see `Response.factors`."""
+        flat = [np.ravel(part) / grid.size for part in self.parts]
+        for axis in range(len(grid.points)):
+            flat[1 + axis][~_has_odd(grid, axis)] = 0.0
+            if len(grid.points) > 1:
+                flat[4][~_has_odd(grid, axis)] = 0.0
+        return tuple(flat)
+
+    def on(self, fine: Transforms, coarse: Transforms) -> CroppedResponse:
+        """Response at the modes of a coarser grid of the same cell."""
+        parts = (fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in self.parts)
+        return CroppedResponse(tuple(parts), self.plain.on(fine, coarse))
+
+    def inverse(self, grid: Grid) -> Response:
+        """Stiffness of the surface with images, without the coupling, see `Response.inverse`."""
+        return self.plain.inverse(grid)
+
+
+AnyResponse = Response | CroppedResponse
+
+
+def _has_odd(grid: Grid, axis: int) -> NDArray[np.bool_]:
+    """Modes that distinguish q and -q along an axis: all but those of its largest wavenumber, if even."""
+    held = np.ones(grid.spectral_shape, dtype=bool)
+    if grid.points[axis] % 2 == 0:
+        held[(slice(None),) * axis + (grid.points[axis] // 2,)] = False
+    return held.ravel()
 
 
 @dataclass
@@ -211,12 +296,12 @@ class Operator:
     """A response at the points of a grid, in double and in single precision."""
 
     def __init__(
-        self, grid: Grid, response: Response, work: SharedTransforms, counted: Collection[int] = ()
+        self, grid: Grid, response: AnyResponse, work: SharedTransforms, counted: Collection[int] = ()
     ) -> None:
         # `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
         self.size, self.axes = grid.size, len(grid.points)
         self._response, self.work, self._counted = response, work, counted
-        self._double = self._parts(grid)
+        self._double = response.factors(grid)
         self._single = {1: tuple(part.astype(np.float32) for part in self._double)}
         weights = np.ravel(grid.parseval_weights) * grid.size
         # displacement of a point under a load on it alone
@@ -224,30 +309,6 @@ class Operator:
             float(weights @ np.ravel(response.normal)),
             float(weights @ self._double[2 if self.axes == 1 else 3]) * grid.size,
         )
-
-    def _parts(self, grid: Grid) -> tuple[FloatArray, ...]:
-        """Real factors of the components over the number of points: C_pp, coupling along the axes, C_tt."""
-        of, n = self._response, self.size
-        flat = [np.ravel(part) / n for part in (of.normal, of.coupling, of.along, of.across)]
-        if self.axes == 1:
-            coupling = flat[1].copy()
-            if grid.points[0] % 2 == 0:
-                coupling[-1] = 0.0
-            return flat[0], coupling, flat[2]
-        q = grid.wavenumbers
-        length = np.where(q > 0, q, 1.0)
-        even = [np.broadcast_to(component, q.shape) / length for component in grid.wavevectors]
-        odd = []
-        for axis, direction in enumerate(even):
-            kept, points = direction.copy(), grid.points[axis]
-            if points % 2 == 0:
-                kept[(slice(None),) * axis + (points // 2,)] = 0.0
-            odd.append(kept.ravel())
-        x, y = (direction.ravel() for direction in even)
-        difference = flat[2] - flat[3]
-        xx, yy = flat[3] + difference * x**2, flat[3] + difference * y**2
-        xx[0] = yy[0] = flat[2][0]
-        return flat[0], flat[1] * odd[0], flat[1] * odd[1], xx, difference * odd[0] * odd[1], yy
 
     def __call__(self, x: NDArray[Any], *, single: bool = False) -> FloatArray:
         """Return the response to fields, as new fields in double precision."""
@@ -285,7 +346,7 @@ class Operator:
         self.work.fields(part, single=True).spend(2.0 * times)
 
     def kernel(self, number: int) -> FloatArray:
-        """Return the response to a load on the first point, of a component of `_parts`; not counted."""
+        """Return the response to a load on the first point, of a component of `Response.factors`; not counted."""
         work, before = self.work.fields(single=False), self.work.spent.pairs
         work.waves[0][:] = self._double[number]
         work.transform_back(0)
