@@ -67,6 +67,8 @@ class Response:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
 
+    is_positive = True  # in all waves
+
     @property
     def couples(self) -> bool:
         """Whether shear moves the surface up and down."""
@@ -141,6 +143,11 @@ class CroppedResponse:
     def equals(self, other: Response | CroppedResponse) -> bool:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether pressure presses the surface down in all waves, as a solver without friction needs it."""
+        return bool(self.normal.min() > 0)
 
     @property
     def couples(self) -> bool:
