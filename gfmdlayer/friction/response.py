@@ -63,7 +63,7 @@ class Response:
         parts = (self.normal, self.coupling, self.along, self.across)
         return blake2b(b"".join(part.tobytes() for part in parts)).hexdigest()
 
-    def equals(self, other: Response) -> bool:
+    def equals(self, other: AnyResponse) -> bool:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
 
@@ -140,7 +140,7 @@ class CroppedResponse:
         """Digest of the values."""
         return blake2b(b"".join(part.tobytes() for part in self.parts)).hexdigest()
 
-    def equals(self, other: Response | CroppedResponse) -> bool:
+    def equals(self, other: AnyResponse) -> bool:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
 
@@ -353,7 +353,7 @@ class Operator:
         self.work.fields(part, single=True).spend(2.0 * times)
 
     def kernel(self, number: int) -> FloatArray:
-        """Return the response to a load on the first point, of a component of `Response.factors`; not counted."""
+        """Return the response to a load on the first point, of a component of `factors`; not counted."""
         work, before = self.work.fields(single=False), self.work.spent.pairs
         work.waves[0][:] = self._double[number]
         work.transform_back(0)

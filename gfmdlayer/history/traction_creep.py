@@ -65,7 +65,11 @@ class TractionCreep(Saving):
             # The response is the same object for steps of equal length.
             self.step, self._factors = step, self._scheme(step / self._of.times)
             self._response = self._of.with_weights(1 - self._factors.gain)
-        f, past, self._offset = self._factors, self.past.reshape(self._shape), np.zeros_like(self.displacement)
+        f, past, self._offset = (
+            self._factors,
+            self.past.reshape(self._shape),
+            np.zeros_like(self.displacement),
+        )
         for k, lag in enumerate(self._lag):
             self._offset += self._moved(self._parts[:, 1 + k], f.gain[k] * past - f.decay[k] * lag)
         return self._response, self._offset
@@ -130,11 +134,11 @@ class TractionCreep(Saving):
     ) -> float:
         """Return the heat of an element in a step, see `modes`."""
         ahead = before + f.lead[k] * change
-        heat = f.loss[k] * self._product(1 + k, ahead, ahead)
-        heat += f.remainder[k] * self._product(1 + k, change, change)
+        heat = float(f.loss[k]) * self._product(1 + k, ahead, ahead)
+        heat += float(f.remainder[k]) * self._product(1 + k, change, change)
         if bent.any():
-            heat += f.curvature_loss[k] * self._product(1 + k, bent, bent)
-            heat -= f.curvature_gain[k] * self._product(1 + k, before + after, bent)
+            heat += float(f.curvature_loss[k]) * self._product(1 + k, bent, bent)
+            heat -= float(f.curvature_gain[k]) * self._product(1 + k, before + after, bent)
         return heat
 
     def _product(self, k: int, x: ComplexArray, y: ComplexArray) -> float:
