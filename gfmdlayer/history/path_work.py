@@ -1,24 +1,23 @@
 """The work of a step, from pressure and displacement of the surface at its rows.
 
-Where the surface touches the gap g is zero, else the pressure p. So the work of the punch over its depth d is
-that of the pressure at each point over v = d + g, its displacement but for the shape of the punch,
+Where the surface touches the gap g is zero, elsewhere the pressure p. So the work of the punch over its depth
+d is that of the pressure at each point over v = d + g, the displacement of the surface but for the shape of
+the punch,
 
     int <p> dd = int <p dv>,        as  <p dg> = 0        (<> is the mean over the points)
 
-For an elastic body p is linear in v and symmetric, <p_i v_j> = <p_j v_i> at any two rows (Betti). So
+With the sum S_ij = <(p_i + p_j) (v_j - v_i)> of two rows, the trapezoidal rule of each point has S_01/2. This
+is the work of an elastic body over a step of any length, whatever touches at its ends: p is then linear in v
+and symmetric, <p_i v_j> = <p_j v_i> (Betti). The curve of <p> over d has a corner at each grid point that
+comes into contact; these sums have none. What is left is the relaxation in the step, which is smooth. The
+parabola in time through the row before adds, for a step of length s after one of length r,
 
-    <(p_0 + p_1) (v_1 - v_0)>/2
+    s^2/(6 r (r + s)) (S_-10 + S_01 - S_-11)
 
-is its work over a step of any length, whatever the contact is at its ends: the curve of <p> over d is curved,
-with a corner at each grid point that comes into contact, but each point's p over v is not. What is left is
-the relaxation in the step, which is smooth. A parabola in time through the row before adds, with the lengths
-s and r of this step and of the one before,
+and the error is of fourth order in the step. While the drive rests, depth or mean pressure is constant, and
+the work is <p_0 + p_1> (d_1 - d_0)/2.
 
-    s^2/(6 r (r + s)) (A_-10 + A_01 + A_1-1),        A_ij = <p_i v_j - p_j v_i>
-
-where the sum is twice the area of the triangle of the three rows. The error is of fourth order in the step.
-
-While the drive rests, the depth or the mean pressure is constant, and the work is <p_0 + p_1> (d_1 - d_0)/2.
+Where the surface yields, v = d + g - W with the height W that it has lost, and the plastic work comes on top.
 """
 
 from __future__ import annotations
@@ -39,10 +38,7 @@ TIME, DEPTH, PRESSURE, PRESCRIBED, SWEPT = range(5)  # of a row; swept since the
 
 @kernel(borrows=True)
 def work_of_step(rows: FloatArray, known: int, now: FloatArray, swept: float) -> float:
-    """Work of a step to a row, from the last two rows, of which one or two are known.
-
-    `swept` is the part <p_i g_j - p_j g_i> of A_ij from the first of both rows.
-    """
+    """Work of a step to a row, from the last two rows, of which one or two are known; `swept` is from the first."""
     start, width = rows[1], now[DEPTH] - rows[1, DEPTH]
     work = width * (start[PRESSURE] + now[PRESSURE]) / 2.0
     if now[PRESCRIBED] == start[PRESCRIBED]:
@@ -60,10 +56,10 @@ def work_of_step(rows: FloatArray, known: int, now: FloatArray, swept: float) ->
 
 @kernel(reorder=True, borrows=True)
 def swept(p: FloatArray, gap: FloatArray, new_p: FloatArray, new_gap: FloatArray) -> float:
-    """Sum of p_i g_j - p_j g_i over the points, from one row to another."""
+    """Sum of (p_i + p_j) (g_j - g_i) over the points, from one row to another."""
     total = 0.0
     for i in range(p.size):
-        total += p[i] * new_gap[i] - new_p[i] * gap[i]
+        total += (p[i] + new_p[i]) * (new_gap[i] - gap[i])
     return total
 
 
