@@ -52,6 +52,7 @@ from gfmdlayer.history.adaptive_steps import (
     next_point,
     relative_error,
     scales,
+    weigh,
 )
 from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
 from gfmdlayer.history.modes import ModeArrays, Modes
@@ -230,6 +231,8 @@ def march(
         _measure(
             solver, surface, errors, ring, constants, record, row, result, prescribed, depth, place, moving
         )
+        if adaptive:
+            weigh(control, now.work, now.residual)
         now.rows += 1
         if moving is not None and settles(moving.steady, point.time, pressure, depth, row[_BEFORE + 2]):
             return SETTLED

@@ -42,7 +42,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -143,6 +143,8 @@ STEP_STATE = record_type(
         ("over_jump", np.float64),  # length of a step over the instability that will be accepted
         ("earlier", np.float64),  # response one step before the last
         ("prescribed", np.float64),
+        ("largest_work", np.float64),  # or energy
+        ("imbalance", np.float64),  # of the energies, of the last row
     ]
 )
 
@@ -294,6 +296,19 @@ def _growth(control: StepControl, prescribed: float) -> float:
     return 1.0
 
 
+@kernel(borrows=True)
+def weigh(control: StepControl, work: float, imbalance: float) -> None:
+    """Bound the next step by what the last one, which was accepted, has left open in the energy balance."""
+    now = control.now[0]
+    expected, left_open = abs(work) * _growth(control, now.prescribed), abs(imbalance - now.imbalance)
+    if 0.0 < now.prescribed < control.largest_drive:
+        expected *= control.largest_drive / now.prescribed
+    now.largest_work, now.imbalance = max(now.largest_work, abs(work)), imbalance
+    if left_open > 0.0 and now.last_step > 0.0 and not control.attracted:
+        room = _SAFETY * control.tolerance * max(now.largest_work, expected) / left_open
+        now.next_step = min(now.next_step, max(room ** (1 / 3), _SHRINK[0]) * now.last_step)
+
+
 @kernel(inner=True, borrows=True)
 def _accepts_abrupt(control: StepControl, point: Point, error: float, jumps: bool, separation: float) -> bool:
     """Accept or reject a step over an instability or a fast separation, and set the next."""
@@ -396,6 +411,11 @@ class AdaptiveSteps:
     def advance(self) -> None:
         """Go on behind the last step, which was accepted."""
         self.control.now[0] = self.control.behind[0]
+
+    def weigh(self, row: Mapping[str, float]) -> None:
+        """Look at the energy balance of the last step, in its row."""
+        if "work" in row:
+            weigh(self.control, float(row["work"]), float(row["energy_residual"]))
 
     def course(self) -> Course | None:
         """Return the course if the next step is the first that depends on the end."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice, pairwise, repeat
 from typing import Any
@@ -67,6 +67,9 @@ class FixedSteps(Saving):
     def accepts(self, *_: Any) -> bool:
         """Accept every step."""
         return True
+
+    def weigh(self, _row: Mapping[str, float]) -> None:
+        """Take the step as it is."""
 
     def advance(self, steps: int = 1) -> None:
         """Go on behind the last steps."""
