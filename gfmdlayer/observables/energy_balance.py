@@ -151,8 +151,9 @@ class EnergyBalance(Observable):
         from gfmdlayer.history.path_work import work_of_step
 
         rows, known = np.array([self._rows[0], self._rows[-1]]), min(len(self._rows), len(step.swept))
+        since_first = step.swept[0] if step.swept else 0.0
         plastic = step.plastic_work if now.prescribed != self._rows[-1].prescribed else 0.0
-        return float(work_of_step(rows, known, np.array(now), step.swept[0])) + plastic
+        return float(work_of_step(rows, known, np.array(now), since_first)) + plastic
 
     @property
     def warning(self) -> str:  # type: ignore[override]
