@@ -34,8 +34,8 @@ stops only. With a hard wall two more bounds follow from the rows; an attraction
   4/27 of the change, as that of a power 2/3 or 3/2 from zero. While the drive grows, the largest response is
   expected from its largest value, as the response of a Hertzian contact grows.
 * The energy balance closes. What a step leaves open is the error of its work (`path_work`), of third order
-  in the step like the error above, and sets the next step in the same way. The shares of the steps (`_SHARE`)
-  add up to less than three tolerances of the largest work, down to a tolerance of about 1e-4.
+  in the step at most like the error above, and bounds the next step in the same way: to the tolerance times
+  the largest work, which is expected as the largest response is. Most steps leave much less.
 """
 
 from __future__ import annotations

@@ -37,8 +37,9 @@ TIME, DEPTH, PRESSURE, PRESCRIBED, SWEPT = range(5)  # of a row; swept since the
 
 
 @kernel(borrows=True)
-def work_of_step(rows: FloatArray, known: int, now: FloatArray, swept: float) -> float:
-    """Work of a step to a row, from the last two rows, of which one or two are known; `swept` is from the first."""
+def work_of_step(rows: FloatArray, known: int, now: FloatArray, since_first: float) -> float:
+    """Work of a step to a row, from the last two rows, of which one or two are known."""
+    # `since_first` is what the pressure has swept since the first of them.
     start, width = rows[1], now[DEPTH] - rows[1, DEPTH]
     work = width * (start[PRESSURE] + now[PRESSURE]) / 2.0
     if now[PRESCRIBED] == start[PRESCRIBED]:
@@ -49,7 +50,7 @@ def work_of_step(rows: FloatArray, known: int, now: FloatArray, swept: float) ->
         s, r = now[TIME] - start[TIME], start[TIME] - before[TIME]
         triangle = (now[PRESSURE] - start[PRESSURE]) * (before[DEPTH] - start[DEPTH])
         triangle -= (before[PRESSURE] - start[PRESSURE]) * width
-        triangle += start[SWEPT] + now[SWEPT] - swept
+        triangle += start[SWEPT] + now[SWEPT] - since_first
         work += triangle * s * s / (6.0 * r * (r + s))
     return float(work)
 

@@ -8,10 +8,10 @@ the gap, zero for the hard wall. So the residual of the balance is an error of t
 order in dt with the exponential scheme and of first order with backward Euler. A residual above the limit is
 a warning: three times the tolerance of adaptive steps, a hundredth with fixed ones.
 
-Between fixed steps the curve is a parabola, between adaptive ones a bent power law (`history.path_work`).
-Adaptive steps see the residual, and are chosen so that the balance closes (`history.adaptive_steps`). In an
-adaptive step in which a hard wall first touches or last touches, the path in contact is not known: the gain
-of the energies counts as work.
+Under a hard wall the work of a step follows from pressure and displacement of each point, exactly for an
+elastic body (`history.path_work`): the residual is an error of the relaxation. Adaptive steps see it, and are
+chosen so that the balance closes (`history.adaptive_steps`). With attraction, and for the tangential stress,
+the curve is a parabola through three rows.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
