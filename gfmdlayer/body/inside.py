@@ -38,7 +38,7 @@ of their roots of weights. Across the wave u_t = i V, s_tz = i Z, s_nt, and in u
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -92,9 +92,9 @@ class StackFields:
     """
 
     def __init__(self, body: Layers, q: FloatArray) -> None:
-        self.body, self.q, self._positive = body, q, np.where(q > 0, q, 1.0)
+        self.body, self.q, positive = body, q, np.where(q > 0, q, 1.0)
         self.tops = np.concatenate(([0.0], np.cumsum([layer.thickness for layer in body.present])))
-        members, free = members_of(body, self._positive)
+        members, free = members_of(body, positive)
         counts = [of.springs.stiffness.shape[1] for of in members]
         self.layer: IntArray = np.repeat(np.arange(len(counts) + 1), [1, *counts]) - 1
         self.layer[0] = 0
@@ -157,18 +157,9 @@ class StackFields:
     def transfer(self, depth: FloatArray, number: int) -> FloatArray:
         """Return the fields at a depth, in the layer of this number, for each of its springs."""
         # W and U for a strain of one, s_zz, S, s_nn and s_tt for a force of one: (6, springs, nq).
-        layer, own = self.body.present[number], np.flatnonzero(self.layer == number)
-        z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
-        form = _uppermost if not number else _below if math.isinf(layer.thickness) else _between
-        of_springs = []
-        for i in range(own.size):
-            a = np.zeros((own.size, self.q.size))
-            a[i] = 1.0
-            stiffness = self.stiffness[own]
-            fields = form(layer.poisson, z, x, a, stiffness * a)
-            fields[2:] /= stiffness[i]
-            of_springs.append(fields)
-        return np.stack(of_springs, axis=1)
+        infinite = math.isinf(self.body.present[number].thickness)
+        form = _uppermost if not number else _below if infinite else _between
+        return _of_each_spring(self, form, depth, number, 2)
 
 
 class TractionFields:
@@ -181,12 +172,11 @@ class TractionFields:
 
     def __init__(self, body: Layers, q: FloatArray, *, in_plane: bool) -> None:
         self.body, self.q, self.in_plane, self.ways = body, q, in_plane, 2 if in_plane else 1
-        self._positive = np.where(q > 0, q, 1.0)
         self.tops = np.concatenate(([0.0], np.cumsum([layer.thickness for layer in body.present])))
-        x = [self._positive * layer.thickness for layer in body.present]
+        positive = np.where(q > 0, q, 1.0)
         of = [
-            traction_springs(depths, layer.poisson, in_plane=in_plane)
-            for depths, layer in zip(x, body.present, strict=True)
+            traction_springs(positive * layer.thickness, layer.poisson, in_plane=in_plane)
+            for layer in body.present
         ]
         counts = [each.stiffness.shape[1] for each in of]
         self.layer: IntArray = np.repeat(np.arange(len(counts)), counts)
@@ -216,7 +206,7 @@ class TractionFields:
         scale = np.where(free, size, 1.0)
         scales, both = (each[:, :, np.newaxis] * each[:, np.newaxis] for each in (scale, free))
         whole = K / scales + np.eye(self.ways) * ~free[:, np.newaxis]
-        return np.where(both, np.linalg.inv(whole) / scales, 0.0)
+        return np.asarray(np.where(both, np.linalg.inv(whole) / scales, 0.0))
 
     @cached_property
     def loaded(self) -> FloatArray:
@@ -247,7 +237,9 @@ class TractionFields:
         own = self._uppermost.strains[deep, :, : self.ways] @ np.linalg.inv(halfspace.strains[0])
         own = own * self._uppermost.stiffness[deep][:, :, np.newaxis] / np.sqrt(halfspace.stiffness[0])
         per_mode = np.sqrt(moduli)[:, np.newaxis] * own[:, :, np.newaxis]
-        per_mode = np.sqrt(self.q[deep])[:, np.newaxis, np.newaxis] * per_mode.reshape(*own.shape[:2], moduli.size * self.ways)
+        per_mode = np.sqrt(self.q[deep])[:, np.newaxis, np.newaxis] * per_mode.reshape(
+            *own.shape[:2], moduli.size * self.ways
+        )
         kept = numbers[numbers < per_mode.shape[2]]
         forces[deep, : own.shape[1], : kept.size] = per_mode[:, :, kept]
         return strains, forces
@@ -256,25 +248,34 @@ class TractionFields:
         """Return the fields at a depth, in the layer of this number, for each of its springs."""
         # In the plane as `StackFields.transfer`; across V for a strain of one, Z and s_nt for a force of one:
         # (3, springs, nq).
-        layer, own = self.body.present[number], np.flatnonzero(self.layer == number)
-        z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
-        of_springs = []
-        for i in range(own.size):
-            a = np.zeros((own.size, self.q.size))
-            a[i] = 1.0
-            stiffness = self.stiffness[own]
-            if self.in_plane:
-                form = _below if math.isinf(layer.thickness) else _between
-                fields = form(layer.poisson, z, x, a, stiffness * a)
-                fields[2:] /= stiffness[i]
-            else:
-                fields = _across(z, x, a)
-                fields[1:] /= stiffness[i]
-            of_springs.append(fields)
-        return np.stack(of_springs, axis=1)
+        infinite = math.isinf(self.body.present[number].thickness)
+        form = (_below if infinite else _between) if self.in_plane else _across
+        return _of_each_spring(self, form, depth, number, self.ways)
 
 
-def _across(z: FloatArray, x: FloatArray, a: FloatArray) -> FloatArray:
+def _of_each_spring(
+    of: StackFields | TractionFields,
+    form: Callable[..., FloatArray],
+    depth: float | FloatArray,
+    number: int,
+    displacements: int,
+) -> FloatArray:
+    """Return the fields of a form, of which the first are displacements, for each spring of a layer."""
+    layer, own = of.body.present[number], np.flatnonzero(of.layer == number)
+    positive = np.where(of.q > 0, of.q, 1.0)
+    z, x = positive * (depth - of.tops[number]), positive * layer.thickness
+    of_springs = []
+    for i in range(own.size):
+        a = np.zeros((own.size, of.q.size))
+        a[i] = 1.0
+        stiffness = of.stiffness[own]
+        fields = form(layer.poisson, z, x, a, stiffness * a)
+        fields[displacements:] /= stiffness[i]
+        of_springs.append(fields)
+    return np.stack(of_springs, axis=1)
+
+
+def _across(_nu: float, z: FloatArray, x: FloatArray, a: FloatArray, _b: FloatArray) -> FloatArray:
     """V, Z and s_nt in a layer, or in a halfspace, of springs across the wave."""
     if np.isinf(x).all():
         V = a[0] * np.exp(-z)

@@ -199,7 +199,7 @@ def _coupled(body: Bonded, q: FloatArray) -> tuple[Network, IntArray]:
 
 
 def traction_springs(x: FloatArray, poisson: float, *, in_plane: bool) -> Springs:
-    """Springs of a layer, x = q d > 0, over (W, U), or V, of its faces; of a halfspace, x = inf, of its surface."""
+    """Springs of a layer, x = q d > 0, over (W, U), or V, of its faces, or of its surface at x = inf."""
     if np.isinf(x).all():
         if in_plane:
             return halfspace_springs(x.size, poisson)
@@ -299,7 +299,7 @@ def traction_networks(
         yield some, traction_network(body, q[some], in_plane=in_plane)
 
 
-class TractionModes(NamedTuple):
+class NumberedModes(NamedTuple):
     """The modes of a network at all wavenumbers, fastest first, and their numbers there."""
 
     spectrum: VectorSpectrum
@@ -307,7 +307,7 @@ class TractionModes(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _traction_spectrum(body: Bonded, wavenumbers: bytes) -> tuple[TractionModes, TractionModes]:
+def _traction_spectrum(body: Bonded, wavenumbers: bytes) -> tuple[NumberedModes, NumberedModes]:
     """Return the modes over (W, U) and over V at different wavenumbers."""
     q = np.frombuffer(wavenumbers)
     return _traction_modes(body, q, in_plane=True), _traction_modes(body, q, in_plane=False)
@@ -318,7 +318,7 @@ def mode_numbers(body: Bonded, q: FloatArray, *, in_plane: bool) -> NDArray[np.i
     return _traction_spectrum(body, q.tobytes())[0 if in_plane else 1].numbers
 
 
-def _traction_modes(body: Bonded, q: FloatArray, *, in_plane: bool) -> TractionModes:
+def _traction_modes(body: Bonded, q: FloatArray, *, in_plane: bool) -> NumberedModes:
     """Join the modes of the network with those of waves that only the uppermost layer feels."""
     # On a deep layer each branch has a mode for each spring of a halfspace, in this order.
     top, ways = body.present[0], 2 if in_plane else 1
@@ -340,4 +340,4 @@ def _traction_modes(body: Bonded, q: FloatArray, *, in_plane: bool) -> TractionM
         vectors[: len(of_waves), at], all_times[: len(of_waves), at] = of_waves, of_modes
     limit = NEGLIGIBLE * np.trace(relaxed, axis1=1, axis2=2)
     felt = ((vectors**2).sum(axis=2) > limit).any(axis=1)
-    return TractionModes(VectorSpectrum(relaxed, vectors[felt], all_times[felt]), np.flatnonzero(felt))
+    return NumberedModes(VectorSpectrum(relaxed, vectors[felt], all_times[felt]), np.flatnonzero(felt))

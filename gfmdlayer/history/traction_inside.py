@@ -1,11 +1,11 @@
 """Displacements and stresses below a surface under pressure and shear traction, on the periodic grid.
 
-Signs, means and `body` as in `history.inside`, waves as in `history.traction_modes`: W into the body, and
-u = i (n U + m V) along a wave n and across it, m = (-n_y, n_x); tractions on the body likewise (p, T, S). Then
+Signs and means as in `history.inside`, waves as in `history.traction_modes`: W into the body, and u = i (n U
++ m V) along a wave n and across it, m = (-n_y, n_x); tractions on the body likewise (p, T, S). Then
 
-    s_xz = i (n_x R + m_x Z),                                  s_yz = i (n_y R + m_y Z),
-    s_xx = n_x^2 s_nn + n_y^2 s_tt - 2 n_x n_y s_nt,           s_yy = n_y^2 s_nn + n_x^2 s_tt + 2 n_x n_y s_nt,
-    s_xy = n_x n_y (s_nn - s_tt) + (n_x^2 - n_y^2) s_nt,       s_nz = i R,  s_tz = i Z.
+    s_nz = i R,  s_tz = i Z,                             s_xz = i (n_x R + m_x Z),  s_yz = i (n_y R + m_y Z),
+    s_xx = n_x^2 s_nn + n_y^2 s_tt - 2 n_x n_y s_nt,     s_yy = n_y^2 s_nn + n_x^2 s_tt + 2 n_x n_y s_nt,
+    s_xy = n_x n_y (s_nn - s_tt) + (n_x^2 - n_y^2) s_nt.
 
 At the largest wavenumber of an even axis +q and -q share a mode of the grid, and each has half of it: fields
 that are odd along the axis vanish. At the mean U, V, T and S are u_x, u_y, t_x and t_y.
@@ -54,7 +54,8 @@ class TractionInterior(Interior):
         x, loads = self._in_phase([part.x for part in history.components]), self._components(tractions)
         if self.relaxes_alike:
             return self._of_surface(x, loads)
-        strains, forces = [], []
+        strains: list[ComplexArray] = []
+        forces: list[ComplexArray] = []
         stretches = self._in_phase([part.stretches.T for part in history.components])
         for part, moved, y in zip(self._parts, x, stretches, strict=True):
             for of, relaxed, past in zip((strains, forces), part.relaxed, part.memory, strict=True):
@@ -125,20 +126,20 @@ class TractionInterior(Interior):
 
     def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
         depth, number = place
-        transfers, rows = [], []
+        different, every = self._parts[0].q.size, self._where.size
+        transfers = [np.zeros((different, 6, 0)), np.zeros((different, 3, 0))]  # a line has none across
+        rows = [SpringFields(*np.zeros((2, 0, every), dtype=np.complex128))] * 2
         for i, part in enumerate(self._parts):
             own = part.layer == number
-            transfers.append(np.ascontiguousarray(np.moveaxis(part.transfer(depth, number), 2, 0)))
-            rows += [self._of(i, values)[own] for values in springs]
-        if len(transfers) == 1:  # a line has no springs across
-            transfers.append(np.zeros((len(transfers[0]), 3, 0)))
-            rows += [np.zeros((0, self._where.size), dtype=np.complex128)] * 2
+            transfers[i] = np.ascontiguousarray(np.moveaxis(part.transfer(depth, number), 2, 0))
+            rows[i] = SpringFields(*(self._of(i, values)[own] for values in springs))
         spectra = np.zeros((len(self.names), self.grid.wavenumbers.size), dtype=np.complex128)
-        superpose_tractions(*transfers, self._where, self._waves.mode, *rows, self._waves.along, spectra)
+        of_waves: tuple[Any, ...] = (*rows[0], *rows[1], self._where, self._waves.mode, self._waves.along)
+        superpose_tractions(transfers[0], transfers[1], *of_waves, spectra)
         return spectra
 
     def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
-        at, means = self._at_mean, {}
+        at, means = self._at_mean, dict[str, ComplexArray]()
         ways = [(i, way) for i, part in enumerate(self._parts) for way in range(part.ways)]
         names = ("z", "zz"), ("x", "xz"), ("y", "yz")
         for row, ((i, way), (axis, stress)) in enumerate(zip(ways, names, strict=False)):
@@ -161,12 +162,12 @@ def _rows(surface: list[ComplexArray], springs: list[ComplexArray]) -> ComplexAr
 def superpose_tractions(
     transfer: FloatArray,
     transfer_across: FloatArray,
-    column: IntArray,
-    mode: IntArray,
     strains: ComplexArray,
     forces: ComplexArray,
     strains_across: ComplexArray,
     forces_across: ComplexArray,
+    column: IntArray,
+    mode: IntArray,
     n: FloatArray,
     spectra: ComplexArray,
 ) -> None:

@@ -38,8 +38,9 @@ def inside(
     Parameters
     ----------
     data : xarray.Dataset
-        Displacement and pressure of the surface, along x or x and y, on a periodic grid, with friction also
-        its shear traction: one case with snapshots, as `gfmdlayer.run` and `open_case` return it, or a result of `gfmdlayer.solve`.
+        Displacement and pressure of the surface, with friction also its shear traction, along x or x and y,
+        on a periodic grid: one case with snapshots, as `gfmdlayer.run` and `open_case` return it, or a
+        result of `gfmdlayer.solve`.
     depths : sequence of float, shape (n,)
         Depths z >= 0 below the surface of the undeformed body [length], increasing.
     body : Body, optional
