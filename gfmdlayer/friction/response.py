@@ -9,6 +9,10 @@ with real C. In components C is Hermitian, and real but for the coupling of p wi
 are odd along an axis vanish at its largest wavenumber, where +q and -q share a mode.
 
 Fields stand one below the other, (p, t_x[, t_y]) and (W, u_x[, u_y]), of shape (1 + axes, points).
+
+In steady rolling a state repeats itself after a way h along x (`Rolling`). The parts are then complex, those
+of the material that passes, and the conjugate ones at -q_x. The displacements u are those relative to the
+last step, u(x) - u(x + h): all rows of u have the factor 1 - exp(i q_x h).
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import blake2b
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +31,38 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.grid import Grid, parts
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import kernel
+
+
+_KEPT = 6.0  # of 1 - 6/n: 1 takes three times the iterations of 4 to 8
+
+
+class Rolling(NamedTuple):
+    """Displacements u of steady rolling: u(x) - u(x + way), times a length over the way."""
+
+    way: float  # h, in which the state repeats itself
+    length: float  # brings the slip of a point to the size of its displacement
+    kept: float  # part of u(x + way) that a stiffness leaves; with all of it the mean would have none
+    stiff: bool = False  # whether it is a stiffness, tractions over displacements
+
+    @classmethod
+    def over(cls, way: float, of: Response, grid: Grid, points: int) -> Rolling:
+        """Rolling by a way over a surface, in contact at so many points along x."""
+        x = np.broadcast_to(grid.wavevectors[0], grid.spectral_shape)
+        waves = grid.parseval_weights * of.along.real
+        # Displacement of a loaded point, and its change over the way.
+        point, change = float(waves.sum()), float((waves * (1 - np.cos(x * way))).sum())
+        return cls(way, abs(way) * point / change, max(1 - _KEPT / max(points, 1), 0.0))
+
+    def rows(self, q: FloatArray) -> ComplexArray:
+        """Return the factor on displacements, or on tractions over them, at wavenumbers along x."""
+        turned = np.exp(1j * q * self.way)
+        if self.stiff:
+            return np.asarray(abs(self.way) / self.length / (1 - self.kept * turned))
+        return np.asarray(self.length / abs(self.way) * (1 - turned))
+
+    def on(self, part: float) -> Rolling:
+        """Return the same on a grid with a part of the points along x, which rolls by as many."""
+        return self._replace(way=self.way / part, kept=1 - (1 - self.kept) / part)
 
 
 @dataclass(frozen=True)
@@ -40,6 +77,7 @@ class Response:
     coupling: FloatArray  # C_WU
     along: FloatArray  # C_UU
     across: FloatArray  # C_VV; without a meaning on a line
+    rolling: Rolling | None = None  # with it the parts may be complex
 
     @classmethod
     def of_stiffness(cls, in_plane: FloatArray, across: FloatArray) -> Response:
@@ -61,7 +99,7 @@ class Response:
     def digest(self) -> str:
         """Digest of the values."""
         parts = (self.normal, self.coupling, self.along, self.across)
-        return blake2b(b"".join(part.tobytes() for part in parts)).hexdigest()
+        return blake2b(b"".join(part.tobytes() for part in parts) ).hexdigest()
 
     def equals(self, other: Response) -> bool:
         """Whether another response has the same values."""
@@ -75,31 +113,35 @@ class Response:
     @cached_property
     def softest(self) -> float:
         """Largest compliance of a wave to pressure."""
-        return float(self.normal.max())
+        return float(self.normal.real.max())
 
     @cached_property
     def critical_coefficient(self) -> float:
         """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
         coupled = self.coupling != 0
-        return float(np.min(self.normal[coupled] / np.abs(self.coupling[coupled]), initial=np.inf))
+        normal, coupling = np.abs(self.normal[coupled]), np.abs(self.coupling[coupled])
+        return float(np.min(normal / coupling, initial=np.inf))
 
     def on(self, fine: Transforms, coarse: Transforms) -> Response:
         """Response at the modes of a coarser grid of the same cell."""
         parts = self.normal, self.coupling, self.along, self.across
-        return Response(*(fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in parts))
+        rolling = self.rolling and self.rolling.on(coarse.shape[0] / fine.shape[0])
+        truncated = (fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in parts)
+        return Response(*truncated, rolling)
 
     def inverse(self, grid: Grid) -> Response:
         """Stiffness without the coupling; a fixed mean has that of the longest wave."""
         stiffness = []
         for part in (self.normal, self.along, self.across):
             positive = part.ravel().copy()
-            if positive[0] <= 0:
+            if positive[0].real <= 0:
                 longest = np.argmin(np.where(grid.wavenumbers.ravel() > 0, grid.wavenumbers.ravel(), np.inf))
                 positive[0] = positive[longest]
             stiffness.append((1 / positive).reshape(part.shape))
         if len(grid.points) > 1:  # the mean has no direction
             stiffness[1].flat[0] = 2 / (1 / stiffness[1].flat[0] + 1 / stiffness[2].flat[0])
-        return Response(stiffness[0], np.zeros_like(stiffness[0]), stiffness[1], stiffness[2])
+        rolling = self.rolling and self.rolling._replace(stiff=True)
+        return Response(stiffness[0], np.zeros_like(stiffness[0]), stiffness[1], stiffness[2], rolling)
 
 
 @dataclass
@@ -187,6 +229,8 @@ class CountedFields:
         spectra = self.waves[: len(live)]
         if len(live) == 1:
             spectra[0] *= factors[0]
+        elif len(factors) == len(live) ** 2:
+            (_rolling_line if len(live) == 2 else _rolling_surface)(*factors, *spectra)
         elif len(live) == 2:  # a line
             _line(*factors, *spectra)
         else:
@@ -216,13 +260,15 @@ class Operator:
         # `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
         self.size, self.axes = grid.size, len(grid.points)
         self._response, self.work, self._counted = response, work, counted
-        self._double = self._parts(grid)
-        self._single = {1: tuple(part.astype(np.float32) for part in self._double)}
+        self.rolls = response.rolling is not None
+        self._double = self._rolling_parts(grid) if self.rolls else self._parts(grid)
+        self._kind = np.complex64 if self.rolls else np.float32
+        self._single = {1: tuple(part.astype(self._kind) for part in self._double)}
         weights = np.ravel(grid.parseval_weights) * grid.size
+        along = self._double[2 + self.axes if self.rolls else 1 + self.axes]
         # displacement of a point under a load on it alone
         self.point = (
-            float(weights @ np.ravel(response.normal)),
-            float(weights @ self._double[2 if self.axes == 1 else 3]) * grid.size,
+            float(weights @ np.ravel(response.normal.real)), float(weights @ along.real) * grid.size
         )
 
     def _parts(self, grid: Grid) -> tuple[FloatArray, ...]:
@@ -248,6 +294,32 @@ class Operator:
         xx, yy = flat[3] + difference * x**2, flat[3] + difference * y**2
         xx[0] = yy[0] = flat[2][0]
         return flat[0], flat[1] * odd[0], flat[1] * odd[1], xx, difference * odd[0] * odd[1], yy
+
+    def _rolling_parts(self, grid: Grid) -> tuple[ComplexArray, ...]:
+        """Factors of the components over the number of points, those on p before those on t, row by row."""
+        # At the largest wavenumber of an even axis a mode is the mean of +q and -q.
+        q = [np.broadcast_to(component, grid.spectral_shape).ravel() for component in grid.wavevectors]
+        size = np.ravel(grid.wavenumbers)
+        of, still, total = self._response, size == 0, 0.0
+        for signs in product((1, -1), repeat=self.axes):
+            share = np.full(size.size, 1 / self.size)
+            for sign, component, points, period in zip(signs, q, grid.points, grid.period, strict=True):
+                shared = (points % 2 == 0) & (np.abs(component) > (1 - 1e-9) * np.pi * points / period)
+                share *= np.where(shared, 0.5, float(sign > 0))
+            parts = [np.ravel(part) for part in (of.normal, of.coupling, of.along, of.across)]
+            normal, coupling, along, across = parts if signs[0] > 0 else map(np.conj, parts)
+            n = [sign * component / np.where(still, 1.0, size) for sign, component in zip(signs, q, strict=True)]
+            rows = share * of.rolling.rows(signs[0] * q[0])  # type: ignore[union-attr]
+            made = [share * normal, *(-1j * share * coupling * each for each in n)]
+            for i, row in enumerate(n):
+                made.append(1j * rows * coupling * row)
+                for j, column in enumerate(n):
+                    of_wave = row * column * along
+                    if self.axes == 2:  # across the wave
+                        of_wave += (n[1 - i] * n[1 - j] if i == j else -n[0] * n[1]) * across
+                    made.append(rows * np.where(still, along * (i == j), of_wave))
+            total = total + np.array(made)
+        return tuple(total)
 
     def __call__(self, x: NDArray[Any], *, single: bool = False) -> FloatArray:
         """Return the response to fields, as new fields in double precision."""
@@ -312,10 +384,10 @@ class Operator:
             work, window = self.work.fields(single=False), self.work.fields(part, single=True)
             shape = self.work.shape
             near = [np.fft.fftfreq(n // part, part / n).round().astype(int) for n in shape]
-            odd = {1} if self.axes == 1 else {1, 2}
+            odd = range(1, 1 + self.axes if not self.rolls else 1)
             factors, before = [], self.work.spent.pairs
             for number, factor in enumerate(self._double):
-                made = np.zeros(window.waves[0].size, dtype=np.float32)
+                made = np.zeros(window.waves[0].size, dtype=self._kind)
                 if factor.any():
                     work.waves[0][:] = factor * (-1j if number in odd else 1.0)
                     work.transform_back(0)
@@ -323,8 +395,10 @@ class Operator:
                     window.points[0][:] = kernel_there.ravel()
                     window.transform(0)
                     spectrum = window.waves[0]
-                    made = (-spectrum.imag if number in odd else spectrum.real) / window.plan.size
-                factors.append(np.ascontiguousarray(made, dtype=np.float32))
+                    if not self.rolls:
+                        spectrum = -spectrum.imag if number in odd else spectrum.real
+                    made = spectrum / window.plan.size
+                factors.append(np.ascontiguousarray(made, dtype=self._kind))
             self._single[part] = tuple(factors)
             if part in self._counted:
                 self.work.spent.pairs = before
@@ -379,3 +453,23 @@ def _surface(a: Any, cx: Any, cy: Any, xx: Any, xy: Any, yy: Any, p: Any, tx: An
         p[k] = complex(a[k] * pr + cx[k] * xi + cy[k] * yi, a[k] * pi - cx[k] * xr - cy[k] * yr)
         tx[k] = complex(xx[k] * xr + xy[k] * yr - cx[k] * pi, xx[k] * xi + xy[k] * yi + cx[k] * pr)
         ty[k] = complex(xy[k] * xr + yy[k] * yr - cy[k] * pi, xy[k] * xi + yy[k] * yi + cy[k] * pr)
+
+
+@kernel(reorder=True)
+def _rolling_line(a: Any, b: Any, c: Any, d: Any, p: Any, t: Any) -> None:
+    """Replace the transforms of p and t by those of W and u in rolling."""
+    for k in range(p.size):
+        of_p, of_t = p[k], t[k]
+        p[k], t[k] = a[k] * of_p + b[k] * of_t, c[k] * of_p + d[k] * of_t
+
+
+@kernel(reorder=True)
+def _rolling_surface(
+    a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any, i: Any, p: Any, tx: Any, ty: Any
+) -> None:
+    """Replace the transforms of p, t_x and t_y by those of W, u_x and u_y in rolling."""
+    for k in range(p.size):
+        of_p, of_x, of_y = p[k], tx[k], ty[k]
+        p[k] = a[k] * of_p + b[k] * of_x + c[k] * of_y
+        tx[k] = d[k] * of_p + e[k] * of_x + f[k] * of_y
+        ty[k] = g[k] * of_p + h[k] * of_x + i[k] * of_y

@@ -24,7 +24,7 @@ from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
 from gfmdlayer.friction.newton import INNER, FrictionNewton
 from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState, norms
-from gfmdlayer.friction.response import Operator, Response, SharedTransforms, Spent
+from gfmdlayer.friction.response import Operator, Response, Rolling, SharedTransforms, Spent
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.friction import ShearBound
@@ -37,6 +37,7 @@ LIMIT = 60  # Newton steps
 _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
 # Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
 _FEWEST, _APART = 64, 64
+_FEWEST_ROLLING = 10  # points along the contact on the coarsest grid of steady rolling
 _ROUNDS = 40  # of normal and frictional contact, where the interface attracts
 MIXED = 5  # rounds that the next one is mixed of
 # Residual of a round in parts of the change of the attraction in the last one, and of the tolerance: errors
@@ -83,6 +84,8 @@ class FrictionSolver:
             for level in self._levels:  # the kernels of windows of a resumed run count anew
                 level.counted.clear()
         self._mark = ""
+        if problem.way is not None:
+            return self._rolled(problem, problem.way, tolerance, limit)
         if problem.law.is_frictionless:
             return self._smooth(
                 problem, *self._pressed(problem, None, start, gap, tolerance, limit), tolerance
@@ -91,6 +94,34 @@ class FrictionSolver:
             return self._attracted(problem, start, gap, tolerance, limit)
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
+
+    def _rolled(
+        self, problem: FrictionProblem, way: float, tolerance: float, limit: int
+    ) -> FrictionSolution:
+        """Solve for the state that repeats itself after a way along x; no displacements along the surface."""
+        grid, of = self._levels[0].grid, problem.response
+        still = replace(of, normal=np.abs(of.normal), coupling=np.zeros_like(of.coupling))
+        smooth = replace(problem, response=still, law=ShearBound(0.0), force=None)
+        _, pressed = self._pressed(smooth, None, None, None, _COARSE_TOLERANCE, limit)
+        start = np.zeros((1 + len(grid.points), problem.heights.size))
+        start[0] = pressed.pressure
+        touching = (start[0] > 0).reshape(grid.points)
+        along = int(np.count_nonzero(touching.any(axis=tuple(range(1, touching.ndim)))))
+        rolling = Rolling.over(way, of, grid, along)
+        unit = rolling.length / abs(way)
+        scaled = replace(
+            problem,
+            way=None,
+            response=replace(of, rolling=rolling),
+            path=None if problem.path is None else problem.path * unit,
+            before=None if problem.before is None else problem.before * unit,
+        )
+        deepest = 0
+        while deepest + 1 < len(self._levels) and along >> deepest + 1 >= _FEWEST_ROLLING:
+            deepest += 1
+        at, steps = self._solve(scaled, start, 0, deepest, tolerance, limit)
+        found = _solution(scaled, at, steps, self._spent.pairs, tolerance)
+        return replace(found, slip=found.slip / unit, path=found.path / unit)
 
     def _under_a_wall(
         self,
