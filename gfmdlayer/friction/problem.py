@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.friction.response import Response
+from gfmdlayer.friction.response import AnyResponse
 from gfmdlayer.grid.sums import pairwise_sum
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL, Interaction
@@ -45,7 +45,7 @@ from gfmdlayer.kernels import kernel
 class FrictionProblem:
     """The frictional contact of a step; of load and depth, and of force and path, one is given."""
 
-    response: Response  # to tractions of this step
+    response: AnyResponse  # to tractions of this step
     heights: FloatArray  # h of the punch above its lowest point; length
     law: ShearBound
     load: float | None = None  # mean pressure, less that of the attraction

@@ -10,9 +10,9 @@ are odd along an axis vanish at its largest wavenumber, where +q and -q share a 
 
 Fields stand one below the other, (p, t_x[, t_y]) and (W, u_x[, u_y]), of shape (1 + axes, points).
 
-In steady rolling a state repeats itself after a way h along x (`Rolling`). The parts are then complex, those
-of the material that passes, and the conjugate ones at -q_x. The displacements u are those relative to the
-last step, u(x) - u(x + h): all rows of u have the factor 1 - exp(i q_x h).
+In steady rolling a state repeats itself after a way h along x. The response of a body that relaxes is then
+complex, of the material that passes, with the conjugate at -q_x. Slip is linear in the tractions (`Rolling`):
+the displacements u(x) - u(x + h) relative to the last step have the factor 1 - exp(i q_x h) on u.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import blake2b
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,38 +30,6 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.grid import Grid, parts
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import kernel
-
-
-_KEPT = 6.0  # of 1 - 6/n: 1 takes three times the iterations of 4 to 8
-
-
-class Rolling(NamedTuple):
-    """Displacements u of steady rolling: u(x) - u(x + way), times a length over the way."""
-
-    way: float  # h, in which the state repeats itself
-    length: float  # brings the slip of a point to the size of its displacement
-    kept: float  # part of u(x + way) that a stiffness leaves; with all of it the mean would have none
-    stiff: bool = False  # whether it is a stiffness, tractions over displacements
-
-    @classmethod
-    def over(cls, way: float, of: Response, grid: Grid, points: int) -> Rolling:
-        """Rolling by a way over a surface, in contact at so many points along x."""
-        x = np.broadcast_to(grid.wavevectors[0], grid.spectral_shape)
-        waves = grid.parseval_weights * of.along.real
-        # Displacement of a loaded point, and its change over the way.
-        point, change = float(waves.sum()), float((waves * (1 - np.cos(x * way))).sum())
-        return cls(way, abs(way) * point / change, max(1 - _KEPT / max(points, 1), 0.0))
-
-    def rows(self, q: FloatArray) -> ComplexArray:
-        """Return the factor on displacements, or on tractions over them, at wavenumbers along x."""
-        turned = np.exp(1j * q * self.way)
-        if self.stiff:
-            return np.asarray(abs(self.way) / self.length / (1 - self.kept * turned))
-        return np.asarray(self.length / abs(self.way) * (1 - turned))
-
-    def on(self, part: float) -> Rolling:
-        """Return the same on a grid with a part of the points along x, which rolls by as many."""
-        return self._replace(way=self.way / part, kept=1 - (1 - self.kept) / part)
 
 
 @dataclass(frozen=True)
@@ -77,7 +44,6 @@ class Response:
     coupling: FloatArray  # C_WU
     along: FloatArray  # C_UU
     across: FloatArray  # C_VV; without a meaning on a line
-    rolling: Rolling | None = None  # with it the parts may be complex
 
     @classmethod
     def of_stiffness(cls, in_plane: FloatArray, across: FloatArray) -> Response:
@@ -99,7 +65,7 @@ class Response:
     def digest(self) -> str:
         """Digest of the values."""
         parts = (self.normal, self.coupling, self.along, self.across)
-        return blake2b(b"".join(part.tobytes() for part in parts) ).hexdigest()
+        return blake2b(b"".join(part.tobytes() for part in parts)).hexdigest()
 
     def equals(self, other: Response) -> bool:
         """Whether another response has the same values."""
@@ -122,12 +88,24 @@ class Response:
         normal, coupling = np.abs(self.normal[coupled]), np.abs(self.coupling[coupled])
         return float(np.min(normal / coupling, initial=np.inf))
 
+    def factors(self, grid: Grid) -> tuple[FloatArray, ...]:
+        """Factors of the components over the number of points: C_pp, coupling along the axes, C_tt."""
+        flat = (self.normal, self.coupling, self.along, self.across)
+        normal, coupling, along, across = (np.ravel(part) / grid.size for part in flat)
+        if len(grid.points) == 1:
+            return _of_shared_modes(grid, normal, coupling, along)
+        q = grid.wavenumbers
+        length = np.where(q > 0, q, 1.0)
+        x, y = (np.ravel(np.broadcast_to(component, q.shape) / length) for component in grid.wavevectors)
+        difference = along - across
+        xx, yy = across + difference * x**2, across + difference * y**2
+        xx[0] = yy[0] = along[0]
+        return _of_shared_modes(grid, normal, coupling * x, coupling * y, xx, difference * x * y, yy)
+
     def on(self, fine: Transforms, coarse: Transforms) -> Response:
         """Response at the modes of a coarser grid of the same cell."""
         parts = self.normal, self.coupling, self.along, self.across
-        rolling = self.rolling and self.rolling.on(coarse.shape[0] / fine.shape[0])
-        truncated = (fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in parts)
-        return Response(*truncated, rolling)
+        return Response(*(fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in parts))
 
     def inverse(self, grid: Grid) -> Response:
         """Stiffness without the coupling; a fixed mean has that of the longest wave."""
@@ -140,8 +118,166 @@ class Response:
             stiffness.append((1 / positive).reshape(part.shape))
         if len(grid.points) > 1:  # the mean has no direction
             stiffness[1].flat[0] = 2 / (1 / stiffness[1].flat[0] + 1 / stiffness[2].flat[0])
-        rolling = self.rolling and self.rolling._replace(stiff=True)
-        return Response(stiffness[0], np.zeros_like(stiffness[0]), stiffness[1], stiffness[2], rolling)
+        return Response(stiffness[0], np.zeros_like(stiffness[0]), stiffness[1], stiffness[2])
+
+
+@dataclass(frozen=True)
+class CroppedResponse:
+    """Compliance of a surface without images, by its kernel in a cell: exact in a box of half of the cell.
+
+    Its spectrum has no direction of its own, and may be negative in some waves: on the points in contact it
+    is the positive one of the surface itself. `friction.isolated` makes it.
+    """
+
+    parts: tuple[FloatArray, ...]  # as of `Response.factors`, each of the spectral shape
+    plain: Response  # of the same surface with images, the mean fixed: for what needs positive waves only
+
+    @property
+    def normal(self) -> FloatArray:
+        """C_WW; at q = 0 the displacement under a mean pressure."""
+        return self.parts[0]
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the values."""
+        return blake2b(b"".join(part.tobytes() for part in self.parts)).hexdigest()
+
+    def equals(self, other: Response | CroppedResponse) -> bool:
+        """Whether another response has the same values."""
+        return self is other or self.digest == other.digest
+
+    @property
+    def couples(self) -> bool:
+        """Whether shear moves the surface up and down."""
+        return self.plain.couples
+
+    @property
+    def softest(self) -> float:
+        """Largest compliance of a wave to pressure."""
+        return self.plain.softest
+
+    @property
+    def critical_coefficient(self) -> float:
+        """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
+        return self.plain.critical_coefficient
+
+    def factors(self, grid: Grid) -> tuple[FloatArray, ...]:
+        """Real factors of the components over the number of points, see `Response.factors`."""
+        return _of_shared_modes(grid, *(np.ravel(part) / grid.size for part in self.parts))
+
+    def on(self, fine: Transforms, coarse: Transforms) -> CroppedResponse:
+        """Response at the modes of a coarser grid of the same cell."""
+        parts = (fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in self.parts)
+        return CroppedResponse(tuple(parts), self.plain.on(fine, coarse))
+
+    def inverse(self, grid: Grid) -> Response:
+        """Stiffness of the surface with images, without the coupling, see `Response.inverse`."""
+        return self.plain.inverse(grid)
+
+
+class Rolling(NamedTuple):
+    """Slip in place of displacements along the surface: u(x) - u(x + way), times a length over the way."""
+
+    way: float  # h, in which the state repeats itself
+    length: float  # brings the slip of a point under a load on it to its displacement
+    kept: float  # part of u(x + way) of which a stiffness is the inverse: slip alone has no mean
+    stiff: bool = False  # whether it is a stiffness, tractions over slip
+
+    @classmethod
+    def over(cls, way: float, of: Response | CroppedResponse, grid: Grid, points: int) -> Rolling:
+        """Rolling by a way, in a contact of so many points along x."""
+        q = np.broadcast_to(grid.wavevectors[0], grid.spectral_shape)
+        waves = grid.parseval_weights.ravel() * of.factors(grid)[1 + len(grid.points)].real
+        point, change = float(waves.sum()), float((waves * (1 - np.cos(q * way)).ravel()).sum())
+        return cls(way, abs(way) * point / change, max(1 - _LEFT_OUT / points, 0.0))
+
+    def rows(self, q: FloatArray) -> ComplexArray:
+        """Return the factor on displacements, or on tractions over them, at wavenumbers along x."""
+        turned = np.exp(1j * q * self.way)
+        if self.stiff:
+            return np.asarray(abs(self.way) / self.length / (1 - self.kept * turned))
+        return np.asarray(self.length / abs(self.way) * (1 - turned))
+
+    def on(self, part: float) -> Rolling:
+        """Return the same on a grid with a part of the points along x, which rolls by as many."""
+        return self._replace(way=self.way / part, kept=1 - (1 - self.kept) / part)
+
+
+@dataclass(frozen=True)
+class RollingResponse:
+    """The displacement W and the slip of steady rolling over tractions, or a stiffness."""
+
+    of: Response | CroppedResponse  # over displacements, in the state; parts may be complex
+    rolling: Rolling
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the values."""
+        return f"{self.of.digest} {self.rolling}"
+
+    def equals(self, other: AnyResponse) -> bool:
+        """Whether another response has the same values."""
+        return self is other or self.digest == other.digest
+
+    @property
+    def normal(self) -> NDArray[Any]:
+        """C_WW."""
+        return self.of.normal
+
+    @property
+    def couples(self) -> bool:
+        """Whether shear moves the surface up and down."""
+        return self.of.couples
+
+    @property
+    def softest(self) -> float:
+        """Largest compliance of a wave to pressure."""
+        return self.of.softest
+
+    @property
+    def critical_coefficient(self) -> float:
+        """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
+        return self.of.critical_coefficient
+
+    def factors(self, grid: Grid) -> tuple[ComplexArray, ...]:
+        """Factors of the components over the number of points, those on p and t for W, then for each slip."""
+        normal, *parts = self.of.factors(grid)
+        rows = self.rolling.rows(np.broadcast_to(grid.wavevectors[0], grid.spectral_shape).ravel())
+        axes = len(grid.points)
+        coupling, along = [1j * part for part in parts[:axes]], parts[axes:]
+        matrix = [normal, *(-part for part in coupling)]
+        for axis, part in enumerate(coupling):
+            matrix += [rows * part, *(rows * each for each in along[axis : axis + axes])]
+        return tuple(np.asarray(part, dtype=np.complex128) for part in matrix)
+
+    def on(self, fine: Transforms, coarse: Transforms) -> RollingResponse:
+        """Response at the modes of a coarser grid of the same cell."""
+        rolling = self.rolling.on(coarse.shape[0] / fine.shape[0])
+        return RollingResponse(self.of.on(fine, coarse), rolling)
+
+    def inverse(self, grid: Grid) -> RollingResponse:
+        """Stiffness without the coupling, see `Response.inverse`, and with less than the mean of slip."""
+        return RollingResponse(self.of.inverse(grid), self.rolling._replace(stiff=True))
+
+
+AnyResponse = Response | CroppedResponse | RollingResponse
+
+_LEFT_OUT = 6.0  # of 1 - 6/n: 1 takes three times the iterations of 4 to 8
+
+
+def _of_shared_modes(grid: Grid, *parts: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """Return factors of `Response.factors` with those of modes that +q and -q of an axis share: their mean."""
+    # With the conjugate at -q_x, even ones are real and odd ones imaginary; along y odd ones vanish.
+    axes, made = len(grid.points), [*parts]
+    for axis in (axis for axis in range(axes) if grid.points[axis] % 2 == 0):
+        shared = np.zeros(grid.spectral_shape, dtype=bool)
+        shared[(slice(None),) * axis + (grid.points[axis] // 2,)] = True
+        for number, part in enumerate(parts):
+            is_odd, is_complex = number in {1 + axis, 4}, np.iscomplexobj(part) and axis == 0
+            if is_odd or is_complex:
+                mean = 1j * part.imag if is_complex else 0.0
+                made[number] = np.where(shared.ravel(), mean if is_odd else part.real, made[number])
+    return tuple(made)
 
 
 @dataclass
@@ -255,71 +391,22 @@ class Operator:
     """A response at the points of a grid, in double and in single precision."""
 
     def __init__(
-        self, grid: Grid, response: Response, work: SharedTransforms, counted: Collection[int] = ()
+        self, grid: Grid, response: AnyResponse, work: SharedTransforms, counted: Collection[int] = ()
     ) -> None:
         # `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
         self.size, self.axes = grid.size, len(grid.points)
         self._response, self.work, self._counted = response, work, counted
-        self.rolls = response.rolling is not None
-        self._double = self._rolling_parts(grid) if self.rolls else self._parts(grid)
+        self.rolls = isinstance(response, RollingResponse)
+        self._double: tuple[NDArray[Any], ...] = response.factors(grid)
         self._kind = np.complex64 if self.rolls else np.float32
         self._single = {1: tuple(part.astype(self._kind) for part in self._double)}
         weights = np.ravel(grid.parseval_weights) * grid.size
-        along = self._double[2 + self.axes if self.rolls else 1 + self.axes]
+        along = self._double[1 + self.axes + self.rolls]
         # displacement of a point under a load on it alone
         self.point = (
-            float(weights @ np.ravel(response.normal.real)), float(weights @ along.real) * grid.size
+            float(weights @ np.ravel(response.normal.real)),
+            float(weights @ along.real) * grid.size,
         )
-
-    def _parts(self, grid: Grid) -> tuple[FloatArray, ...]:
-        """Real factors of the components over the number of points: C_pp, coupling along the axes, C_tt."""
-        of, n = self._response, self.size
-        flat = [np.ravel(part) / n for part in (of.normal, of.coupling, of.along, of.across)]
-        if self.axes == 1:
-            coupling = flat[1].copy()
-            if grid.points[0] % 2 == 0:
-                coupling[-1] = 0.0
-            return flat[0], coupling, flat[2]
-        q = grid.wavenumbers
-        length = np.where(q > 0, q, 1.0)
-        even = [np.broadcast_to(component, q.shape) / length for component in grid.wavevectors]
-        odd = []
-        for axis, direction in enumerate(even):
-            kept, points = direction.copy(), grid.points[axis]
-            if points % 2 == 0:
-                kept[(slice(None),) * axis + (points // 2,)] = 0.0
-            odd.append(kept.ravel())
-        x, y = (direction.ravel() for direction in even)
-        difference = flat[2] - flat[3]
-        xx, yy = flat[3] + difference * x**2, flat[3] + difference * y**2
-        xx[0] = yy[0] = flat[2][0]
-        return flat[0], flat[1] * odd[0], flat[1] * odd[1], xx, difference * odd[0] * odd[1], yy
-
-    def _rolling_parts(self, grid: Grid) -> tuple[ComplexArray, ...]:
-        """Factors of the components over the number of points, those on p before those on t, row by row."""
-        # At the largest wavenumber of an even axis a mode is the mean of +q and -q.
-        q = [np.broadcast_to(component, grid.spectral_shape).ravel() for component in grid.wavevectors]
-        size = np.ravel(grid.wavenumbers)
-        of, still, total = self._response, size == 0, 0.0
-        for signs in product((1, -1), repeat=self.axes):
-            share = np.full(size.size, 1 / self.size)
-            for sign, component, points, period in zip(signs, q, grid.points, grid.period, strict=True):
-                shared = (points % 2 == 0) & (np.abs(component) > (1 - 1e-9) * np.pi * points / period)
-                share *= np.where(shared, 0.5, float(sign > 0))
-            parts = [np.ravel(part) for part in (of.normal, of.coupling, of.along, of.across)]
-            normal, coupling, along, across = parts if signs[0] > 0 else map(np.conj, parts)
-            n = [sign * component / np.where(still, 1.0, size) for sign, component in zip(signs, q, strict=True)]
-            rows = share * of.rolling.rows(signs[0] * q[0])  # type: ignore[union-attr]
-            made = [share * normal, *(-1j * share * coupling * each for each in n)]
-            for i, row in enumerate(n):
-                made.append(1j * rows * coupling * row)
-                for j, column in enumerate(n):
-                    of_wave = row * column * along
-                    if self.axes == 2:  # across the wave
-                        of_wave += (n[1 - i] * n[1 - j] if i == j else -n[0] * n[1]) * across
-                    made.append(rows * np.where(still, along * (i == j), of_wave))
-            total = total + np.array(made)
-        return tuple(total)
 
     def __call__(self, x: NDArray[Any], *, single: bool = False) -> FloatArray:
         """Return the response to fields, as new fields in double precision."""
@@ -357,7 +444,7 @@ class Operator:
         self.work.fields(part, single=True).spend(2.0 * times)
 
     def kernel(self, number: int) -> FloatArray:
-        """Return the response to a load on the first point, of a component of `_parts`; not counted."""
+        """Return the response to a load on the first point, of a component of `Response.factors`; not counted."""
         work, before = self.work.fields(single=False), self.work.spent.pairs
         work.waves[0][:] = self._double[number]
         work.transform_back(0)
@@ -384,7 +471,7 @@ class Operator:
             work, window = self.work.fields(single=False), self.work.fields(part, single=True)
             shape = self.work.shape
             near = [np.fft.fftfreq(n // part, part / n).round().astype(int) for n in shape]
-            odd = range(1, 1 + self.axes if not self.rolls else 1)
+            odd = range(1, 1 + (0 if self.rolls else self.axes))
             factors, before = [], self.work.spent.pairs
             for number, factor in enumerate(self._double):
                 made = np.zeros(window.waves[0].size, dtype=self._kind)
@@ -457,7 +544,7 @@ def _surface(a: Any, cx: Any, cy: Any, xx: Any, xy: Any, yy: Any, p: Any, tx: An
 
 @kernel(reorder=True)
 def _rolling_line(a: Any, b: Any, c: Any, d: Any, p: Any, t: Any) -> None:
-    """Replace the transforms of p and t by those of W and u in rolling."""
+    """Replace the transforms of p and t by those of W and slip."""
     for k in range(p.size):
         of_p, of_t = p[k], t[k]
         p[k], t[k] = a[k] * of_p + b[k] * of_t, c[k] * of_p + d[k] * of_t
@@ -467,7 +554,7 @@ def _rolling_line(a: Any, b: Any, c: Any, d: Any, p: Any, t: Any) -> None:
 def _rolling_surface(
     a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any, i: Any, p: Any, tx: Any, ty: Any
 ) -> None:
-    """Replace the transforms of p, t_x and t_y by those of W, u_x and u_y in rolling."""
+    """Replace the transforms of p, t_x and t_y by those of W and slip."""
     for k in range(p.size):
         of_p, of_x, of_y = p[k], tx[k], ty[k]
         p[k] = a[k] * of_p + b[k] * of_x + c[k] * of_y

@@ -24,7 +24,16 @@ from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
 from gfmdlayer.friction.newton import INNER, FrictionNewton
 from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState, norms
-from gfmdlayer.friction.response import Operator, Response, Rolling, SharedTransforms, Spent
+from gfmdlayer.friction.response import (
+    AnyResponse,
+    CroppedResponse,
+    Operator,
+    Response,
+    Rolling,
+    RollingResponse,
+    SharedTransforms,
+    Spent,
+)
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.friction import ShearBound
@@ -100,7 +109,9 @@ class FrictionSolver:
     ) -> FrictionSolution:
         """Solve for the state that repeats itself after a way along x; no displacements along the surface."""
         grid, of = self._levels[0].grid, problem.response
-        still = replace(of, normal=np.abs(of.normal), coupling=np.zeros_like(of.coupling))
+        assert not isinstance(of, RollingResponse)
+        plain = of.plain if isinstance(of, CroppedResponse) else of
+        still = Response(*(np.abs(part) for part in (plain.normal, plain.coupling, plain.along, plain.across)))
         smooth = replace(problem, response=still, law=ShearBound(0.0), force=None)
         _, pressed = self._pressed(smooth, None, None, None, _COARSE_TOLERANCE, limit)
         start = np.zeros((1 + len(grid.points), problem.heights.size))
@@ -112,7 +123,7 @@ class FrictionSolver:
         scaled = replace(
             problem,
             way=None,
-            response=replace(of, rolling=rolling),
+            response=RollingResponse(of, rolling),
             path=None if problem.path is None else problem.path * unit,
             before=None if problem.before is None else problem.before * unit,
         )
@@ -378,8 +389,8 @@ class FrictionLevel:
         self.grid, self.transforms = grid, transforms
         self._spent, self._share = spent, share
         self._work = SharedTransforms(transforms, spent, share)
-        self._finer: Response | None = None
-        self.response: Response | None = None
+        self._finer: AnyResponse | None = None
+        self.response: AnyResponse | None = None
         self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
         self._newton: FrictionNewton | None = None
 
@@ -389,7 +400,7 @@ class FrictionLevel:
         made = () if self._newton is None else self._newton.operators
         return [(number, part) for number, operator in enumerate(made) for part in operator.windows]
 
-    def newton(self, response: Response) -> FrictionNewton:
+    def newton(self, response: AnyResponse) -> FrictionNewton:
         """Return Newton's method for a response."""
         if self._newton is None or self.response is None or not response.equals(self.response):
             if self._newton is not None:
@@ -401,7 +412,7 @@ class FrictionLevel:
             self.response, self._newton = response, FrictionNewton(C, K)
         return self._newton
 
-    def restricted(self, response: Response, finer: FrictionLevel) -> Response:
+    def restricted(self, response: AnyResponse, finer: FrictionLevel) -> AnyResponse:
         """Return the response of the next finer grid at the modes of this one."""
         if self.response is None or response is not self._finer:
             self._finer, coarse = response, response.on(finer.transforms, self.transforms)
