@@ -211,7 +211,7 @@ class TractionFields:
     @cached_property
     def loaded(self) -> FloatArray:
         """Forces of all springs for a traction of one, (ways, springs, nq), of layers that relax alike."""
-        return np.einsum("vsq,qvw->wsq", self.relaxed[1], self.compliance)
+        return np.asarray(np.einsum("vsq,qvw->wsq", self.relaxed[1], self.compliance))
 
     @cached_property
     def memory(self) -> tuple[FloatArray, FloatArray]:

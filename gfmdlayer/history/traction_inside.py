@@ -134,8 +134,9 @@ class TractionInterior(Interior):
             transfers[i] = np.ascontiguousarray(np.moveaxis(part.transfer(depth, number), 2, 0))
             rows[i] = SpringFields(*(self._of(i, values)[own] for values in springs))
         spectra = np.zeros((len(self.names), self.grid.wavenumbers.size), dtype=np.complex128)
-        of_waves: tuple[Any, ...] = (*rows[0], *rows[1], self._where, self._waves.mode, self._waves.along)
-        superpose_tractions(transfers[0], transfers[1], *of_waves, spectra)
+        (e, f), (e_across, f_across) = rows
+        of_waves = self._where, self._waves.mode, self._waves.along
+        superpose_tractions(transfers[0], transfers[1], e, f, e_across, f_across, *of_waves, spectra)
         return spectra
 
     def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
