@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.body.materials import shifts
-from gfmdlayer.body.solid import WIDEST
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
 from gfmdlayer.validation.sections import files_named, plain
@@ -85,11 +84,6 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     if config.solid.isolated:  # other bodies are asked for their stiffness before the run
         yield from (problem.within((), *_BOUNDARY) for problem in config.solid.problems_isolated())
         yield from _problems_of_the_datum(config)
-    period = config.grid.period
-    if (face := config.punch.face(period)) > WIDEST:
-        least = max(period) * face / WIDEST
-        message = f"the face is {face:.3g} periods wide, and without periodic images at most {WIDEST:g} fit"
-        yield Mistake(("punch", "width"), f"{message}; set a period of at least {least:.3g}", _BOUNDARY)
 
 
 def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:

@@ -393,7 +393,6 @@ def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
     law = (dotted(at),)
     refused = {
         ("grid", "geometry"): config.grid.geometry == "axisymmetric" and "got axisymmetric; must be periodic",
-        ("grid", "boundary"): config.grid.isolated and "got isolated; must be periodic",
         ("counterbody",): config.counterbody is not None and "must be a rigid punch; remove it",
         ("body",): not isinstance(config.body, Layers | None)
         and "must be layers, which have a shear response",

@@ -13,6 +13,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.isolated import IsolatedBody, period_for
+from gfmdlayer.body.solid import HALF
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.resumable import Saving
 
@@ -24,15 +25,21 @@ _DIRECTIONS = 64  # of a surface: a width is short by at most 0.12 %
 
 
 class Reach(Saving):
-    """The part of the surface that was pressed, on the grid of a body with a reach."""
+    """The part of the surface that was pressed, on the grid of a body with a reach.
+
+    Without a body the response is exact in a box of half of the cell: a width is then along an axis.
+    """
 
     KEPT = ("origin", "support")
 
-    def __init__(self, grid: Grid, body: IsolatedBody) -> None:
+    def __init__(self, grid: Grid, body: IsolatedBody | None) -> None:
         self._grid, self._body = grid, body
-        angles = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-        surface = len(grid.period) == 2
-        self._directions = np.stack((np.cos(angles), np.sin(angles))) if surface else np.array([[1.0, -1.0]])
+        self._most = HALF if body is None else body.reach
+        axes = len(grid.period)
+        self._directions = np.hstack((np.eye(axes), -np.eye(axes)))
+        if axes == 2 and body is not None:
+            angles = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+            self._directions = np.stack((np.cos(angles), np.sin(angles)))
         self._origin = np.zeros(len(grid.period))
         self._support = np.full(self._directions.shape[1], -math.inf)
 
@@ -48,10 +55,17 @@ class Reach(Saving):
         Up to `noise` they are zero to the tolerance of the solver, as all are after a pull-off.
         """
         width = self.width(pressure, noise)
-        if width <= self._body.reach:
+        if width <= self._most:
             return ""
         found = f"pressed points are {width:.3g} periods apart, in which there are periodic images"
-        return f"{found}; must be at most {self._body.reach:g}{period_for(self._body, width)}"
+        return f"{found}; must be at most {self._most:g}{self._instead(width)}"
+
+    def _instead(self, width: float) -> str:
+        """Return words on the period for a contact of a width."""
+        if self._body is not None:
+            return period_for(self._body, width)
+        larger = dict.fromkeys(f"{width / HALF * length:.3g}" for length in self._grid.period)
+        return f"; a period of {', '.join(larger)} would do"
 
     def remember(self, pressure: FloatArray, noise: float = 0.0) -> None:
         """Add the pressures of an accepted step."""
@@ -66,7 +80,7 @@ class Reach(Saving):
         for support, direction in zip(self._support, self._directions.T, strict=True):
             along = sum(cosine * x for cosine, x in zip(direction, axes, strict=True))
             np.maximum(furthest, support - along, out=furthest)
-        return np.where(np.ravel(furthest) <= self._body.reach, field, math.nan)
+        return np.where(np.ravel(furthest) <= self._most, field, math.nan)
 
     def _with(self, pressure: FloatArray, noise: float) -> tuple[FloatArray, FloatArray]:
         """Return origin and support function with these pressures."""

@@ -60,6 +60,12 @@ class IsolatedResponse:
     plain: tuple[FloatArray, ...]  # of each component of `Response`, likewise
     error: float  # of C(q, s) by the form, relative to C_WW(q, 0)
 
+    @property
+    def is_positive(self) -> bool:
+        """Whether pressure presses the surface down in all waves, suddenly and in the end."""
+        ends = np.zeros(self.times.size), np.ones(self.times.size)
+        return all(self.with_weights(weights).is_positive for weights in ends)
+
     def with_weights(self, weights: FloatArray) -> CroppedResponse:
         """Return c_0 + sum_k weights_k c_k."""
         every = np.concatenate(([1.0], weights))
@@ -96,10 +102,14 @@ def _kept(
     return _without_images(body, shared_grid(points, period), datum)
 
 
-def _without_images(body: Any, grid: Grid, datum: float | None) -> IsolatedResponse:
+def check_isolated(body: Any, grid: Grid, datum: float | None = None) -> CreepForm:
+    """Return the creep form of a body on the waves of a grid; errors as of `without_images`."""
     refuse(body, grid.period, datum)
-    q = grid.wavenumbers.ravel()
-    form = CreepForm.of(body, np.pi / max(grid.period), float(q.max()))
+    return CreepForm.of(body, np.pi / max(grid.period), float(grid.wavenumbers.max()))
+
+
+def _without_images(body: Any, grid: Grid, datum: float | None) -> IsolatedResponse:
+    form, q = check_isolated(body, grid, datum), grid.wavenumbers.ravel()
     count, shape = form.times.size + 1, grid.spectral_shape
     coefficients = np.zeros((4, count, q.size))
     coefficients[:, :, 1:] = form.coefficients(q[1:])

@@ -71,6 +71,8 @@ class Response:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
 
+    is_positive = True  # in all waves
+
     @property
     def couples(self) -> bool:
         """Whether shear moves the surface up and down."""
@@ -147,6 +149,11 @@ class CroppedResponse:
         return self is other or self.digest == other.digest
 
     @property
+    def is_positive(self) -> bool:
+        """Whether pressure presses the surface down in all waves, as a solver without friction needs it."""
+        return bool(self.normal.min() > 0)
+
+    @property
     def couples(self) -> bool:
         """Whether shear moves the surface up and down."""
         return self.plain.couples
@@ -218,6 +225,8 @@ class RollingResponse:
     def equals(self, other: AnyResponse) -> bool:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
+
+    is_positive = False
 
     @property
     def normal(self) -> NDArray[Any]:

@@ -43,6 +43,10 @@ from gfmdlayer.resumable import State as SavedState
 _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
 LIMIT = 60  # Newton steps
+NOT_POSITIVE = (
+    "without images the response is negative in some waves, for which the attraction beside friction has no "
+    "solver; must be without attraction or friction, or have a softer film or grid.boundary: periodic"
+)
 _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
 # Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
 _FEWEST, _APART = 64, 64
@@ -95,12 +99,16 @@ class FrictionSolver:
         self._mark = ""
         if problem.way is not None:
             return self._rolled(problem, problem.way, tolerance, limit)
-        if problem.law.is_frictionless:
+        if problem.law.is_frictionless and problem.response.is_positive:
             return self._smooth(
                 problem, *self._pressed(problem, None, start, gap, tolerance, limit), tolerance
             )
         if problem.interface.attracts:
+            if not problem.response.is_positive:
+                raise ValueError(NOT_POSITIVE)
             return self._attracted(problem, start, gap, tolerance, limit)
+        if problem.law.is_frictionless:  # no force acts on the punch, and its path is none
+            problem = replace(problem, force=None)
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
 
@@ -150,9 +158,14 @@ class FrictionSolver:
             at, steps = self._solve(problem, start, 0, deepest, tolerance, limit)
         if start is None or not at.residual < tolerance:
             at, steps = self._solve(problem, None, 0, last, tolerance, limit)
-        if not at.residual < tolerance and not problem.law.sticks:
+        gradual = not (problem.law.sticks or problem.law.is_frictionless)
+        if not at.residual < tolerance and gradual:
             at, steps = self._gradually(problem, at, tolerance, limit)
         return at, steps
+
+    def displacements(self, response: AnyResponse, tractions: FloatArray) -> FloatArray:
+        """Return the displacements W, u_x[, u_y] under tractions p, t_x[, t_y]."""
+        return self._levels[0].newton(response).displacements(tractions)
 
     def compile(self) -> None:
         """Compile the kernels of the solver without friction, where the interface attracts."""
@@ -328,9 +341,14 @@ class FrictionSolver:
     ) -> tuple[FrictionState, int]:
         """Raise friction and force from the frictionless contact, by steps that are halved on failure."""
         smooth = replace(problem, law=ShearBound(0.0), force=None)
-        pressed = self._pressed(smooth, None, None, None, tolerance, limit)
-        begun = self._smooth(smooth, *pressed, tolerance)
-        x, part, step, steps = begun.tractions, 0.0, _FIRST_PART, begun.iterations
+        if problem.response.is_positive:
+            pressed = self._pressed(smooth, None, None, None, tolerance, limit)
+            begun = self._smooth(smooth, *pressed, tolerance)
+            x, steps = begun.tractions, begun.iterations
+        else:
+            at, steps = self._solve(smooth, None, 0, len(self._levels) - 1, tolerance, limit)
+            x = at.x
+        part, step = 0.0, _FIRST_PART
         while part < 1:
             aim = min(1.0, part + step)
             force = None if problem.force is None else aim * problem.force
