@@ -30,6 +30,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.isolated import TOLERANCE, LowPass, refuse
@@ -66,11 +67,16 @@ class IsolatedResponse:
         ends = np.zeros(self.times.size), np.ones(self.times.size)
         return all(self.with_weights(weights).is_positive for weights in ends)
 
-    def with_weights(self, weights: FloatArray) -> CroppedResponse:
-        """Return c_0 + sum_k weights_k c_k."""
-        every = np.concatenate(([1.0], weights))
-        parts = tuple(np.tensordot(every, part, 1) for part in self.parts)
-        return CroppedResponse(parts, Response(*(np.tensordot(every, part, 1) for part in self.plain)))
+    def with_weights(self, weights: NDArray[Any]) -> CroppedResponse:
+        """Return c_0 + sum_k weights_k c_k, with one weight or one a mode, (k, modes)."""
+        every = np.concatenate((np.ones((1, *weights.shape[1:])), weights))
+
+        def mixed(part: FloatArray) -> NDArray[Any]:
+            if weights.ndim == 1:
+                return np.asarray(np.tensordot(every, part, 1))
+            return (every.reshape(part.shape) * part).sum(axis=0)
+
+        return CroppedResponse(tuple(map(mixed, self.parts)), Response(*map(mixed, self.plain)))
 
 
 def without_images(body: Any, grid: Grid, datum: float | None = None) -> IsolatedResponse:

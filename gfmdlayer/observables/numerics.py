@@ -111,7 +111,7 @@ class SteadyState(Observable):
         self._tolerance = 0.0 if isinstance(time.steady, str) else time.steady
         reduced = case.drives.reduced_time
         slowdown = 1.0 if reduced is None else reduced.factor(math.inf)
-        self._window = case.history.slowest(self._tolerance) * slowdown
+        self._window = 0.0 if self._at_once else case.history.slowest(self._tolerance) * slowdown
         self._since = max(case.drives.breakpoints, default=0.0)
         self._begun = math.inf
         self._least: tuple[float, ...] = ()
