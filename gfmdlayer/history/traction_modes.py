@@ -374,7 +374,7 @@ def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:
 
 
 @kernel(reorder=True)
-def _stiffen(v: NDArray[Any], gain: FloatArray, stiffness: NDArray[Any]) -> None:
+def _stiffen(v: NDArray[Any], gain: NDArray[Any], stiffness: NDArray[Any]) -> None:
     """Add sum_j gain_j v_j v_j^H, of shape (nq, n, n)."""
     modes, count, n = v.shape
     for j in range(modes):
