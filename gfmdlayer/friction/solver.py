@@ -23,7 +23,7 @@ from gfmdlayer.contact import problem as frictionless
 from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
 from gfmdlayer.friction.newton import INNER, FrictionNewton
-from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState, norms
+from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState
 from gfmdlayer.friction.response import (
     AnyResponse,
     CroppedResponse,
@@ -535,7 +535,8 @@ def _solution(
     Cx = at.Cx if problem.offset is None else at.Cx + problem.offset
     slip = problem.slip_at_rest + at.Cx[1:] - at.path[:, np.newaxis]
     traction = at.x[1:]
-    stick = (at.x[0] > 0) & (norms(traction) < problem.law.bound(at.x[0]) * (1 - 1e-9))
+    stick = np.zeros(at.x.shape[1], dtype=bool)
+    stick[at.near] = at.sticks(problem)
     converged = at.residual < tolerance
     reason = ""
     if not converged:

@@ -288,12 +288,6 @@ class TractionModes:
         for part in self.components:
             part.turn(self.phases)
 
-    def carried(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return a transform as it is carried with the material in the next step."""
-        if self.phases is None:
-            return spectrum
-        return spectrum * self.phases[: spectrum.shape[-1]]
-
     def carried_waves(self, x: ComplexArray) -> ComplexArray:
         """Return values of the waves as they are carried with the material in the next step."""
         if self.phases is None:

@@ -57,8 +57,8 @@ def test_marching_ends_in_the_state_that_is_found_at_once(layer, more, ways):
     assert steady.attrs["settled"] == 1
     once = steady.isel(time=-1, snapshot=-1)
     for name in ("pressure", "shear_x", "shear_y", "displacement"):
-        field = np.nan_to_num(once[name].to_numpy())
-        assert np.abs(np.nan_to_num(last[name].to_numpy()) - field).max() < 2e-4 * np.abs(field).max()
+        field = once[name].to_numpy()  # NaN where an isolated contact has no displacements
+        assert np.nanmax(np.abs(last[name].to_numpy() - field)) < 2e-4 * np.nanmax(np.abs(field))
     for name in ("depth", "stored", "transverse_force", "spin_moment", "creepage", "lateral_creepage"):
         assert float(last[name]) == pytest.approx(float(once[name]), rel=3e-4)
 
