@@ -65,13 +65,15 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
     if config.trajectory.control == "load":
         yield Mistake(("trajectory", "control"), _LOAD, _BOUNDARY)
-    track = "not available with grid.boundary: isolated without friction; remove it, or add a law of friction"
-    moves = (("velocity", "velocity_file"), track)
+    track = (
+        "not available with grid.boundary: isolated without friction, as the punch leaves the cell; remove it"
+    )
+    along = ["velocity_file"] if config.friction else ["velocity", "velocity_file"]
     if config.friction:
-        moves = (("velocity_file",), "not available with grid.boundary: isolated; must be a constant velocity")
+        track = "not available with grid.boundary: isolated; must be a constant velocity"
     cell = "describes a cell, which an isolated contact does not have; remove it"
     unused: Sequence[tuple[Any, Location, Sequence[str], str]] = (
-        (config.trajectory, ("trajectory",), *moves),
+        (config.trajectory, ("trajectory",), along, track),
         (config.output, ("output",), ("observables", "leakage", "conductance", "stiffness"), cell),
         (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell),
     )

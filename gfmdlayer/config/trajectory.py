@@ -191,7 +191,9 @@ class Trajectory(Section):
     def creepages(self) -> tuple[float, float, float]:
         """Creepage along x and y, and spin, of a punch that moves; it slides with a creepage of 1."""
         given = 1.0 if self.creepage is None else self.creepage
-        return (given.x or 0.0, given.y or 0.0, given.spin) if isinstance(given, Creepages) else (given, 0.0, 0.0)
+        if not isinstance(given, Creepages):
+            return given, 0.0, 0.0
+        return given.x or 0.0, given.y or 0.0, given.spin
 
     @property
     def moves(self) -> bool:
@@ -324,7 +326,9 @@ def problems_of_the_friction(config: Any) -> Iterator[Mistake]:
     if not laws:
         for key in ("tangential", "creepage"):
             if getattr(motion, key) is not None:
-                yield Mistake(("trajectory", key), f"needs friction; remove it, or {_WITH_FRICTION}", ("interface",))
+                yield Mistake(
+                    ("trajectory", key), f"needs friction; remove it, or {_WITH_FRICTION}", ("interface",)
+                )
         if config.time.at_once:
             message = f"got {AT_ONCE}, which needs friction; give a relative change, or {_WITH_FRICTION}"
             yield Mistake(("time", "steady"), message, ("interface",))
@@ -357,10 +361,12 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
     if drive is None:
         return
     if motion.creepage is not None and drive.control == "force":
-        of_force = [("creepage",)] if given is None else [("creepage", k) for k in "xy" if getattr(given, k) is not None]
-        for key in of_force:
-            message = "given beside a tangential force, which determines it; remove one of the two"
-            yield Mistake(("trajectory", *key), message, ("trajectory.tangential",))
+        message = "given beside a tangential force, which determines it; remove one of the two"
+        keys: list[Location] = (
+            [()] if given is None else [(k,) for k in "xy" if getattr(given, k) is not None]
+        )
+        for below in keys:
+            yield Mistake(("trajectory", "creepage", *below), message, ("trajectory.tangential",))
     if motion.moves and drive.control == "displacement":
         message = "got displacement with a velocity; must be force, or give trajectory.creepage in its place"
         yield Mistake(("trajectory", "tangential", "control"), message, velocity)

@@ -74,7 +74,7 @@ class IsolatedResponse:
         def mixed(part: FloatArray) -> NDArray[Any]:
             if weights.ndim == 1:
                 return np.asarray(np.tensordot(every, part, 1))
-            return (every.reshape(part.shape) * part).sum(axis=0)
+            return np.asarray((every.reshape(part.shape) * part).sum(axis=0))
 
         return CroppedResponse(tuple(map(mixed, self.parts)), Response(*map(mixed, self.plain)))
 

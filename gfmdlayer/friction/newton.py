@@ -419,9 +419,11 @@ class FrictionNewton:
 
     def _exact(self, problem: FrictionProblem, at: FrictionState, tolerance: float) -> FrictionState:
         """Return the state with the inequalities satisfied exactly and displacements in double precision."""
-        x = admissible(problem, at.x)
-        if at.drift > 0.01 * tolerance or np.abs(x - at.x).max() > 1e-13 * at.p_s:
+        x = admissible(problem, at.x, at)
+        if at.drift > 0.01 * tolerance:
             return self.state(problem, x)
+        if np.abs(x - at.x).max() > 1e-13 * at.p_s:
+            return assess(problem, x, *self.moved(at, x))
         return replace(at, x=x)
 
     def step(

@@ -46,7 +46,7 @@ class Response:
     across: FloatArray  # C_VV; without a meaning on a line
 
     @classmethod
-    def of_stiffness(cls, in_plane: FloatArray, across: FloatArray) -> Response:
+    def of_stiffness(cls, in_plane: NDArray[Any], across: NDArray[Any]) -> Response:
         """Response of a stiffness K over (W, U), shape (*modes, 2, 2), and of that over V."""
         # Where K is zero, at q = 0, the mean displacement is fixed; the mean of W and that of u do not
         # couple.
@@ -67,7 +67,7 @@ class Response:
         parts = (self.normal, self.coupling, self.along, self.across)
         return blake2b(b"".join(part.tobytes() for part in parts)).hexdigest()
 
-    def equals(self, other: Response) -> bool:
+    def equals(self, other: AnyResponse) -> bool:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
 
@@ -144,7 +144,7 @@ class CroppedResponse:
         """Digest of the values."""
         return blake2b(b"".join(part.tobytes() for part in self.parts)).hexdigest()
 
-    def equals(self, other: Response | CroppedResponse) -> bool:
+    def equals(self, other: AnyResponse) -> bool:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
 

@@ -23,7 +23,7 @@ from gfmdlayer.contact import problem as frictionless
 from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
 from gfmdlayer.friction.newton import INNER, FrictionNewton
-from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState, norms
+from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState
 from gfmdlayer.friction.response import (
     AnyResponse,
     CroppedResponse,
@@ -112,14 +112,14 @@ class FrictionSolver:
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
 
-    def _rolled(
-        self, problem: FrictionProblem, way: float, tolerance: float, limit: int
-    ) -> FrictionSolution:
+    def _rolled(self, problem: FrictionProblem, way: float, tolerance: float, limit: int) -> FrictionSolution:
         """Solve for the state that repeats itself after a way along x; no displacements along the surface."""
         grid, of = self._levels[0].grid, problem.response
         assert not isinstance(of, RollingResponse)
         plain = of.plain if isinstance(of, CroppedResponse) else of
-        still = Response(*(np.abs(part) for part in (plain.normal, plain.coupling, plain.along, plain.across)))
+        still = Response(
+            *(np.abs(part) for part in (plain.normal, plain.coupling, plain.along, plain.across))
+        )
         smooth = replace(problem, response=still, law=ShearBound(0.0), force=None)
         _, pressed = self._pressed(smooth, None, None, None, _COARSE_TOLERANCE, limit)
         start = np.zeros((1 + len(grid.points), problem.heights.size))
@@ -139,6 +139,8 @@ class FrictionSolver:
         while deepest + 1 < len(self._levels) and along >> deepest + 1 >= _FEWEST_ROLLING:
             deepest += 1
         at, steps = self._solve(scaled, start, 0, deepest, tolerance, limit)
+        if not at.residual < tolerance and not (problem.law.sticks or problem.law.is_frictionless):
+            at, steps = self._gradually(scaled, at, tolerance, limit)
         found = _solution(scaled, at, steps, self._spent.pairs, tolerance)
         return replace(found, slip=found.slip / unit, path=found.path / unit)
 
@@ -533,7 +535,8 @@ def _solution(
     Cx = at.Cx if problem.offset is None else at.Cx + problem.offset
     slip = problem.slip_at_rest + at.Cx[1:] - at.path[:, np.newaxis]
     traction = at.x[1:]
-    stick = (at.x[0] > 0) & (norms(traction) < problem.law.bound(at.x[0]) * (1 - 1e-9))
+    stick = np.zeros(at.x.shape[1], dtype=bool)
+    stick[at.near] = at.sticks(problem)
     converged = at.residual < tolerance
     reason = ""
     if not converged:

@@ -285,12 +285,6 @@ class TractionModes:
         for part in self.components:
             part.turn(self.phases)
 
-    def carried(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return a transform as it is carried with the material in the next step."""
-        if self.phases is None:
-            return spectrum
-        return spectrum * self.phases[: spectrum.shape[-1]]
-
     def carried_waves(self, x: ComplexArray) -> ComplexArray:
         """Return values of the waves as they are carried with the material in the next step."""
         if self.phases is None:
@@ -388,7 +382,7 @@ def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:
 
 
 @kernel(reorder=True)
-def _stiffen(v: NDArray[Any], gain: FloatArray, stiffness: NDArray[Any]) -> None:
+def _stiffen(v: NDArray[Any], gain: NDArray[Any], stiffness: NDArray[Any]) -> None:
     """Add sum_j gain_j v_j v_j^H, of shape (nq, n, n)."""
     modes, count, n = v.shape
     for j in range(modes):
