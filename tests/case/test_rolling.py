@@ -114,10 +114,11 @@ def test_the_work_of_the_state_becomes_heat(material):
     """Per way: <p u_z'> + xi t_x + eta t_y + phi m = heat of relaxation + heat of slip.
 
     The middle of a step is that of its work and of its heat of slip: an elastic body with equal kernels
-    balances to the residual. Relaxation is of the second order: some 20 points are in contact along x.
+    balances to the residual. Relaxation is of the second order: some 10
+    spacings pass in the relaxation time.
     """
     layer = ELASTIC | {"poisson": 0.5, "material": material}
-    keys = rolling(layer, grid={"points": [64, 64]}, trajectory={"force": 0.06})
+    keys = rolling(layer, grid={"points": [64, 64]}, trajectory={"force": 0.06, "velocity": 0.5})
     found = gfmdlayer.run(keys).isel(time=-1, snapshot=-1)
     wave = 2j * np.pi * np.fft.fftfreq(64, 1 / 64)[:, np.newaxis]
     slope = np.fft.ifft(wave * np.fft.fft(found.displacement.to_numpy(), axis=0), axis=0).real
@@ -125,7 +126,7 @@ def test_the_work_of_the_state_becomes_heat(material):
     work += CREEP["x"] * 0.06 * float(found.interface_friction)
     work += CREEP["y"] * float(found.transverse_force) + CREEP["spin"] * float(found.spin_moment)
     heat = 64 * float(found.slip_heat + found.dissipated)
-    assert heat == pytest.approx(work, rel=1e-5 if material is ELASTIC["material"] else 5e-3)
+    assert heat == pytest.approx(work, rel=1e-5 if material is ELASTIC["material"] else 2e-3)
 
 
 def test_wang_and_knothes_cylinders_roll_at_once():
