@@ -114,8 +114,8 @@ def test_the_work_of_the_state_becomes_heat(material):
     """Per way: <p u_z'> + xi t_x + eta t_y + phi m = heat of relaxation + heat of slip.
 
     The middle of a step is that of its work and of its heat of slip: an elastic body with equal kernels
-    balances to the residual. Relaxation is of the second order: some 10
-    spacings pass in the relaxation time.
+    balances to the residual. Relaxation is of the second order in the spacing,
+    .5 % with 20 points in contact along x.
     """
     layer = ELASTIC | {"poisson": 0.5, "material": material}
     keys = rolling(layer, grid={"points": [64, 64]}, trajectory={"force": 0.06, "velocity": 0.5})
@@ -126,7 +126,7 @@ def test_the_work_of_the_state_becomes_heat(material):
     work += CREEP["x"] * 0.06 * float(found.interface_friction)
     work += CREEP["y"] * float(found.transverse_force) + CREEP["spin"] * float(found.spin_moment)
     heat = 64 * float(found.slip_heat + found.dissipated)
-    assert heat == pytest.approx(work, rel=1e-5 if material is ELASTIC["material"] else 2e-3)
+    assert heat == pytest.approx(work, rel=1e-5 if material is ELASTIC["material"] else 8e-3)
 
 
 def test_wang_and_knothes_cylinders_roll_at_once():
