@@ -74,7 +74,7 @@ def test_the_state_satisfies_coulombs_law_with_its_own_slip(layer):
     size, bound = np.hypot(tx, ty), MU * p
     assert (size[touching] <= bound[touching] * (1 + 1e-9)).all()
     slips = touching & (np.hypot(*np.nan_to_num(slip)) > 1e-5 * SPACING)
-    assert 0.2 < slips.sum() / touching.sum() < 0.95
+    assert 0.1 < slips.sum() / touching.sum() < 0.95
     along = (tx * slip[0] + ty * slip[1])[slips] / (size * np.hypot(*slip))[slips]
     assert along == pytest.approx(-1, abs=1e-4)
     assert size[slips] == pytest.approx(bound[slips], rel=1e-5)
@@ -109,23 +109,24 @@ def test_a_number_is_the_creepage_along_x():
     assert one.drop_attrs().identical(other.drop_attrs())
 
 
-def test_the_work_of_the_state_becomes_heat():
-    """Per way: loss of the body + xi t_x + eta t_y + phi m = heat of relaxation + heat of slip.
+@pytest.mark.parametrize("material", [ELASTIC["material"], RELAXING["material"]])
+def test_the_work_of_the_state_becomes_heat(material):
+    """Per way: <p u_z'> + xi t_x + eta t_y + phi m = heat of relaxation + heat of slip.
 
-    Of slip, t and u each belong to the middle of a step to the second order: 16 points are in contact along x
-    of 64, and twice as many have a quarter of the error.
+    The middle of a step is that of its work and of its heat of slip: an elastic body with equal kernels
+    balances to the residual. Relaxation is of the second order in the spacing,
+    .5 % with 20 points in contact along x.
     """
-    off = []
-    for points in (32, 64):
-        keys = rolling(RELAXING, grid={"points": [points, points]}, trajectory={"force": 0.06})
-        row = gfmdlayer.run(keys).isel(time=-1)
-        h, shear = 1 / points, float(row.interface_friction) * float(row.mean_pressure) * 2
-        loss = float(row.hysteresis_friction) * float(row.mean_pressure) * 2
-        work = loss + CREEP["x"] * shear + CREEP["y"] * float(row.transverse_force)
-        work += CREEP["spin"] * float(row.spin_moment)
-        off.append((float(row.dissipated) + float(row.slip_heat)) / h / work - 1)
-    print(off)
-    assert abs(off[0]) < 0.02
+    layer = ELASTIC | {"poisson": 0.5, "material": material}
+    keys = rolling(layer, grid={"points": [64, 64]}, trajectory={"force": 0.06, "velocity": 0.5})
+    found = gfmdlayer.run(keys).isel(time=-1, snapshot=-1)
+    wave = 2j * np.pi * np.fft.fftfreq(64, 1 / 64)[:, np.newaxis]
+    slope = np.fft.ifft(wave * np.fft.fft(found.displacement.to_numpy(), axis=0), axis=0).real
+    work = float((found.pressure.to_numpy() * slope).mean())
+    work += CREEP["x"] * 0.06 * float(found.interface_friction)
+    work += CREEP["y"] * float(found.transverse_force) + CREEP["spin"] * float(found.spin_moment)
+    heat = 64 * float(found.slip_heat + found.dissipated)
+    assert heat == pytest.approx(work, rel=1e-5 if material is ELASTIC["material"] else 8e-3)
 
 
 def test_wang_and_knothes_cylinders_roll_at_once():
@@ -148,6 +149,6 @@ def test_wang_and_knothes_cylinders_roll_at_once():
             }
         )
         assert 571.5 * float(found.pressure[-1].max()) == pytest.approx(largest, rel=0.005)
-        # All of the force is the loss of the body, which heats it on the way.
+        # All of the force is the loss of the body, which heats it on the way; of the second order in the step.
         heat = float(found.dissipated[-1]) / (35 * a / 1024) / (load / (35 * a))
-        assert float(found.hysteresis_friction[-1]) == pytest.approx(heat, rel=1e-6, abs=1e-9)
+        assert float(found.hysteresis_friction[-1]) == pytest.approx(heat, rel=2e-3, abs=1e-9)
