@@ -179,8 +179,7 @@ def _low_kernels(
         yield from ((W, False), (-signs[0] * odd, True), (U, False))
         return
     W, odd, mean, turning = values
-    away_from = np.where(r > 0, r, 1.0)
-    ex, ey = away[0] / away_from, away[1] / away_from
+    ex, ey = (np.asarray(x / np.where(r > 0, r, 1.0)) for x in away)
     sx, sy = signs[0][:, np.newaxis], signs[1]
 
     def everywhere(quadrant: FloatArray) -> FloatArray:
@@ -199,7 +198,9 @@ class CreepForm:
 
     def __init__(self, body: Any, times: FloatArray) -> None:
         self._body, self.times = body, times
-        self._s, self._inverse, self.error = np.zeros(1), np.ones((1, 1)), 0.0
+        self._s: FloatArray = np.zeros(1)
+        self._inverse: FloatArray = np.ones((1, 1))
+        self.error = 0.0
         if times.size:
             self._s = _laplace(times, 0.0)
             self._inverse = np.linalg.pinv(self._courses(self._s), _SINGULAR)
@@ -227,7 +228,7 @@ class CreepForm:
 
     def coefficients(self, q: FloatArray) -> FloatArray:
         """Return c_0 and c_k of the four components at waves q > 0, (4, 1 + k, nq)."""
-        return np.einsum("ks,cs...->ck...", self._inverse, compliances(self._body, q, self._s))
+        return np.asarray(np.einsum("ks,csq->ckq", self._inverse, compliances(self._body, q, self._s)))
 
     def _courses(self, s: FloatArray) -> FloatArray:
         return np.column_stack((np.ones(s.size), 1 / (1 + np.outer(s, self.times))))

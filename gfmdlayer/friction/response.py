@@ -275,7 +275,7 @@ _LEFT_OUT = 6.0  # of 1 - 6/n: 1 takes three times the iterations of 4 to 8
 
 
 def _of_shared_modes(grid: Grid, *parts: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-    """Return factors of `Response.factors` with those of modes that +q and -q of an axis share: their mean."""
+    """Return factors, with the mean of +q and -q in modes that both share at the end of an axis."""
     # With the conjugate at -q_x, even ones are real and odd ones imaginary; along y odd ones vanish.
     axes, made = len(grid.points), [*parts]
     for axis in (axis for axis in range(axes) if grid.points[axis] % 2 == 0):
@@ -453,7 +453,7 @@ class Operator:
         self.work.fields(part, single=True).spend(2.0 * times)
 
     def kernel(self, number: int) -> FloatArray:
-        """Return the response to a load on the first point, of a component of `Response.factors`; not counted."""
+        """Return the response to a load on the first point, of a component of `factors`; not counted."""
         work, before = self.work.fields(single=False), self.work.spent.pairs
         work.waves[0][:] = self._double[number]
         work.transform_back(0)

@@ -193,11 +193,11 @@ class TractionCreep(Saving):
     ) -> float:
         """Return the heat of an element in a step, see `modes`."""
         ahead = before + f.lead[k] * change
-        heat = f.loss[k] * self._product(1 + k, ahead, ahead)
-        heat += f.remainder[k] * self._product(1 + k, change, change)
+        heat = float(f.loss[k]) * self._product(1 + k, ahead, ahead)
+        heat += float(f.remainder[k]) * self._product(1 + k, change, change)
         if bent.any():
-            heat += f.curvature_loss[k] * self._product(1 + k, bent, bent)
-            heat -= f.curvature_gain[k] * self._product(1 + k, before + after, bent)
+            heat += float(f.curvature_loss[k]) * self._product(1 + k, bent, bent)
+            heat -= float(f.curvature_gain[k]) * self._product(1 + k, before + after, bent)
         return heat
 
     def _product(self, k: int, x: ComplexArray, y: ComplexArray) -> float:

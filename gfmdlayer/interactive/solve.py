@@ -24,7 +24,7 @@ from gfmdlayer.case.checks import too_deep, weak
 from gfmdlayer.case.model import ConvergenceError
 from gfmdlayer.case.normal import NormalContact
 from gfmdlayer.case.parts import Parts
-from gfmdlayer.case.window import Window, fitting_window
+from gfmdlayer.case.wider_cell import wider_cell, within
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import Loading
@@ -38,6 +38,7 @@ from gfmdlayer.friction.response import AnyResponse, Response
 from gfmdlayer.friction.solver import NOT_POSITIVE, FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.wider import WiderCell
 from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, number_in, numbers_in
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.interface import Interface
@@ -227,7 +228,7 @@ def solve(
     stiffness = math.inf if alone else body.mean_stiffness
     if control == "depth" and (message := too_deep(target, float(heights.mean()), stiffness)):
         raise ConfigError([f"depth: {message}"])
-    given = _Given(config, grid, body, heights, (control, target), law, instantaneous, datum)
+    given = _Asked(config, grid, body, heights, (control, target), law, instantaneous, datum)
     if frictional:
         solve_with: Callable[..., xarray.Dataset] = partial(with_friction, solver=options, **frictional)
     else:
@@ -242,12 +243,12 @@ def solve(
         raise ConfigError([f"isolated: {error}"]) from None
 
 
-class _TooWide(ConvergenceError):
+class _TooWideError(ConvergenceError):
     """An isolated contact is wider than the reach in its cell."""
 
 
 @dataclass(frozen=True)
-class _Given:
+class _Asked:
     """A contact on a grid, which is the cell of an isolated one."""
 
     config: Config
@@ -259,60 +260,61 @@ class _Given:
     glassy: bool
     datum: float | None = None
     alone: bool = False
-    window: Window | None = None  # the part of the grid that the user sees, if not all
+    wider: WiderCell | None = None  # which the grid is, if the user sees less
 
-    def inside(self, window: Window) -> _Given:
-        """Return the contact in a larger cell."""
+    def inside(self, wider: WiderCell) -> _Asked:
+        """Return the contact in a wider cell."""
         control, target = self.target
         if control == "load":
-            target *= math.prod(window.period) / math.prod(window.whole.period)
+            target *= math.prod(wider.period) / math.prod(wider.whole.period)
         return replace(
-            self, config=window.config(self.config), grid=window.whole, window=window,
-            heights=window.extended(self.heights), target=(control, target),
+            self, config=within(self.config, wider), grid=wider.whole, wider=wider,
+            heights=wider.extended(self.heights), target=(control, target),
         )  # fmt: skip
 
     def seen(self, field: NDArray[Any]) -> NDArray[Any]:
         """Return the part of a field, one value a point, that the user sees."""
         whole = np.reshape(field, self.grid.shape)
-        return whole if self.window is None else self.window.seen(whole)
+        return whole if self.wider is None else self.wider.seen(whole)
 
     def within(self, field: FloatArray, outside: float) -> FloatArray:
         """Return a field that the user sees on the points of the cell."""
-        window = self.window
-        return np.ravel(field) if window is None else replace(window, above=outside).extended(field)
+        wider = self.wider
+        return np.ravel(field) if wider is None else replace(wider, above=outside).extended(field)
 
     def dataset(self, fields: Mapping[str, Any], scalars: Mapping[str, Any], *known: Any) -> xarray.Dataset:
         """Return what the user sees, with totals of an isolated contact."""
         area = math.prod(self.grid.period)
-        grid = self.grid if self.window is None else Grid(self.window.points, self.window.period)
+        grid = self.grid if self.wider is None else Grid(self.wider.points, self.wider.period)
         seen = {name: self.seen(field) for name, field in fields.items()}
         found = dataset(grid, seen, totals(scalars, area) if self.alone else scalars, *known)
-        if self.window is not None:
-            found.attrs["cell"] = self.window.account
+        if self.wider is not None:
+            found.attrs["cell"] = self.wider.account
         return found
 
 
 def _without_images(
-    given: _Given, solve_with: Callable[[_Given], xarray.Dataset], *, friction: bool
+    given: _Asked, solve_with: Callable[[_Asked], xarray.Dataset], *, friction: bool
 ) -> xarray.Dataset:
     """Solve an isolated contact in the cell that the user sees, or in the larger one that it needs."""
     given = replace(given, alone=True)
     try:
         return solve_with(given)
-    except (_TooWide, ValueError) as error:
+    except (_TooWideError, ValueError) as error:
         if isinstance(error, ConfigError):
             raise
         control, target = given.target
-        window = fitting_window(
+        wider = wider_cell(
             given.body, given.grid, given.heights, target, given.datum,
-            by_depth=control == "depth", friction=friction, larger=True,
+            rates=(math.inf if given.glassy else 0.0,), by_depth=control == "depth", friction=friction,
+            larger=True,
         )  # fmt: skip
-        if window is None:
+        if wider is None:
             raise
-    return solve_with(given.inside(window))
+    return solve_with(given.inside(wider))
 
 
-def _without_friction(given: _Given) -> xarray.Dataset:
+def _without_friction(given: _Asked) -> xarray.Dataset:
     """Return the contact under a load or at a depth."""
     config, grid, body, law = given.config, given.grid, given.body, given.interface
     response = without_images(body, grid.period, given.datum) if given.alone else body
@@ -334,7 +336,7 @@ def _without_friction(given: _Given) -> xarray.Dataset:
     if reach is not None:
         noise = config.solver.tolerance * law.strength
         if beyond := reach.refusal(solution.pressure, noise):
-            raise _TooWide(beyond, problem, solution)
+            raise _TooWideError(beyond, problem, solution)
         reach.remember(solution.pressure, noise)
     points = int(in_contact(problem, solution).sum())
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
@@ -461,7 +463,7 @@ def _parts(parts: Parts, surface: Surface, *, glassy: bool) -> dict[str, FloatAr
 
 
 def _dataset(
-    given: _Given,
+    given: _Asked,
     problem: Problem,
     solution: Solution,
     surface: Surface,
@@ -504,7 +506,7 @@ _TOLERANCE, _LIMIT = 1e-7, 60  # residual and Newton steps, where nothing is giv
 
 
 def with_friction(
-    given: _Given,
+    given: _Asked,
     *,
     solver: Mapping[str, Any],
     friction: float | Mapping[str, float],
@@ -550,14 +552,14 @@ def with_friction(
     if reach is not None:
         noise = tolerance * interface.strength
         if beyond := reach.refusal(solution.stress, noise):
-            raise _TooWide(beyond)
+            raise _TooWideError(beyond)
         reach.remember(solution.stress, noise)
     if not solution.converged:
         raise ConvergenceError(solution.reason)
     return _frictional_dataset(given, solution, moved + solution.path, reach)
 
 
-def _response(given: _Given) -> AnyResponse:
+def _response(given: _Asked) -> AnyResponse:
     """Return the response of a body in all directions, relaxed or to a sudden load."""
     body, grid, glassy = given.body, given.grid, given.glassy
     offered = getattr(body, "traction_spectrum", None)
@@ -597,11 +599,11 @@ def _components(name: str, value: float | Sequence[float], axes: int) -> FloatAr
 
 
 def _taken_from(
-    previous: xarray.Dataset | None, given: _Given
+    previous: xarray.Dataset | None, given: _Asked
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None, FloatArray | None]:
     """Return place of the punch, tangential displacements, tractions and gap of a result."""
     axes = "xy"[: len(given.grid.points)]
-    shape = given.grid.shape if given.window is None else given.window.points
+    shape = given.grid.shape if given.wider is None else given.wider.points
     if previous is None:
         return np.zeros(len(axes)), None, None, None
     for name in ("displacement", "shear", "tangential_displacement"):
@@ -623,7 +625,7 @@ def _taken_from(
 
 
 def _frictional_dataset(
-    given: _Given, solution: FrictionSolution, moved: FloatArray, reach: Reach | None
+    given: _Asked, solution: FrictionSolution, moved: FloatArray, reach: Reach | None
 ) -> xarray.Dataset:
     """Return fields and scalars of a solution; an isolated contact has a `reach`."""
     grid = given.grid

@@ -127,7 +127,7 @@ class Slip(Observable):
     """
 
     COLUMNS = declared(r"""
-        interface_friction | shear traction / pressure, means over the cell | 1 | over the cell |
+        interface_friction | shear traction / pressure, of their means | 1 | of the whole cell |
           \mu_\mathrm{interface}
         hysteresis_friction | tangential force by the loss of the body / normal force | 1 |
           loss of the body per distance and area, over mean pressure | \mu_\mathrm{hysteresis}

@@ -168,7 +168,7 @@ def test_the_memory_of_tractions_is_that_of_relaxing_modes(points, curved):
         waves = np.array([transforms.forward(field) for field in x])
         past.append(waves)
         for history in (creep, modes):
-            C, offset = history.terms(dt if step else 0.0)
+            history.terms(dt if step else 0.0)
             bend = None
             if curved and step > 2:
                 bend = (past[-1] - 2 * past[-2] + past[-3]) / 2
