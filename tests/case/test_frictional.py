@@ -69,6 +69,61 @@ def test_partial_slip_is_the_difference_of_two_pressures():
     assert 0.6 < sticks.sum() / (pressed[0].to_numpy() > 0).sum() < 0.8  # (1 - Q/mu P)^(1/2) = 0.71
 
 
+def test_heat_and_stick_of_a_cycle_are_those_of_the_closed_form():
+    """A sinusoid on a halfspace under a tangential force to and fro, at the default tolerance.
+
+    Westergaard: p* = pi E* A/L, contact (2/pi) arcsin (P/p*)^(1/2), d(P) = L P (1 - ln(P/p*))/(pi E*) from
+    the first touch. Jaeger, Ciavarella: D(Q) = mu (d(P) - d(P - Q/mu)) on first loading, stick as the contact
+    under P - Q/mu; by Masing's rule the cycle between Q and -Q turns 4 Q D(Q) - 8 int D dQ into heat.
+    """
+    points, load, mu, amplitude, stiffness = 1024, 0.02, 0.5, 0.01, 4.0
+    force, per_cycle = 0.7 * mu * load, 40
+    drive = {"control": "force", "kind": "oscillation", "force": force, "start": 0.25, "period": 0.5}
+    config = halfspace(
+        0.5,
+        grid={"points": points},
+        punch={"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0},
+        interface=COULOMB | {"coefficient": mu},
+        trajectory={"control": "load", "load": load, "ramp_time": 0.2, "tangential": drive},
+        time={"end": 1.25, "step": 0.5 / per_cycle},
+    )
+    found = run(config)
+    full = math.pi * stiffness * amplitude
+    Q = np.linspace(0.0, force, 100_001)
+    left = load - Q / mu
+    D = mu / (math.pi * stiffness) * (load * (1 - math.log(load / full)) - left * (1 - np.log(left / full)))
+    heat = 4 * force * D[-1] - 8 * float(np.trapezoid(D, Q))
+    assert heat == pytest.approx(2.986e-6, rel=1e-4)
+    heats = found.slip_heat.sel(time=[0.625, 1.125], method="nearest").diff("time")
+    assert float(heats[0]) == pytest.approx(heat, rel=0.01)
+    stick = 2 / math.pi * math.asin(math.sqrt(left[-1] / full))
+    extremes = found.stick_area.sel(time=[0.375, 0.625, 0.875, 1.125], method="nearest")
+    np.testing.assert_allclose(extremes, stick, rtol=0, atol=1 / points)
+    # All points stick before the drive, and in the step in which it turns.
+    everywhere = (found.stick_area == found.contact_area) & (found.time > 0.26)
+    assert int(everywhere.sum()) <= 4
+
+
+def test_heat_of_slip_does_not_depend_on_the_tolerance():
+    """An oscillation on a relaxing layer; in some steps all points slip, to which none comes that touches.
+
+    Tractions have errors of some tolerances; slips in a step, 0.02 of the displacement, 50 times as much.
+    """
+    drive = {"kind": "oscillation", "displacement": 0.004, "start": 1.0, "period": 2.0}
+    config = relaxing(
+        grid={"points": 768},
+        layers=[{"thickness": 0.05, "poisson": 0.45,
+                 "material": {"model": "zener", "G0": 1.0, "Ginf": 5.0, "tau": 1.0}}],
+        halfspace={"shear_modulus": 10.0, "poisson": 0.3},
+        trajectory={"control": "load", "load": LOAD, "tangential": drive},
+        time={"end": 3.0, "step": 0.025},
+    )  # fmt: skip
+    some, exact = (run(config, {"solver.tolerance": each}) for each in (1e-6, 1e-9))
+    for name in ("slip_heat", "stick_area"):
+        largest = float(exact[name].max())
+        np.testing.assert_allclose(some[name], exact[name], rtol=0, atol=1e-4 * largest)
+
+
 def test_oblique_loading_sticks():
     """Depth and displacement grow in a ratio below mu: with equal kernels t is this part of p.
 
