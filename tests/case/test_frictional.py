@@ -202,6 +202,35 @@ def test_a_sliding_cylinder_leans_back():
     assert abs(float(found.hysteresis_friction[-1])) < 1e-6  # residual of the solver
 
 
+@pytest.mark.parametrize("model", ["elastic", "zener"])
+def test_the_drag_force_of_a_sliding_punch_is_its_work_per_distance(model):
+    """The heat of slip, the loss of the body and what it stores; slip includes the stretch of the surface.
+
+    The work of the load as the punch sinks is taken off.
+
+    Steps are a tenth of the relaxation time, and of one point of some 150 in contact: to second order 1e-3.
+    """
+    moduli = {"elastic": {"G": 1.0}, "zener": {"G0": 1.0, "Ginf": 5.0, "tau": 0.1}}[model]
+    config = halfspace(0.2, interface=COULOMB | {"coefficient": 0.5}, time={"end": 0.8, "step": 0.01})
+    config["layer"] |= {"material": {"model": model, **moduli}}
+    config["trajectory"] |= {"load": 0.05, "ramp_time": 0.1, "velocity": 0.1}
+    late = run(config, {"grid.points": 1024}).isel(time=slice(-20, None))
+    drag = float(late.drag_force.mean())
+
+    def per_distance(name):
+        column = late[name]
+        return float((column[-1] - column[0]) / (late.position[-1] - late.position[0]))
+
+    sinking = 0.05 * per_distance("depth")
+    assert per_distance("work") - sinking == pytest.approx(drag, rel=1e-3)
+    lost = per_distance("slip_heat") + per_distance("dissipated") + per_distance("stored") - sinking
+    assert lost == pytest.approx(drag, rel=1e-3)
+    assert float(late.tangential_force.mean()) > 1.03 * drag
+    if model == "elastic":
+        assert float(late.tangential_force[-1]) == pytest.approx(0.5 * 0.05, rel=1e-6)
+    assert float(late.interface_friction[-1]) == pytest.approx(0.5, rel=1e-6)
+
+
 @pytest.mark.parametrize("drive", ["oscillation", "rolling", "sliding"])
 def test_the_energy_balance_closes_to_second_order(drive):
     motions = {
