@@ -444,6 +444,42 @@ def test_the_heat_of_slip_never_falls_however_long_the_steps():
     assert float(heats[0.025][-1]) == pytest.approx(1.171e-6, rel=0.02)
 
 
+def rolling_under_a_voltage(points, **keys):
+    """A parabola that rolls with creepage on a free layer, pulled by a voltage across an insulation."""
+    given = {"poisson": 0.048858, "creepage": 0.042333, "velocity": 0.163311, "coefficient": 0.130641,
+             "load": 0.004408, "insulation": 0.003073, "permittivity": 1.6e-5} | keys  # fmt: skip
+    voltage = {"law": "electrostatic", "voltage": 1.0}
+    voltage |= {name: given[name] for name in ("insulation", "permittivity")}
+    motion = {name: given[name] for name in ("load", "velocity", "creepage")}
+    material = {"model": "zener", "G0": 1.0, "Ginf": 5.0, "tau": 1.0}
+    return {
+        "grid": {"points": points},
+        "layer": {"thickness": 0.1, "poisson": given["poisson"], "material": material},
+        "halfspace": {"shear_modulus": 0.0},
+        "interface": [COULOMB | {"coefficient": given["coefficient"]}, voltage],
+        "trajectory": {"control": "load", "ramp_time": 0.2, **motion},
+        "time": {"end": 0.4, "step": 0.02},
+    }
+
+
+def test_edges_that_jump_to_and_fro_under_a_voltage_are_found_at_once():
+    """In steps from t = 0.24 on rounds of attraction and shear find 26 and 27 points in turns."""
+    found = run(rolling_under_a_voltage(256))
+    assert float(found.time[-1]) == pytest.approx(0.4)
+    assert float(found.residual.max()) < 1e-6
+    # Energies close as those of 1024 points, whose edges do not jump, to 5e-4 of the work.
+    assert float(abs(found.energy_residual).max()) < 1e-3 * float(abs(found.work).max())
+
+
+def test_a_voltage_too_steep_for_the_grid_is_refused_by_the_points_that_it_needs():
+    steep = {"poisson": 0.387332, "creepage": -0.079099, "velocity": 0.156306, "coefficient": 0.925923,
+             "load": 0.010825, "insulation": 0.002469, "permittivity": 2.4e-5}  # fmt: skip
+    time = {"time": {"end": 0.2, "step": 0.05}}
+    with pytest.raises(gfmdlayer.ConvergenceError, match=r"Take 8\.\d+ times as many grid\.points"):
+        run(rolling_under_a_voltage(256, **steep), time)
+    assert float(run(rolling_under_a_voltage(1024, **steep), time).time[-1]) == pytest.approx(0.2)
+
+
 def test_friction_has_a_value_where_an_attraction_pulls_more_than_the_punch_presses():
     """Tangential over normal force, which pulls: negative while the punch drags the surface along."""
     drive = {"displacement": 3e-3, "start": 0.1, "ramp_time": 0.2}
