@@ -348,9 +348,9 @@ class FrictionSolver:
         law, point = problem.interface, self._levels[0].newton(problem.response).operators[0].point[0]
         jump = point * float(np.abs(law.curvature(np.linspace(0.0, 4 * law.range, 1001))).max())
         reason = (
-            f"attraction and shear traction do not settle; residual {found.residual:.2e}: the attraction falls "
-            f"{jump:.3g} times as fast with the gap as one point of the grid recoils, and edges of the contact "
-            f"jump by points from 1 on. Take {jump:.3g} times as many grid.points, or a wider attraction"
+            f"attraction and shear traction do not settle; residual {found.residual:.2e}: the attraction "
+            f"falls {jump:.3g} times as fast with the gap as one point of the grid recoils, and edges of the "
+            f"contact jump by points from 1 on. Take {jump:.3g} times as many grid.points, or a wider attraction"
         )
         return replace(found, converged=False, reason=reason, pairs=self._spent.pairs)
 
