@@ -121,7 +121,7 @@ def test_linear_creep_has_kalkers_coefficients(ratio, nu):
 def test_partial_slip_along_x_is_contacts(creepage, force):
     """Example tractcurv of CONTACT (E. A. H. Vollebregt), 43 x 40 elements, at as many: to 0.5 %.
 
-    With twice the elements the force is 1 % less in both.
+    With twice the elements the force is 1 % less.
     """
     contact = Rolling(6.304, 12.61, 0.28, 82000.0, 106700.0, 94)
     _, forces = contact.roll(0.33, (creepage, 0.0, 0.0))
