@@ -202,6 +202,35 @@ def test_a_sliding_cylinder_leans_back():
     assert abs(float(found.hysteresis_friction[-1])) < 1e-6  # residual of the solver
 
 
+@pytest.mark.parametrize("model", ["elastic", "zener"])
+def test_the_drag_force_of_a_sliding_punch_is_its_work_per_distance(model):
+    """The heat of slip, the loss of the body and what it stores; slip includes the stretch of the surface.
+
+    The work of the load as the punch sinks is taken off.
+
+    Steps are a tenth of the relaxation time, and of one point of some 150 in contact: to second order 1e-3.
+    """
+    moduli = {"elastic": {"G": 1.0}, "zener": {"G0": 1.0, "Ginf": 5.0, "tau": 0.1}}[model]
+    config = halfspace(0.2, interface=COULOMB | {"coefficient": 0.5}, time={"end": 0.8, "step": 0.01})
+    config["layer"] |= {"material": {"model": model, **moduli}}
+    config["trajectory"] |= {"load": 0.05, "ramp_time": 0.1, "velocity": 0.1}
+    late = run(config, {"grid.points": 1024}).isel(time=slice(-20, None))
+    drag = float(late.drag_force.mean())
+
+    def per_distance(name):
+        column = late[name]
+        return float((column[-1] - column[0]) / (late.position[-1] - late.position[0]))
+
+    sinking = 0.05 * per_distance("depth")
+    assert per_distance("work") - sinking == pytest.approx(drag, rel=1e-3)
+    lost = per_distance("slip_heat") + per_distance("dissipated") + per_distance("stored") - sinking
+    assert lost == pytest.approx(drag, rel=1e-3)
+    assert float(late.tangential_force.mean()) > 1.03 * drag
+    if model == "elastic":
+        assert float(late.tangential_force[-1]) == pytest.approx(0.5 * 0.05, rel=1e-6)
+    assert float(late.interface_friction[-1]) == pytest.approx(0.5, rel=1e-6)
+
+
 @pytest.mark.parametrize("drive", ["oscillation", "rolling", "sliding"])
 def test_the_energy_balance_closes_to_second_order(drive):
     motions = {
@@ -413,6 +442,42 @@ def test_the_heat_of_slip_never_falls_however_long_the_steps():
     # The means alone leave 0.48 of the heat at the longer steps, 1.171e-6 is its limit.
     assert float(heats[0.1][-1]) > 0.6 * 1.171e-6
     assert float(heats[0.025][-1]) == pytest.approx(1.171e-6, rel=0.02)
+
+
+def rolling_under_a_voltage(points, **keys):
+    """A parabola that rolls with creepage on a free layer, pulled by a voltage across an insulation."""
+    given = {"poisson": 0.048858, "creepage": 0.042333, "velocity": 0.163311, "coefficient": 0.130641,
+             "load": 0.004408, "insulation": 0.003073, "permittivity": 1.6e-5} | keys  # fmt: skip
+    voltage = {"law": "electrostatic", "voltage": 1.0}
+    voltage |= {name: given[name] for name in ("insulation", "permittivity")}
+    motion = {name: given[name] for name in ("load", "velocity", "creepage")}
+    material = {"model": "zener", "G0": 1.0, "Ginf": 5.0, "tau": 1.0}
+    return {
+        "grid": {"points": points},
+        "layer": {"thickness": 0.1, "poisson": given["poisson"], "material": material},
+        "halfspace": {"shear_modulus": 0.0},
+        "interface": [COULOMB | {"coefficient": given["coefficient"]}, voltage],
+        "trajectory": {"control": "load", "ramp_time": 0.2, **motion},
+        "time": {"end": 0.4, "step": 0.02},
+    }
+
+
+def test_edges_that_jump_to_and_fro_under_a_voltage_are_found_at_once():
+    """In steps from t = 0.24 on rounds of attraction and shear find 26 and 27 points in turns."""
+    found = run(rolling_under_a_voltage(256))
+    assert float(found.time[-1]) == pytest.approx(0.4)
+    assert float(found.residual.max()) < 1e-6
+    # Energies close as those of 1024 points, whose edges do not jump, to 5e-4 of the work.
+    assert float(abs(found.energy_residual).max()) < 1e-3 * float(abs(found.work).max())
+
+
+def test_a_voltage_too_steep_for_the_grid_is_refused_by_the_points_that_it_needs():
+    steep = {"poisson": 0.387332, "creepage": -0.079099, "velocity": 0.156306, "coefficient": 0.925923,
+             "load": 0.010825, "insulation": 0.002469, "permittivity": 2.4e-5}  # fmt: skip
+    time = {"time": {"end": 0.2, "step": 0.05}}
+    with pytest.raises(gfmdlayer.ConvergenceError, match=r"Take 8\.\d+ times as many grid\.points"):
+        run(rolling_under_a_voltage(256, **steep), time)
+    assert float(run(rolling_under_a_voltage(1024, **steep), time).time[-1]) == pytest.approx(0.2)
 
 
 def test_friction_has_a_value_where_an_attraction_pulls_more_than_the_punch_presses():
