@@ -55,7 +55,8 @@ def _wider(parts: Parts) -> WiderCell | None:
     """Return the cell of a case whose contact needs a wider one; None for others.
 
     The contact is elastic, without attraction and friction, on a coarse grid, at the largest depth or force,
-    with the stiffness K(q, 1/t) of the time at which it is reached, and of the end of the run.
+    with the stiffness K(q, 1/t) of the time at which it is reached, and of the end of the run; at another
+    temperature with the glassy and the relaxed one.
     """
     config, drive = parts.config, parts.drives.drive
     grid = parts.grid
@@ -64,10 +65,12 @@ def _wider(parts: Parts) -> WiderCell | None:
     times = [*(time for time in drive.breakpoints if time < config.time.end), config.time.end]
     most = max(map(drive, times))
     first = min(time for time in times if drive(time) >= most - 1e-9 * abs(most))
+    rates = math.inf if first == 0 else 1 / first, 1 / config.time.end
+    if any(parts.drives.reduced_times):  # a temperature has other times
+        rates = math.inf, 0.0
     return wider_cell(
         parts.body, grid, parts.punch, most, config.grid.datum,
-        rates=(1 / first if first > 0 else math.inf, 1 / config.time.end),
-        by_depth=config.trajectory.control == "depth", friction=bool(config.friction),
+        rates=rates, by_depth=config.trajectory.control == "depth", friction=bool(config.friction),
         larger=bool(config.friction and config.interfaces),
     )  # fmt: skip
 

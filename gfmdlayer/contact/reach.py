@@ -22,6 +22,8 @@ from gfmdlayer.resumable import Saving
 # as that of the others (`body.isolated.TOLERANCE`).
 _NEGLIGIBLE = 1e-3
 
+EDGE = "EDGE: the contact reaches the edge of the window, where the punch ends; take a larger grid.period"
+
 _DIRECTIONS = 64  # of a surface: a width is short by at most 0.12 %
 
 
@@ -70,6 +72,15 @@ class Reach(Saving):
     def remember(self, pressure: FloatArray, noise: float = 0.0) -> None:
         """Add the pressures of an accepted step."""
         self._support = self._with(pressure, noise)
+
+    def at_the_edge(self, points: tuple[int, ...]) -> bool:
+        """Whether pressed points lie at the edge of so many points in the middle of the grid."""
+        for directions, n, most in zip(self._directions, points, self._grid.points, strict=True):
+            ends = (n - 2) / (2 * most), n / (2 * most)  # the first point is half of the points away
+            along = self._support[directions.argmax()], self._support[directions.argmin()]
+            if any(far > end - 0.5 / most for far, end in zip(along, ends, strict=True)):
+                return True
+        return False
 
     def masked(self, field: FloatArray) -> FloatArray:
         """Return a field, one value a point, NaN where the displacement is not known."""

@@ -29,7 +29,7 @@ from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import Loading
 from gfmdlayer.contact.problem import in_contact, why_not_converged
-from gfmdlayer.contact.reach import Reach
+from gfmdlayer.contact.reach import EDGE, Reach
 from gfmdlayer.drives import Drives
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.friction.isolated import without_images as kernels_without_images
@@ -282,6 +282,11 @@ class _Asked:
         wider = self.wider
         return np.ravel(field) if wider is None else replace(wider, above=outside).extended(field)
 
+    def warn(self, reach: Reach) -> None:
+        """Warn where the contact ends with the window."""
+        if self.wider is not None and reach.at_the_edge(self.wider.points):
+            warnings.warn(EDGE.replace("grid.", ""), stacklevel=4)
+
     def dataset(self, fields: Mapping[str, Any], scalars: Mapping[str, Any], *known: Any) -> xarray.Dataset:
         """Return what the user sees, with totals of an isolated contact."""
         area = math.prod(self.grid.period)
@@ -338,6 +343,7 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
         if beyond := reach.refusal(solution.pressure, noise):
             raise _TooWideError(beyond, problem, solution)
         reach.remember(solution.pressure, noise)
+        given.warn(reach)
     points = int(in_contact(problem, solution).sum())
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
@@ -554,6 +560,7 @@ def with_friction(
         if beyond := reach.refusal(solution.stress, noise):
             raise _TooWideError(beyond)
         reach.remember(solution.stress, noise)
+        given.warn(reach)
     if not solution.converged:
         raise ConvergenceError(solution.reason)
     return _frictional_dataset(given, solution, moved + solution.path, reach)
