@@ -142,12 +142,12 @@ class Slip(Observable):
         tangential_displacement | displacement of the punch along the surface, of its rolling the sliding
           part | length | from the beginning of the run | D
         creepage | sliding speed of the punch over its velocity | 1 | over the step | \xi
-        drag_force | mean tangential stress on the moving punch | pressure | mean over the whole cell of the
-          shear traction and of pressure times slope of the surface; work per distance where it slides |
-          \bar{t}_\mathrm{drag}
         lateral_creepage | sliding speed of the punch along y over its velocity | 1 | over the step | \xi_y
         spin_moment | moment of the shear traction on the body, to the left | pressure length |
           mean over the whole cell, about the middle of the punch | \bar{m}
+        drag_force | mean tangential stress on the moving punch | pressure | mean over the whole cell of the
+          shear traction and of pressure times slope of the surface; work per distance where it slides |
+          \bar{t}_\mathrm{drag}
         transverse_force | mean shear traction across the tangential drive | pressure |
           mean over the whole cell, to the left of the drive | \bar{t}_\perp
         """)

@@ -57,7 +57,16 @@ class Rolling:
                 root = math.sqrt((a**2 + w) * (b**2 + w))
                 return 2 / (math.cos(s) ** 2 * (axis**2 + w) * root)
 
-            return (1 - nu) / (2 * math.pi * modulus / 2) * math.pi * peak * a * b / 2 * quad(part, 0, math.pi / 2)[0]
+            return (
+                (1 - nu)
+                / (2 * math.pi * modulus / 2)
+                * math.pi
+                * peak
+                * a
+                * b
+                / 2
+                * quad(part, 0, math.pi / 2)[0]
+            )
 
         self.heights = curvature(a) * self.x**2 + curvature(b) * self.y**2
         self.load = load
@@ -121,7 +130,7 @@ def test_linear_creep_has_kalkers_coefficients(ratio, nu):
 def test_partial_slip_along_x_is_contacts(creepage, force):
     """Example tractcurv of CONTACT (E. A. H. Vollebregt), 43 x 40 elements, at as many: to 0.5 %.
 
-    With twice the elements the force is 1 % less in both.
+    With twice the elements the force is 1 % less.
     """
     contact = Rolling(6.304, 12.61, 0.28, 82000.0, 106700.0, 94)
     _, forces = contact.roll(0.33, (creepage, 0.0, 0.0))
