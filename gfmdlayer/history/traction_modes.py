@@ -70,6 +70,21 @@ class VectorModes(Saving):
         self._prepare(step)
         return self.stiffness, self._pull(self._factors.gain, self.begun, self._factors.decay)
 
+    def settled(self, step: float) -> ComplexArray:
+        """Return the stiffness, (nq, n, n), of waves that each step turns by the phases of `turn`."""
+        # A stretch is then y = decay phase y + gain (1 - phase) v^H x.
+        self._prepare(step)
+        phase, f = self._phases, self._factors
+        self._settled = f.gain * (1 - phase) / (1 - f.decay * phase)
+        stiffness = self.spectrum.relaxed.astype(np.complex128)
+        _stiffen(self.spectrum.vectors, self._settled, stiffness)
+        return stiffness
+
+    def settle(self, x: ComplexArray) -> None:
+        """Begin the next step in the state that the last `settled` repeats, with displacements x."""
+        self.x = x.copy()
+        self._stretch = self._settled * np.einsum("jqa,qa->jq", self.spectrum.vectors.conj(), x)
+
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""
         return self._pull(self._factors.curvature_gain, curvature, None)
@@ -195,6 +210,29 @@ class TractionModes:
         assert self._response is not None
         return self._response, self._seen(self.moved(self._b))
 
+    def settled(self, step: float, way: float) -> Response:
+        """Return the response in the steady state, which each step carries over a way along x."""
+        self.carry(way, *[0.0] * (self._axes - 1))
+        stiffness = [part.settled(step) for part in self.components]
+        self._of_waves = Response.of_stiffness(stiffness[0], stiffness[-1][:, -1, -1])
+        count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
+        of = self._of_waves
+        parts = of.normal, of.coupling, of.along, of.across
+        return Response(*(part[:count].reshape(shape) for part in parts))
+
+    def under_settled(self, tractions: ComplexArray) -> ComplexArray:
+        """Return the displacements of the waves in that state."""
+        return _joined(self._respond(self._of_waves, self.loads(tractions)))
+
+    def settle(self, x: ComplexArray) -> None:
+        """Begin the next step in that state, with displacements of the waves."""
+        for part, u in zip(self.components, self._split(x), strict=True):
+            part.settle(u)
+
+    def seen(self, x: ComplexArray) -> ComplexArray:
+        """Return the transforms of W, u_x[, u_y] of displacements of the waves."""
+        return self._seen(self._split(x))
+
     def loads(self, tractions: ComplexArray) -> list[ComplexArray]:
         """Return the tractions on the waves, (p, T) and S."""
         of_modes = tractions[:, self._mode] * self._share
@@ -272,9 +310,12 @@ class TractionModes:
         """Return the response of the waves to loads, (W, U) and V."""
         of = self._response
         assert of is not None
-        normal, coupling, along, across = (
-            np.ravel(part)[self._mode] for part in (of.normal, of.coupling, of.along, of.across)
-        )
+        parts = of.normal, of.coupling, of.along, of.across
+        return self._respond(Response(*(np.ravel(part)[self._mode] for part in parts)), loads)
+
+    def _respond(self, of: Response, loads: list[ComplexArray]) -> list[ComplexArray]:
+        """Return the displacements of waves, each with its response, under loads."""
+        normal, coupling, along, across = of.normal, of.coupling, of.along, of.across
         p, T = loads[0].T
         in_plane = np.stack((normal * p + coupling * T, coupling * p + along * T), axis=1)
         return [in_plane] if self._axes == 1 else [in_plane, across[:, np.newaxis] * loads[1]]
@@ -327,7 +368,7 @@ def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:
 
 
 @kernel(reorder=True)
-def _stiffen(v: NDArray[Any], gain: FloatArray, stiffness: NDArray[Any]) -> None:
+def _stiffen(v: NDArray[Any], gain: NDArray[Any], stiffness: NDArray[Any]) -> None:
     """Add sum_j gain_j v_j v_j^H, of shape (nq, n, n)."""
     modes, count, n = v.shape
     for j in range(modes):

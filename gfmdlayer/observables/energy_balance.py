@@ -2,7 +2,8 @@
 
 The work is the integral of the mean pressure over the depth and, for a punch that moves along the surface, of
 the mean tangential stress over the position; with friction at the interface also of the mean shear traction
-over the displacement of the punch along the surface, and the heat of slip is subtracted. It does not use the
+over the displacement of the punch along the surface, and with a spin of its moment over the angle; the heat
+of slip is subtracted. It does not use the
 modes, from which stored and dissipated energy follow. The energy of the interface is the mean of its law over
 the gap, zero for the hard wall. So the residual of the balance is an error of the time integration: of second
 order in dt with the exponential scheme and of first order with backward Euler. A residual above the limit is
@@ -88,7 +89,7 @@ class EnergyBalance(Observable):
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._largest = self._open = 0.0  # work or energy; residual
         self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
-        self._points = case.grid.points
+        self._points, (*_, self._spin) = case.grid.points, case.config.trajectory.creepages
         self._by_power = self._time.tolerance is not None and not self._has_losses
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
@@ -102,7 +103,7 @@ class EnergyBalance(Observable):
         attraction += float(step.row.get("plastic_work", 0.0)) + float(step.row.get("slip_heat", 0.0))
         energies = stored + dissipated + attraction
         now = PathPoint(step.time, step.depth, step.mean_pressure, step.margin)
-        tangential = _tangential(step)
+        tangential = _tangential(step, self._spin)
         # Pressed in, pulled off or back: the path is not known.
         if step.detached != self._torn or not self._rows:
             self._work += energies - self._energies
@@ -241,11 +242,15 @@ class Bodies(Observable):
         return stored | {f"dissipated_{name}": body.dissipated for name, body in own}
 
 
-def _tangential(step: Step) -> tuple[Point, ...]:
-    """Return each displacement along the surface with the mean tangential stress that does work on it."""
+def _tangential(step: Step, spin: float) -> tuple[Point, ...]:
+    """Return each displacement along the surface with the mean tangential stress that does work on it.
+
+    With a spin also the angle of the punch, with the moment.
+    """
     position, force = (float(step.row.get(name, 0.0)) for name in ("position", "tangential_force"))
     by_loss = force - step.shear_force + step.stretch
-    return (position, by_loss), *zip(step.moved, step.mean_shear, strict=True)
+    turned = [(spin * position, step.spin_moment)] if spin else []
+    return (position, by_loss), *zip(step.moved, step.mean_shear, strict=True), *turned
 
 
 def _rounded_down(value: float) -> str:
