@@ -203,7 +203,7 @@ class CreepForm:
         self.error = 0.0
         if times.size:
             self._s = _laplace(times, 0.0)
-            self._inverse = np.linalg.pinv(self._courses(self._s), _SINGULAR)
+            self._inverse = np.asarray(np.linalg.pinv(self._courses(self._s), _SINGULAR), dtype=float)
 
     @classmethod
     def of(cls, body: Any, longest: float, shortest: float) -> CreepForm:

@@ -266,7 +266,8 @@ _TOTALS = declared(r"""
     transverse_force | tangential force across the drive | force | of the whole contact, to the left of it
     spin_moment | moment of the shear traction on the body | force length | of the whole contact, to the left,
       about the middle of the punch | M_z
-    stick_area | area that sticks to the punch | length^2 | of the whole contact; of a line, its width
+    stick_area | area that sticks to the punch | length^2 | of the whole contact; of a line, its width |
+      A_\mathrm{stick}
     slip_heat | heat of slip | force length | from the beginning of the run
     plastic_work | plastic work, the hardness (less the attraction in contact) times the volume of the
       imprint | force length | from the beginning of the run
