@@ -112,14 +112,14 @@ def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
         yield Mistake(at, message, velocity)
     if config.friction and motion.rolls and given not in (None, 1.0):
         message = (
-            f"got {given!r} beside a creepage or a tangential force, with which both bodies roll at the velocity "
-            "up to the creepage, 1 - velocity_ratio; must be 1"
+            f"got {given!r} beside a creepage or a tangential force, with which both bodies roll; must be 1: "
+            "the creepage is the difference of their velocities"
         )
         yield Mistake(at, message, ("trajectory.creepage", "trajectory.tangential"))
     if config.friction and config.grid.isolated and motion.moves and ratio != 1:
         message = (
-            f"got {ratio!r} in an isolated contact with friction, where both bodies are carried by one history; "
-            "must be 1, for bodies that roll: give trajectory.creepage"
+            f"got {ratio!r} in an isolated contact with friction, which carries both bodies alike; must be "
+            "1, for bodies that roll: give trajectory.creepage"
         )
         yield Mistake(at, message, ("grid.boundary", "trajectory.creepage"))
     if ratio and motion.moves and config.punch.rough:

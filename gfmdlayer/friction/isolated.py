@@ -71,15 +71,20 @@ class IsolatedResponse:
     def beside(self, other: IsolatedResponse) -> IsolatedResponse:
         """Return the response between this surface and one above it, see `Response.beside`."""
 
-        def joined(one: Sequence[FloatArray], two: Sequence[FloatArray], odd: set[int]) -> Iterator[FloatArray]:
+        def joined(
+            one: Sequence[FloatArray], two: Sequence[FloatArray], odd: set[int]
+        ) -> Iterator[FloatArray]:
             for number, (a, b) in enumerate(zip(one, two, strict=True)):
                 b = -b if number in odd else b  # the couplings
                 yield np.concatenate((a[:1] + b[:1], a[1:], b[1:]))
 
         of_axes = {1} if len(self.parts) == 3 else {1, 2}
-        parts = joined(self.parts, other.parts, of_axes), joined(self.plain, other.plain, {1})
-        times = np.concatenate((self.times, other.times))
-        return IsolatedResponse(times, *map(tuple, parts), max(self.error, other.error))
+        return IsolatedResponse(
+            np.concatenate((self.times, other.times)),
+            tuple(joined(self.parts, other.parts, of_axes)),
+            tuple(joined(self.plain, other.plain, {1})),
+            max(self.error, other.error),
+        )
 
     def with_weights(self, weights: NDArray[Any]) -> CroppedResponse:
         """Return c_0 + sum_k weights_k c_k, with one weight or one a mode, (k, modes)."""

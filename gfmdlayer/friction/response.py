@@ -62,7 +62,7 @@ class Response:
         return cls(*(np.where(np.isfinite(part), part, 0.0) for part in parts))
 
     def beside(self, other: Response) -> Response:
-        """Response of the gap and of slip between this surface and one above it, mirrored, that feels p, -t."""
+        """Response of gap and slip between this surface and one above it, mirrored, that feels p and -t."""
         # C_1 + J C_2 J with J = diag(1, -1): equal surfaces do not couple.
         return Response(
             self.normal + other.normal,

@@ -1,4 +1,4 @@
-"""Two deformable bodies in contact with friction: their histories side by side, under the tractions they share.
+"""Two deformable bodies in contact with friction: histories side by side, under tractions that they share.
 
 The body feels the pressure p and the shear traction t, the counterbody above it, mirrored, p and -t. The gap
 follows from the sum of both normal displacements, slip from the difference of those along the surface:
@@ -24,7 +24,7 @@ from gfmdlayer.resumable import CompositeState, State
 
 
 class TractionPair:
-    """The histories of a body and its counterbody as one: displacements (W, u_x[, u_y]) = C tractions + offset."""
+    """The histories of a body and its counterbody as one: (W, u_x[, u_y]) = C tractions + offset."""
 
     slope = None  # of the surface: the tangential force follows from tractions
 
@@ -71,7 +71,7 @@ class TractionPair:
         return _between(*(body.displacement for body in self.bodies))
 
     def moving(self) -> ComplexArray:
-        """Return the transforms of W, u_x[, u_y] on whose slopes tractions do work as the contact moves along x."""
+        """Return the transforms of W, u_x[, u_y] on whose slopes tractions do work as the contact moves."""
         one, two = (body.displacement for body in self.bodies)
         return _between(one, self.ratio * two)
 

@@ -640,7 +640,7 @@ def _frictional_dataset(
     reach: Reach | None,
     own: Mapping[str, FloatArray],
 ) -> xarray.Dataset:
-    """Return fields and scalars of a solution; an isolated contact has a `reach`, two bodies fields of `own`."""
+    """Return fields and scalars of a solution; isolated contacts have a `reach`, two bodies `own` fields."""
     grid = given.grid
     area, touching = math.prod(grid.period), solution.contact
     gap = np.where(touching, 0.0, np.maximum(solution.gap, 0.0))

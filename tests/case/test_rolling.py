@@ -32,7 +32,9 @@ def marched(keys, ways):
     return gfmdlayer.run(keys | {"time": {"end": float(ways), "step": 1.0}, "output": {"snapshots": [ways]}})
 
 
-FORCED = {"trajectory": {"tangential": {"control": "force", "force": 0.003, "ramp_time": 1.0, "direction": 30.0}}}
+FORCED = {
+    "trajectory": {"tangential": {"control": "force", "force": 0.003, "ramp_time": 1.0, "direction": 30.0}}
+}
 ISOLATED = {"grid": {"points": [32, 32], "boundary": "isolated"}, "trajectory": {"force": 0.01}}
 
 

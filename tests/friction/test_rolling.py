@@ -57,7 +57,16 @@ class Rolling:
                 root = math.sqrt((a**2 + w) * (b**2 + w))
                 return 2 / (math.cos(s) ** 2 * (axis**2 + w) * root)
 
-            return (1 - nu) / (2 * math.pi * modulus / 2) * math.pi * peak * a * b / 2 * quad(part, 0, math.pi / 2)[0]
+            return (
+                (1 - nu)
+                / (2 * math.pi * modulus / 2)
+                * math.pi
+                * peak
+                * a
+                * b
+                / 2
+                * quad(part, 0, math.pi / 2)[0]
+            )
 
         self.heights = curvature(a) * self.x**2 + curvature(b) * self.y**2
         self.load = load
