@@ -86,7 +86,7 @@ class EnergyBalance(Observable):
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._largest = self._open = 0.0  # work or energy; residual
         self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
-        *_, self._spin = case.config.trajectory.creepages
+        *_, self._spin = case.config.creepages
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
         # Positions and tangential stresses; displacements of the punch and shear tractions, along each axis.
