@@ -309,7 +309,8 @@ def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
         ):
             for k in np.flatnonzero(~problem.noise_is_given(i)):
                 rows = prediction.used & ~prediction.touch.uncertain & (prediction.curve.by_force == bool(k))
-                problem.noise[i, k] = max(problem.noise[i, k] * _spread(residuals[rows], loss), 1e-300)
+                found = problem.noise[i, k] * _spread(residuals[rows], loss)
+                problem.noise[i, k] = max(found, problem.least_noise[i, k], 1e-300)
         problem.decorrelate()
         if np.allclose(problem.noise, before, rtol=SAME_NOISE, atol=0.0):
             break

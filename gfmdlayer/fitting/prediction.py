@@ -64,7 +64,8 @@ class Prediction:
             parts = list(segments_of_kind)
             rows = slice(parts[0].first, parts[-1].end)
             values = {FORCE: curve.force, DEPTH: curve.depth}.get(kind, curve.position_of_drive)
-            self.drives.append(StraightDrive.of(curve.time[rows], values[rows], float(np.ptp(values))))
+            within = curve.within(rows, kind)
+            self.drives.append(StraightDrive.of(curve.time[rows], values[rows], within))
             self._kinds.append(kind)
             for part in parts:
                 self.used[part.first : part.end] = not segments or part.name in segments

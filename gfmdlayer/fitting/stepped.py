@@ -191,9 +191,10 @@ class SteppedContact:
             start = begin if piece == first else start
             fractions = np.linspace(0, 1, TRIAL + 1)
             if piece == first or np.isclose(start, pieces.breakpoints).any():
-                least = min(shortest / max(end - start, shortest), 1 / TRIAL)
-                count = math.ceil(-PER_DECADE * math.log10(least)) + 1
-                fractions = np.union1d(fractions, np.geomspace(least, 1, count))
+                least = min(shortest / max(end - start, shortest), fractions[1])
+                count = math.floor(PER_DECADE * math.log10(fractions[1] / least))
+                short = np.geomspace(least, fractions[1], count, endpoint=False)
+                fractions = np.concatenate((fractions[:1], short, fractions[1:]))
             parts.append(fractions)
         return parts
 
