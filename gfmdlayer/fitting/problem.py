@@ -455,6 +455,10 @@ class LeastSquares:
         scaled = rows[prediction.used] / self.noise_of_rows(i)[prediction.used]
         return np.split(self._roots[i] @ np.append(scaled, jumps), [scaled.size])
 
+    def scaled(self, i: int, rows: FloatArray) -> FloatArray:
+        """Return values at all rows of a curve as residuals that count, over the noise, uncorrelated."""
+        return self._uncorrelated(i, rows, np.zeros(len(self.predictions[i].touch.jumps)))[0]
+
     def _joined(
         self, rows: Sequence[FloatArray], jumps: Sequence[FloatArray], before: FloatArray
     ) -> FloatArray:
