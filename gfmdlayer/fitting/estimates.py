@@ -364,9 +364,7 @@ def best_of(fits: Mapping[str, IndentationFit]) -> tuple[str, dict[str, float]]:
     return min(criteria, key=lambda name: criteria[name]), criteria
 
 
-def _doubts(
-    estimates: Sequence[Estimate], correlation: FloatArray, excess: float
-) -> Iterator[str]:
+def _doubts(estimates: Sequence[Estimate], correlation: FloatArray, excess: float) -> Iterator[str]:
     """Yield warnings: parameters that the data do not determine, and a noise that is not the given one."""
     for estimate in estimates:
         (low, high), (least, most) = estimate.profile or estimate.interval, estimate.bounds

@@ -30,7 +30,11 @@ CHANCE = 0.05  # of a false alarm
 APART = 6.0  # of the times of a missing branch from those of the model
 RESOLVED, LONG = 2.0, 3.0  # shortest such time in spacings of rows, longest in durations
 SLOW = 6  # slowest cosines of a part as long as the baseline
-SHARED, FLIPS, FEWEST_CURVES = 24, 511, 6  # cosines and random signs of several curves; curves of one protocol
+SHARED, FLIPS, FEWEST_CURVES = (
+    24,
+    511,
+    6,
+)  # cosines and random signs of several curves; curves of one protocol
 WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their order
 WIDER = 1.5  # factor of the intervals by correlated noise that is worth a word
 
@@ -100,9 +104,9 @@ def shapes(
 def _columns(problem: LeastSquares, u: FloatArray) -> dict[str, list[FloatArray]]:
     """Return the shapes in the measured quantity of each curve, at its rows, by their names."""
     free = {each.key for each in problem.parameters}
-    times = [
-        value for key, value in problem.model.keys.items() if key.rpartition(".")[2] == "tau"
-    ] + [value for key, value in problem.values(u).items() if key.rpartition(".")[2] == "tau"]
+    times = [value for key, value in problem.model.keys.items() if key.rpartition(".")[2] == "tau"] + [
+        value for key, value in problem.values(u).items() if key.rpartition(".")[2] == "tau"
+    ]
     found: dict[str, list[FloatArray]] = {}
     for prediction in problem.predictions:
         for name, column in _of_curve(problem, u, prediction, times).items():
@@ -209,9 +213,7 @@ def _sentence(problem: LeastSquares, u: FloatArray, found: Sequence[Shape]) -> s
     names = [shape.name for shape in found]
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
     moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
-    sentence = (
-        f"the residual has a shape beyond noise ({found[0].ratio:.2g} times its limit); {listed} would make it"
-    )
+    sentence = f"the residual has a shape beyond noise ({found[0].ratio:.2g} times its limit); {listed} would make it"
     if moduli:
         name, value = problem.parameters[moduli[0]].name, problem.values(u)
         changed = [problem.values(np.clip(u + shape.changes, *problem.bounds))[name] for shape in found]
