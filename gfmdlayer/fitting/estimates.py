@@ -7,7 +7,8 @@ intervals are those of `intervals.mixture`. A standard error is the half width o
 
 Profile intervals: one parameter is fixed and all others are fitted again; at the ends of the interval the sum
 of squares has grown by s^2 t^2 (Bates & Watts, Nonlinear Regression Analysis, 1988, Sec. 6.1), where t is
-larger by the factor of the linear half widths under correlated noise. A further stiff residual fixes the parameter.
+larger by the factor of the linear half widths under correlated noise. A further stiff residual fixes the
+parameter.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ for J = Q R, X the cosines of Q, and rho the residual's sum of squares over S.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -78,14 +79,14 @@ def mixture(
     back = directions.T / singular / scale[:, np.newaxis]  # R^-1
     along = np.eye(back.shape[0]) if along is None else along
     ends = np.cumsum([0, *blocks])
-    cosines = [_Cosines.of(residuals[i:j], Q[i:j]) for i, j in zip(ends, ends[1:], strict=False)]
+    cosines = [_Cosines.of(residuals[i:j], Q[i:j]) for i, j in pairwise(ends)]
     rest, m = slice(ends[-1], None), Q.shape[1]
     z, X = residuals[rest], Q[rest]  # independent
     gram = X.T @ X + sum((each.gram for each in cosines), np.zeros((_SPECTRA, m, m)))
     slow = X.T @ X + sum((each.slow for each in cosines), np.zeros((_SPECTRA, m, m)))
     mixed = X.T @ z + sum((each.mixed for each in cosines), np.zeros((_SPECTRA, m)))
     square = z @ z + sum((each.square for each in cosines), np.zeros(_SPECTRA))
-    size = z.size + sum(each.count for each in cosines)
+    size = z.size + sum(each.slowest for each in cosines)
     logarithm = sum((each.logarithm for each in cosines), np.zeros(_SPECTRA))
 
     freedom = max(size - m, 1)
@@ -119,7 +120,7 @@ class _Cosines(NamedTuple):
     mixed: FloatArray  # X^T S^-1 z
     square: FloatArray  # z^T S^-1 z
     logarithm: FloatArray  # sum of ln S
-    count: int  # of the slowest
+    slowest: int  # their number
 
     @classmethod
     def of(cls, residuals: FloatArray, Q: FloatArray) -> _Cosines:

@@ -97,7 +97,7 @@ def shapes(
         own[0, m] = 1.0
         level = 1 - CHANCE / len(columns)
         made = mixture(-residuals, whole, blocks, level=level, along=own, generalised=True)
-        changes = np.linalg.lstsq(whole, -residuals, rcond=None)[0][:m]
+        changes = np.asarray(np.linalg.lstsq(whole, -residuals, rcond=None)[0][:m], dtype=float)
         yield Shape(name, float(abs(made.centers[0]) / made.half[0]), changes)
 
 
@@ -213,7 +213,8 @@ def _sentence(problem: LeastSquares, u: FloatArray, found: Sequence[Shape]) -> s
     names = [shape.name for shape in found]
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
     moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
-    sentence = f"the residual has a shape beyond noise ({found[0].ratio:.2g} times its limit); {listed} would make it"
+    size = f"{found[0].ratio:.2g} times its limit"
+    sentence = f"the residual has a shape beyond noise ({size}); {listed} would make it"
     if moduli:
         name, value = problem.parameters[moduli[0]].name, problem.values(u)
         changed = [problem.values(np.clip(u + shape.changes, *problem.bounds))[name] for shape in found]

@@ -54,8 +54,15 @@ def material(G0: float, Ginf: float, tau: float) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("tau", "ramp", "end"),
-    [(0.05, 0.5, 10.0), (0.02, 0.02, 10.0), (0.1, 0.1, 10.0), (0.5, 0.5, 10.0), (5.0, 0.5, 10.0), (0.02, 2.0, 10.0)],
-)  # fmt: skip
+    [
+        (0.05, 0.5, 10.0),
+        (0.02, 0.02, 10.0),
+        (0.1, 0.1, 10.0),
+        (0.5, 0.5, 10.0),
+        (5.0, 0.5, 10.0),
+        (0.02, 2.0, 10.0),
+    ],
+)
 def test_a_relaxation_far_shorter_than_the_record_is_found(tau: float, ramp: float, end: float) -> None:
     """Within the interval, of which one in twenty may fail: here within twice its half width."""
     time, depth, force = ramp_hold(2001, ramp, end, 1.0, 4.0, tau)
@@ -84,8 +91,11 @@ def test_a_long_approach_does_not_change_the_modulus(approach: float) -> None:
 def test_a_cantilever_that_bends_gives_the_modulus_after_a_long_approach(approach: float) -> None:
     base, spring, factor = np.linspace(-approach, 0.6, 3000), 1e4, 4 / 3 * 7000 / 0.75 * RADIUS**0.5
     depth = np.array(
-        [x if x <= 0 else brentq(lambda d, x=x: d + factor * d**1.5 / spring - x, 0, x, xtol=1e-15) for x in base]
-    )  # fmt: skip
+        [
+            x if x <= 0 else brentq(lambda d, x=x: d + factor * d**1.5 / spring - x, 0, x, xtol=1e-15)
+            for x in base
+        ]
+    )
     force = factor * np.maximum(depth, 0.0) ** 1.5
     curve = ForceCurve("bends", np.linspace(0.0, 1.0, 3000), depth, force, prescribed="depth")
     fit = fit_indentation(curve, material(1000.0, 2000.0, 0.1), KEYS[:2], contact="detect")
