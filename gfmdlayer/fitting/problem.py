@@ -198,8 +198,8 @@ def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
 
 TRIES = 3  # the differences are repeated when the nodes changed on the way, at most so often
 # Steps of the differences, in a logarithm and in the scale of a linear parameter (`_scale`): a derivative is
-# off by half a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a shorter
-# step would take the jump for a derivative.
+# off by half a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a
+# shorter step would take the jump for a derivative.
 STEP, LINEAR_STEP = 5e-3, 2e-3
 SOLVED = 1e-5  # error of a solution in steps, over the range of the measured quantity
 MODULI = {"G0", "Ginf", "G", "young", "bulk", "shear_modulus", "young_modulus", "bulk_modulus"}
