@@ -164,6 +164,8 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
             shown &= np.isfinite(values)
         across = across[shown] / along.scale
         look: dict[str, Any] = {"color": curve.colour, "linestyle": curve.dashes, "zorder": OVER_FRAME}
+        if across.size == 1:
+            look["marker"] = "o"
         axes.plot(across, values[shown] / up.scale, **look)
         ends += [*across[:1], *across[-1:]]
     if x == "time" and len({*ends}) > 1:

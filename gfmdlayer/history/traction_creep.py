@@ -14,6 +14,11 @@ of x c_0 x + sum_k z_k c_k z_k, and the heat that of `modes` with c_k in place o
 sign have right sums of both, as these depend on the creep function alone (Staverman and Schwarzl, Proc.
 Kon. Ned. Akad. Wet. B 55 (1952) 474).
 
+Under a contact that moves along x the tractions of the past, their lags and the displacements move with the
+material, by whole spacings: beyond half of the cell the displacements are not those of the surface, and have
+a jump, which no phase moves by less. A lag that has left this half acts on the contact from a wrong distance
+until it has decayed.
+
 All are transforms (p, t_x[, t_y]), of shape (1 + axes, modes). `ErrorControl` sees tractions here in place of
 displacements, and displacements in place of tractions: the work of the one on the other is the same.
 """
@@ -35,14 +40,24 @@ from gfmdlayer.resumable import Saving
 class TractionCreep(Saving):
     """The history of a surface without images: displacements (W, u_x[, u_y]) = C tractions + offset."""
 
-    KEPT = ("past", "lag", "displacement", "stored", "dissipated")
-    slope = phases = None  # there is no motion along the surface
+    KEPT = ("past", "lag", "shift", "stored", "dissipated")
+    slope = None  # of the surface: the tangential force follows from tractions
 
-    def __init__(self, grid: Grid, response: IsolatedResponse, scheme: Scheme = exponential) -> None:
+    def __init__(
+        self,
+        grid: Grid,
+        response: IsolatedResponse,
+        scheme: Scheme = exponential,
+        velocity: float = 0.0,
+    ) -> None:
+        # `velocity` of the contact along x at the end of the run serves `slowest`.
+        self._passage = grid.period[0] / abs(velocity) if velocity else 0.0
         self._of, self._scheme, self.step = response, scheme, math.nan
         self._shape = 1 + len(grid.points), math.prod(grid.spectral_shape)
         self.past = np.zeros(self._shape, dtype=np.complex128).ravel()  # tractions at the beginning of a step
-        self.displacement = np.zeros(self._shape, dtype=np.complex128)
+        self._shift = np.zeros(self._shape, dtype=np.complex128)  # displacements then
+        self._q = np.broadcast_to(grid.wavevectors[0], grid.spectral_shape).ravel()
+        self.phases: ComplexArray | None = None
         self._lag = np.zeros((response.times.size, *self._shape), dtype=np.complex128)
         self._parts = np.stack([part.reshape(len(part), -1) for part in response.parts])
         self.weights = np.tile(np.ravel(grid.parseval_weights), self._shape[0])
@@ -55,6 +70,11 @@ class TractionCreep(Saving):
         return self.past
 
     @property
+    def displacement(self) -> ComplexArray:
+        """Transforms of W, u_x[, u_y] at the beginning of the next step, carried with the material."""
+        return self.carried(self._shift)
+
+    @property
     def shortest_time(self) -> float:
         """Shortest time of creep; infinite for an elastic body."""
         return float(self._of.times.min(initial=math.inf))
@@ -65,19 +85,57 @@ class TractionCreep(Saving):
             # The response is the same object for steps of equal length.
             self.step, self._factors = step, self._scheme(step / self._of.times)
             self._response = self._of.with_weights(1 - self._factors.gain)
-        f, past, self._offset = (
-            self._factors,
-            self.past.reshape(self._shape),
-            np.zeros_like(self.displacement),
-        )
-        for k, lag in enumerate(self._lag):
+        f, past, self._offset = self._factors, self._begun, np.zeros_like(self._shift)
+        for k, lag in enumerate(map(self.carried, self._lag)):
             self._offset += self._moved(self._parts[:, 1 + k], f.gain[k] * past - f.decay[k] * lag)
         return self._response, self._offset
 
-    def carry(self, *distance: float) -> None:
-        """Refuse a motion along the surface."""
-        if any(distance):
-            raise NotImplementedError("a contact without images does not move along the surface")
+    def carry(self, distance: float, *across: float) -> None:
+        """Move the contact along x in the next step: a point at x + distance is then at x."""
+        assert not any(across)
+        self.phases = np.exp(1j * distance * self._q) if distance else None
+
+    def carried(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return a transform as it is carried with the material in the next step."""
+        return spectrum if self.phases is None else spectrum * self.phases
+
+    @property
+    def _begun(self) -> ComplexArray:
+        """Tractions at the beginning of the next step, carried with the material."""
+        return self.carried(self.past.reshape(self._shape))
+
+    def slowest(self, tolerance: float) -> float:
+        """Return the longest time on the way to the steady state: of a passage of the cell, or of creep."""
+        size = np.abs(self._parts[:, 1:]).max(axis=(0, 2)) / np.abs(self._parts).max()
+        return max(self._passage, float(self._of.times[size > tolerance].max(initial=0.0)))
+
+    def settled(self, step: float, way: float) -> CroppedResponse:
+        """Return the response in the steady state, which each step carries over a way along x."""
+        # A lag is then y = decay phase y + gain (1 - phase) x.
+        self.step, self._factors, self._response = step, self._scheme(step / self._of.times), None
+        self.carry(way)
+        f, phase = self._factors, np.exp(1j * way * self._q)
+        self._settled = f.gain[:, np.newaxis] * (1 - phase) / (1 - f.decay[:, np.newaxis] * phase)
+        return self._of.with_weights(1 - self._settled)
+
+    def under_settled(self, tractions: ComplexArray) -> ComplexArray:
+        """Return the tractions of that state as one array."""
+        return tractions.ravel()
+
+    def settle(self, x: ComplexArray) -> None:
+        """Begin the next step in that state, with these tractions."""
+        self.past[:] = x
+        self._lag[:] = self._settled[:, np.newaxis] * x.reshape(self._shape)
+        self._shift[:] = self.seen(x)
+        self.terms(self.step)
+
+    def seen(self, x: ComplexArray) -> ComplexArray:
+        """Return the transforms of W, u_x[, u_y] under the tractions of that state."""
+        own = x.reshape(self._shape)
+        moved = self._moved(self._parts[:, 0], own)
+        for k, weights in enumerate(1 - self._settled):
+            moved += self._moved(self._parts[:, 1 + k], weights * own)
+        return moved
 
     def under(self, tractions: ComplexArray) -> ComplexArray:
         """Return the tractions of a step as one array."""
@@ -87,7 +145,7 @@ class TractionCreep(Saving):
         """Return the tractions themselves: there is one body."""
         return x
 
-    carried_waves = carried = parts
+    carried_waves = parts
 
     def resistance(self, x: ComplexArray) -> ComplexArray:
         """Return C x, the displacements of a surface without a past."""
@@ -110,18 +168,19 @@ class TractionCreep(Saving):
 
     def advance(self, x: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms` to the tractions x."""
-        self.displacement[:] = self.force(x).reshape(self._shape)
+        self._shift[:] = self.force(x).reshape(self._shape)
         f, new = self._factors, x.reshape(self._shape)
-        change = new - self.past.reshape(self._shape)
+        change = new - self._begun
         bent = np.zeros_like(new) if curvature is None else curvature.reshape(self._shape)
         twice = self._product(0, new, new)
         for k, lag in enumerate(self._lag):
-            before, after = lag.copy(), f.decay[k] * lag + f.gain[k] * change
+            before = self.carried(lag.copy())
+            after = f.decay[k] * before + f.gain[k] * change
             lag[:] = after + f.curvature_gain[k] * bent
             twice += self._product(1 + k, new - lag, new - lag)
             self.dissipated += self._heat(k, f, before, after, change, bent)
         self.stored = twice / 2
-        self.past[:] = x
+        self.past[:], self.phases = x, None
 
     def _heat(
         self,
