@@ -69,7 +69,7 @@ def test_marching_ends_in_the_state_that_is_found_at_once(layer, more, ways):
 
 @pytest.mark.parametrize("layer", [ELASTIC, RELAXING])
 def test_the_state_satisfies_coulombs_law_with_its_own_slip(layer):
-    """Where a point slips, t is against the slip and mu p; elsewhere it is at most that, and the slip is none."""
+    """Where a point slips, t is against the slip and mu p; elsewhere at most that, without a slip."""
     found = gfmdlayer.run(rolling(layer)).isel(time=-1, snapshot=-1)
     p, tx, ty = (found[name].to_numpy() for name in ("pressure", "shear_x", "shear_y"))
     slip = np.array([found.slip_velocity_x.to_numpy(), found.slip_velocity_y.to_numpy()])  # in a time of 1
