@@ -429,9 +429,6 @@ def problems_of_the_inside(config: Any) -> Iterator[Mistake]:
     if config.grid.isolated:
         message = "not available with boundary: isolated, which gives the surface within its reach; remove it"
         yield Mistake(at, message, ("grid.boundary",))
-    if config.friction:
-        message = "not available with friction, whose shear traction acts on the surface; remove it"
-        yield Mistake(at, message, ("interface",))
     layers = thicknesses(config.solid)
     if inside.depths is not None and (below := beyond(layers, inside.depths)) is not None:
         i, whole = below

@@ -396,12 +396,12 @@ def _problems_of_the_steps(config: Any) -> Iterator[Mistake]:
 
 def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
     """Yield what friction does not go with, at the place of its law or at the other key."""
-    law = (dotted(at),)
+    law, in_shear = (dotted(at),), "must be layers, which have a shear response"
+    above = None if config.counterbody is None else config.counterbody.body
     refused = {
         ("grid", "geometry"): config.grid.geometry == "axisymmetric" and "got axisymmetric; must be periodic",
-        ("counterbody",): config.counterbody is not None and "must be a rigid punch; remove it",
-        ("body",): not isinstance(config.body, Layers | None)
-        and "must be layers, which have a shear response",
+        ("body",): not isinstance(config.body, Layers | None) and in_shear,
+        ("counterbody", "body"): not isinstance(above, Layers | None) and in_shear,
         ("solver", "method"): config.solver.method != AUTO and f"got {config.solver.method}; must be auto",
         ("output", "stiffness"): config.output.stiffness is not None and "must be left out",
     }

@@ -24,7 +24,7 @@ the retardation times of one material has these; others have times that are spac
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.isolated import TOLERANCE, LowPass, refuse
 from gfmdlayer.body.layers import Layers
+from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.relaxation import SAME_BRANCH, retardation
 from gfmdlayer.friction.response import CroppedResponse, Response
 from gfmdlayer.grid.grid import Grid, shared_grid
@@ -67,6 +68,24 @@ class IsolatedResponse:
         ends = np.zeros(self.times.size), np.ones(self.times.size)
         return all(self.with_weights(weights).is_positive for weights in ends)
 
+    def beside(self, other: IsolatedResponse) -> IsolatedResponse:
+        """Return the response between this surface and one above it, see `Response.beside`."""
+
+        def joined(
+            one: Sequence[FloatArray], two: Sequence[FloatArray], odd: set[int]
+        ) -> Iterator[FloatArray]:
+            for number, (a, b) in enumerate(zip(one, two, strict=True)):
+                b = -b if number in odd else b  # the couplings
+                yield np.concatenate((a[:1] + b[:1], a[1:], b[1:]))
+
+        of_axes = {1} if len(self.parts) == 3 else {1, 2}
+        return IsolatedResponse(
+            np.concatenate((self.times, other.times)),
+            tuple(joined(self.parts, other.parts, of_axes)),
+            tuple(joined(self.plain, other.plain, {1})),
+            max(self.error, other.error),
+        )
+
     def with_weights(self, weights: NDArray[Any]) -> CroppedResponse:
         """Return c_0 + sum_k weights_k c_k, with one weight or one a mode, (k, modes)."""
         every = np.concatenate((np.ones((1, *weights.shape[1:])), weights))
@@ -96,6 +115,8 @@ def without_images(body: Any, grid: Grid, datum: float | None = None) -> Isolate
     ValueError
         If the body has no isolated state, or its relaxation no creep form.
     """
+    if isinstance(body, Pair):
+        return without_images(body.first, grid, datum).beside(without_images(body.second, grid, datum))
     if isinstance(body, Layers):  # which never change
         return _kept(body, grid.points, grid.period, datum)
     return _without_images(body, grid, datum)
@@ -108,14 +129,20 @@ def _kept(
     return _without_images(body, shared_grid(points, period), datum)
 
 
-def check_isolated(body: Any, grid: Grid, datum: float | None = None) -> CreepForm:
-    """Return the creep form of a body on the waves of a grid; errors as of `without_images`."""
+def check_isolated(body: Any, grid: Grid, datum: float | None = None) -> None:
+    """Raise the errors of `without_images`."""
+    for each in (body.first, body.second) if isinstance(body, Pair) else (body,):
+        _form(each, grid, datum)
+
+
+def _form(body: Any, grid: Grid, datum: float | None) -> CreepForm:
+    """Return the creep form of a body on the waves of a grid."""
     refuse(body, grid.period, datum)
     return CreepForm.of(body, np.pi / max(grid.period), float(grid.wavenumbers.max()))
 
 
 def _without_images(body: Any, grid: Grid, datum: float | None) -> IsolatedResponse:
-    form, q = check_isolated(body, grid, datum), grid.wavenumbers.ravel()
+    form, q = _form(body, grid, datum), grid.wavenumbers.ravel()
     count, shape = form.times.size + 1, grid.spectral_shape
     coefficients = np.zeros((4, count, q.size))
     coefficients[:, :, 1:] = form.coefficients(q[1:])

@@ -61,6 +61,16 @@ class Response:
         parts = (np.where(mean, one, other) for one, other in zip(alone, full, strict=True))
         return cls(*(np.where(np.isfinite(part), part, 0.0) for part in parts))
 
+    def beside(self, other: Response) -> Response:
+        """Response of gap and slip between this surface and one above it, mirrored, that feels p and -t."""
+        # C_1 + J C_2 J with J = diag(1, -1): equal surfaces do not couple.
+        return Response(
+            self.normal + other.normal,
+            self.coupling - other.coupling,
+            self.along + other.along,
+            self.across + other.across,
+        )
+
     @cached_property
     def digest(self) -> str:
         """Digest of the values."""

@@ -105,6 +105,11 @@ class VectorModes(Saving):
         self._phases = np.ones_like(self._phases) if phases is None else phases
 
     @property
+    def stretches(self) -> ComplexArray:
+        """Stretches of the modes after the last step, (modes, nq)."""
+        return self._stretch
+
+    @property
     def begun(self) -> ComplexArray:
         """Displacements at the beginning of the next step."""
         return self.x * self._phases[:, np.newaxis]
@@ -144,11 +149,9 @@ class TractionModes:
         # contact along x at the end of the run serves `slowest`.
         self._velocity = velocity
         self._grid, self._axes = grid, len(grid.points)
-        self._vectors, self._mode, self._share = _waves(grid)
-        length = np.sqrt((self._vectors**2).sum(axis=0))
-        still = length == 0  # the mean has no direction
-        self._along = np.where(still, 0.0, self._vectors / np.where(still, 1.0, length))
-        self._along[0, still] = 1.0
+        self._waves = TractionWaves(grid)
+        self._vectors, self._mode = self._waves.vectors, self._waves.mode
+        self._share, self._along = self._waves.share, self._waves.along
         weights = np.ravel(grid.parseval_weights)[self._mode] / self._share
         parts = [spectrum.in_plane, VectorSpectrum.of(spectrum.across)]
         every = [_at(each, self._mode) for each in parts[: self._axes]]
@@ -235,13 +238,7 @@ class TractionModes:
 
     def loads(self, tractions: ComplexArray) -> list[ComplexArray]:
         """Return the tractions on the waves, (p, T) and S."""
-        of_modes = tractions[:, self._mode] * self._share
-        n = self._along
-        along = -1j * (n * of_modes[1:]).sum(axis=0)
-        loads = [np.stack((of_modes[0], along), axis=1)]
-        if self._axes == 2:
-            loads.append((n[0] * of_modes[2] - n[1] * of_modes[1])[:, np.newaxis])
-        return loads
+        return self._waves.components(tractions)
 
     def under(self, tractions: ComplexArray) -> ComplexArray:
         """Return the displacements of the waves at the end of the step of the last `terms`."""
@@ -339,21 +336,38 @@ def _joined(parts: Sequence[ComplexArray]) -> ComplexArray:
     return np.concatenate([part.ravel() for part in parts])
 
 
-def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-    """Return wavevectors, (axes, waves), with the mode of the grid and the share in it of each."""
-    # The first waves are the modes in their order.
-    vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
-    mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
-    for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):
-        if points % 2:
-            continue
-        shared = np.flatnonzero(np.abs(vectors[axis]) > _NYQUIST * np.pi * points / period)
-        share[shared] /= 2
-        others = vectors[:, shared]
-        others[axis] *= -1
-        vectors = np.concatenate((vectors, others), axis=1)
-        mode, share = np.append(mode, mode[shared]), np.append(share, share[shared])
-    return vectors, mode, share
+class TractionWaves:
+    """The waves of a grid: wavevectors, (axes, waves), with the mode of the grid and the share in it of each.
+
+    The first waves are the modes in their order.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
+        mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
+        for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):
+            if points % 2:
+                continue
+            shared = np.flatnonzero(np.abs(vectors[axis]) > _NYQUIST * np.pi * points / period)
+            share[shared] /= 2
+            others = vectors[:, shared]
+            others[axis] *= -1
+            vectors = np.concatenate((vectors, others), axis=1)
+            mode, share = np.append(mode, mode[shared]), np.append(share, share[shared])
+        self.vectors, self.mode, self.share = vectors, mode, share
+        length = np.sqrt((vectors**2).sum(axis=0))
+        still = length == 0  # the mean has no direction
+        self.along = np.where(still, 0.0, vectors / np.where(still, 1.0, length))
+        self.along[0, still] = 1.0
+
+    def components(self, transforms: ComplexArray) -> list[ComplexArray]:
+        """Return normal and along, and across, on the waves: (p, T) and S of (p, t_x[, t_y])."""
+        of_modes, n = transforms[:, self.mode] * self.share, self.along
+        along = -1j * (n * of_modes[1:]).sum(axis=0)
+        parts = [np.stack((of_modes[0], along), axis=1)]
+        if len(n) == 2:
+            parts.append((n[0] * of_modes[2] - n[1] * of_modes[1])[:, np.newaxis])
+        return parts
 
 
 def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -526,7 +526,7 @@ def with_friction(
     if tangential_force is not None and tangential_displacement is not None:
         raise ConfigError(["tangential_force: given with tangential_displacement; must be one of the two"])
     grid, interface = given.grid, given.interface
-    response, axes = _response(given), len(grid.points)
+    response, axes = _response(given, given.body), len(grid.points)
     method = FrictionSolver(grid, Transforms(grid.points), attracts=interface.attracts)
     moved, before, start, gap = _taken_from(previous, given)
     if given.alone and start is not None:  # the displacements of a result are not known everywhere
@@ -563,20 +563,29 @@ def with_friction(
         given.warn(reach)
     if not solution.converged:
         raise ConvergenceError(solution.reason)
-    return _frictional_dataset(given, solution, moved + solution.path, reach)
+    own: dict[str, FloatArray] = {}
+    if isinstance(given.body, Pair):
+        p, *t = solution.loads
+        for name, each, sign in (("body", given.body.first, 1), ("counterbody", given.body.second, -1)):
+            loads = np.stack((p, *(sign * along for along in t)))
+            own[f"displacement_{name}"] = -method.displacements(_response(given, each), loads)[0]
+    return _frictional_dataset(given, solution, moved + solution.path, reach, own)
 
 
-def _response(given: _Asked) -> AnyResponse:
+def _response(given: _Asked, body: Any) -> AnyResponse:
     """Return the response of a body in all directions, relaxed or to a sudden load."""
-    body, grid, glassy = given.body, given.grid, given.glassy
-    offered = getattr(body, "traction_spectrum", None)
-    if offered is None:
-        needed = "must be a halfspace or layers, with the method traction_spectrum"
-        raise ConfigError([f"body: {type(body).__name__} has no response to shear; {needed}"])
+    grid, glassy = given.grid, given.glassy
+    for each in (body.first, body.second) if isinstance(body, Pair) else (body,):
+        if not hasattr(each, "traction_spectrum"):
+            needed = "must be a halfspace or layers, with the method traction_spectrum"
+            raise ConfigError([f"body: {type(each).__name__} has no response to shear; {needed}"])
     if given.alone:
         creep = kernels_without_images(body, grid, given.datum)
         return creep.with_weights(np.full(creep.times.size, 0.0 if glassy else 1.0))
-    spectrum = offered(grid.waves)
+    if isinstance(body, Pair):
+        one, two = (_response(given, each) for each in (body.first, body.second))
+        return cast("Response", one).beside(cast("Response", two))
+    spectrum = body.traction_spectrum(grid.waves)
     plane, across = spectrum.in_plane, spectrum.across
     if glassy:
         return Response.of_stiffness(plane.glassy, across.glassy)
@@ -632,9 +641,13 @@ def _taken_from(
 
 
 def _frictional_dataset(
-    given: _Asked, solution: FrictionSolution, moved: FloatArray, reach: Reach | None
+    given: _Asked,
+    solution: FrictionSolution,
+    moved: FloatArray,
+    reach: Reach | None,
+    own: Mapping[str, FloatArray],
 ) -> xarray.Dataset:
-    """Return fields and scalars of a solution; an isolated contact has a `reach`."""
+    """Return fields and scalars of a solution; isolated contacts have a `reach`, two bodies `own` fields."""
     grid = given.grid
     area, touching = math.prod(grid.period), solution.contact
     gap = np.where(touching, 0.0, np.maximum(solution.gap, 0.0))
@@ -645,6 +658,7 @@ def _frictional_dataset(
         "gap": gap,
         "contact": touching,
         "stick": solution.stick,
+        **own,
     }
     scalars = {
         "contact_area": touching.mean(),
