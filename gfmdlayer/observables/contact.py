@@ -264,7 +264,8 @@ _TOTALS = declared(r"""
       - lost in instabilities | force length | from the beginning of the run
     tangential_force | tangential force of the punch | force | of the whole contact, along the drive | T
     transverse_force | tangential force across the drive | force | of the whole contact, to the left of it
-    drag_force | force on the moving punch along x | force | of the whole contact, as its mean | T_\mathrm{drag}
+    drag_force | tangential force on the moving punch | force | of the whole contact, see its mean |
+      T_\mathrm{drag}
     spin_moment | moment of the shear traction on the body | force length | of the whole contact, to the left,
       about the middle of the punch | M_z
     stick_area | area that sticks to the punch | length^2 | of the whole contact; of a line, its width |

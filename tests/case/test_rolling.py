@@ -17,7 +17,9 @@ def rolling(layer, **more):
     """A parabola that rolls by a spacing in a time of 1 on a surface of 32 x 32 points, a unit period."""
     keys = {
         "grid": {"points": [32, 32]}, "layer": layer, "interface": {"law": "coulomb", "coefficient": MU},
-        "trajectory": {"control": "force", "force": 0.02, "ramp_time": 1.0, "velocity": SPACING, "creepage": CREEP},
+        "trajectory": {
+            "control": "force", "force": 0.02, "ramp_time": 1.0, "velocity": SPACING, "creepage": CREEP,
+        },
         "time": {"end": 1.0, "steady": "at_once"}, "solver": {"tolerance": 1e-8},
     }  # fmt: skip
     if math.isfinite(layer["thickness"]):
@@ -67,11 +69,10 @@ def test_marching_ends_in_the_state_that_is_found_at_once(layer, more, ways):
 
 @pytest.mark.parametrize("layer", [ELASTIC, RELAXING])
 def test_the_state_satisfies_coulombs_law_with_its_own_slip(layer):
-    """Slip is u(x) - u(x + h) - D - phi h (-y, x + h/4), by the written fields; t is against it, or |t| < mu p."""
+    """Where a point slips, t is against the slip and mu p; elsewhere at most that, without a slip."""
     found = gfmdlayer.run(rolling(layer)).isel(time=-1, snapshot=-1)
     p, tx, ty = (found[name].to_numpy() for name in ("pressure", "shear_x", "shear_y"))
-    x, y = np.meshgrid(found.x, found.y, indexing="ij")
-    slip = SPACING * np.array([found.slip_velocity_x.to_numpy(), found.slip_velocity_y.to_numpy()]) / SPACING
+    slip = np.array([found.slip_velocity_x.to_numpy(), found.slip_velocity_y.to_numpy()])  # in a time of 1
     touching = p > 0
     size, bound = np.hypot(tx, ty), MU * p
     assert (size[touching] <= bound[touching] * (1 + 1e-9)).all()
@@ -89,7 +90,7 @@ def test_forces_have_the_signs_of_creepages_and_spin():
     for number, creepage in enumerate(({"x": 0.01}, {"y": 0.01}, {"spin": 0.3})):
         found = gfmdlayer.run(rolling(layer, trajectory={"creepage": creepage}))
         assert float(found[names[number]][-1]) > 0
-    # Spin has a lateral force, Kalker's C23, with the sign of phi; lateral creepage has a moment of the other.
+    # Kalker's C23: spin has a lateral force of its sign; lateral creepage has a moment of the other.
     assert float(found.transverse_force[-1]) > 0
     lateral = gfmdlayer.run(rolling(layer, trajectory={"creepage": {"y": 0.01}}))
     assert float(lateral.spin_moment[-1]) < 0
@@ -132,7 +133,7 @@ def test_the_work_of_the_state_becomes_heat(material):
 
 
 def test_wang_and_knothes_cylinders_roll_at_once():
-    """Largest pressure of rollers of a standard solid, by speed (CONTACT: 60.32, 78.74, 84.72, 85.31), to .5 %.
+    """Largest pressure of rollers of a standard solid, by speed (CONTACT's values), to .5 %.
 
     The cell has 35 half-widths, whose images raise p by (pi a/L)^2/6, .15 %; 40 to 60 points are in contact.
     """
@@ -151,6 +152,6 @@ def test_wang_and_knothes_cylinders_roll_at_once():
             }
         )
         assert 571.5 * float(found.pressure[-1].max()) == pytest.approx(largest, rel=0.005)
-        # All of the force is the loss of the body, which heats it on the way; of the second order in the step.
+        # All of the force is the loss of the body, which heats it on the way, to the second order.
         heat = float(found.dissipated[-1]) / (35 * a / 1024) / (load / (35 * a))
         assert float(found.hysteresis_friction[-1]) == pytest.approx(heat, rel=2e-3, abs=1e-9)

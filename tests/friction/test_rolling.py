@@ -76,7 +76,8 @@ class Rolling:
         cell, (xi, eta, spin) = math.prod(self.grid.period), creepages
         turned = spin * self.h * np.stack((-self.y, self.x + self.h / 4))
         return FrictionProblem(
-            self.response, self.heights, ShearBound(friction), load=self.load / cell, before=turned, way=self.h,
+            self.response, self.heights, ShearBound(friction),
+            load=self.load / cell, before=turned, way=self.h,
             path=None if force is not None else self.h * np.array([xi, eta]),
             force=None if force is None else np.array(force) / cell,
         )  # fmt: skip
