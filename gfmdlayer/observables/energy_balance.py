@@ -37,13 +37,12 @@ friction at the interface the energy of an elastic contact does not depend on th
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import PathPoint, Point, across, work_over_fold
-from gfmdlayer.observables.observable import Column, Observable, Observed, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared, rounded_down
 from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
@@ -170,9 +169,9 @@ class EnergyBalance(Observable):
         if time.tolerance is None:
             assert not isinstance(time.step, str)
             # Of second order only if steps are short beside the ramps.
-            remedy = f"time.step {_rounded_down(time.step * limit / part)}"
+            remedy = f"time.step {rounded_down(time.step * limit / part)}"
         else:
-            remedy = f"time.tolerance {_rounded_down(time.tolerance * limit / part)}"
+            remedy = f"time.tolerance {rounded_down(time.tolerance * limit / part)}"
         return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
 
     def _attraction(self, step: Step) -> float:
@@ -245,12 +244,6 @@ def _tangential(step: Step, spin: float) -> tuple[Point, ...]:
     by_loss = force - step.shear_force + step.stretch
     turned = [(spin * position, step.spin_moment)] if spin else []
     return (position, by_loss), *zip(step.moved, step.mean_shear, strict=True), *turned
-
-
-def _rounded_down(value: float) -> str:
-    """Return a number with its first digit."""
-    unit = 10.0 ** math.floor(math.log10(value))
-    return f"{math.floor(value / unit) * unit:.1g}"
 
 
 def _area(*points: Point) -> float:

@@ -27,12 +27,17 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.observable import Column, Observable, Observed, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared, rounded_down
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray, FloatArray
     from gfmdlayer.config import Config
     from gfmdlayer.step import Step
+
+
+# Change of the traction over itself, in steps with slip, beyond which the heat of slip is rough: measured, its
+# error is a quarter of that at most, and less where errors of successive steps cancel, as in steady sliding.
+_CHANGES = 0.7
 
 
 def direction(config: Config) -> FloatArray:
@@ -157,7 +162,7 @@ class Slip(Observable):
         restick | time at which a point sticks again after full slip | time |
           the first row in which it is so
         """)
-    KEPT = "heat", "times"
+    KEPT = "heat", "change", "times"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -172,7 +177,8 @@ class Slip(Observable):
 
     def __init__(self, case: Observed) -> None:
         self._names = [column.name for column in self.columns(case.config) or ()]
-        self._direction, self._heat = direction(case.config), 0.0
+        self._direction, self._time = direction(case.config), case.config.time
+        self._heat = self._change = 0.0
         self._times = [math.nan] * len(self.NUMBERS)
 
     @property
@@ -180,11 +186,24 @@ class Slip(Observable):
         """Times of the events."""
         return {column.name: time for column, time in zip(self.NUMBERS, self._times, strict=True)}
 
+    @property
+    def warning(self) -> str:  # type: ignore[override]
+        """Say that tractions change too much in a step for the heat of slip."""
+        if isinstance(self._time.step, str) or self._change <= _CHANGES * self._heat:
+            return ""
+        part = self._change / self._heat
+        remedy = rounded_down(0.5 * _CHANGES / part * self._time.step)
+        return (
+            f"SLIP HEAT is rough: in steps with slip the traction changes by {part:.2g} of itself, more than "
+            f"{_CHANGES:g}; use time.step {remedy}"
+        )
+
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the columns of the case."""
         n, mean, force = self._direction, step.mean_pressure, step.shear_force
         touching, stick = step.fields["touching"], step.fields["stick"]
         self._heat += step.slip_heat
+        self._change += step.slip_heat_change
         sticks, slips = bool(stick.any()), bool((touching & ~stick).any())
         sticks_again = sticks and not math.isnan(self._times[1])
         for i, is_now in enumerate((slips, bool(touching.any()) and not sticks, sticks_again)):
