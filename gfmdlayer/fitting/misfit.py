@@ -40,7 +40,7 @@ WIDER = 1.5  # factor of the intervals by correlated noise that is worth a word
 
 
 @dataclass(frozen=True)
-class Shape:
+class ResidualShape:
     """A shape in the residual."""
 
     name: str
@@ -81,7 +81,7 @@ def doubts(
 
 def shapes(
     problem: LeastSquares, u: FloatArray, residuals: FloatArray, jacobian: FloatArray
-) -> Iterator[Shape]:
+) -> Iterator[ResidualShape]:
     """Yield the shapes that the model cannot make, with their sizes in the residual."""
     columns = _columns(problem, u)
     blocks = [rows for each in problem.predictions for rows in each.blocks]
@@ -98,7 +98,7 @@ def shapes(
         level = 1 - CHANCE / len(columns)
         made = mixture(-residuals, whole, blocks, level=level, along=own, generalised=True)
         changes = np.asarray(np.linalg.lstsq(whole, -residuals, rcond=None)[0][:m], dtype=float)
-        yield Shape(name, float(abs(made.centers[0]) / made.half[0]), changes)
+        yield ResidualShape(name, float(abs(made.centers[0]) / made.half[0]), changes)
 
 
 def _columns(problem: LeastSquares, u: FloatArray) -> dict[str, list[FloatArray]]:
@@ -208,7 +208,7 @@ def _shared(problem: LeastSquares, residuals: FloatArray) -> float:
     return float((1 + larger.sum()) / (FLIPS + 1))
 
 
-def _sentence(problem: LeastSquares, u: FloatArray, found: Sequence[Shape]) -> str:
+def _sentence(problem: LeastSquares, u: FloatArray, found: Sequence[ResidualShape]) -> str:
     """Say which shapes would explain the residual, and how the first modulus would change."""
     names = [shape.name for shape in found]
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
