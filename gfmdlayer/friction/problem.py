@@ -8,6 +8,8 @@ the offset by the past,
     gap  g = h + W - d:          g >= 0,  p >= 0,  p g = 0
     slip s = u - u_before - D:   |t| <= b(p),  s = -lambda t,  lambda >= 0,  lambda (b(p) - |t|) = 0
 
+In steady rolling u_before is u a way ahead, and the response is that of the state.
+
 The bound b(p) is the law of friction: mu p, a shear strength tau_0 on the contact, or the smaller one.
 
 Where the interface attracts, p is the pressure of the wall, and the body carries p - tau(g) with the traction
@@ -34,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.friction.response import Response
+from gfmdlayer.friction.response import AnyResponse
 from gfmdlayer.grid.sums import pairwise_sum
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL, Interaction
@@ -45,7 +47,7 @@ from gfmdlayer.kernels import kernel
 class FrictionProblem:
     """The frictional contact of a step; of load and depth, and of force and path, one is given."""
 
-    response: Response  # to tractions of this step
+    response: AnyResponse  # to tractions of this step
     heights: FloatArray  # h of the punch above its lowest point; length
     law: ShearBound
     load: float | None = None  # mean pressure, less that of the attraction
@@ -55,6 +57,7 @@ class FrictionProblem:
     offset: FloatArray | None = None  # W, u_x[, u_y] without tractions, by the past; by default none
     before: FloatArray | None = None  # u_x[, u_y] at the end of the step before; by default none
     interface: Interaction = HARD_WALL  # across the gap, beside the wall
+    way: float | None = None  # along x, after which the state repeats itself; by default it is a step
 
     @cached_property
     def slip_at_rest(self) -> FloatArray:

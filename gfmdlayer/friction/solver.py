@@ -27,7 +27,16 @@ from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
 from gfmdlayer.friction.newton import INNER, FrictionNewton
 from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState
-from gfmdlayer.friction.response import Operator, Response, SharedTransforms, Spent
+from gfmdlayer.friction.response import (
+    AnyResponse,
+    CroppedResponse,
+    Operator,
+    Response,
+    Rolling,
+    RollingResponse,
+    SharedTransforms,
+    Spent,
+)
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.friction import ShearBound
@@ -37,9 +46,14 @@ from gfmdlayer.resumable import State as SavedState
 _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
 LIMIT = 60  # Newton steps
+NOT_POSITIVE = (
+    "without images the response is negative in some waves, for which the attraction beside friction has no "
+    "solver; must be without attraction or friction, or have a softer film or grid.boundary: periodic"
+)
 _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
 # Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
 _FEWEST, _APART = 64, 64
+_FEWEST_ROLLING = 10  # points along the contact on the coarsest grid of steady rolling
 _ROUNDS = 40  # of normal and frictional contact, where the interface attracts
 _STALLED = 6  # rounds without a smaller change of the attraction, before Newton's method
 # Of that: steps, difference of the attraction in parts of the largest stress.
@@ -89,14 +103,52 @@ class FrictionSolver:
             for level in self._levels:  # the kernels of windows of a resumed run count anew
                 level.counted.clear()
         self._mark = ""
-        if problem.law.is_frictionless:
+        if problem.way is not None:
+            return self._rolled(problem, problem.way, tolerance, limit)
+        if problem.law.is_frictionless and problem.response.is_positive:
             return self._smooth(
                 problem, *self._pressed(problem, None, start, gap, tolerance, limit), tolerance
             )
         if problem.interface.attracts:
+            if not problem.response.is_positive:
+                raise ValueError(NOT_POSITIVE)
             return self._attracted(problem, start, gap, tolerance, limit)
+        if problem.law.is_frictionless:  # no force acts on the punch, and its path is none
+            problem = replace(problem, force=None)
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
+
+    def _rolled(self, problem: FrictionProblem, way: float, tolerance: float, limit: int) -> FrictionSolution:
+        """Solve for the state that repeats itself after a way along x; no displacements along the surface."""
+        grid, of = self._levels[0].grid, problem.response
+        assert not isinstance(of, RollingResponse)
+        plain = of.plain if isinstance(of, CroppedResponse) else of
+        still = Response(
+            *(np.abs(part) for part in (plain.normal, plain.coupling, plain.along, plain.across))
+        )
+        smooth = replace(problem, response=still, law=ShearBound(0.0), force=None)
+        _, pressed = self._pressed(smooth, None, None, None, _COARSE_TOLERANCE, limit)
+        start = np.zeros((1 + len(grid.points), problem.heights.size))
+        start[0] = pressed.pressure
+        touching = (start[0] > 0).reshape(grid.points)
+        along = int(np.count_nonzero(touching.any(axis=tuple(range(1, touching.ndim)))))
+        rolling = Rolling.over(way, of, grid, along)
+        unit = rolling.length / abs(way)
+        scaled = replace(
+            problem,
+            way=None,
+            response=RollingResponse(of, rolling),
+            path=None if problem.path is None else problem.path * unit,
+            before=None if problem.before is None else problem.before * unit,
+        )
+        deepest = 0
+        while deepest + 1 < len(self._levels) and along >> deepest + 1 >= _FEWEST_ROLLING:
+            deepest += 1
+        at, steps = self._solve(scaled, start, 0, deepest, tolerance, limit)
+        if not at.residual < tolerance and not (problem.law.sticks or problem.law.is_frictionless):
+            at, steps = self._gradually(scaled, at, tolerance, limit)
+        found = _solution(scaled, at, steps, self._spent.pairs, tolerance)
+        return replace(found, slip=found.slip / unit, path=found.path / unit)
 
     def _under_a_wall(
         self,
@@ -114,9 +166,14 @@ class FrictionSolver:
             at, steps = self._solve(problem, start, 0, deepest, tolerance, limit)
         if start is None or not at.residual < tolerance:
             at, steps = self._solve(problem, None, 0, last, tolerance, limit)
-        if not at.residual < tolerance and not problem.law.sticks:
+        gradual = not (problem.law.sticks or problem.law.is_frictionless)
+        if not at.residual < tolerance and gradual:
             at, steps = self._gradually(problem, at, tolerance, limit)
         return at, steps
+
+    def displacements(self, response: AnyResponse, tractions: FloatArray) -> FloatArray:
+        """Return the displacements W, u_x[, u_y] under tractions p, t_x[, t_y]."""
+        return self._levels[0].newton(response).displacements(tractions)
 
     def compile(self) -> None:
         """Compile the kernels of the solver without friction, where the interface attracts."""
@@ -360,9 +417,14 @@ class FrictionSolver:
     ) -> tuple[FrictionState, int]:
         """Raise friction and force from the frictionless contact, by steps that are halved on failure."""
         smooth = replace(problem, law=ShearBound(0.0), force=None)
-        pressed = self._pressed(smooth, None, None, None, tolerance, limit)
-        begun = self._smooth(smooth, *pressed, tolerance)
-        x, part, step, steps = begun.tractions, 0.0, _FIRST_PART, begun.iterations
+        if problem.response.is_positive:
+            pressed = self._pressed(smooth, None, None, None, tolerance, limit)
+            begun = self._smooth(smooth, *pressed, tolerance)
+            x, steps = begun.tractions, begun.iterations
+        else:
+            at, steps = self._solve(smooth, None, 0, len(self._levels) - 1, tolerance, limit)
+            x = at.x
+        part, step = 0.0, _FIRST_PART
         while part < 1:
             aim = min(1.0, part + step)
             force = None if problem.force is None else aim * problem.force
@@ -421,8 +483,8 @@ class FrictionLevel:
         self.grid, self.transforms = grid, transforms
         self._spent, self._share = spent, share
         self._work = SharedTransforms(transforms, spent, share)
-        self._finer: Response | None = None
-        self.response: Response | None = None
+        self._finer: AnyResponse | None = None
+        self.response: AnyResponse | None = None
         self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
         self._newton: FrictionNewton | None = None
 
@@ -432,7 +494,7 @@ class FrictionLevel:
         made = () if self._newton is None else self._newton.operators
         return [(number, part) for number, operator in enumerate(made) for part in operator.windows]
 
-    def newton(self, response: Response) -> FrictionNewton:
+    def newton(self, response: AnyResponse) -> FrictionNewton:
         """Return Newton's method for a response."""
         if self._newton is None or self.response is None or not response.equals(self.response):
             if self._newton is not None:
@@ -444,7 +506,7 @@ class FrictionLevel:
             self.response, self._newton = response, FrictionNewton(C, K)
         return self._newton
 
-    def restricted(self, response: Response, finer: FrictionLevel) -> Response:
+    def restricted(self, response: AnyResponse, finer: FrictionLevel) -> AnyResponse:
         """Return the response of the next finer grid at the modes of this one."""
         if self.response is None or response is not self._finer:
             self._finer, coarse = response, response.on(finer.transforms, self.transforms)

@@ -131,7 +131,7 @@ class Slip(Observable):
     """
 
     COLUMNS = declared(r"""
-        interface_friction | shear traction / pressure, means over the cell | 1 | over the cell |
+        interface_friction | shear traction / pressure, of their means | 1 | of the whole cell |
           \mu_\mathrm{interface}
         hysteresis_friction | tangential force by the loss of the body / normal force | 1 |
           loss of the body per distance and area, over mean pressure | \mu_\mathrm{hysteresis}
@@ -142,6 +142,9 @@ class Slip(Observable):
         tangential_displacement | displacement of the punch along the surface, of its rolling the sliding
           part | length | from the beginning of the run | D
         creepage | sliding speed of the punch over its velocity | 1 | over the step | \xi
+        lateral_creepage | sliding speed of the punch along y over its velocity | 1 | over the step | \xi_y
+        spin_moment | moment of the shear traction on the body, to the left | pressure length |
+          mean over the whole cell, about the middle of the punch | \bar{m}
         drag_force | mean tangential stress on the moving punch | pressure | mean over the whole cell of the
           shear traction and of pressure times slope of the surface; work per distance where it slides |
           \bar{t}_\mathrm{drag}
@@ -154,7 +157,7 @@ class Slip(Observable):
         restick | time at which a point sticks again after full slip | time |
           the first row in which it is so
         """)
-    KEPT = "heat", "position", "times"
+    KEPT = "heat", "times"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -163,11 +166,13 @@ class Slip(Observable):
             return None
         left_out = set() if config.trajectory.moves else {"hysteresis_friction", "creepage", "drag_force"}
         left_out |= {"transverse_force"} if len(config.grid.points) == 1 else set()
+        if len(config.grid.points) == 1 or not config.trajectory.rolls:
+            left_out |= {"lateral_creepage", "spin_moment"}
         return tuple(column for column in cls.COLUMNS if column.name not in left_out)
 
     def __init__(self, case: Observed) -> None:
         self._names = [column.name for column in self.columns(case.config) or ()]
-        self._direction, self._heat, self._position = direction(case.config), 0.0, 0.0
+        self._direction, self._heat = direction(case.config), 0.0
         self._times = [math.nan] * len(self.NUMBERS)
 
     @property
@@ -186,8 +191,6 @@ class Slip(Observable):
             if is_now and math.isnan(self._times[i]):
                 self._times[i] = step.time
         means = step.mean_shear
-        position = float(step.row.get("position", 0.0))
-        travelled, self._position = position - self._position, position
         total = float(step.row["tangential_force"])
         values = {
             "interface_friction": _over_normal(force, mean, step),
@@ -195,7 +198,9 @@ class Slip(Observable):
             "stick_area": float(stick.mean()),
             "slip_heat": self._heat,
             "tangential_displacement": float(n @ step.moved),
-            "creepage": step.path[0] / travelled if travelled else math.nan,
+            "creepage": step.path[0] / step.way if step.way else math.nan,
+            "lateral_creepage": step.path[-1] / step.way if step.way else math.nan,
+            "spin_moment": step.spin_moment,
             "drag_force": total + step.stretch,
             "transverse_force": float(n[0] * means[-1] - n[-1] * means[0]),
         }
