@@ -21,6 +21,8 @@ in the largest displacement W_s under the tractions, and shear in t_s, the large
     |min(p/p_s, g/W_s)|,   |t - P(t - s p_s/W_s)|/t_s,   |mean t - Q|/mean min(b, p),
 
 where P is the nearest point in the disk of radius b(max(p, 0)); it is the largest value over the points.
+Where a point slips only the direction of s appears: its size follows from the tractions,
+s = u - u_before - D, within some residuals times W_s.
 """
 
 from __future__ import annotations

@@ -407,7 +407,8 @@ class FrictionSolver:
         reason = (
             f"attraction and shear traction do not settle; residual {found.residual:.2e}: the attraction "
             f"falls {jump:.3g} times as fast with the gap as one point of the grid recoils, and edges of the "
-            f"contact jump by points from 1 on. Take {jump:.3g} times as many grid.points, or a wider attraction"
+            f"contact jump by points from 1 on. Take {jump:.3g} times as many "
+            "grid.points, or a wider attraction"
         )
         return replace(found, converged=False, reason=reason, pairs=self._spent.pairs)
 

@@ -1,6 +1,7 @@
 """Friction at the interface over time: closed forms, energy, symmetry, the path of the steps."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -523,6 +524,19 @@ def test_a_coefficient_that_rises_steeply_is_that_of_the_speed_at_each_point(tmp
     table.write_text("0 0.4\n0.001 0.3\n1 0.3\n")
     with pytest.raises(gfmdlayer.ConvergenceError, match=r"falls 1\.\d+ times faster than the surface"):
         run(halfspace(0.3, interface=law), values)
+
+
+def test_a_coefficient_that_rises_too_steeply_is_refused_by_the_step_that_it_needs(tmp_path):
+    """Rounds settle a rise of ten times the recoil of the surface in a step, which adaptive steps exceed."""
+    table = tmp_path / "friction.txt"
+    table.write_text("0 0.2\n0.001 0.4\n1 0.6\n")
+    config = halfspace(0.3, interface={"law": "coulomb", "coefficient": str(table)}, grid={"points": 256})
+    said = r"rises \S+ times .* Take fixed steps of (\S+) or more, a table that rises by at most \d"
+    with pytest.raises(gfmdlayer.ConvergenceError, match=said) as refused:
+        run(config, {"time": {"end": 0.5, "step": "adaptive"}})
+    step = float(re.search(said, str(refused.value))[1])
+    assert step < 0.05
+    assert float(run(config, {"time": {"end": 0.5, "step": step}}).residual.max()) < 1e-6
 
 
 def test_the_events_have_times():
