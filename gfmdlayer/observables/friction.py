@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from gfmdlayer.step import Step
 
 
-# Change of the traction over itself, in steps with slip, beyond which the heat of slip is rough: measured, its
+# Change of the traction over itself, in steps with slip, beyond which the heat of slip is rough: its measured
 # error is a quarter of that at most, and less where errors of successive steps cancel, as in steady sliding.
 _CHANGES = 0.7
 
