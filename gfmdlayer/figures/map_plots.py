@@ -225,7 +225,7 @@ def _edges(scale: Scale) -> FloatArray:
     """Return the ends of the cells around values on an axis."""
     places = np.log(scale.positions) if scale.kind == "log" else scale.positions
     if places.size == 1:
-        return places[0] + np.array([-0.5, 0.5])
+        return np.asarray(places[0] + np.array([-0.5, 0.5]))
     middles = (places[1:] + places[:-1]) / 2
     ends = np.concatenate((2 * places[:1] - middles[:1], middles, 2 * places[-1:] - middles[-1:]))
     return np.asarray(np.exp(ends) if scale.kind == "log" else ends)

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 UNBALANCED = "UNBALANCED"  # with this word the warning begins
 # Largest residual over the work: in tolerances of adaptive steps, beside what the solver leaves open in its
 # own; or with fixed steps.
-_TOLERANCES, _OF_SOLVER, _CLOSED = 3, 10, 0.01
+TOLERANCES, _OF_SOLVER, CLOSED = 3, 10, 0.01
 
 
 class EnergyBalance(Observable):
@@ -160,19 +160,14 @@ class EnergyBalance(Observable):
     def warning(self) -> str:  # type: ignore[override]
         """Say that the balance is open, and the steps that would close it."""
         time = self._time
-        limit = _CLOSED
+        limit = CLOSED
         if time.tolerance is not None:
-            limit = _TOLERANCES * (time.tolerance + _OF_SOLVER * self._solver_tolerance)
+            limit = TOLERANCES * (time.tolerance + _OF_SOLVER * self._solver_tolerance)
         if self._open <= limit * self._largest:
             return ""
-        part = self._open / self._largest
-        if time.tolerance is None:
-            assert not isinstance(time.step, str)
-            # Of second order only if steps are short beside the ramps.
-            remedy = f"time.step {rounded_down(time.step * limit / part)}"
-        else:
-            remedy = f"time.tolerance {rounded_down(time.tolerance * limit / part)}"
-        return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
+        key, value = ("step", time.step) if time.tolerance is None else ("tolerance", time.tolerance)
+        assert not isinstance(value, str)
+        return open_balance(self._open / self._largest, limit, f"time.{key}", value)
 
     def _attraction(self, step: Step) -> float:
         """Energy of the interface per area."""
@@ -255,3 +250,10 @@ def _area(*points: Point) -> float:
         if (x0 - x) * width > 0:
             slope = ((y1 - y0) / width - (y0 - y) / (x0 - x)) / (x1 - x)
     return area - slope * width**3 / 6
+
+
+def open_balance(part: float, limit: float, key: str, value: float) -> str:
+    """Return the warning that the energies miss a part of the work, with the value that closes it."""
+    # Of second order only if steps are short beside the ramps.
+    remedy = f"{key} {rounded_down(value * limit / part)}"
+    return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
