@@ -130,6 +130,7 @@ T0, T1 = 0.1896, 0.0885
 U0, U1, U2 = 0.9021, -0.3620, 0.2695
 _OFF, _OFF_LINE = 0.35, 0.02  # spacings, see `_extent`
 _OFF_INSIDE, _OFF_BENT, _OFF_OUTSIDE = 0.25, 3.0, 1.0  # spacings for each unit of curvature, see `_edge`
+_UNEVEN = 0.6  # part of the doubts that is left on a surface: spheres on layers of 0.6 to 13 spacings, cones
 WIDEST = 1.25  # u beyond which the gap does not vanish as beside a smooth punch; at t = -T0 it is 1.13
 
 FARTHEST = 512  # points along which contact and gap are measured
@@ -308,13 +309,15 @@ def _extent(
 
     These are the number of crossings of the edge along lines of the grid, and the sum of their doubts. Each
     crossing is off by 0.35/w spacings, w being the mean width of the contact along such lines in points, and
-    by 0.02 on a line; all of them are off by the sum of the doubts, if this is more.
+    by 0.02 on a line; all of them are off by the sum of the doubts, if this is more. On a surface the doubts
+    cancel in part, since the edge lies at another place between two points on each line.
     """
     part, (crossings, doubt) = max(area, 0.0) / size, edges
     if crossings == 0:
         return number, part, 0.0
     width = 2 * dimensions * part * size / crossings
     offset = max(_OFF / width if width > 0 else 0.5, _OFF_LINE if dimensions == 1 else 0.0)
+    doubt *= _UNEVEN if dimensions == 2 else 1.0
     return number, part, max(crossings * min(offset, 0.5), doubt) / size
 
 
