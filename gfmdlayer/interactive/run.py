@@ -433,13 +433,13 @@ def run(
     if not isinstance(jobs, int) or jobs < 1:
         raise ConfigError([f"jobs: got {jobs!r}; must be a whole number >= 1"])
     keys = {key.replace("__", "."): value for key, value in values.items()}
-    cases = checked(partial(_configuration, config, punch, history, keys, trust))
+    cases = checked(partial(configuration, config, punch, history, keys, trust))
     if out is not None:
         return _run_in_folder(cases, Path(out), progress, jobs, threads)
     return _run_in_memory(cases, progress, jobs, threads)
 
 
-def _configuration(
+def configuration(
     config: str | Path | Mapping[str, Any] | Config,
     punch: Punch | None,
     history: History | None,

@@ -15,6 +15,7 @@
     DIR/arrays/            punch and history of a run from Python that were arrays
     DIR/sweep.h5           all cases, labelled
     DIR/warnings.txt       the warnings in sweep.h5, if there are any
+    DIR/convergence.h5     estimated errors, from runs in DIR/convergence/ (`gfmdlayer.convergence`)
 
 Every file is written whole (`gfmdlayer.files.whole`), so that a reader never sees half of one.
 
@@ -266,14 +267,15 @@ class Folder:
 _RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint|snapshots|journal|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 _OWN = r"\..+-\d+-[0-9a-f]{8}"  # of a process; see `unfinished_path`
-_IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5|warnings\.txt){_OWN}\.part")
+_IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5|warnings\.txt|convergence\.h5){_OWN}\.part")
 _OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint|state){_OWN}\.part)")
 _STATE = re.compile(r"(\d{4,})\.(checkpoint|snapshots|journal)")
 # The last three of the version before, whose shards had locks.
 _OF_A_RUN = re.compile(
     rf"stop-.+-\d+-[0-9a-f]{{8}}|probe{_OWN}\.part|stop(-\d+-of-\d+)?|\.lock-\d+-of-\d+|\.turn"
 )
-_FOLDERS = ("cases", "arrays", "inputs")  # left by a run that was killed in its first instant
+# Left by a run that was killed in its first instant, or by estimates of errors before the run.
+_FOLDERS = ("cases", "arrays", "inputs", "convergence", "convergence.h5")
 
 
 def _matched(pattern: re.Pattern[str], name: str) -> re.Match[str] | None:
