@@ -23,13 +23,21 @@ import numpy as np
 from gfmdlayer.case.model import model_of
 from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.reader import from_python
-from gfmdlayer.convergence.estimates import LOWEST, PRESCRIBED, Estimate, estimate
-from gfmdlayer.convergence.variants import COUNTED, Source, Values, Variations, corners, expected_order, is_smooth
+from gfmdlayer.convergence.estimates import LOWEST, PRESCRIBED, ErrorOfValue, estimate
+from gfmdlayer.convergence.variants import (
+    COUNTED,
+    Source,
+    Values,
+    Variations,
+    corners,
+    expected_order,
+    is_smooth,
+)
 from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.interactive.run import History, Punch, chosen_display, configuration, on_disk, pool_of
 from gfmdlayer.observables import totals
-from gfmdlayer.results.convergence import COUNTED_NOTE, FILE, Convergence
+from gfmdlayer.results.convergence import COUNTED_NOTE, FILE, ErrorReport
 from gfmdlayer.results.reader import open_case
 from gfmdlayer.study import interrupts
 from gfmdlayer.study.cases import Cases, SweepCase, checked, label
@@ -86,7 +94,9 @@ class Run:
     def work(self) -> float:
         """Points times FFT pairs; seconds where there are none."""
         pairs = self.columns.get("transforms")
-        return float(np.sum(pairs)) * self.attrs["points"] if pairs is not None else self.attrs["wall_seconds"]
+        return (
+            float(np.sum(pairs)) * self.attrs["points"] if pairs is not None else self.attrs["wall_seconds"]
+        )
 
     def at(self, column: str, times: FloatArray) -> FloatArray:
         """Return a column at times; NaN where there is no row."""
@@ -115,8 +125,8 @@ def converge(
     threads: int = 1,
     trust: bool = False,
     **values: object,
-) -> Convergence:
-    """Estimate how sure each number of a case is.
+) -> ErrorReport:
+    """ErrorOfValue how sure each number of a case is.
 
     One numerical choice at a time is varied: points, on coarser grids; time step or tolerance, tolerances of
     the solver and of laws, on half the points; the period of an isolated contact. All runs beside the case
@@ -141,7 +151,7 @@ def converge(
 
     Returns
     -------
-    Convergence
+    ErrorReport
         Errors by column, moment and source; printed, they are a table and an answer in words.
 
     Raises
@@ -217,13 +227,11 @@ def estimated(
     display: Callable[[], Display] | None,
     *,
     keep: bool = False,
-) -> Convergence | None:
+) -> ErrorReport | None:
     """Run the variations in a folder of `place` and write the estimates there; None where a run was stopped."""
     every = chosen(cases)
     bases = [base_case(case.config, asked) for case in every]
-    varied = [
-        Variations(base, case.values, times) for case, (base, times) in zip(every, bases, strict=True)
-    ]
+    varied = [Variations(base, case.values, times) for case, (base, times) in zip(every, bases, strict=True)]
     folder, failed = place / VARIANTS, dict[str, str]()
     config = on_disk(cases.config, place / "arrays")
     while True:
@@ -239,7 +247,9 @@ def estimated(
             break
         options = replace(options, restart=False)
     numbers = dict(zip(map(_name, rows), Folder(folder).case_numbers(), strict=True))
-    runs = {name: _read(Folder(folder).case(number)) for name, number in numbers.items() if name not in failed}
+    runs = {
+        name: _read(Folder(folder).case(number)) for name, number in numbers.items() if name not in failed
+    }
     found = Comparison(cases.config, every, varied, runs, failed, asked).result()
     found.write(place / FILE)
     if not keep:
@@ -259,7 +269,10 @@ def base_case(config: Config, asked: Asked) -> tuple[Config, list[float]]:
     end, motion = config.time.end, config.trajectory
     ends = {float(time) for time, _ in motion.corners if 0 < time < end} | {float(end)}
     if (drive := motion.tangential) is not None and drive.period is not None:
-        start, quarters = drive.start or 0.0, 4 * (drive.cycles or math.ceil((end - (drive.start or 0.0)) / drive.period))
+        start, quarters = (
+            drive.start or 0.0,
+            4 * (drive.cycles or math.ceil((end - (drive.start or 0.0)) / drive.period)),
+        )
         ends |= {start + drive.period * k / 4 for k in range(min(quarters, 64) + 1)}
     stops = sorted({round(time, 12) for time in ends if 0 < time <= end})
     thirds = [np.linspace(a, b, PARTS + 1)[1:] for a, b in zip([0.0, *stops], stops, strict=False)]
@@ -267,7 +280,7 @@ def base_case(config: Config, asked: Asked) -> tuple[Config, list[float]]:
     return config.with_values({"output.snapshots": []}), times
 
 
-def better(config: Config, found: Convergence) -> Config:
+def better(config: Config, found: ErrorReport) -> Config:
     """Return a configuration with the suggested numerical choices."""
     return from_python(config, found.suggested) if found.suggested else config
 
@@ -295,7 +308,9 @@ def _failures(folder: Folder, rows: Sequence[Values], before: Mapping[str, str])
 
 def _read(path: Path) -> Run:
     with open_case(path) as data:
-        held = {str(n): np.asarray(v.to_numpy(), float) for n, v in data.data_vars.items() if v.dims == ("time",)}
+        held = {
+            str(n): np.asarray(v.to_numpy(), float) for n, v in data.data_vars.items() if v.dims == ("time",)
+        }
         points = math.prod(data.sizes[axis] for axis in "xy" if axis in data.sizes)
         return Run(data["time"].to_numpy(), held, {**data.attrs, "points": points})
 
@@ -315,9 +330,9 @@ class Comparison:
         self._config, self._every, self._varied = config, every, varied
         self._runs, self._failed, self._asked = runs, failed, asked
         self._notes: dict[str, None] = {}
-        self._work = 0.0
+        self._work, self._times = 0.0, np.empty(0)
 
-    def result(self) -> Convergence:
+    def result(self) -> ErrorReport:
         """Compare the runs of each case."""
         rows: list[dict[str, Any]] = []
         runs: list[tuple[str, str, float, Run]] = []
@@ -325,6 +340,7 @@ class Comparison:
             one = _OneCase(case, varied, self._runs, self._asked)
             rows += one.rows()
             self._notes |= dict.fromkeys(one.notes)
+            self._times = one.times
             runs += one.all_runs()
             self._work += one.work / len(self._every)
         if not rows:
@@ -333,7 +349,7 @@ class Comparison:
             reasons = "; ".join(dict.fromkeys(self._failed.values())) or "it has no columns with a value"
             raise ResultsError(f"{self._config.name}: no error can be estimated: {reasons}")
         keys = self._suggested(rows)
-        return Convergence(self._dataset(rows, runs, keys))
+        return ErrorReport(self._dataset(rows, runs, keys))
 
     def _suggested(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         """Return the keys that bring every column below the asked accuracy of its largest value."""
@@ -360,7 +376,9 @@ class Comparison:
                 more = [finer(n, max(factor, 1 / MOST)) for n in points]
                 keys[key] = more[0] if len(more) == 1 else more
                 if factor < 1 / MOST:
-                    self._notes["four times the points at most are suggested at once: ask again with them"] = None
+                    self._notes[
+                        "four times the points at most are suggested at once: ask again with them"
+                    ] = None
             elif source == "step":
                 end = self._varied[0].config.time.end
                 keys[key] = end / math.ceil(end / base[key] / factor)
@@ -371,14 +389,19 @@ class Comparison:
         return keys
 
     def _dataset(
-        self, rows: Sequence[Mapping[str, Any]], runs: Sequence[tuple[str, str, float, Run]], keys: Mapping[str, Any]
+        self,
+        rows: Sequence[Mapping[str, Any]],
+        runs: Sequence[tuple[str, str, float, Run]],
+        keys: Mapping[str, Any],
     ) -> xarray.Dataset:
         import xarray
 
         sources = list(dict.fromkeys(source for row in rows for source in row["errors"]))
         numbers = ("value", "scale", "error", "order_seen", "order_expected", "richardson")
         words = ("case", "column", "moment", "verdict", "note")
-        held: dict[str, Any] = {name: ("estimate", np.array([row[name] for row in rows], float)) for name in numbers}
+        held: dict[str, Any] = {
+            name: ("estimate", np.array([row[name] for row in rows], float)) for name in numbers
+        }
         held |= {name: ("estimate", np.array([str(row[name]) for row in rows], object)) for name in words}
         for name in ("errors", "orders"):
             table = [[row[name].get(source, math.nan) for source in sources] for row in rows]
@@ -387,8 +410,14 @@ class Comparison:
         held["run_source"] = "run", np.array([source for _, source, *_ in runs], object)
         held["size"] = "run", np.array([size for _, _, size, _ in runs], float)
         held["cost"] = "run", np.array([run.work for *_, run in runs], float)
-        held["seconds"] = "run", np.array([run.attrs.get("wall_seconds", math.nan) for *_, run in runs], float)
-        table = [[_value(row, run) if row["case"] == case else math.nan for case, _, _, run in runs] for row in rows]
+        held["seconds"] = (
+            "run",
+            np.array([run.attrs.get("wall_seconds", math.nan) for *_, run in runs], float),
+        )
+        table = [
+            [_value(row, run) if row["case"] == case else math.nan for case, _, _, run in runs]
+            for row in rows
+        ]
         held["values"] = ("estimate", "run"), np.array(table, float)
         first = self._varied[0].config
         attrs: dict[str, Any] = {
@@ -396,7 +425,7 @@ class Comparison:
             "suggested": json.dumps(keys), "suggested_cost": _dearer(first, keys),
             "runs": len({id(run) for *_, run in runs}), "work": self._work,
             "notes": "\n".join(self._notes), "failed": "\n".join(dict.fromkeys(self._reasons())),
-            "cases": len(self._every),
+            "cases": len(self._every), "times": self._times,
         }  # fmt: skip
         return xarray.Dataset(held, {"source": np.array(sources, object)}, attrs)
 
@@ -440,7 +469,9 @@ class _OneCase:
         self._label, self._config, self._asked = label(case.values), varied.config, asked
         self._base, self._sources = runs.get(_name(varied.base)), varied.sources
         self._runs = {
-            source.name: {size: runs[_name(values)] for size, values in source.ladder.items() if _name(values) in runs}
+            source.name: {
+                size: runs[_name(values)] for size, values in source.ladder.items() if _name(values) in runs
+            }
             for source in varied.sources
         }
         if varied.config.grid.isolated is False:
@@ -448,7 +479,7 @@ class _OneCase:
         self._runs = {name: found for name, found in self._runs.items() if len(found) > 1 and 1.0 in found}
         self.notes: list[str] = []
         _, times = base_case(varied.config, asked)
-        self._times = np.array(times)
+        self.times = np.array(times)
 
     def _as_cell(self, name: str, found: dict[float, Run]) -> dict[float, Run]:
         """Return runs whose columns are alike: with images those of an isolated contact are totals."""
@@ -463,12 +494,18 @@ class _OneCase:
         """Work of the runs beside the case, over that of the case."""
         if self._base is None:
             return math.nan
-        every = {id(run): run for found in self._runs.values() for run in found.values() if run is not self._base}
+        every = {
+            id(run): run for found in self._runs.values() for run in found.values() if run is not self._base
+        }
         return sum(run.work for run in every.values()) / max(self._base.work, 1e-300)
 
     def all_runs(self) -> list[tuple[str, str, float, Run]]:
         """Return case, source, size and contents of each run."""
-        return [(self._label, name, size, run) for name, found in self._runs.items() for size, run in found.items()]
+        return [
+            (self._label, name, size, run)
+            for name, found in self._runs.items()
+            for size, run in found.items()
+        ]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return an estimate for each column and moment."""
@@ -501,7 +538,9 @@ class _OneCase:
         refused = {}
         if len({each.size for each in jumps}) > 1:
             number = sorted({each.size for each in jumps})
-            refused["worst"] = f"the runs jump {number[0]} to {number[-1]} times: no `worst`, energies are rough"
+            refused["worst"] = (
+                f"the runs jump {number[0]} to {number[-1]} times: no `worst`, energies are rough"
+            )
         if len(ends) > 1:
             reason = f"the runs end at {ends[0]:g} to {ends[-1]:g}: no `end`, no `worst`"
             refused |= {"end": reason, "worst": reason}
@@ -512,9 +551,11 @@ class _OneCase:
             self._say(f"{points} points in contact: estimates may be too small")
         sudden = self._sudden(base, jumps)
         if sudden.any():
-            at = ", ".join(f"{time:.4g}" for time in self._times[sudden])
-            self._say(f"contact or stick changes by half within a step, or jumps, near t = {at}: not in `worst`")
-            self._times = self._times[~sudden]
+            at = ", ".join(f"{time:.4g}" for time in self.times[sudden])
+            self._say(
+                f"contact or stick changes by half within a step, or jumps, near t = {at}: not in `worst`"
+            )
+            self.times = self.times[~sudden]
         if said := str(base.attrs.get("warnings", "")):
             for line in said.splitlines():
                 self._say(line)
@@ -522,7 +563,7 @@ class _OneCase:
 
     def _sudden(self, base: Run, jumps: Sequence[FloatArray]) -> BoolArray:
         """Whether contact or stick change by half within a step beside a time, or jumps of the runs lie there."""
-        times, t, sudden = self._times, base.time, np.zeros(len(self._times), bool)
+        times, t, sudden = self.times, base.time, np.zeros(len(self.times), bool)
         if {"step", "tolerance"} & self._runs.keys():
             for values in (base.columns[name] for name in COUNTED & base.columns.keys()):
                 beside = (values[max(j - 1, 0) : j + 2] for j in np.abs(t[:, None] - times).argmin(0))
@@ -534,22 +575,38 @@ class _OneCase:
                 sudden |= (times > min(at) - around) & (times < max(at) + around)
         return sudden
 
-    def _row(self, base: Run, column: str, moment: str | float, refused: Mapping[str, str]) -> dict[str, Any] | None:
+    def _row(
+        self, base: Run, column: str, moment: str | float, refused: Mapping[str, str]
+    ) -> dict[str, Any] | None:
         """Return the estimate of a column at a moment, with its parts; None for a column without values."""
         scale = base.peak(column)
         if not scale > 0:
             return None
         named = moment if isinstance(moment, str) else f"{moment:g}"
         time = math.nan if isinstance(moment, str) else float(moment)
-        row: dict[str, Any] = {"case": self._label, "column": column, "moment": named, "scale": scale, "note": ""}
-        row |= {"value": self._of(base, column, moment), "error": math.nan, "time": time, "errors": {}, "orders": {}}
+        row: dict[str, Any] = {
+            "case": self._label,
+            "column": column,
+            "moment": named,
+            "scale": scale,
+            "note": "",
+        }
+        row |= {
+            "value": self._of(base, column, moment),
+            "error": math.nan,
+            "time": time,
+            "errors": {},
+            "orders": {},
+        }
         row |= {"keys": {}, "order_seen": math.nan, "order_expected": math.nan, "richardson": math.nan}
         if reason := refused.get(named, ""):
             return row | {"verdict": "refused", "note": reason}
-        found: dict[str, tuple[Estimate, float]] = {}
+        found: dict[str, tuple[ErrorOfValue, float]] = {}
         varies = False
         for source in self._sources:
-            if (runs := self._runs.get(source.name)) is None or any(column not in r.columns for r in runs.values()):
+            if (runs := self._runs.get(source.name)) is None or any(
+                column not in r.columns for r in runs.values()
+            ):
                 continue
             expected = expected_order(source.name, column, self._config)
             if (best := self._estimate(runs, column, moment, expected)) is None:
@@ -563,11 +620,15 @@ class _OneCase:
             row["orders"][source.name] = max(LOWEST, one.seen) if agrees else expected
             if source.summed:
                 found[source.name] = one, expected
-                if moment == "worst" and (math.isnan(row["time"]) or one.error >= max(row["errors"].values())):
+                if moment == "worst" and (
+                    math.isnan(row["time"]) or one.error >= max(row["errors"].values())
+                ):
                     row["time"] = at
             if agrees and moment != "worst" and math.isfinite(one.limit):
                 shift = factor * (one.limit - self._of(runs[1.0], column, moment))
-                row["richardson"] = shift + (row["value"] if math.isnan(row["richardson"]) else row["richardson"])
+                row["richardson"] = shift + (
+                    row["value"] if math.isnan(row["richardson"]) else row["richardson"]
+                )
         if not found:
             return row | {"verdict": "refused", "note": "no two runs have this number"}
         row["error"] = sum(one.error for one, _ in found.values())
@@ -583,13 +644,13 @@ class _OneCase:
 
     def _estimate(
         self, runs: Mapping[float, Run], column: str, moment: str | float, expected: float
-    ) -> tuple[Estimate, float, bool] | None:
+    ) -> tuple[ErrorOfValue, float, bool] | None:
         """Return the estimate of a column, its time, and whether the runs differ; of `worst` the largest one."""
         if moment == "worst":
-            curves = {size: run.at(column, self._times) for size, run in runs.items()}
+            curves = {size: run.at(column, self.times) for size, run in runs.items()}
             sets = [
                 (float(t), {size: float(curve[i]) for size, curve in curves.items() if np.isfinite(curve[i])})
-                for i, t in enumerate(self._times)
+                for i, t in enumerate(self.times)
             ]
         else:
             values = {size: self._of(run, column, moment) for size, run in runs.items()}

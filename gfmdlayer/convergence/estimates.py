@@ -26,7 +26,7 @@ PRESCRIBED = 1e-12  # relative variation of a quantity that the configuration pr
 _ORDERS = np.arange(0.3, 4.01, 0.05)
 
 
-class Estimate(NamedTuple):
+class ErrorOfValue(NamedTuple):
     """Estimated error of a value, in its units."""
 
     error: float
@@ -36,12 +36,12 @@ class Estimate(NamedTuple):
     verdict: str = "same"
 
 
-def estimate(values: Mapping[float, float], expected: float) -> Estimate:
-    """Estimate the error of the value at size 1, from those at other sizes."""
+def estimate(values: Mapping[float, float], expected: float) -> ErrorOfValue:
+    """ErrorOfValue the error of the value at size 1, from those at other sizes."""
     others = sorted(size for size in values if size != 1)
     off = {size: abs(values[size] - values[1.0]) for size in others}
     if not any(off.values()):
-        return Estimate(0.0)
+        return ErrorOfValue(0.0)
     seen, limit = _of_all(values) if len(values) >= 4 else _of_three(values, expected)
     order, verdict = expected, "scattered"
     if math.isfinite(seen):
@@ -52,7 +52,7 @@ def estimate(values: Mapping[float, float], expected: float) -> Estimate:
     if len(coarser) >= 3 and max(map(off.get, coarser[:half])) > max(map(off.get, coarser[half:])):  # type: ignore[type-var]
         order, verdict = min(order, 1.0), "scattered"
     error = max(off[size] / abs(size**order - 1) for size in others)
-    return Estimate(error, seen, limit if verdict == "order" else math.nan, verdict)
+    return ErrorOfValue(error, seen, limit if verdict == "order" else math.nan, verdict)
 
 
 def _of_all(values: Mapping[float, float]) -> tuple[float, float]:

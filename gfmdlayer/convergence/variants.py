@@ -37,7 +37,9 @@ WIDER = 1.25  # period of an isolated contact
 FEWEST = 8  # points along an axis
 LOOSEST, FINEST = 0.3, 1e-12  # tolerances
 
-COUNTED = frozenset({"contact_area", "area", "stick_area", "attractive_area", "attracted_area", "yielded_area"})
+COUNTED = frozenset(
+    {"contact_area", "area", "stick_area", "attractive_area", "attracted_area", "yielded_area"}
+)
 EDGES = frozenset({"contact_area_interpolated", "area_interpolated", "contact_radius", "contact_width"})
 
 Values = dict[str, Any]
@@ -212,7 +214,9 @@ class Variations:
     def _refusal(self, values: Values) -> str:
         """Return why a variation is no case; empty for one."""
         try:
-            varied = self.config.with_values({key: values[key] for key in values if values[key] != self.base[key]})
+            varied = self.config.with_values(
+                {key: values[key] for key in values if values[key] != self.base[key]}
+            )
             problems = [f"{key}: {message}" for key, message in errors_of(Cases(varied))]
         except ConfigError as error:
             problems = list(error.problems)
@@ -249,7 +253,10 @@ def corners(cases: Sequence[Mapping[str, object]]) -> list[int]:
 
     Of a list of combinations these are the first, the last and the one between.
     """
-    values = {key: sorted({_shown(case[key]): i for i, case in enumerate(cases)}.items(), key=lambda e: e[1]) for key in cases[0]}
+    values = {
+        key: sorted({_shown(case[key]): i for i, case in enumerate(cases)}.items(), key=lambda e: e[1])
+        for key in cases[0]
+    }
     ends = {key: {texts[0][0], texts[-1][0]} for key, texts in values.items()}
     found = [i for i, case in enumerate(cases) if all(_shown(case[key]) in ends[key] for key in case)]
     return sorted({0, *found, len(cases) // 2, len(cases) - 1})

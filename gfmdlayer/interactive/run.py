@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.body.solid import Solid
+from gfmdlayer.case.accuracy import accuracy
 from gfmdlayer.case.model import ConvergenceError, model_of
 from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config, ConfigError, digest
@@ -230,7 +231,8 @@ def _compute(case: SweepCase, threads: int, claim: Claim | AtWork) -> Outcome:
         recording, described = Recording(), case_run.attributes(model) | {"digest": digest(config)}
 
         def contents() -> CaseContents:
-            about = described, model.columns, config.unit, case.values, model.places
+            known = described | accuracy(model, recording)
+            about = known, model.columns, config.unit, case.values, model.places
             return case_contents(recording, model.coordinates, *about)
 
         with claim:

@@ -390,7 +390,9 @@ def _area(
     number, crossings, doubts = 0, 0, 0.0
     area, t, doubt, corners = 0.0, np.empty(4), np.empty(4), np.empty(4, np.bool_)
     (far, near), (rows, columns) = before, shape
-    above = np.empty((2, columns))  # places of the edge along the sides below the last row of cells, and doubts
+    above = np.empty(
+        (2, columns)
+    )  # places of the edge along the sides below the last row of cells, and doubts
     runs, crossed = _runs_across(touching, far, columns, min(period, FARTHEST)), 0
     for i in range(rows):
         below = i + 1 if far or i + 1 < rows else 0

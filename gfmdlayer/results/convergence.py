@@ -31,7 +31,7 @@ COUNTED_NOTE = "counted by points: the interpolated area is surer"
 
 
 @dataclass(frozen=True)
-class Convergence:
+class ErrorReport:
     """How sure the numbers of a case are.
 
     Attributes
@@ -112,7 +112,12 @@ class Convergence:
         first = f"{str(one['column'].to_numpy()):{width}}  {str(one['moment'].to_numpy()):6}"
         shown = f"{value:11.5g}" if math.isfinite(value) else " " * 11
         ends = f"{order} ({expected:.2g})" if math.isfinite(expected) else verdict
-        cells = [first, shown, f"{part(float(one['error'])):>8}", *(f"{part(parts[name]):>9}" for name in sources)]
+        cells = [
+            first,
+            shown,
+            f"{part(float(one['error'])):>8}",
+            *(f"{part(parts[name]):>9}" for name in sources),
+        ]
         return "  ".join([*cells, ends]).rstrip()
 
     def words(self) -> list[str]:
@@ -128,7 +133,9 @@ class Convergence:
         among = np.where(data["note"].to_numpy() == COUNTED_NOTE, np.nan, relative)
         relative = among if np.isfinite(among).any() else relative
         worst = data.isel(estimate=int(np.nanargmax(relative)))
-        parts = {str(n): float(worst["errors"].sel(source=n)) for n in data["source"].to_numpy() if n != "images"}
+        parts = {
+            str(n): float(worst["errors"].sel(source=n)) for n in data["source"].to_numpy() if n != "images"
+        }
         most = max(parts, key=lambda name: np.nan_to_num(parts[name], nan=-1.0))
         label, moment = str(worst["case"].to_numpy()), str(worst["moment"].to_numpy())
         where = f", worst in {label}" if label else ""
@@ -187,7 +194,7 @@ def _shown(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def open_convergence(path: str | Path) -> Convergence:
+def open_convergence(path: str | Path) -> ErrorReport:
     """Open the file, or that of a results folder; ResultsError if there is none."""
     path = Path(path)
     file = path / FILE if path.is_dir() else path
@@ -196,4 +203,4 @@ def open_convergence(path: str | Path) -> Convergence:
     with open_labelled(file) as data:
         if "errors" not in data or "suggested" not in data.attrs:
             raise ResultsError(f"{file}: holds no estimates of errors; `gfmdlayer converge` writes them")
-        return Convergence(data.load())
+        return ErrorReport(data.load())
