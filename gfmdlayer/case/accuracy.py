@@ -39,11 +39,9 @@ def accuracy(model: Model, recording: Recording) -> dict[str, float]:
         return {}
     config, held = model.config, recording.widths
     found: dict[str, Any] = {}
-    for area, error in (
-        ("contact_area_interpolated", "contact_area_error"),
-        ("area_interpolated", "area_error"),
-    ):
-        if area in held and (at := int(np.argmax(areas := recording[area]))) and areas[at] > 0:
+    for area, error in _AREAS:
+        if area in held and (areas := recording[area]).max() > 0:
+            at = int(np.argmax(areas))
             found["area"] = recording[error][at] / areas[at]
     found["steps"] = config.time.tolerance
     if "residual" in held:
@@ -65,6 +63,7 @@ def accuracy(model: Model, recording: Recording) -> dict[str, float]:
     return {f"{ACCURACY_PREFIX}{name}": float(value) for name, value in found.items() if value is not None}
 
 
+_AREAS = ("contact_area_interpolated", "contact_area_error"), ("area_interpolated", "area_error")
 _READ = {"time", "contact_area", "mean_stress", "area", "force", "contact_radius", "depth"}
 
 
@@ -88,7 +87,7 @@ def strains(config: Config, columns: Mapping[str, FloatArray]) -> dict[str, floa
 
 
 def steepest(heights: FloatArray, spacing: list[float], depth: float) -> float:
-    """Return the largest slope between neighbours of a punch that both lie within a depth of its lowest point."""
+    """Return the largest slope between neighbours that both lie within a depth of the lowest point."""
     most, within = 0.0, heights <= max(depth, 0.0) + float(heights.min())
     for axis, step in enumerate(spacing):
         beside = within & np.roll(within, -1, axis)

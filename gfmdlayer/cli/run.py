@@ -162,7 +162,8 @@ def _converge(options: argparse.Namespace, pool: WorkerPool, threads: int) -> in
     try:
         with interrupts.at_once():
             cases, directory = read_cases(options, options.ranks_per_case)
-            from gfmdlayer.convergence.converge import FILE, asked_of, better, estimated
+            from gfmdlayer.convergence.converge import asked_of, better, estimated
+            from gfmdlayer.results.convergence import FILE
             from gfmdlayer.study.run import RunOptions
 
             asked = asked_of(cases, options.columns or (), options.at, options.to)

@@ -11,7 +11,7 @@ import json
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,18 +26,17 @@ from gfmdlayer.config.reader import from_python
 from gfmdlayer.convergence.estimates import LOWEST, PRESCRIBED, ErrorOfValue, estimate
 from gfmdlayer.convergence.variants import (
     COUNTED,
-    Source,
     Values,
     Variations,
     corners,
     expected_order,
     is_smooth,
 )
-from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.interactive.run import History, Punch, chosen_display, configuration, on_disk, pool_of
 from gfmdlayer.observables import totals
 from gfmdlayer.results.convergence import COUNTED_NOTE, FILE, ErrorReport
+from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import open_case
 from gfmdlayer.study import interrupts
 from gfmdlayer.study.cases import Cases, SweepCase, checked, label
@@ -47,7 +46,6 @@ from gfmdlayer.study.progress import Display
 from gfmdlayer.study.run import RunOptions, run_study
 from gfmdlayer.study.workers import WorkerPool
 from gfmdlayer.validation.problems import nearest
-from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     import xarray
@@ -65,6 +63,7 @@ FINEST = 1e-9  # tolerance that is suggested
 MOMENTS = ("end", "peak", "worst")
 # Measures of the numerics themselves, which have no error.
 NUMERICS = frozenset({"time", "residual", "contact_area_error", "area_error", "energy_residual"})
+MOST_QUARTERS = 64  # of periods of an oscillation, at whose ends runs are compared
 VARIANTS = "convergence"  # folder of the runs
 
 
@@ -94,9 +93,9 @@ class Run:
     def work(self) -> float:
         """Points times FFT pairs; seconds where there are none."""
         pairs = self.columns.get("transforms")
-        return (
-            float(np.sum(pairs)) * self.attrs["points"] if pairs is not None else self.attrs["wall_seconds"]
-        )
+        if pairs is None:
+            return float(self.attrs["wall_seconds"])
+        return float(np.sum(pairs)) * float(self.attrs["points"])
 
     def at(self, column: str, times: FloatArray) -> FloatArray:
         """Return a column at times; NaN where there is no row."""
@@ -165,7 +164,8 @@ def converge(
 
     Examples
     --------
-    >>> sure = gfmdlayer.converge({"grid": {"points": 128}, "time": {"end": 1.0, "step": 0.1}}, "force", "end")
+    >>> config = {"grid": {"points": 128}, "time": {"end": 1.0, "step": 0.1}}
+    >>> sure = gfmdlayer.converge(config, "force", "end")
     >>> bool(sure["force"] < 0.1 * sure.data["value"][0]), list(sure.suggested)
     (True, ['grid.points', 'time.step'])
     """
@@ -193,11 +193,13 @@ def asked_of(
     """Return what is asked for; ConfigError where a column or a moment is none of the cases."""
     names = (columns,) if isinstance(columns, str) else tuple(columns)
     moments = (at,) if isinstance(at, str | int | float) else tuple(at)
-    wrong, (first, *_) = [], iter(cases.sample())
+    wrong, first = list[str](), cases[0]
     known = [name for name in number_columns(first.config) if name not in NUMERICS]
-    for name in names:
-        if name not in known:
-            wrong.append(f"columns: got {name!r}; must be of {', '.join(known)}{nearest(name, known)}")
+    wrong += [
+        f"columns: got {name!r}; must be of {', '.join(known)}{nearest(name, known)}"
+        for name in names
+        if name not in known
+    ]
     end = min(case.config.time.end for case in cases.sample())
     for moment in moments:
         if isinstance(moment, str) and moment not in MOMENTS:
@@ -228,33 +230,54 @@ def estimated(
     *,
     keep: bool = False,
 ) -> ErrorReport | None:
-    """Run the variations in a folder of `place` and write the estimates there; None where a run was stopped."""
-    every = chosen(cases)
-    bases = [base_case(case.config, asked) for case in every]
-    varied = [Variations(base, case.values, times) for case, (base, times) in zip(every, bases, strict=True)]
-    folder, failed = place / VARIANTS, dict[str, str]()
-    config = on_disk(cases.config, place / "arrays")
+    """Run the variations in a folder of `place` and write the estimates there; None where stopped."""
+    every, compared, failed = chosen(cases), [], dict[str, None]()
+    for case in every:
+        folder = place / VARIANTS / f"{case.index:04d}"
+        base, times = base_case(on_disk(case.config, place / "arrays"), asked)
+        varied = Variations(base, times)
+        runs = _computed(varied, folder, pool, options, display)
+        if runs is None:
+            return None
+        found, reasons = runs
+        failed |= dict.fromkeys(reasons)
+        compared.append(_OneCase(case, varied, found, times, asked))
+    report = ErrorReport(Comparison(cases.config, compared, [*failed], asked).dataset())
+    report.write(place / FILE)
+    if not keep:
+        shutil.rmtree(place / VARIANTS, ignore_errors=True)
+    return report
+
+
+def _computed(
+    varied: Variations,
+    place: Path,
+    pool: WorkerPool,
+    options: RunOptions,
+    display: Callable[[], Display] | None,
+) -> tuple[dict[str, Run], list[str]] | None:
+    """Return the runs of all variations by name, and why others failed; None where a run was stopped."""
+    folder, failed = Folder(place), dict[str, str]()
     while True:
-        rows = [row for each in varied for row in each.rows if _name(row) not in failed]
-        study = Cases(_sweep(config, rows))
-        summary = run_study(study, folder, pool, options, display)
+        rows = [row for row in varied.rows if _name(row) not in failed]
+        summary = run_study(Cases(_sweep(varied.config, rows)), place, pool, options, display)
         if summary.count("stopped") or summary.count("elsewhere"):
             return None
-        new = _failures(Folder(folder), rows, failed)
-        failed |= new
-        lost = [row for row in rows if _name(row) in new]
-        if not any([each.without(lost) for each in varied]):  # each of them
+        numbers = dict(zip(map(_name, rows), folder.case_numbers(), strict=True))
+        lost = [row for row in rows if not folder.case(numbers[_name(row)]).exists()]
+        for row in lost:
+            record = read_json(folder.case(numbers[_name(row)], "failed")) or {}
+            failed[_name(row)] = str(record.get("reason", "no result"))
+        if varied.base in lost or not varied.without(lost):
             break
         options = replace(options, restart=False)
-    numbers = dict(zip(map(_name, rows), Folder(folder).case_numbers(), strict=True))
-    runs = {
-        name: _read(Folder(folder).case(number)) for name, number in numbers.items() if name not in failed
-    }
-    found = Comparison(cases.config, every, varied, runs, failed, asked).result()
-    found.write(place / FILE)
-    if not keep:
-        shutil.rmtree(folder, ignore_errors=True)
-    return found
+    reasons = []
+    for name, reason in failed.items():
+        row = json.loads(name)
+        changed = ", ".join(f"{key} = {value}" for key, value in row.items() if value != varied.base[key])
+        reasons.append(f"{changed or 'the case itself'}: {reason}".replace("\n", " "))
+    names = [_name(row) for row in varied.rows if _name(row) not in failed]
+    return {name: _read(folder.case(numbers[name])) for name in names if name in numbers}, reasons
 
 
 def chosen(cases: Cases) -> list[SweepCase]:
@@ -269,11 +292,9 @@ def base_case(config: Config, asked: Asked) -> tuple[Config, list[float]]:
     end, motion = config.time.end, config.trajectory
     ends = {float(time) for time, _ in motion.corners if 0 < time < end} | {float(end)}
     if (drive := motion.tangential) is not None and drive.period is not None:
-        start, quarters = (
-            drive.start or 0.0,
-            4 * (drive.cycles or math.ceil((end - (drive.start or 0.0)) / drive.period)),
-        )
-        ends |= {start + drive.period * k / 4 for k in range(min(quarters, 64) + 1)}
+        start = drive.start or 0.0
+        quarters = min(4 * math.ceil(drive.cycles or (end - start) / drive.period), MOST_QUARTERS)
+        ends |= {start + drive.period * k / 4 for k in range(quarters + 1)}
     stops = sorted({round(time, 12) for time in ends if 0 < time <= end})
     thirds = [np.linspace(a, b, PARTS + 1)[1:] for a, b in zip([0.0, *stops], stops, strict=False)]
     times = sorted({float(f"{time:.12g}") for time in [*np.concatenate(thirds), *asked.times]})
@@ -296,16 +317,6 @@ def _name(row: Values) -> str:
     return json.dumps(row, sort_keys=True, default=str)
 
 
-def _failures(folder: Folder, rows: Sequence[Values], before: Mapping[str, str]) -> dict[str, str]:
-    """Return the reasons of the variations that failed now."""
-    found = {}
-    for number, row in zip(folder.case_numbers(), rows, strict=True):
-        if not folder.case(number).exists() and _name(row) not in before:
-            record = read_json(folder.case(number, "failed")) or {}
-            found[_name(row)] = str(record.get("reason", "no result"))
-    return found
-
-
 def _read(path: Path) -> Run:
     with open_case(path) as data:
         held = {
@@ -319,37 +330,22 @@ class Comparison:
     """The estimates from all runs of some cases."""
 
     def __init__(
-        self,
-        config: Config,
-        every: Sequence[SweepCase],
-        varied: Sequence[Variations],
-        runs: Mapping[str, Run],
-        failed: Mapping[str, str],
-        asked: Asked,
+        self, config: Config, every: Sequence[_OneCase], failed: Sequence[str], asked: Asked
     ) -> None:
-        self._config, self._every, self._varied = config, every, varied
-        self._runs, self._failed, self._asked = runs, failed, asked
+        self._config, self._every, self._failed, self._asked = config, every, failed, asked
         self._notes: dict[str, None] = {}
-        self._work, self._times = 0.0, np.empty(0)
 
-    def result(self) -> ErrorReport:
-        """Compare the runs of each case."""
-        rows: list[dict[str, Any]] = []
-        runs: list[tuple[str, str, float, Run]] = []
-        for case, varied in zip(self._every, self._varied, strict=True):
-            one = _OneCase(case, varied, self._runs, self._asked)
-            rows += one.rows()
-            self._notes |= dict.fromkeys(one.notes)
-            self._times = one.times
-            runs += one.all_runs()
-            self._work += one.work / len(self._every)
+    def dataset(self) -> xarray.Dataset:
+        """Compare the runs of each case; ResultsError where no case has an estimate."""
+        rows = [row for one in self._every for row in one.rows()]
+        if (among := len(Cases(self._config))) > 1:
+            self._notes[f"{len(self._every)} of {among} cases: corners and middle of the sweep"] = None
+        self._notes |= dict.fromkeys(note for one in self._every for note in one.notes)
         if not rows:
-            from gfmdlayer.results.names import ResultsError
-
-            reasons = "; ".join(dict.fromkeys(self._failed.values())) or "it has no columns with a value"
+            reasons = next(iter(self._failed), "no column has a value")
             raise ResultsError(f"{self._config.name}: no error can be estimated: {reasons}")
-        keys = self._suggested(rows)
-        return ErrorReport(self._dataset(rows, runs, keys))
+        runs = [(one.label, *each) for one in self._every for each in one.all_runs()]
+        return self._labelled(rows, runs, self._suggested(rows))
 
     def _suggested(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         """Return the keys that bring every column below the asked accuracy of its largest value."""
@@ -366,9 +362,11 @@ class Comparison:
                     factor = (to / MARGIN / len(parts) * row["scale"] / error) ** (1 / order)
                 at = source, row["keys"][source]
                 share[at] = min(share.get(at, 1.0), factor)
-        swept = {key for case in self._every for key in case.values}
-        base = self._varied[0].base
+        swept = {key for one in self._every for key in one.values}
+        base, config = self._every[0].varied.base, self._every[0].varied.config
         for (source, key), factor in share.items():
+            if factor >= 1:
+                continue
             if key in swept:
                 self._notes[f"{key} is swept: nothing is suggested for it"] = None
             elif source == "points":
@@ -380,7 +378,7 @@ class Comparison:
                         "four times the points at most are suggested at once: ask again with them"
                     ] = None
             elif source == "step":
-                end = self._varied[0].config.time.end
+                end = config.time.end
                 keys[key] = end / math.ceil(end / base[key] / factor)
             elif source == "period":
                 self._notes["a larger grid.period lowers the error of an isolated contact"] = None
@@ -388,7 +386,7 @@ class Comparison:
                 keys[key] = max(float(f"{base[key] * min(factor, 0.7):.1g}"), FINEST)
         return keys
 
-    def _dataset(
+    def _labelled(
         self,
         rows: Sequence[Mapping[str, Any]],
         runs: Sequence[tuple[str, str, float, Run]],
@@ -419,21 +417,15 @@ class Comparison:
             for row in rows
         ]
         held["values"] = ("estimate", "run"), np.array(table, float)
-        first = self._varied[0].config
         attrs: dict[str, Any] = {
             "name": self._config.name, "digest": digest(self._config), "to": self._asked.to,
-            "suggested": json.dumps(keys), "suggested_cost": _dearer(first, keys),
-            "runs": len({id(run) for *_, run in runs}), "work": self._work,
-            "notes": "\n".join(self._notes), "failed": "\n".join(dict.fromkeys(self._reasons())),
-            "cases": len(self._every), "times": self._times,
+            "suggested": json.dumps(keys), "suggested_cost": _dearer(self._every[0].varied.config, keys),
+            "runs": len({id(run) for *_, run in runs}),
+            "work": float(np.mean([one.work for one in self._every])),
+            "notes": "\n".join(self._notes), "failed": "\n".join(self._failed),
+            "cases": len(self._every), "times": self._every[0].times,
         }  # fmt: skip
         return xarray.Dataset(held, {"source": np.array(sources, object)}, attrs)
-
-    def _reasons(self) -> Iterator[str]:
-        for name, reason in self._failed.items():
-            row, base = json.loads(name), self._varied[0].base
-            changed = ", ".join(f"{key} = {row[key]}" for key in row if row[key] != base.get(key))
-            yield f"{changed or 'the case itself'}: {reason}".replace("\n", " ")
 
 
 def _value(row: Mapping[str, Any], run: Run) -> float:
@@ -465,29 +457,33 @@ def finer(n: int, factor: float) -> int:
 class _OneCase:
     """The estimates of one case."""
 
-    def __init__(self, case: SweepCase, varied: Variations, runs: Mapping[str, Run], asked: Asked) -> None:
-        self._label, self._config, self._asked = label(case.values), varied.config, asked
-        self._base, self._sources = runs.get(_name(varied.base)), varied.sources
-        self._runs = {
+    def __init__(
+        self,
+        case: SweepCase,
+        varied: Variations,
+        runs: Mapping[str, Run],
+        times: Sequence[float],
+        asked: Asked,
+    ) -> None:
+        self.label, self.values, self.varied, self._asked = label(case.values), case.values, varied, asked
+        self._config, self._base, self.notes = varied.config, runs.get(_name(varied.base)), list[str]()
+        self.times = np.array(times)
+        ladders = {
             source.name: {
                 size: runs[_name(values)] for size, values in source.ladder.items() if _name(values) in runs
             }
             for source in varied.sources
         }
-        if varied.config.grid.isolated is False:
-            self._runs = {name: self._as_cell(name, found) for name, found in self._runs.items()}
-        self._runs = {name: found for name, found in self._runs.items() if len(found) > 1 and 1.0 in found}
-        self.notes: list[str] = []
-        _, times = base_case(varied.config, asked)
-        self.times = np.array(times)
+        if "images" in ladders:
+            ladders["images"] = self._as_totals(ladders["images"])
+        self._runs = {name: found for name, found in ladders.items() if len(found) > 1 and 1.0 in found}
 
-    def _as_cell(self, name: str, found: dict[float, Run]) -> dict[float, Run]:
-        """Return runs whose columns are alike: with images those of an isolated contact are totals."""
-        if name != "images" or len(found) < 2 or 1.0 not in found:
-            return found
+    def _as_totals(self, found: Mapping[float, Run]) -> dict[float, Run]:
+        """Return runs with alike columns: totals, as those of an isolated contact are."""
         cell = math.prod(self._config.grid.period)
-        own = found[1.0]
-        return found | {1.0: replace(own, columns=totals(own.columns, cell))}
+        if (own := found.get(1.0)) is None:
+            return {**found}
+        return {**found, 1.0: replace(own, columns=totals(own.columns, cell))}
 
     @property
     def work(self) -> float:
@@ -499,13 +495,9 @@ class _OneCase:
         }
         return sum(run.work for run in every.values()) / max(self._base.work, 1e-300)
 
-    def all_runs(self) -> list[tuple[str, str, float, Run]]:
-        """Return case, source, size and contents of each run."""
-        return [
-            (self._label, name, size, run)
-            for name, found in self._runs.items()
-            for size, run in found.items()
-        ]
+    def all_runs(self) -> list[tuple[str, float, Run]]:
+        """Return source, size and contents of each run."""
+        return [(name, size, run) for name, found in self._runs.items() for size, run in found.items()]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return an estimate for each column and moment."""
@@ -513,7 +505,7 @@ class _OneCase:
         if base is None:
             self._say("the case itself failed")
             return []
-        for source in self._sources:
+        for source in self.varied.sources:
             if source.refused:
                 self._say(f"{source.name}: {source.refused[0]}")
             if source.name not in self._runs:
@@ -528,7 +520,7 @@ class _OneCase:
         ]
 
     def _say(self, line: str) -> None:
-        self.notes.append(f"{self._label}: {line}" if self._label else line)
+        self.notes.append(f"{self.label}: {line}" if self.label else line)
 
     def _refusals(self, base: Run) -> dict[str, str]:
         """Return why some moments have no estimate; leave out times of sudden changes."""
@@ -562,7 +554,7 @@ class _OneCase:
         return refused
 
     def _sudden(self, base: Run, jumps: Sequence[FloatArray]) -> BoolArray:
-        """Whether contact or stick change by half within a step beside a time, or jumps of the runs lie there."""
+        """Whether contact or stick change by half within a step beside a time, or the runs jump there."""
         times, t, sudden = self.times, base.time, np.zeros(len(self.times), bool)
         if {"step", "tolerance"} & self._runs.keys():
             for values in (base.columns[name] for name in COUNTED & base.columns.keys()):
@@ -585,7 +577,7 @@ class _OneCase:
         named = moment if isinstance(moment, str) else f"{moment:g}"
         time = math.nan if isinstance(moment, str) else float(moment)
         row: dict[str, Any] = {
-            "case": self._label,
+            "case": self.label,
             "column": column,
             "moment": named,
             "scale": scale,
@@ -603,7 +595,7 @@ class _OneCase:
             return row | {"verdict": "refused", "note": reason}
         found: dict[str, tuple[ErrorOfValue, float]] = {}
         varies = False
-        for source in self._sources:
+        for source in self.varied.sources:
             if (runs := self._runs.get(source.name)) is None or any(
                 column not in r.columns for r in runs.values()
             ):
@@ -645,7 +637,7 @@ class _OneCase:
     def _estimate(
         self, runs: Mapping[float, Run], column: str, moment: str | float, expected: float
     ) -> tuple[ErrorOfValue, float, bool] | None:
-        """Return the estimate of a column, its time, and whether the runs differ; of `worst` the largest one."""
+        """Return the estimate of a column, its time, and whether the runs differ; of `worst` the largest."""
         if moment == "worst":
             curves = {size: run.at(column, self.times) for size, run in runs.items()}
             sets = [

@@ -7,8 +7,8 @@ order: summits and edges lie elsewhere between the points of each grid. So the e
 
 with the expected order q = p, less where a lower one is seen, and at most 1 where the differences do not grow
 with the size. An order is seen where f0 + C x^p fits the values of all grids within 0.3 |C|, or where three
-values of equal ratios of the sizes are monotone. Only where it agrees with the expected one is f0 (Richardson)
-better than the value itself.
+values of equal ratios of the sizes are monotone. Only where it agrees with the expected one is Richardson's
+f0 better than the value itself.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ def estimate(values: Mapping[float, float], expected: float) -> ErrorOfValue:
         verdict = "order" if abs(seen - expected) <= AGREES * expected else "off"
     coarser = [size for size in others if size > 1]
     half = (len(coarser) + 1) // 2
-    if len(coarser) >= 3 and max(map(off.get, coarser[:half])) > max(map(off.get, coarser[half:])):  # type: ignore[type-var]
+    near, far = (max((off[size] for size in part), default=0.0) for part in (coarser[:half], coarser[half:]))
+    if len(coarser) >= 3 and near > far:
         order, verdict = min(order, 1.0), "scattered"
     error = max(off[size] / abs(size**order - 1) for size in others)
     return ErrorOfValue(error, seen, limit if verdict == "order" else math.nan, verdict)
@@ -69,7 +70,7 @@ def _of_all(values: Mapping[float, float]) -> tuple[float, float]:
 
 
 def _of_three(values: Mapping[float, float], expected: float) -> tuple[float, float]:
-    """Return order and limit of three values whose sizes have equal ratios; NaN where they are not monotone."""
+    """Return order and limit of three monotone values whose sizes have equal ratios, else NaN."""
     if len(values) < 3:
         return math.nan, math.nan
     x = sorted(values)

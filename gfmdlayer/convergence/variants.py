@@ -75,21 +75,21 @@ class Variations:
     ----------
     config : Config
         The case.
-    own : mapping
-        The swept keys of the user and their values in this case.
     times : sequence of float
         Times at which the runs are compared; adaptive steps land on them.
     """
 
-    def __init__(self, config: Config, own: Values, times: Sequence[float]) -> None:
+    def __init__(self, config: Config, times: Sequence[float]) -> None:
         self.config, self._gridded = config, config.grid.geometry != "axisymmetric"
         self._adaptive = config.time.step == "adaptive"
         self._laws = [
             f"{dotted_key(at)}.tolerance" for at, law in sections_in(config)
             if isinstance(law, Law) and isinstance(law, ContinuousLaw)
         ]  # fmt: skip
-        self.base: Values = dict(own)
-        self.base |= {"grid.points": _plain(config.grid.points), "grid.period": _plain(config.grid.period)}
+        self.base: Values = {
+            "grid.points": _plain(config.grid.points),
+            "grid.period": _plain(config.grid.period),
+        }
         if self._gridded:
             self.base["solver.tolerance"] = config.solver.tolerance
             self.base["grid.boundary"] = config.grid.boundary or "periodic"
@@ -224,7 +224,7 @@ class Variations:
 
 
 def near(n: int, size: float) -> int:
-    """Return a number of points close to n/size with factors 2, 3, 5 (FFTs) and the parity of n (symmetry)."""
+    """Return points close to n/size, with factors 2, 3, 5 for the FFTs and the parity of n for symmetry."""
     wanted = n / size
     lowest, highest = max(FEWEST, math.floor(0.96 * wanted)), math.ceil(1.04 * wanted)
     among = sorted(range(lowest, highest + 1), key=lambda m: abs(m - wanted))

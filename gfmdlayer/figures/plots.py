@@ -72,7 +72,8 @@ def plot_results(
         curves: columns against time; loop: force against depth; snapshots: the surface at the snapshot times;
         stick: where the surfaces stick and slip; inside: stresses below the surface; waterfall: pressure
         profiles through time; map: columns over two swept keys; movie: displacement and pressure; body: the
-        layers and their moduli; convergence: the errors that `gfmdlayer.converge` estimated. By default the curves and, as NAME-snapshots, the snapshots if there are any;
+        layers and their moduli; convergence: the errors that `gfmdlayer.converge` estimated. By default the
+        curves and, as NAME-snapshots, the snapshots if there are any;
         with x or y only the curves.
     select : mapping
         Swept key -> value of the cases, of which the nearest is taken, or a range.

@@ -198,10 +198,10 @@ def _edge(
     """Place of the edge between a point in contact and the next along a line, and a doubt of it, in spacings.
 
     The place is counted from the point. The doubt is that of the laws: over three points on either side of
-    the edge, s and q are no lines where the pressure falls over less than some spacings, as on a layer as thin
-    as that or beside the tip of a wedge. Their second differences, divided by the first ones, measure it. The
-    factors bound the error of lines on layers of 0.3 to 30 spacings, under wedges and parabolas that touch 3
-    to 80 points, against 4096 points.
+    the edge, s and q are no lines where the pressure falls over less than some spacings, as on a layer as
+    thin as that or beside the tip of a wedge. Their second differences over the first ones measure it. The
+    factors bound the error of lines on layers of 0.3 to 30 spacings, under wedges and parabolas that
+    touch 3 to 80 points, against 4096 points.
 
     A line is (index of its first point, stride, number of points, place of the point on it), and periodic;
     step is 1 or -1. `inside` and `outside` are the points on either side of the edge that are in contact, and
@@ -381,7 +381,7 @@ def _area(
     shape: tuple[int, int],
     period: int,
 ) -> tuple[float, float, float, float]:
-    """Points in contact, area of contact in cells, sides of the cells that the edge crosses, and their doubts.
+    """Points in contact, area of contact in cells, sides of cells that the edge crosses, and their doubts.
 
     A cell of the grid has a point at each of its corners. The rows are those of a shape; before and after
     them come further ones, so many in `touching` and in the other fields, or none where the rows are all of

@@ -1,4 +1,4 @@
-"""The accuracy that cases note in their files (`case.accuracy`): the worst of each number over all of them."""
+"""The accuracy that cases note in their files (`case.accuracy`): the worst of each number."""
 
 from __future__ import annotations
 

@@ -4,8 +4,8 @@
     (estimate, source): errors, shares of each source in the error; orders of each
     run: source, case, size, cost, seconds, and values (estimate, run) of the numbers in each run
 
-Errors are in the units of their column. A moment is `end`, `peak` (the largest magnitude), a time, or `worst`:
-the largest error at common times, relative to the largest value of the column.
+Errors are in the units of their column. A moment is `end`, `peak` (the largest magnitude), a time, or
+`worst`: the largest error at common times, relative to the largest value of the column.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ class ErrorReport:
 
     Examples
     --------
-    >>> sure = gfmdlayer.converge({"grid": {"points": 96}, "time": {"end": 1.0, "step": 0.25}}, columns=["force"])
+    >>> config = {"grid": {"points": 96}, "time": {"end": 1.0, "step": 0.25}}
+    >>> sure = gfmdlayer.converge(config, columns=["force"])
     >>> bool(0 < sure["force"] < 0.1 * sure.data["scale"][0])
     True
     """
@@ -109,7 +110,7 @@ class ErrorReport:
         verdict, expected = str(one["verdict"].to_numpy()), float(one["order_expected"])
         order = f"{seen:.1f}" if math.isfinite(seen) and verdict in ("order", "off") else verdict
         parts = {name: float(one["errors"].sel(source=name)) for name in sources}
-        first = f"{str(one['column'].to_numpy()):{width}}  {str(one['moment'].to_numpy()):6}"
+        first = f"{one['column'].to_numpy()!s:{width}}  {one['moment'].to_numpy()!s:6}"
         shown = f"{value:11.5g}" if math.isfinite(value) else " " * 11
         ends = f"{order} ({expected:.2g})" if math.isfinite(expected) else verdict
         cells = [
@@ -124,7 +125,8 @@ class ErrorReport:
         """Return the answer in words: the largest error, where it comes from, and what to take."""
         data = self.data
         lines = [
-            "19 of 20 errors are below `sure to`, a part of the largest value, nearly all below three times it."
+            "19 of 20 errors are below `sure to`, a part of the largest value, nearly all"
+            " below three times it.",
         ]
         relative = (data["error"] / data["scale"]).to_numpy()
         if not np.isfinite(relative).any():
@@ -147,9 +149,9 @@ class ErrorReport:
         attrs = self.data.attrs
         keys = ", ".join(f"{key}: {_shown(value)}" for key, value in self.suggested.items())
         to = f"{attrs['to']:g}"
-        answer = f"For {to} in all columns take {keys}, {attrs['suggested_cost']:.2g} times the cost." if keys else (
-            f"All columns are within {to}, as far as they are estimated."
-        )  # fmt: skip
+        answer = f"All columns are within {to}, as far as they are estimated."
+        if keys:
+            answer = f"For {to} in all columns take {keys}, {attrs['suggested_cost']:.2g} times the cost."
         cost = f"{attrs['runs']} runs, {attrs['work']:.2g} times the work of the case beside it."
         failed = [f"failed: {line}" for line in self.failed]
         return [answer, cost, *(f"note: {line}" for line in self.notes), *failed]

@@ -305,6 +305,7 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
 
 
 def open_labelled(path: Path) -> xarray.Dataset:
+    """Open a file of labelled data, if its bytes are those that were written; see `open_case`."""
     import xarray
     from xarray.backends import CachingFileManager, H5NetCDFStore
 

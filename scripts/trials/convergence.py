@@ -2,12 +2,11 @@
 
     python scripts/trials/convergence.py FILE [--variations N] [--seed S] [--only NAME ...] [--reach EVERY]
 
-Each case is estimated by `gfmdlayer.converge`. The truth is the same case on 16 times the points of a line, or
-6 times those along each axis of a surface, with a quarter of the step (backward Euler: a 64th) or a hundredth
-of the tolerance of the steps, and a residual of 1e-9: with an error of a fifteenth or less of that of the case.
-FILE has a line of JSON for each case: a run that
-is stopped goes on. With --reach the suggested configuration of every so-many-th case is computed too, and held
-to the truth.
+Each case is estimated by `gfmdlayer.converge`. The truth is the same case on 16 times the points of a line,
+or 6 times those along each axis of a surface, with a quarter of the step (backward Euler: a 64th) or a
+hundredth of the tolerance of the steps, and a residual of 1e-9: with an error of a fifteenth or less of that
+of the case. FILE has a line of JSON for each case: a run that is stopped goes on. With --reach the suggested
+configuration of every so-many-th case is computed too, and held to the truth.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from typing import Any
 import numpy as np
 
 import gfmdlayer
-from gfmdlayer.convergence.converge import Run, Asked, base_case, better, converge
+from gfmdlayer.convergence.converge import Asked, Run, base_case, better, converge
 from gfmdlayer.convergence.variants import COUNTED
 
 Keys = dict[str, Any]
@@ -87,45 +86,138 @@ def cases() -> dict[str, Keys]:
     return {
         "hertz line": _case(72, _parabola(0.4), _ramp("load", 0.1), **_DEEP),
         "hertz line, light": _case(120, _parabola(0.4), _ramp("load", 0.02), **_DEEP),
-        "westergaard": _case(64, {"shape": "sinusoid", "amplitude": 0.02, "wavelength": 1.0}, _ramp("load", 0.04), **_DEEP),
+        "westergaard": _case(
+            64, {"shape": "sinusoid", "amplitude": 0.02, "wavelength": 1.0}, _ramp("load", 0.04), **_DEEP
+        ),
         "wedge": _case(90, {"shape": "wedge", "slope": 0.1}, _ramp("load", 0.03), **_DEEP),
         "cylinder": _case(80, {"shape": "cylinder", "radius": 0.6}, _ramp("depth", 0.004), **_zener(0.1)),
-        "array": _case(144, {"shape": "array", "counts": 3, "element": _parabola(0.3)}, _ramp("load", 0.05), **_DEEP),
+        "array": _case(
+            144, {"shape": "array", "counts": 3, "element": _parabola(0.3)}, _ramp("load", 0.05), **_DEEP
+        ),
         "zener hold": _case(96, _parabola(1.0), _ramp("depth", 0.01), 0.1, 3.0, **_zener(0.1)),
-        "zener euler": _case(96, _parabola(1.0), _ramp("depth", 0.01), 0.1, 2.0, time={"integrator": "backward_euler"}, **_zener(0.1)),
+        "zener euler": _case(
+            96,
+            _parabola(1.0),
+            _ramp("depth", 0.01),
+            0.1,
+            2.0,
+            time={"integrator": "backward_euler"},
+            **_zener(0.1),
+        ),
         "zener adaptive": _case(96, _parabola(1.0), _ramp("depth", 0.01), "adaptive", 3.0, **_zener(0.1)),
         "zener load": _case(96, _parabola(1.0), _ramp("load", 0.05), 0.1, 3.0, **_zener(0.1, shear=10.0)),
-        "creep adaptive": _case(80, _parabola(0.7), _ramp("load", 0.03, 0.2), "adaptive", 3.0, **_zener(0.2, shear=4.0)),
+        "creep adaptive": _case(
+            80, _parabola(0.7), _ramp("load", 0.03, 0.2), "adaptive", 3.0, **_zener(0.2, shear=4.0)
+        ),
         "loop": _case(96, _parabola(1.0), held, 0.1, 2.0, **_zener(0.1, 0.4)),
         "loop adaptive": _case(108, _parabola(1.0), held, "adaptive", 2.0, **_zener(0.1, 0.4)),
         "two cycles": _case(96, _parabola(1.0), _loop(0.01, cycles=2), 0.1, 4.0, **_zener(0.15, 0.45)),
-        "fractional": _case(80, _parabola(1.0), _ramp("depth", 0.01), 0.1, 2.0, layer={"thickness": 0.1, "material": fractional}),
-        "prony": _case(96, _parabola(1.0), _ramp("depth", 0.01), 0.1, 3.0, layer={"thickness": 0.1, "material": prony}),
-        "stack": _case(128, _parabola(0.8), _ramp("depth", 0.006), 0.1, 2.0, layers=stack, halfspace={"shear_modulus": 10.0}),
-        "thin": _case(96, _parabola(1.0), _ramp("depth", 0.002), layer={"thickness": 0.02, "poisson": 0.4}, halfspace=_RIGID),
-        "thinner": _case(120, _parabola(1.0), _ramp("depth", 0.002), layer={"thickness": 0.01, "poisson": 0.3}, halfspace=_RIGID),
-        "thin, nu 1/2": _case(128, _parabola(1.0), _ramp("depth", 0.002), layer={"thickness": 0.02}, halfspace=_RIGID),
-        "stiff coat": _case(128, _parabola(0.6), _ramp("load", 0.05), layer={"thickness": 0.02, "material": {"model": "elastic", "G": 20.0}}, halfspace={"shear_modulus": 1.0}),
-        "rolling": _case(128, _parabola(1.0), _ramp("depth", 0.01) | {"velocity": 0.2}, 0.05, 2.0, **_zener(0.1)),
-        "rolling load": _case(128, _parabola(0.7), _ramp("load", 0.04) | {"velocity": 0.4}, 0.05, 2.0, **_zener(0.2, shear=10.0)),
-        "rolling adaptive": _case(96, _parabola(0.7), _ramp("load", 0.04) | {"velocity": 0.1}, "adaptive", 2.0, **_zener(0.2, shear=10.0)),
-        "adhesive line": _case(120, _parabola(0.8), _loop(0.008), 0.05, 2.0, interface=attracting, **_zener(0.2, 0.45, 5.0)),
-        "adhesive adaptive": _case(96, _parabola(0.8), _loop(0.008), "adaptive", 2.0, interface=attracting, **_zener(0.2, 0.45, 5.0)),
-        "hard": _case(96, _parabola(0.5), _ramp("load", 0.05), interface={"law": "hard_wall", "hardness": 0.5}, **_DEEP),
-        "friction": _case(64, _parabola(0.8), _ramp("load", 0.03, 0.5) | {"tangential": {"kind": "ramp", "displacement": 0.004, "start": 0.5, "ramp_time": 0.5}}, 0.05, 1.0, interface=rubbing, **_zener(0.2, 0.4, 5.0)),
+        "fractional": _case(
+            80,
+            _parabola(1.0),
+            _ramp("depth", 0.01),
+            0.1,
+            2.0,
+            layer={"thickness": 0.1, "material": fractional},
+        ),
+        "prony": _case(
+            96, _parabola(1.0), _ramp("depth", 0.01), 0.1, 3.0, layer={"thickness": 0.1, "material": prony}
+        ),
+        "stack": _case(
+            128,
+            _parabola(0.8),
+            _ramp("depth", 0.006),
+            0.1,
+            2.0,
+            layers=stack,
+            halfspace={"shear_modulus": 10.0},
+        ),
+        "thin": _case(
+            96,
+            _parabola(1.0),
+            _ramp("depth", 0.002),
+            layer={"thickness": 0.02, "poisson": 0.4},
+            halfspace=_RIGID,
+        ),
+        "thinner": _case(
+            120,
+            _parabola(1.0),
+            _ramp("depth", 0.002),
+            layer={"thickness": 0.01, "poisson": 0.3},
+            halfspace=_RIGID,
+        ),
+        "thin, nu 1/2": _case(
+            128, _parabola(1.0), _ramp("depth", 0.002), layer={"thickness": 0.02}, halfspace=_RIGID
+        ),
+        "stiff coat": _case(
+            128,
+            _parabola(0.6),
+            _ramp("load", 0.05),
+            layer={"thickness": 0.02, "material": {"model": "elastic", "G": 20.0}},
+            halfspace={"shear_modulus": 1.0},
+        ),
+        "rolling": _case(
+            128, _parabola(1.0), _ramp("depth", 0.01) | {"velocity": 0.2}, 0.05, 2.0, **_zener(0.1)
+        ),
+        "rolling load": _case(
+            128, _parabola(0.7), _ramp("load", 0.04) | {"velocity": 0.4}, 0.05, 2.0, **_zener(0.2, shear=10.0)
+        ),
+        "rolling adaptive": _case(
+            96,
+            _parabola(0.7),
+            _ramp("load", 0.04) | {"velocity": 0.1},
+            "adaptive",
+            2.0,
+            **_zener(0.2, shear=10.0),
+        ),
+        "adhesive line": _case(
+            120, _parabola(0.8), _loop(0.008), 0.05, 2.0, interface=attracting, **_zener(0.2, 0.45, 5.0)
+        ),
+        "adhesive adaptive": _case(
+            96, _parabola(0.8), _loop(0.008), "adaptive", 2.0, interface=attracting, **_zener(0.2, 0.45, 5.0)
+        ),
+        "hard": _case(
+            96, _parabola(0.5), _ramp("load", 0.05), interface={"law": "hard_wall", "hardness": 0.5}, **_DEEP
+        ),
+        "friction": _case(
+            64,
+            _parabola(0.8),
+            _ramp("load", 0.03, 0.5)
+            | {"tangential": {"kind": "ramp", "displacement": 0.004, "start": 0.5, "ramp_time": 0.5}},
+            0.05,
+            1.0,
+            interface=rubbing,
+            **_zener(0.2, 0.4, 5.0),
+        ),
         "rough line": _case(128, rough, _ramp("load", 0.02), **_DEEP),
-        "rough zener": _case(160, rough | {"seed": 5}, _ramp("load", 0.02), 0.1, 1.0, **_zener(0.2, 0.45, 5.0)),
+        "rough zener": _case(
+            160, rough | {"seed": 5}, _ramp("load", 0.02), 0.1, 1.0, **_zener(0.2, 0.45, 5.0)
+        ),
         "hertz sphere": _case([24, 24], sphere, _ramp("force", 0.05), **_DEEP),
         "sphere by depth": _case([20, 20], sphere, _ramp("depth", 0.01), **_zener(0.2)),
-        "sphere on a thin layer": _case([32, 32], _parabola(1.0), _ramp("depth", 0.006), layer={"thickness": 0.04, "poisson": 0.4}, halfspace=_RIGID),
+        "sphere on a thin layer": _case(
+            [32, 32],
+            _parabola(1.0),
+            _ramp("depth", 0.006),
+            layer={"thickness": 0.04, "poisson": 0.4},
+            halfspace=_RIGID,
+        ),
         "cone": _case([24, 24], {"shape": "cone", "slope": 0.15}, _ramp("force", 0.03), **_DEEP),
-        "pyramid": _case([24, 24], {"shape": "pyramid", "angle": 80.0, "faces": 4}, _ramp("force", 0.03), **_DEEP),
+        "pyramid": _case(
+            [24, 24], {"shape": "pyramid", "angle": 80.0, "faces": 4}, _ramp("force", 0.03), **_DEEP
+        ),
         "sphere, loop": _case([20, 20], sphere, _loop(0.01), 0.1, 2.0, **_zener(0.1, 0.45)),
-        "isolated sphere": _case([24, 24], sphere, _ramp("force", 0.03), grid={"boundary": "isolated"}, **_DEEP),
-        "isolated zener": _case([20, 20], sphere, _ramp("depth", 0.01), 0.1, 1.0, grid={"boundary": "isolated"}, **_zener(0.2)),
+        "isolated sphere": _case(
+            [24, 24], sphere, _ramp("force", 0.03), grid={"boundary": "isolated"}, **_DEEP
+        ),
+        "isolated zener": _case(
+            [20, 20], sphere, _ramp("depth", 0.01), 0.1, 1.0, grid={"boundary": "isolated"}, **_zener(0.2)
+        ),
         "rough": _case([36, 36], rough | {"short_cutoff": 0.25}, _ramp("load", 0.02), **_DEEP),
-        "rough layer": _case([32, 32], rough | {"short_cutoff": 0.3, "seed": 8}, _ramp("load", 0.02), **_zener(0.2, 0.45, 5.0)),
-    }  # fmt: skip
+        "rough layer": _case(
+            [32, 32], rough | {"short_cutoff": 0.3, "seed": 8}, _ramp("load", 0.02), **_zener(0.2, 0.45, 5.0)
+        ),
+    }
 
 
 def varied(config: Keys, rng: np.random.Generator) -> Keys:
@@ -266,7 +358,8 @@ def summary(lines: Iterable[Mapping[str, Any]]) -> list[str]:
     said = [
         f"{len(held)} cases, {len(numbers)} numbers",
         f"within the claim {np.mean(ratio <= 1):.1%}, within three times {np.mean(ratio <= 3):.2%}",
-        f"largest true error over the claim {ratio.max():.2g}, without a note {ratio[~noted].max(initial=0.0):.2g}",
+        f"largest true error over the claim {ratio.max():.2g}, "
+        f"without a note {ratio[~noted].max(initial=0.0):.2g}",
         f"claim over the true error, median {np.median(1 / ratio):.2g}",
     ]
     for axes, kind in ((1, "line"), (2, "surface")):

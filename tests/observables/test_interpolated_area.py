@@ -204,8 +204,8 @@ def test_an_open_gap_keeps_its_value():
 def test_the_estimated_error_bounds_the_error_on_a_sphere_and_is_not_far_from_it(force):
     """Hertz, on 8 to 40 points across; the finer grid is off by a sixteenth of the coarser one's estimate.
 
-    Errors of the edge on the lines of the grid have either sign, and cancel in part: on 40 points they leave a
-    twentieth of what the estimate allows for, and a fifth at the forces beside.
+    Errors of the edge on the lines of the grid have either sign, and cancel in part: on 40 points they leave
+    a twentieth of what the estimate allows for, and a fifth at the forces beside.
     """
     body, punch = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=8.0)
     found = [gfmdlayer.solve(body, punch, force=force, points=(n, n)) for n in (64, 256)]
