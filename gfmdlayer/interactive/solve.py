@@ -58,6 +58,9 @@ if TYPE_CHECKING:
 POINTS = 1024  # of a line, where neither `points` nor an array says how many
 
 
+MOST_STRAIN = 1.0  # about, beyond which a result of linear elasticity means nothing
+
+
 class Options(TypedDict, total=False):
     """Options of `solve`, in addition to its arguments."""
 
@@ -253,6 +256,9 @@ def solve(
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
     surface = loading.surface(solution, kappa, nothing, 0.0)
+    if (strain := _strain(body, grid, kappa, solution, surface.depth)) > MOST_STRAIN:
+        words = "linear elasticity, of small strains, does not hold"
+        warnings.warn(f"STRAINED: by about {strain:.2g} under the contact; {words}", stacklevel=2)
     parts = _parts(contact.parts, surface, glassy=instantaneous) if reach is None else {}
     return _dataset(grid, problem, solution, surface, reach, parts)
 
@@ -360,6 +366,17 @@ def _beyond_the_hardness(problem: Problem) -> str:
     if problem.interface.attracts:
         most = f"{problem.flow_stress:.6g}, {most} less the attraction in contact"
     return f"mean pressure: got {target!r}; must be below {most}"
+
+
+def _strain(body: Body, grid: Grid, kappa: FloatArray, solution: Solution, depth: float) -> float:
+    """Return about the strain under a contact: its mean pressure over K(q)/q, or the depth over all layers."""
+    if not solution.contact_area > 0:
+        return 0.0
+    q = np.ravel(grid.wavenumbers)
+    moduli = kappa[q > 0] / q[q > 0]
+    thickness = sum(getattr(body, "thicknesses", ())) or math.inf
+    limited = abs(depth) / thickness if thickness < math.inf else math.inf
+    return min(solution.mean_pressure / solution.contact_area / float(moduli.max(initial=1e-300)), limited)
 
 
 def _parts(parts: Parts, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:
