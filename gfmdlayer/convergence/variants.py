@@ -40,7 +40,7 @@ LOOSEST, FINEST = 0.3, 1e-12  # tolerances
 COUNTED = frozenset(
     {"contact_area", "area", "stick_area", "attractive_area", "attracted_area", "yielded_area"}
 )
-EDGES = frozenset({"contact_area_interpolated", "area_interpolated", "contact_radius", "contact_width"})
+EDGES = frozenset({"contact_area_interpolated", "area_interpolated", "contact_radius"})
 
 Values = dict[str, Any]
 

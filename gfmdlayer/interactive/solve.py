@@ -256,9 +256,7 @@ def solve(
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
     surface = loading.surface(solution, kappa, nothing, 0.0)
-    if (strain := _strain(body, grid, kappa, solution, surface.depth)) > MOST_STRAIN:
-        words = "linear elasticity, of small strains, does not hold"
-        warnings.warn(f"STRAINED: by about {strain:.2g} under the contact; {words}", stacklevel=2)
+    _warn_of_strain(body, grid, kappa, solution, surface.depth)
     parts = _parts(contact.parts, surface, glassy=instantaneous) if reach is None else {}
     return _dataset(grid, problem, solution, surface, reach, parts)
 
@@ -368,15 +366,19 @@ def _beyond_the_hardness(problem: Problem) -> str:
     return f"mean pressure: got {target!r}; must be below {most}"
 
 
-def _strain(body: Body, grid: Grid, kappa: FloatArray, solution: Solution, depth: float) -> float:
-    """Return about the strain under a contact: its mean pressure over K(q)/q, or the depth over all layers."""
+def _warn_of_strain(body: Body, grid: Grid, kappa: FloatArray, solution: Solution, depth: float) -> None:
+    """Warn of a strain beyond small ones: mean pressure in contact over K(q)/q, or depth over all layers."""
     if not solution.contact_area > 0:
-        return 0.0
+        return
     q = np.ravel(grid.wavenumbers)
     moduli = kappa[q > 0] / q[q > 0]
+    strain = solution.mean_pressure / solution.contact_area / float(moduli.max(initial=1e-300))
     thickness = sum(getattr(body, "thicknesses", ())) or math.inf
-    limited = abs(depth) / thickness if thickness < math.inf else math.inf
-    return min(solution.mean_pressure / solution.contact_area / float(moduli.max(initial=1e-300)), limited)
+    if thickness < math.inf:
+        strain = min(strain, abs(depth) / thickness)
+    if strain > MOST_STRAIN:
+        words = "linear elasticity, of small strains, does not hold"
+        warnings.warn(f"STRAINED: by about {strain:.2g} under the contact; {words}", stacklevel=3)
 
 
 def _parts(parts: Parts, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:

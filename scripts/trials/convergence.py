@@ -229,7 +229,7 @@ def varied(config: Keys, rng: np.random.Generator) -> Keys:
             section[key] = float(f"{section[key] * rng.uniform(low, high):.4g}")
 
     punch = config["punch"].get("element", config["punch"])
-    times(punch, "radius", 0.7, 1.4)
+    times(punch, "radius", 1.0 if punch["shape"] == "cylinder" else 0.7, 1.4)  # which is as wide as the cell
     for key in ("depth", "load", "force"):
         times(config["trajectory"], key, 0.6, 1.2)
     if config["trajectory"].get("kind") == "approach_retract":
@@ -306,6 +306,7 @@ def judged(name: str, given: Keys, *, reach: bool = False) -> Keys:
     line["failed"] = list(found.failed)
     if reach and found.suggested:
         line["reached"] = _reached(base, found, truth, common)
+        line["limited"] = any("ask again" in note for note in found.notes)
     return line
 
 
@@ -369,10 +370,13 @@ def summary(lines: Iterable[Mapping[str, Any]]) -> list[str]:
     if len(richer):
         better_ones = np.mean(richer[:, 0] < richer[:, 1])
         said.append(f"Richardson's value given {len(richer) / len(numbers):.1%}, better in {better_ones:.0%}")
-    if reached := [line["reached"] for line in held if "reached" in line]:
-        said.append(
-            f"asked for {ASKED:g}: reached in {np.mean(np.array(reached) <= ASKED):.1%} of {len(reached)}"
-        )
+    if reached := [line for line in held if "reached" in line]:
+        for words, among in (
+            (f"asked for {ASKED:g}: reached in", reached),
+            ("without those told to ask again:", [line for line in reached if not line["limited"]]),
+        ):
+            within = [line["reached"] <= ASKED for line in among]
+            said.append(f"{words} {np.mean(within) if within else math.nan:.1%} of {len(among)}")
     return said
 
 
