@@ -173,7 +173,8 @@ class Folder:
             raise FolderError(f"{self.path}: is a file, not a folder; choose another with --out")
         names = {entry.name for entry in self.path.iterdir()} if self.path.is_dir() else set()
         # A run killed in its first instant leaves folders and an unfinished configuration.
-        foreign = [name for name in names if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
+        own = [name for name in names if name in _FOLDERS or _OF_ESTIMATES.fullmatch(name)]
+        foreign = [name for name in names.difference(own) if not _IN_FOLDER.fullmatch(name)]
         if foreign and not self.is_results():
             raise FolderError(f"{self.path}: {FOREIGN.format(self.lacking)}")
 
@@ -274,8 +275,8 @@ _STATE = re.compile(r"(\d{4,})\.(checkpoint|snapshots|journal)")
 _OF_A_RUN = re.compile(
     rf"stop-.+-\d+-[0-9a-f]{{8}}|probe{_OWN}\.part|stop(-\d+-of-\d+)?|\.lock-\d+-of-\d+|\.turn"
 )
-# Left by a run that was killed in its first instant, or by estimates of errors before the run.
-_FOLDERS = ("cases", "arrays", "inputs", "convergence", "convergence.h5")
+_FOLDERS = ("cases", "arrays", "inputs")  # left by a run that was killed in its first instant
+_OF_ESTIMATES = re.compile(r"convergence(\.(h5|png|pdf|svg))?")  # of errors, which may come before the run
 
 
 def _matched(pattern: re.Pattern[str], name: str) -> re.Match[str] | None:

@@ -247,7 +247,7 @@ def test_an_isolated_contact_is_varied_in_its_period_and_a_periodic_sphere_compa
 def test_a_run_notes_its_accuracy():
     data = gfmdlayer.run(SMALL)
     assert data.attrs["accuracy_residual"] == float(abs(data.residual).max())
-    # x^2/(2 R) lies within the depth d up to sqrt(2 R d); the last two points within lie up to 3/2 spacings before
+    # x^2/(2 R) lies within the depth d up to sqrt(2 R d); the last two points lie up to 3/2 spacings before
     edge, spacing, radius = math.sqrt(2 * 0.5 * 0.01), 1 / 96, 0.5
     assert (edge - 1.5 * spacing) / radius <= data.attrs["accuracy_slope"] <= edge / radius
     assert 0 < data.attrs["accuracy_strain"] <= 0.01 / 0.05 + 1e-12
