@@ -20,8 +20,6 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gfmdlayer.observables.numerics import ACCURACY_PREFIX
 
 if TYPE_CHECKING:
@@ -37,6 +35,8 @@ def accuracy(model: Model, recording: Recording) -> dict[str, float]:
     """Return the attributes of a case, known from its rows and its configuration."""
     if not recording.count:
         return {}
+    import numpy as np
+
     config, held = model.config, recording.widths
     found: dict[str, Any] = {}
     for area, error in _AREAS:
@@ -69,6 +69,8 @@ _READ = {"time", "contact_area", "mean_stress", "area", "force", "contact_radius
 
 def strains(config: Config, columns: Mapping[str, FloatArray]) -> dict[str, float]:
     """Return the largest strain."""
+    import numpy as np
+
     if "contact_area" in columns:
         force, area = columns["mean_stress"], columns["contact_area"]
     else:
@@ -88,6 +90,8 @@ def strains(config: Config, columns: Mapping[str, FloatArray]) -> dict[str, floa
 
 def steepest(heights: FloatArray, spacing: list[float], depth: float) -> float:
     """Return the largest slope between neighbours that both lie within a depth of the lowest point."""
+    import numpy as np
+
     most, within = 0.0, heights <= max(depth, 0.0) + float(heights.min())
     for axis, step in enumerate(spacing):
         beside = within & np.roll(within, -1, axis)
@@ -97,4 +101,6 @@ def steepest(heights: FloatArray, spacing: list[float], depth: float) -> float:
 
 
 def _largest(values: FloatArray) -> float:
+    import numpy as np
+
     return float(np.nanmax(np.abs(values), initial=0.0))

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.files.whole import is_intact
-from gfmdlayer.results.accuracy import worst_accuracy
 from gfmdlayer.study.claims import Running, running
 from gfmdlayer.study.folder import Folder
 
@@ -42,7 +41,7 @@ class Overview:
     ended: list[Record]
     warnings: list[str]  # of the cases in the sweep file
     damaged: list[int]  # cases, of those whose files were verified: neither complete nor waiting
-    accuracy: list[str]  # of those, the worst of each number, with its case
+    accuracy: str  # the worst of each number on the accuracy of the cases in the sweep file
 
     @property
     def over(self) -> bool:
@@ -53,8 +52,7 @@ class Overview:
 def overview(folder: Folder, *, verify: bool = False) -> Overview:
     """Count the cases of a results folder by state; opens no result file.
 
-    `verify` also reads the files of complete cases, as many as a second reads, and what they note on their
-    accuracy.
+    `verify` also reads the files of complete cases, as many as a second reads.
     """
     numbers, by_kind = folder.case_numbers(), folder.numbers()
     total, own = len(numbers), numbers if isinstance(numbers, range) else set(numbers)
@@ -69,9 +67,10 @@ def overview(folder: Folder, *, verify: bool = False) -> Overview:
     waiting = max(0, total - len(complete | failed | busy))
     damaged = list(_damaged(folder, sorted(complete))) if verify else []
     complete.difference_update(damaged)
-    worst = worst_accuracy({number: folder.case(number) for number in sorted(complete)}) if verify else []
-    said: list[str] = []
+    said, worst = list[str](), ""
     if folder.sweep.exists():
+        with suppress(OSError):
+            worst = folder.accuracy.read_text(encoding="utf-8", errors="replace").strip()
         with suppress(OSError):  # there are none
             said = folder.warnings.read_text(encoding="utf-8", errors="replace").splitlines()
     return Overview(

@@ -39,7 +39,7 @@ from gfmdlayer.observables.energy_balance import UNBALANCED
 from gfmdlayer.results.accuracy import worst_accuracy
 from gfmdlayer.results.convergence import FILE, open_convergence
 from gfmdlayer.results.gathering import lay_out
-from gfmdlayer.results.names import FIELDS, ResultsError, described_key
+from gfmdlayer.results.names import FIELDS, SWEEP_FILE, ResultsError, described_key
 from gfmdlayer.results.netcdf import opened
 from gfmdlayer.results.provenance import LIBRARIES, now, provenance
 from gfmdlayer.results.reader import VERIFIED
@@ -581,11 +581,14 @@ def write_report(cases: Sequence[Listed], out: Path, title: str, config: str = "
 
 def accuracy_section(cases: Sequence[Listed]) -> str:
     """Return a section with the worst accuracy of the cases and, if there are any, the estimated errors."""
-    complete = {case.number: case.path for case in cases if case.state == "complete"}
-    lines = worst_accuracy(complete)
-    parts = [f'<p class="note">Worst of the complete cases: {escape(", ".join(lines))}.</p>'] if lines else []
-    place = next((case.path.parent.parent for case in cases), None)
-    if place is not None and (place / FILE).is_file():
+    place = next((case.path.parent.parent for case in cases), Path())
+    sweep, parts = place / SWEEP_FILE, list[str]()
+    if len(cases) > 0 and cases[0].path.parent.name == "cases" and sweep.is_file():
+        with suppress(OSError, KeyError, ResultsError):  # damaged
+            parts.append(
+                f'<p class="note">Worst of all cases: {escape(", ".join(worst_accuracy(sweep)))}.</p>'
+            )
+    if (place / FILE).is_file():
         found, picture = open_convergence(place), io.StringIO()
         with suppress(ResultsError), styled():  # of errors that are all zero
             convergence_figure(found.data).savefig(picture, format="svg")
