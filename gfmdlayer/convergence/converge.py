@@ -297,7 +297,8 @@ def base_case(config: Config, asked: Asked) -> tuple[Config, list[float]]:
         ends |= {start + drive.period * k / 4 for k in range(quarters + 1)}
     stops = sorted({round(time, 12) for time in ends if 0 < time <= end})
     thirds = [np.linspace(a, b, PARTS + 1)[1:] for a, b in zip([0.0, *stops], stops, strict=False)]
-    times = sorted({float(f"{time:.12g}") for time in [*np.concatenate(thirds), *asked.times]})
+    rounded = (float(f"{time:.12g}") for time in [*np.concatenate(thirds), *asked.times])
+    times = sorted({min(time, float(end)) for time in rounded})  # none is past the end
     return config.with_values({"output.snapshots": []}), times
 
 
@@ -591,7 +592,8 @@ class _OneCase:
             "orders": {},
         }
         row |= {"keys": {}, "order_seen": math.nan, "order_expected": math.nan, "richardson": math.nan}
-        if reason := refused.get(named, ""):
+        ended = named == "peak" and base.peak(column) == abs(base.columns[column][-1])  # as a sum over time
+        if reason := refused.get("end" if ended else named, ""):
             return row | {"verdict": "refused", "note": reason}
         found: dict[str, tuple[ErrorOfValue, float]] = {}
         varies = False
