@@ -55,11 +55,11 @@ def accuracy(model: Model, recording: Recording) -> dict[str, float]:
         found["wave_points"] = waves / max(spacings)
     found["fit"] = model.attributes.get("fit_error")
     found |= strains(config, {name: recording[name] for name in _READ & held.keys()})
-    punch = getattr(getattr(model, "parts", None), "punch", None)
-    if punch is not None and model.grid is not None and model.grid.ranks.count == 1:
-        heights = punch.reshape(model.grid.shape)
-        spacing = [L / n for L, n in zip(config.grid.period, config.grid.points, strict=True)]
-        found["slope"] = steepest(heights, spacing, _largest(recording["depth"]))
+    parts = getattr(model, "parts", None)
+    if parts is not None and parts.grid.ranks.count == 1:
+        grid = parts.grid
+        spacing = [L / n for L, n in zip(grid.period, grid.points, strict=True)]
+        found["slope"] = steepest(parts.punch.reshape(grid.shape), spacing, _largest(recording["depth"]))
     return {f"{ACCURACY_PREFIX}{name}": float(value) for name, value in found.items() if value is not None}
 
 

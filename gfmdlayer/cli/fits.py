@@ -222,6 +222,7 @@ def _free(keys: list[str]) -> dict[str, list[float] | None] | None:
 def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, answers: Answers) -> int:
     from gfmdlayer.fitting import indentation_report as report
     from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
+    from gfmdlayer.fitting.estimates import best_of
     from gfmdlayer.fitting.indentation import fit_curves
     from gfmdlayer.fitting.problem import IndentationModel
     from gfmdlayer.fitting.starts import read_model
@@ -235,7 +236,7 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, an
         into, timeless = units_of(model.config.units), model.is_timeless(keys)
         curves = [read_curve(entry, answers, into, chosen, timeless=timeless) for entry in measured]
         fits[path] = fit_curves(curves, model, keys, chosen)
-    best = min(fits, key=lambda path: fits[path].bic)
+    best, _ = best_of(fits)
     if len(fits) > 1:
         print("\n".join(report.comparison(fits)), end=f"\n\n{best}:\n")
     print("\n".join(report.write_report(fits[best], out, options.force)))

@@ -242,7 +242,8 @@ def check(options: argparse.Namespace) -> int:
     part = len(some) / len(every)
     some, found = _in_folder(directory, every, some) if part == 1 else (some, [])
     counted = part == 1 and all(
-        c.config.time.step != "adaptive" and c.config.time.steady is None for c in some
+        c.config.time.at_once or (c.config.time.step != "adaptive" and c.config.time.steady is None)
+        for c in some
     )
     cost = total((case.cost for case in some), part)
     explained = some[:: -(-len(some) // MOST_EXPLAINED)]

@@ -12,7 +12,7 @@ import math
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -245,7 +245,10 @@ def estimated(
     report = ErrorReport(Comparison(cases.config, compared, [*failed], asked).dataset())
     report.write(place / FILE)
     if not keep:
-        shutil.rmtree(place / VARIANTS, ignore_errors=True)
+        for case in every:
+            shutil.rmtree(place / VARIANTS / f"{case.index:04d}", ignore_errors=True)
+        with suppress(OSError):  # of others
+            (place / VARIANTS).rmdir()
     return report
 
 

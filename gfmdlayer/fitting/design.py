@@ -153,7 +153,7 @@ def _expected(curves: Sequence[ForceCurve], model: IndentationModel, free: Free)
     u = problem.start
     problem.adapt(u)
     problem.weigh(u)
-    return conclude(problem, u, options, [], problem.values(u))
+    return conclude(problem, u, options, [], problem.values(u), measured=False)
 
 
 def second_curve(problem: LeastSquares, u: Any, fit: IndentationFit, free: Free) -> Iterator[str]:

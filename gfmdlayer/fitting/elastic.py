@@ -178,7 +178,8 @@ def measured_contact(
         gain = np.concatenate(([0.0], np.cumsum(worse[start:peak])))
         touching[start : start + int(np.argmax(gain))] = False
         if unseen[0] is not None:
-            touching[start:peak] = (value[start:peak] >= unseen[0]) | by_force[start:peak]
+            rounding = 1e-12 * float(np.abs(value).max())  # a row at the surface itself is not in contact yet
+            touching[start:peak] = (value[start:peak] > unseen[0] + rounding) | by_force[start:peak]
     for peak, valley in zip(peaks, valleys[1:], strict=True):  # retractions
         end = value.size if valley == valleys[-1] else valley
         gain = np.concatenate(([0.0], np.cumsum(worse[peak + 1 : end][::-1])))

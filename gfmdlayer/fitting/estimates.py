@@ -1,12 +1,14 @@
 """Estimates of the parameters of a fit, their confidence intervals, and doubts about them.
 
 Linear intervals: with the derivatives J of the residuals and their variance s^2, the covariance of u is
-s^2 (J^T J)^-1. A robust loss rho changes the factor to mean(psi^2)/mean(psi')^2, psi = r rho'(r^2) (Huber,
-Robust Statistics, 1981, Sec. 7.6). Intervals of the parameters follow on their scales with Student's t.
+s^2 (J^T J)^-1 under white noise. A robust loss rho changes the factor to mean(psi^2)/mean(psi')^2,
+psi = r rho'(r^2) (Huber, Robust Statistics, 1981, Sec. 7.6). Residuals of instruments are correlated: the
+intervals are those of `intervals.mixture`. A standard error is the half width over Student's t.
 
 Profile intervals: one parameter is fixed and all others are fitted again; at the ends of the interval the sum
-of squares has grown by s^2 t^2 (Bates & Watts, Nonlinear Regression Analysis, 1988, Sec. 6.1). A further
-stiff residual fixes the parameter.
+of squares has grown by s^2 t^2 (Bates & Watts, Nonlinear Regression Analysis, 1988, Sec. 6.1), where t is
+larger by the factor of the linear half widths under correlated noise. A further stiff residual fixes the
+parameter.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
 from gfmdlayer.fitting.force_curve import FORCE, PRESCRIBED, CurveError, ForceCurve, noise_of
+from gfmdlayer.fitting.intervals import mixture
+from gfmdlayer.fitting.misfit import WITHIN, doubts
 from gfmdlayer.fitting.problem import FreeParameter, LeastSquares
 
 BAND = 0.95  # confidence of all intervals
-WITHIN = 0.1  # of the noise: smaller residuals give no doubt, whatever their order
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
 ADHESIONS = (NO_ADHESION, *KINDS, CHOOSE)
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -136,15 +139,35 @@ class IndentationFit:
     parameters: tuple[Estimate, ...]
     correlation: FloatArray  # shape (parameters, parameters), on the scales on which they are fitted
     curves: tuple[CurveFit, ...] = field(repr=False)  # each with all its rows
-    aic: float  # information criterion of Akaike; smaller is better, for the same curves
-    bic: float  # information criterion of Schwarz
+    deviance: float  # -2 ln of the likelihood
+    count: int  # parameters, with an estimated noise
+    rows: int
+    independent: float  # part of the rows that are independent, by the correlation of the residuals
     warnings: tuple[str, ...]  # parameters that the data do not determine, and odd data
     solutions: int  # number of solved contact problems, each over a whole curve
     config: Any = field(repr=False)  # the model with the fitted values
     start: Mapping[str, float]  # the parameters at which the search started, by name
     options: FitOptions
     adhesion: Mapping[str, str | float] | None = None  # the section of the model with the fitted values
+    misfit: tuple[str, ...] = ()  # the warnings that the residuals are not white noise
     alternatives: Mapping[str, float] = field(default_factory=dict)  # BIC of each adhesion that was tried
+
+    @property
+    def aic(self) -> float:
+        """Information criterion of Akaike; smaller is better, for the same curves."""
+        return self.deviance + 2 * self.count
+
+    @property
+    def bic(self) -> float:
+        """Information criterion of Schwarz, with all rows."""
+        return self.criterion(1.0)
+
+    def criterion(self, independent: float) -> float:
+        """Information criterion of Schwarz where a part of the rows is independent.
+
+        Fits of the same curves are compared with the same part.
+        """
+        return independent * self.deviance + self.count * math.log(max(independent * self.rows, math.e))
 
     @property
     def choice(self) -> str:
@@ -172,35 +195,53 @@ class IndentationFit:
 
 
 def conclude(
-    problem: LeastSquares, u: FloatArray, options: FitOptions, notes: list[str], start: Mapping[str, float]
-) -> IndentationFit:
-    """Return the fit at u: estimates, intervals, correlations, information criteria, warnings."""
+    problem: LeastSquares, u: FloatArray, options: FitOptions, notes: list[str], start: Mapping[str, float],
+    *, measured: bool = True,
+) -> IndentationFit:  # fmt: skip
+    """Return the fit at u: estimates, intervals, correlations, information criteria, warnings.
+
+    Planned curves, which are not `measured`, have no residuals; their noise is white.
+    """
     residuals, jacobian = problem.residuals(u), problem.jacobian(u)
     known = problem.noise_is_known
     factor = variance(residuals, u.size, options.loss, known)
-    spread = covariance(jacobian, factor)
+    white = covariance(jacobian, factor)
     t = quantile(BAND, residuals.size - u.size)
     reported, slopes = problem.reported(u)
-    on_scale = slopes @ spread @ slopes.T
-    errors = np.sqrt(np.diag(on_scale))
+    every = np.vstack((np.eye(u.size), slopes))
+    half, spread = t * np.sqrt(np.einsum("ia,ab,ib->i", every, white, every)), white
+    wider = np.ones(u.size)
+    if measured and np.mean(residuals[: problem.rows] ** 2) > WITHIN**2:
+        psi, slope = loss_derivatives(residuals, options.loss)
+        blocks = [rows for each in problem.predictions for rows in each.blocks]
+        made = mixture(-psi / np.mean(slope), jacobian, blocks, level=BAND, along=every)
+        correlated = np.maximum(made.half, half) if known else made.half
+        wider, half = correlated[u.size :] / half[u.size :], correlated
+        own = half[: u.size] / t / np.sqrt(np.diag(made.spread))
+        spread = made.spread * np.outer(own, own)
+    on_scale, errors = slopes @ spread @ slopes.T, half[u.size :] / t
     profiles: list[tuple[float, float] | None] = [None] * u.size
     if options.profile:
-        search = _ProfileInterval(problem, u, spread, factor, options.loss)
-        profiles = [(search.end(i, t, -1.0), search.end(i, t, 1.0)) for i in range(u.size)]
+        search = _ProfileInterval(problem, u, white, factor, options.loss)
+        ends = [t * each for each in wider]
+        profiles = [(search.end(i, end, -1.0), search.end(i, end, 1.0)) for i, end in enumerate(ends)]
     values = problem.values(u)
     estimates = tuple(
         _estimate(parameter, values[parameter.name], (float(reported[i]), float(errors[i])), t, profiles[i])
         for i, parameter in enumerate(problem.parameters)
     )
     fitted = tuple(_curve_fits(problem, u, t * t * spread))
-    correlation = on_scale / np.outer(errors, errors)
-    notes += _doubts(estimates, correlation, fitted, factor if known else 1.0)
+    widths = np.sqrt(np.diag(on_scale))
+    correlation = on_scale / np.outer(widths, widths)
+    notes += _doubts(estimates, correlation, factor if known else 1.0)
+    doubtful = list(doubts(problem, u, residuals, jacobian, float(np.median(wider)))) if measured else []
     if problem.model.adhesion is not None and not problem.is_elastic and not options.profile:
-        notes += _bent(problem, u, residuals, spread, t, factor)
-    aic, bic = _criteria(problem, u, fitted, residuals[problem.rows :])
+        notes += _bent(problem, u, residuals, white, t, factor)
+    twice, count = _deviance(problem, u, fitted, residuals[problem.rows :])
+    independent = min(float(np.mean(wider**-2.0)), 1.0)
     return IndentationFit(
-        estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u),
-        start, options, problem.adhesion(u),
+        estimates, correlation, fitted, twice, count, problem.rows, independent, (*notes, *doubtful),
+        problem.solutions, problem.config(u), start, options, problem.adhesion(u), tuple(doubtful),
     )  # fmt: skip
 
 
@@ -292,10 +333,10 @@ def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Ite
         yield replace(fit, noise=noise[0], depth_noise=noise[1])
 
 
-def _criteria(
+def _deviance(
     problem: LeastSquares, u: FloatArray, fitted: Sequence[CurveFit], further: FloatArray
-) -> tuple[float, float]:
-    """Return AIC and BIC; an estimated noise counts as a parameter. `further`: residuals beside rows."""
+) -> tuple[float, int]:
+    """Return -2 ln of the likelihood, and the number of parameters; `further`: residuals beside rows."""
     twice, count, uncorrelated = float(np.sum(further**2)), u.size, problem.rows_over_noise(u)
     for i, fit in enumerate(fitted):
         twice += problem.log_determinant(i) + problem.predictions[i].touch.doubt
@@ -311,13 +352,21 @@ def _criteria(
                 count += 1
             elif size:
                 twice += size * (math.log(2 * math.pi * noise**2) + square / noise**2)
-    return twice + 2 * count, twice + count * math.log(problem.rows)
+    return twice, count
 
 
-def _doubts(
-    estimates: Sequence[Estimate], correlation: FloatArray, fitted: Sequence[CurveFit], excess: float
-) -> Iterator[str]:
-    """Yield warnings: parameters that the data do not determine, and residuals that are not noise."""
+def best_of(fits: Mapping[str, IndentationFit]) -> tuple[str, dict[str, float]]:
+    """Return the best of several fits of the same curves, and the information criterion of each.
+
+    Independent are the rows that are so under the fit with the smallest residuals.
+    """
+    part = min(fits.values(), key=lambda fit: fit.deviance).independent
+    criteria = {name: fit.criterion(part) for name, fit in fits.items()}
+    return min(criteria, key=lambda name: criteria[name]), criteria
+
+
+def _doubts(estimates: Sequence[Estimate], correlation: FloatArray, excess: float) -> Iterator[str]:
+    """Yield warnings: parameters that the data do not determine, and a noise that is not the given one."""
     for estimate in estimates:
         (low, high), (least, most) = estimate.profile or estimate.interval, estimate.bounds
         below, above = low <= least * (1 + 1e-6 * np.sign(least)), high >= most * (1 - 1e-6 * np.sign(most))
@@ -337,17 +386,6 @@ def _doubts(
             pair = f"{estimates[i].name} and {estimates[j].name}"
             value = f"correlation {correlation[i, j]:.4f}"
             yield f"{pair}: the data determine only a combination of them ({value})"
-    for fit in fitted:
-        noise = np.where(fit.curve.by_force, fit.depth_noise, fit.noise)[fit.used]
-        residual = fit.residual[fit.used] / np.maximum(noise, 1e-300)
-        if np.mean(residual**2) > WITHIN**2:
-            along = float(residual[1:] @ residual[:-1] / (residual @ residual))
-            if along > 0.5:
-                yield (
-                    f"curve {fit.curve.name}: residuals of neighbouring rows have a correlation of "
-                    f"{along:.2f}. The model does not follow the curve to within its noise, and the "
-                    "intervals are too narrow"
-                )
     if excess > 1.5:
         yield f"the residual is {excess**0.5:.3g} times the given noise; the intervals account for it"
 

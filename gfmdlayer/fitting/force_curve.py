@@ -20,6 +20,7 @@ from gfmdlayer.indentation.solve import corners
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
 FEWEST_ROWS = 8
+QUIET = 0.05  # of the rows of an approach: those of the least force
 GAP = 0.05  # of the duration: a longer pause between two rows gives a warning if the force changes in it
 GAP_STEPS = 20  # and if it is this many times longer than the usual step
 LARGEST = 1e30
@@ -193,10 +194,34 @@ class ForceCurve:
             rows[segment.first : segment.end] = segment.prescribed == FORCE
         return rows
 
+    @cached_property
+    def indentation(self) -> tuple[float, float]:
+        """The position at which contact begins, roughly, and the depth of the indentation below it.
+
+        From an eighth of the largest force on, a force that grows like depth^(3/2) covers three quarters of
+        the depth. Without an approach the position is the first one, the depth that of the whole column.
+        """
+        position = self.position_of_drive
+        end = int(np.argmax(self.force)) + 1
+        lowest, most = np.quantile(self.force[:end], QUIET), float(self.force[end - 1])
+        low = np.flatnonzero(self.force[:end] < lowest + (most - lowest) / 8)
+        depth = float(position[end - 1] - position[low[-1]]) / 0.75 if low.size else 0.0
+        if not depth > 0:
+            return float(position[0]), float(np.ptp(position))
+        return float(position[end - 1]) - depth, depth
+
     @property
     def by_base(self) -> bool:
         """Whether the base is prescribed in a segment."""
         return any(segment.prescribed == BASE for segment in self.segments)
+
+    def within(self, rows: slice, prescribed: str) -> FloatArray:
+        """Return how far straight pieces may be from the prescribed quantity in some rows, shape (rows,)."""
+        if prescribed == FORCE:
+            return np.full(self.force[rows].shape, TOLERANCE * float(np.ptp(self.force)))
+        begin, depth = self.indentation
+        above = begin - depth - (self.depth if prescribed == DEPTH else self.position_of_drive)[rows]
+        return TOLERANCE * depth + ABOVE * np.maximum(above, 0.0)
 
     @property
     def measured(self) -> FloatArray:
@@ -347,19 +372,19 @@ def _prescribed(curve: ForceCurve, first: int, end: int) -> str:
 # A prescribed quantity as straight pieces in time.
 #
 # A measured depth, base or force has noise and thousands of rows. Straight pieces replace it, and stay within
-# `TOLERANCE` of the range or `SIGMAS` of the noise. A few corners may lie between rows, many are rows.
-# The values at the corners follow from least squares; corners that the noise explains
-# are removed again. The pieces stay straight when a contact point and a drift are subtracted.
+# `TOLERANCE` of the indentation, or of the largest force, or `SIGMAS` of the noise. An approach may be a
+# hundred indentations long: far above the surface the distance may be `ABOVE` of the height. A few corners
+# may lie between rows, many are rows. The values at the corners follow from least squares, weighted by these
+# distances; corners that the noise explains are removed again. The pieces stay straight when a contact point
+# and a drift are subtracted.
 
-TOLERANCE = 1e-3  # of the range
+TOLERANCE = 3e-4
+ABOVE = 0.1
 SIGMAS = 4.5  # standard deviations of the noise: one row in 150 000 lies further away
 ROOM = 0.45  # of a piece: largest shift of a corner into it
 MOST_SHIFTED = 8, 20  # corners whose times are fitted too: of a precise and of a noisy column
 CHANCE = 20.0  # a corner is removed if the sum of squares grows by less than this many variances
 SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of the response
-
-
-Placing = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -374,21 +399,23 @@ class StraightDrive:
     covariance: FloatArray
 
     @classmethod
-    def of(cls, time: FloatArray, values: FloatArray, span: float | None = None) -> StraightDrive:
-        """Reduce measured values to straight pieces; `span` is the range of the whole column."""
+    def of(cls, time: FloatArray, values: FloatArray, within: FloatArray) -> StraightDrive:
+        """Reduce measured values to straight pieces that stay within distances of them, shape (rows,)."""
         if time.size == 1:
             return cls(time, values, 0.0, np.zeros((1, 1)))
         noise = noise_of(values) if time.size > FEWEST_OF_SEGMENT else 0.0
-        within = TOLERANCE * (float(np.ptp(values)) if span is None else span)
-        times = time[corners(time, values, max(within, SIGMAS * noise))]
-        noisy, chance = SIGMAS * noise > within, CHANCE * max(noise, within / SIGMAS) ** 2
+        finest = float(within.min())
+        within = np.maximum(within, SIGMAS * noise)
+        rows = _WeightedRows(time, values, float(within.min()) / within)
+        times = time[corners(time, values, within)]
+        noisy, chance = SIGMAS * noise > finest, CHANCE * max(noise, finest / SIGMAS) ** 2
         if noisy:
-            times = _fewest(time, values, times, chance, _on_rows)
+            times = rows.fewest(times, chance, lambda times: times)
         if shifted := 2 < times.size <= MOST_SHIFTED[noisy]:  # corners lie between rows
-            times = _fewest(time, values, times, chance, _shifted)
-        at_corners, squares = _least_squares(time, values, times)
-        columns = straight_derivatives(time, times, at_corners)[:, : None if shifted else times.size]
-        freedom = max(time.size - columns.shape[1], 1)
+            times = rows.fewest(times, chance, rows.shifted)
+        at_corners, squares = rows.fitted(times)
+        columns = rows.derivatives(times, at_corners)[:, : None if shifted else times.size]
+        freedom = max(float(np.sum(rows.weight**2)) - columns.shape[1], 1.0)
         covariance = np.asarray(np.linalg.pinv(columns.T @ columns), dtype=float)
         return cls(times, at_corners, (squares / freedom) ** 0.5, covariance)
 
@@ -409,57 +436,83 @@ class StraightDrive:
         return np.asarray(self.time[np.concatenate(([True], jumps, [True]))])
 
 
-def _fewest(
-    time: FloatArray, values: FloatArray, corners: FloatArray, chance: float, placed: Placing
-) -> FloatArray:
-    """Place corners, and remove them while the sum of squares grows by no more than `chance`."""
-    corners = placed(time, values, corners)
-    squares = _least_squares(time, values, corners)[1]
-    while corners.size > 2:
-        without = [placed(time, values, np.delete(corners, i)) for i in range(1, corners.size - 1)]
-        sums = [_least_squares(time, values, fewer)[1] for fewer in without]
-        best = int(np.argmin(sums))
-        if sums[best] > squares + chance:
-            break
-        corners, squares = without[best], sums[best]
-    return corners
+class _WeightedRows(NamedTuple):
+    """Measured values over time, with the weights of their distances from straight pieces."""
 
+    time: FloatArray
+    values: FloatArray
+    weight: FloatArray
 
-def _on_rows(_time: FloatArray, _values: FloatArray, corners: FloatArray) -> FloatArray:
-    """Leave the corners on their rows."""
-    return corners
-
-
-def _shifted(time: FloatArray, values: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the times of the corners by least squares: noise puts them on wrong rows."""
-    from scipy.optimize import least_squares
-
-    if corners.size == 2:
+    def fewest(
+        self, corners: FloatArray, chance: float, placed: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Place corners, and remove them while the sum of squares grows by no more than `chance`."""
+        corners = placed(corners)
+        squares = self.fitted(corners)[1]
+        while corners.size > 2:
+            without = [placed(np.delete(corners, i)) for i in range(1, corners.size - 1)]
+            sums = [self.fitted(fewer)[1] for fewer in without]
+            best = int(np.argmin(sums))
+            if sums[best] > squares + chance:
+                break
+            corners, squares = without[best], sums[best]
         return corners
 
-    def joined(inner: FloatArray) -> FloatArray:
-        return np.concatenate((corners[:1], inner, corners[-1:]))
+    def shifted(self, corners: FloatArray) -> FloatArray:
+        """Return the times of the corners by least squares: noise puts them on wrong rows."""
+        from scipy.optimize import least_squares
 
-    def residual(inner: FloatArray) -> FloatArray:
-        at = joined(inner)
-        return np.asarray(np.interp(time, at, _least_squares(time, values, at)[0]) - values)
+        if corners.size == 2:
+            return corners
 
-    def jacobian(inner: FloatArray) -> FloatArray:
-        at = joined(inner)
-        columns = straight_derivatives(time, at, _least_squares(time, values, at)[0])
-        linear, own = columns[:, : at.size], columns[:, at.size :]
-        return own - linear @ np.linalg.lstsq(linear, own, rcond=None)[0]  # Golub and Pereyra, after Kaufman
+        def joined(inner: FloatArray) -> FloatArray:
+            return np.concatenate((corners[:1], inner, corners[-1:]))
 
-    for _ in range(3):  # each may go half the way to its neighbours
-        inner, steps = corners[1:-1], ROOM * np.diff(corners)
-        bounds = inner - steps[:-1], inner + steps[1:]
-        scale = np.minimum(steps[:-1], steps[1:])
-        moved = joined(least_squares(residual, inner, jac=jacobian, bounds=bounds, x_scale=scale).x)
-        settled = bool((np.abs(moved - corners)[1:-1] < 0.5 * scale).all())
-        corners = moved
-        if settled:
-            break
-    return corners
+        def residual(inner: FloatArray) -> FloatArray:
+            at = joined(inner)
+            return self.weight * (np.interp(self.time, at, self.fitted(at)[0]) - self.values)
+
+        def jacobian(inner: FloatArray) -> FloatArray:
+            at = joined(inner)
+            columns = self.derivatives(at, self.fitted(at)[0])
+            linear, own = columns[:, : at.size], columns[:, at.size :]
+            # Golub and Pereyra, after Kaufman.
+            return own - linear @ np.linalg.lstsq(linear, own, rcond=None)[0]
+
+        for _ in range(3):  # each may go half the way to its neighbours
+            inner, steps = corners[1:-1], ROOM * np.diff(corners)
+            bounds = inner - steps[:-1], inner + steps[1:]
+            scale = np.minimum(steps[:-1], steps[1:])
+            moved = joined(least_squares(residual, inner, jac=jacobian, bounds=bounds, x_scale=scale).x)
+            settled = bool((np.abs(moved - corners)[1:-1] < 0.5 * scale).all())
+            corners = moved
+            if settled:
+                break
+        return corners
+
+    def derivatives(self, corners: FloatArray, values: FloatArray) -> FloatArray:
+        """Return the weighted derivatives of `straight_derivatives`."""
+        return np.asarray(
+            self.weight[:, np.newaxis] * straight_derivatives(self.time, corners, values), dtype=float
+        )
+
+    def fitted(self, corners: FloatArray) -> tuple[FloatArray, float]:
+        """Return the values at the corners by least squares over all rows, and the sum of squares."""
+        from scipy.linalg import solveh_banded
+
+        piece = np.clip(np.searchsorted(corners, self.time, side="right") - 1, 0, corners.size - 2)
+        right = (self.time - corners[piece]) / (corners[piece + 1] - corners[piece])
+        left, weight = 1 - right, self.weight**2
+        banded = np.zeros((2, corners.size))
+        np.add.at(banded[1], piece, weight * left**2)
+        np.add.at(banded[1], piece + 1, weight * right**2)
+        np.add.at(banded[0], piece + 1, weight * left * right)
+        moment = np.zeros(corners.size)
+        np.add.at(moment, piece, weight * left * self.values)
+        np.add.at(moment, piece + 1, weight * right * self.values)
+        values = np.asarray(solveh_banded(banded, moment))
+        away = self.weight * (self.values - np.interp(self.time, corners, values))
+        return values, float(np.sum(away**2))
 
 
 def straight_derivatives(time: FloatArray, corners: FloatArray, values: FloatArray) -> FloatArray:
@@ -471,24 +524,6 @@ def straight_derivatives(time: FloatArray, corners: FloatArray, values: FloatArr
     rows = np.arange(time.size)
     columns[rows, piece], columns[rows, piece + 1] = 1 - right, right
     return np.hstack((columns, -slope[:, np.newaxis] * columns[:, 1:-1]))
-
-
-def _least_squares(time: FloatArray, depth: FloatArray, corners: FloatArray) -> tuple[FloatArray, float]:
-    """Return the values at the corners by least squares over all rows, and the sum of squares."""
-    from scipy.linalg import solveh_banded
-
-    piece = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
-    right = (time - corners[piece]) / (corners[piece + 1] - corners[piece])
-    left = 1 - right
-    banded = np.zeros((2, corners.size))
-    np.add.at(banded[1], piece, left**2)
-    np.add.at(banded[1], piece + 1, right**2)
-    np.add.at(banded[0], piece + 1, left * right)
-    moment = np.zeros(corners.size)
-    np.add.at(moment, piece, left * depth)
-    np.add.at(moment, piece + 1, right * depth)
-    values = np.asarray(solveh_banded(banded, moment))
-    return values, float(np.sum((depth - np.interp(time, corners, values)) ** 2))
 
 
 # Inputs of a prediction of a curve: body and indenter, corrections of its columns, straight pieces.

@@ -21,7 +21,7 @@ from gfmdlayer.files.tables import Answers
 from gfmdlayer.fitting.curve_files import Into, afm_curve, curve_facts, entries, read_curve, units_of
 from gfmdlayer.fitting.design import second_curve
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, conclude, minimised
+from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, best_of, conclude, minimised
 from gfmdlayer.fitting.force_curve import COLUMNS, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.problem import (
@@ -232,8 +232,8 @@ def _best_adhesion(
             begin = {parameter.name: parameter.value for parameter in bare.parameters}
             begin[name] = FAINT * fits[kind][name].value
             fits[kind] = min(fits[kind], fitted(kind, begin), key=lambda fit: fit.bic)
-    best = min(fits.values(), key=lambda fit: fit.bic)
-    return replace(best, alternatives={kind: fit.bic for kind, fit in fits.items()})
+    best, criteria = best_of(fits)
+    return replace(fits[best], alternatives=criteria)
 
 
 def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> tuple[FloatArray, list[str]]:
@@ -309,7 +309,8 @@ def _estimate_noise(problem: LeastSquares, u: FloatArray, loss: str) -> None:
         ):
             for k in np.flatnonzero(~problem.noise_is_given(i)):
                 rows = prediction.used & ~prediction.touch.uncertain & (prediction.curve.by_force == bool(k))
-                problem.noise[i, k] = max(problem.noise[i, k] * _spread(residuals[rows], loss), 1e-300)
+                found = problem.noise[i, k] * _spread(residuals[rows], loss)
+                problem.noise[i, k] = max(found, problem.least_noise[i, k], 1e-300)
         problem.decorrelate()
         if np.allclose(problem.noise, before, rtol=SAME_NOISE, atol=0.0):
             break

@@ -19,7 +19,7 @@ import numpy as np
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
 from gfmdlayer.files.whole import output_file
-from gfmdlayer.fitting.estimates import CurveFit, Estimate, IndentationFit
+from gfmdlayer.fitting.estimates import CurveFit, Estimate, IndentationFit, best_of
 from gfmdlayer.fitting.material import YAML, plain_name, with_suffixes, written
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
@@ -256,13 +256,13 @@ def _curve(fitted: CurveFit) -> Iterator[str]:
 
 def comparison(fits: dict[str, IndentationFit]) -> list[str]:
     """Return a table of models with their information criteria, the best by BIC first."""
-    best_aic, best_bic = min(f.aic for f in fits.values()), min(f.bic for f in fits.values())
+    best_aic, (best, criteria) = min(f.aic for f in fits.values()), best_of(fits)
     width = max(len(name) for name in fits)
     lines = [f"{'model':{width}}  parameters  {'noise':>10}  {'AIC - best':>11}  {'BIC - best':>11}"]
-    for name, fit in sorted(fits.items(), key=lambda item: item[1].bic):
+    for name, fit in sorted(fits.items(), key=lambda item: criteria[item[0]]):
         lines.append(
             f"{name:{width}}  {len(fit.parameters):10d}  {_noise(fit):10.4g}  {fit.aic - best_aic:11.2f}  "
-            f"{fit.bic - best_bic:11.2f}"
+            f"{criteria[name] - criteria[best]:11.2f}"
         )
     return lines
 

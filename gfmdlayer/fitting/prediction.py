@@ -43,6 +43,7 @@ SHIFT = 1e-3  # of the range: smallest step of a difference to a corner
 CLOSE = 0.2  # of the shortest piece: largest step of a difference to the time of a corner
 LEAST_FORCE = 0.01  # of the largest: rows of a prescribed force below it do not count
 RETRACTED = 0.05  # of the range: a motion back by more is a retraction
+SAME_RATE = 1.5  # ratio of the rates of segments whose noise is one
 NOISY = 0.1  # least noise of the prescribed over noise of the measured quantity that counts; both over ranges
 
 
@@ -64,7 +65,8 @@ class Prediction:
             parts = list(segments_of_kind)
             rows = slice(parts[0].first, parts[-1].end)
             values = {FORCE: curve.force, DEPTH: curve.depth}.get(kind, curve.position_of_drive)
-            self.drives.append(StraightDrive.of(curve.time[rows], values[rows], float(np.ptp(values))))
+            within = curve.within(rows, kind)
+            self.drives.append(StraightDrive.of(curve.time[rows], values[rows], within))
             self._kinds.append(kind)
             for part in parts:
                 self.used[part.first : part.end] = not segments or part.name in segments
@@ -152,6 +154,20 @@ class Prediction:
         setup = Setup(IsolatedContact(config).body, as_revolution(config.punch))
         self._setups = [(config, setup), *self._setups[: KEPT - 1]]
         return setup
+
+    @property
+    def blocks(self) -> list[int]:
+        """Numbers of successive rows that count, of one sampling rate each."""
+        sizes, pace = list[int](), 0.0
+        for part in self.curve.segments:
+            rows = int(self.used[part.first : part.end].sum())
+            spacing = float(np.median(np.diff(self.curve.time[max(part.first - 1, 0) : part.end])))
+            if rows and sizes and 1 / SAME_RATE < spacing / pace < SAME_RATE:
+                sizes[-1] += rows
+            elif rows:
+                sizes.append(rows)
+            pace = spacing if rows else pace
+        return sizes
 
     @property
     def retracts(self) -> bool:

@@ -197,10 +197,11 @@ def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
 
 
 TRIES = 3  # the differences are repeated when the nodes changed on the way, at most so often
-# Steps of the differences, in a logarithm and in the range of a linear parameter: a derivative is off by half
-# a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a shorter step would
-# take the jump for a derivative.
+# Steps of the differences, in a logarithm and in the scale of a linear parameter (`_scale`): a derivative is
+# off by half a step. At the row where the contact opens a force may jump by 1e-4 of the largest one; a
+# shorter step would take the jump for a derivative.
 STEP, LINEAR_STEP = 5e-3, 2e-3
+SOLVED = 1e-5  # error of a solution in steps, over the range of the measured quantity
 MODULI = {"G0", "Ginf", "G", "young", "bulk", "shear_modulus", "young_modulus", "bulk_modulus"}
 STICKING = "adhesion."  # of the keys of the adhesion
 EXACT_STEP = 1e-5  # the same for an elastic body, whose response is smooth
@@ -384,10 +385,18 @@ class LeastSquares:
         measured = prediction.curve.by_force[prediction.used]
         return np.array([noise[k] is not None or not (measured == bool(k)).any() for k in (0, 1)])
 
+    @cached_property
+    def least_noise(self) -> FloatArray:
+        """The errors of a solution in steps, which a curve without noise does not make exact: see `noise`."""
+        part = 0.0 if self.is_elastic else SOLVED
+        ranges = [[np.ptp(each.curve.force), np.ptp(each.curve.depth)] for each in self.predictions]
+        return np.asarray(part * np.array(ranges))
+
     @property
     def noise_is_known(self) -> bool:
-        """Whether no noise must be estimated."""
-        return all(self.noise_is_given(i).all() for i in range(len(self.predictions)))
+        """Whether no noise must be estimated, or is larger than the error of the solutions."""
+        given = np.array([self.noise_is_given(i) for i in range(len(self.predictions))])
+        return bool(np.all(given | (self.noise <= self.least_noise)))
 
     def log_determinant(self, i: int) -> float:
         """Logarithm of the determinant of the covariance of a curve's residuals, over its noise."""
@@ -445,6 +454,10 @@ class LeastSquares:
         prediction = self.predictions[i]
         scaled = rows[prediction.used] / self.noise_of_rows(i)[prediction.used]
         return np.split(self._roots[i] @ np.append(scaled, jumps), [scaled.size])
+
+    def scaled(self, i: int, rows: FloatArray) -> FloatArray:
+        """Return values at all rows of a curve as residuals that count, over the noise, uncorrelated."""
+        return self._uncorrelated(i, rows, np.zeros(len(self.predictions[i].touch.jumps)))[0]
 
     def _joined(
         self, rows: Sequence[FloatArray], jumps: Sequence[FloatArray], before: FloatArray
@@ -528,12 +541,12 @@ class LeastSquares:
     def _moved(self, i: int, u: FloatArray) -> FloatArray:
         """Return u with the step of a difference in one parameter."""
         parameter, moved = self.parameters[i], u.copy()
-        low, high = parameter.bounds
         logarithmic = parameter.scale == "logarithmic"
+        scale = 1.0 if logarithmic else self._scale(parameter)
         if self.is_elastic:
-            step = EXACT_STEP * (1.0 if logarithmic else high - low)
+            step = EXACT_STEP * scale
         else:
-            step = STEP if logarithmic else LINEAR_STEP * (high - low)
+            step = (STEP if logarithmic else LINEAR_STEP) * scale
             step *= 2 if self.model.adhesion else 1  # the place of a jump is known to a part of a step
         moved[i] += step if u[i] + step <= self.bounds[1][i] else -step
         try:
@@ -541,6 +554,18 @@ class LeastSquares:
         except ValidationError:  # a bound that depends on another parameter
             moved[i] = 2 * u[i] - moved[i]
         return moved
+
+    def _scale(self, parameter: FreeParameter) -> float:
+        """Return the size of a linear parameter: a correction of a curve counts beside its indentation."""
+        if parameter.key not in OF_A_CURVE:
+            return parameter.bounds[1] - parameter.bounds[0]
+        curves = [each.curve for each in self.predictions if parameter.curve in {"", each.curve.name}]
+        depth = min(curve.indentation[1] for curve in curves)
+        force = min(float(np.ptp(curve.force)) for curve in curves)
+        duration = min(float(np.ptp(curve.time)) for curve in curves)
+        sizes = {"contact_point": depth, "drift": depth / duration, "force_offset": force}
+        sizes |= {"force_drift": force / duration, "tilt": force / depth}
+        return 2 * sizes[parameter.key]
 
     @cached_property
     def is_elastic(self) -> bool:

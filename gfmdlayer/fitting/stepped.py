@@ -34,10 +34,12 @@ from gfmdlayer.indentation.solve import (
     on_steps,
 )
 
-STEPS = 32  # of a mesh, STICKING with adhesion; each piece has at least FEWEST
+STEPS = 48  # of a mesh, STICKING with adhesion; each piece has at least FEWEST
 STICKING = 56
 FEWEST = 2
-TRIAL = 10  # steps in each piece for the first solution, which shows where the response bends
+TRIAL = 10  # even steps in each piece for the first solution, which shows where the response bends
+PER_DECADE = 4  # further ones after each breakpoint, down to a part of the spacing of rows: fast relaxation
+SHORTEST = 0.1  # of the spacing of rows
 WIDER = 1.3  # factor by which the nodes are extended when a contact grows beyond them
 LOCATED = 3e-4  # part of a step within which the loss of a contact with adhesion is located
 KEPT = 8  # compliances and responses: as many as the derivatives to all parameters of one body need
@@ -79,7 +81,7 @@ class SteppedContact:
     def adapt(self, setup: Setup, at: Correction, pieces: Pieces) -> None:
         """Choose the times by the bends of the response, and the nodes by the lengths of the body."""
         self._space, self.changes = None, self.changes + 1
-        self._parts = [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size
+        self._parts = self._trial(pieces)
         times, force, depth, *_ = (each[_snaps(at, pieces) :] for each in self.course(setup, at, pieces))
         if times.size > 2 and np.ptp(force) > 0:
             steps = STICKING if at.adhesion.work else STEPS
@@ -142,7 +144,7 @@ class SteppedContact:
         return response
 
     def _course(self, setup: Setup, at: Correction, pieces: Pieces, rough: bool) -> SteppedResponse:
-        times = _mesh(pieces, self._parts or [np.linspace(0, 1, TRIAL + 1)] * pieces.end.size)
+        times = _mesh(pieces, self._parts or self._trial(pieces))
         if _snaps(at, pieces):
             times = np.insert(times, 1, times[0] + np.array(SNAP) * (times[1] - times[0]))
         both = halved(times)
@@ -177,6 +179,24 @@ class SteppedContact:
                 return SteppedResponse(
                     times, force, depth, np.column_stack((lost, seen, pieces.at(lost[:, 0])[0]))
                 )
+
+    def _trial(self, pieces: Pieces) -> list[FloatArray]:
+        """Return fractions of the pieces, even ones and after each breakpoint short ones.
+
+        A relaxation that is fast beside a piece bends the response after its beginning only.
+        """
+        first, begin = pieces.first_contact
+        shortest, parts = SHORTEST * float(np.min(np.diff(self._curve.time))), []
+        for piece, (start, end) in enumerate(zip(pieces.begin.tolist(), pieces.end.tolist(), strict=True)):
+            start = begin if piece == first else start
+            fractions = np.linspace(0, 1, TRIAL + 1)
+            if piece == first or np.isclose(start, pieces.breakpoints).any():
+                least = min(shortest / max(end - start, shortest), fractions[1])
+                count = math.floor(PER_DECADE * math.log10(fractions[1] / least))
+                short = np.geomspace(least, fractions[1], count, endpoint=False)
+                fractions = np.concatenate((fractions[:1], short, fractions[1:]))
+            parts.append(fractions)
+        return parts
 
     def _compliance(self, setup: Setup, space: Space) -> Compliance:
         for known, nodes, made in self._made:

@@ -338,17 +338,18 @@ def even_steps(run: Indentation, knots: FloatArray, spread: float) -> FloatArray
     return np.append(np.concatenate(pieces), knots[-1])
 
 
-def corners(t: FloatArray, values: FloatArray, within: float) -> list[int]:
-    """Return the rows between which values are linear in t, within a distance, by Douglas and Peucker."""
+def corners(t: FloatArray, values: FloatArray, within: float | FloatArray) -> list[int]:
+    """Return the rows between which values are linear in t, within distances, by Douglas and Peucker."""
+    within = np.broadcast_to(within, values.shape)
     kept, stack = {0, t.size - 1}, [(0, t.size - 1)]
     while stack:
         i, j = stack.pop()
         if j - i < 2:
             continue
         line = values[i] + (values[j] - values[i]) * (t[i + 1 : j] - t[i]) / (t[j] - t[i])
-        away = np.abs(values[i + 1 : j] - line)
+        away = np.abs(values[i + 1 : j] - line) / within[i + 1 : j]
         k = i + 1 + int(away.argmax())
-        if away[k - i - 1] > within:
+        if away[k - i - 1] > 1:
             kept.add(k)
             stack += [(i, k), (k, j)]
     return sorted(kept)

@@ -373,7 +373,7 @@ def summary(lines: Iterable[Mapping[str, Any]]) -> list[str]:
     if reached := [line for line in held if "reached" in line]:
         for words, among in (
             (f"asked for {ASKED:g}: reached in", reached),
-            ("without those told to ask again:", [line for line in reached if not line["limited"]]),
+            ("without those told to ask again:", [line for line in reached if not line.get("limited")]),
         ):
             within = [line["reached"] <= ASKED for line in among]
             said.append(f"{words} {np.mean(within) if within else math.nan:.1%} of {len(among)}")

@@ -322,8 +322,10 @@ def test_a_plan_with_adhesion_expects_the_errors_of_the_fit() -> None:
     model["layer"] = MODEL["layer"] | {"material": {"model": "elastic", "G": G}}
     plan = {"time": [0, 1, 2], "base": [-0.2, 0.6, -0.4], "stiffness": STIFFNESS, "noise": noise, "rows": 301}
     expected = design_indentation(plan, model, [*FREE, "adhesion.work"])
-    for each in fit.parameters:  # the derivatives are those at other values, off by the errors
-        assert expected[each.key].error == pytest.approx(each.error, rel=0.1)
+    # The derivatives are those at other values, off by the errors; the noise of the fit need not be white,
+    # which makes its intervals up to 1.6 times as wide (test_noise).
+    for each in fit.parameters:
+        assert 0.9 < each.error / expected[each.key].error < 1.6
 
 
 def test_a_plan_is_refused_where_the_fit_would_be() -> None:

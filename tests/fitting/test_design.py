@@ -39,7 +39,8 @@ def test_the_expected_errors_are_the_scatter_of_fits():
         squares += [
             (math.log(found[key].value / expected[key].value) / expected[key].error) ** 2 for key in ZENER
         ]
-        assert found["G0"].error == pytest.approx(expected["G0"].error, rel=0.25)  # the noise is estimated
+        # The noise of a fit is estimated, and need not be white: up to 1.6 times as wide (test_noise).
+        assert 0.75 < found["G0"].error / expected["G0"].error < 1.6
     assert 0.2 < np.mean(squares) < 3
 
 

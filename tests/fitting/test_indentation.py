@@ -195,7 +195,7 @@ def test_detection_carries_its_uncertainty_into_the_moduli():
 
 def test_a_noisy_depth_is_reduced_to_its_straight_pieces():
     depth = RAMP_HOLD + 1e-3 * np.random.default_rng(0).standard_normal(TIME.size)
-    drive = StraightDrive.of(TIME, depth)
+    drive = StraightDrive.of(TIME, depth, np.full(TIME.size, 3e-4 * np.ptp(depth)))
     assert drive.time.size <= 6
     assert drive.error == pytest.approx(1e-3, rel=0.2)
     assert np.abs(np.interp(TIME, drive.time, drive.value) - RAMP_HOLD).max() < 2e-3

@@ -138,7 +138,7 @@ def test_tilt_drift_and_offset_of_the_baseline_are_found_beside_the_moduli():
 def test_noise_of_the_prescribed_quantity_widens_the_intervals_and_moves_no_corner_of_the_ramp():
     force, depth = contact(depth=RAMP)
     noisy = depth + noise(3, 0.02 * np.ptp(depth))
-    drive = StraightDrive.of(TIME, noisy)
+    drive = StraightDrive.of(TIME, noisy, np.full(TIME.size, 3e-4 * np.ptp(noisy)))
     # A kink of slopes 0.2 and 0 in rows of noise s, 25 ms apart: an error of the time of s/0.2 (dt/1 s)^0.5.
     assert drive.time[1:-1] == pytest.approx([1.5, 4.0], abs=4 * 0.006 / 0.2 * 0.025**0.5 * 2)
     measured = force + noise(4, 0.005 * force.max())
