@@ -68,7 +68,7 @@ VARIANTS = "convergence"  # folder of the runs
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedErrors:
     """The columns and moments whose errors are asked for, and the accuracy."""
 
     columns: tuple[str, ...] = ()  # all of them, if empty
@@ -189,7 +189,7 @@ def converge(
 
 def asked_of(
     cases: Cases, columns: str | Sequence[str], at: str | float | Sequence[str | float], to: float
-) -> Asked:
+) -> AskedErrors:
     """Return what is asked for; ConfigError where a column or a moment is none of the cases."""
     names = (columns,) if isinstance(columns, str) else tuple(columns)
     moments = (at,) if isinstance(at, str | int | float) else tuple(at)
@@ -212,7 +212,7 @@ def asked_of(
         wrong.append("at: got nothing; must be at least one moment")
     if wrong:
         raise ConfigError(wrong)
-    return Asked(names, moments, to)
+    return AskedErrors(names, moments, to)
 
 
 def number_columns(config: Config) -> list[str]:
@@ -224,7 +224,7 @@ def estimated(
     cases: Cases,
     place: Path,
     pool: WorkerPool,
-    asked: Asked,
+    asked: AskedErrors,
     options: RunOptions,
     display: Callable[[], Display] | None,
     *,
@@ -290,7 +290,7 @@ def chosen(cases: Cases) -> list[SweepCase]:
     return [cases[i] for i in corners([cases.values(i) for i in range(len(cases))])]
 
 
-def base_case(config: Config, asked: Asked) -> tuple[Config, list[float]]:
+def base_case(config: Config, asked: AskedErrors) -> tuple[Config, list[float]]:
     """Return a case without snapshots, and the common times of its runs."""
     end, motion = config.time.end, config.trajectory
     ends = {float(time) for time, _ in motion.corners if 0 < time < end} | {float(end)}
@@ -334,7 +334,7 @@ class Comparison:
     """The estimates from all runs of some cases."""
 
     def __init__(
-        self, config: Config, every: Sequence[_OneCase], failed: Sequence[str], asked: Asked
+        self, config: Config, every: Sequence[_OneCase], failed: Sequence[str], asked: AskedErrors
     ) -> None:
         self._config, self._every, self._failed, self._asked = config, every, failed, asked
         self._notes: dict[str, None] = {}
@@ -467,7 +467,7 @@ class _OneCase:
         varied: Variations,
         runs: Mapping[str, Run],
         times: Sequence[float],
-        asked: Asked,
+        asked: AskedErrors,
     ) -> None:
         self.label, self.values, self.varied, self._asked = label(case.values), case.values, varied, asked
         self._config, self._base, self.notes = varied.config, runs.get(_name(varied.base)), list[str]()

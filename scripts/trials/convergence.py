@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 import gfmdlayer
-from gfmdlayer.convergence.converge import Asked, Run, base_case, better, converge
+from gfmdlayer.convergence.converge import AskedErrors, Run, base_case, better, converge
 from gfmdlayer.convergence.variants import COUNTED
 
 Keys = dict[str, Any]
@@ -284,7 +284,7 @@ def judged(name: str, given: Keys, *, reach: bool = False) -> Keys:
     config = gfmdlayer.Config.model_validate(given)
     found = converge(config, to=ASKED, progress=False)
     spent = time.process_time() - begun
-    asked = Asked()
+    asked = AskedErrors()
     base, times = base_case(config, asked)
     if config.time.step == "adaptive":
         base = base.with_values({"output.times": times})
