@@ -108,7 +108,7 @@ def _options_of_converge(parser: argparse.ArgumentParser) -> None:
     text = f"""
     --columns NAMES  columns of the results, with commas between them (default: all)
     --at MOMENTS = end,peak,worst  end, peak (largest magnitude), worst (largest error at common times), or
-      times (default: %(default)s)
+      times (default: all three words)
     --to ACCURACY = 1e-3  accuracy, relative to the largest value of each column, for which numerical choices
       are suggested (default: %(default)g)
     --write FILE  write the configuration with these choices

@@ -154,7 +154,20 @@ class ErrorReport:
             answer = f"For {to} in all columns take {keys}, {attrs['suggested_cost']:.2g} times the cost."
         cost = f"{attrs['runs']} runs, {attrs['work']:.2g} times the work of the case beside it."
         failed = [f"failed: {line}" for line in self.failed]
-        return [answer, cost, *(f"note: {line}" for line in self.notes), *failed]
+        return [answer, cost, *self._images(), *(f"note: {line}" for line in self.notes), *failed]
+
+    def _images(self) -> list[str]:
+        """Return by how much the periodic images shift each column: no part of its error."""
+        data = self.data
+        if "images" not in data["source"]:
+            return []
+        shifts = (data["errors"].sel(source="images") / data["scale"]).to_numpy()
+        names, most = data["column"].to_numpy(), dict[str, float]()
+        for name, shift in zip(names.tolist(), shifts.tolist(), strict=True):
+            if math.isfinite(shift) and shift > 0:
+                most[name] = max(shift, most.get(name, 0.0))
+        listed = ", ".join(f"{name} {shift:.1e}" for name, shift in most.items())
+        return [f"images: without the periodic images {listed} different (not in the sum)."] if listed else []
 
     def as_json(self) -> dict[str, Any]:
         """Return the estimates as plain data: of each column its worst moment, and the suggestion."""
