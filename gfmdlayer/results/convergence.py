@@ -164,7 +164,7 @@ class ErrorReport:
         shifts = (data["errors"].sel(source="images") / data["scale"]).to_numpy()
         names, most = data["column"].to_numpy(), dict[str, float]()
         for name, shift in zip(names.tolist(), shifts.tolist(), strict=True):
-            if math.isfinite(shift) and shift > 0:
+            if shift > 1e-12:  # not NaN, nor prescribed
                 most[name] = max(shift, most.get(name, 0.0))
         listed = ", ".join(f"{name} {shift:.1e}" for name, shift in most.items())
         return [f"images: without the periodic images {listed} different (not in the sum)."] if listed else []
