@@ -41,6 +41,7 @@ class Overview:
     ended: list[Record]
     warnings: list[str]  # of the cases in the sweep file
     damaged: list[int]  # cases, of those whose files were verified: neither complete nor waiting
+    accuracy: str  # the worst of each number on the accuracy of the cases in the sweep file
 
     @property
     def over(self) -> bool:
@@ -66,11 +67,15 @@ def overview(folder: Folder, *, verify: bool = False) -> Overview:
     waiting = max(0, total - len(complete | failed | busy))
     damaged = list(_damaged(folder, sorted(complete))) if verify else []
     complete.difference_update(damaged)
-    said: list[str] = []
+    said, worst = list[str](), ""
     if folder.sweep.exists():
+        with suppress(OSError):
+            worst = folder.accuracy.read_text(encoding="utf-8", errors="replace").strip()
         with suppress(OSError):  # there are none
             said = folder.warnings.read_text(encoding="utf-8", errors="replace").splitlines()
-    return Overview(total, len(complete), len(failed), waiting, at_work, failures, ended, said, damaged)
+    return Overview(
+        total, len(complete), len(failed), waiting, at_work, failures, ended, said, damaged, worst
+    )
 
 
 def _damaged(folder: Folder, complete: list[int]) -> Iterator[int]:
