@@ -378,6 +378,8 @@ class CaseRun:
         about = described, model.columns, case.config.unit, case.values, model.places
         contents = case_contents(recording, model.coordinates, *about)
         write_case(self.folder.case(case.index), contents, durable=recording.elapsed >= AWAITED)
+        said = [str(held["warnings"]) for held in (described, recording.noted) if held.get("warnings")]
+        self.folder.add_warnings(case.index, "\n".join(said).splitlines())
         if ended := str(recording.noted.get("ended", "")):
             _record(self.folder.case(case.index, "ended"), case.values, ended)
 

@@ -14,7 +14,7 @@
     DIR/cases/.lock        locked while runs share the folder, or one changes it (`gfmdlayer.study.claims`)
     DIR/arrays/            punch and history of a run from Python that were arrays
     DIR/sweep.h5           all cases, labelled
-    DIR/warnings.txt       the warnings in sweep.h5, if there are any
+    DIR/warnings.txt       the warnings of complete cases, if there are any
     DIR/accuracy.txt       the worst of what the cases note on their accuracy
     DIR/convergence.h5     estimated errors, from runs in DIR/convergence/ (`gfmdlayer.convergence`)
 
@@ -86,8 +86,14 @@ class Folder:
 
     @property
     def warnings(self) -> Path:
-        """The warnings in the sweep file as text, for an overview that opens no result file."""
+        """The warnings of the cases as text, for an overview that opens no result file."""
         return self.path / "warnings.txt"
+
+    def add_warnings(self, index: int, lines: Iterable[str]) -> None:
+        """Add those of a complete case, until the sweep file is collected, which has those of all."""
+        if text := "".join(f"case {index:04d}: {line}\n" for line in dict.fromkeys(lines)):
+            with self.warnings.open("a", encoding="utf-8") as file:
+                file.write(text)
 
     @property
     def accuracy(self) -> Path:

@@ -292,3 +292,13 @@ def test_clean_refuses_other_folders(tmp_path, capsys):
     assert main(["clean", str(tmp_path), "--yes"]) == 2
     assert "not a results folder" in capsys.readouterr().err
     assert (tmp_path / "stop").exists()
+
+
+def test_warnings_of_complete_cases_are_seen_before_the_sweep_is_collected(tmp_path):
+    """Of those that are the same once, whatever was computed again."""
+    folder = Folder(tmp_path)
+    folder.config.write_text("name: warned\n", encoding="utf-8")
+    for _ in range(2):
+        folder.add_warnings(3, ["COARSE: few points", "COARSE: few points", "UNBALANCED: much"])
+    folder.add_warnings(4, [])
+    assert overview(folder).warnings == ["case 0003: COARSE: few points", "case 0003: UNBALANCED: much"]
