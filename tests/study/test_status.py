@@ -294,10 +294,9 @@ def test_clean_refuses_other_folders(tmp_path, capsys):
     assert (tmp_path / "stop").exists()
 
 
-def test_warnings_of_complete_cases_are_seen_before_the_sweep_is_collected(tmp_path):
+def test_warnings_of_complete_cases_are_seen_before_the_sweep_is_collected(make):
     """Of those that are the same once, whatever was computed again."""
-    folder = Folder(tmp_path)
-    folder.config.write_text("name: warned\n", encoding="utf-8")
+    folder = make(5, h5=[3, 4])
     for _ in range(2):
         folder.add_warnings(3, ["COARSE: few points", "COARSE: few points", "UNBALANCED: much"])
     folder.add_warnings(4, [])
