@@ -112,8 +112,8 @@ def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
         yield Mistake(at, message, velocity)
     if config.friction and motion.rolls and given not in (None, 1.0):
         message = (
-            f"got {given!r} beside a creepage or a tangential force, with which both bodies roll; must be 1: "
-            "the creepage is the difference of their velocities"
+            f"got {given!r} beside a creepage or a tangential force, with which both bodies roll; must be 1, "
+            f"or alone: {given!r} without them is a creepage of {1 - given:.6g}"
         )
         yield Mistake(at, message, ("trajectory.creepage", "trajectory.tangential"))
     if config.friction and config.grid.isolated and motion.moves and ratio != 1:
@@ -124,4 +124,8 @@ def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
         yield Mistake(at, message, ("grid.boundary", "trajectory.creepage"))
     if ratio and motion.moves and config.punch.rough:
         message = f"got {ratio!r} with a rough punch, whose heights would pass the contact; must be 0"
-        yield Mistake(at, message, ("punch.shape",))
+        if given is None:
+            reason = "whose heights would pass the contact with a counterbody that rolls"
+            message = f"got a rough punch, {reason}; must be a smooth shape, or remove trajectory.creepage"
+            at = ("punch", "shape")
+        yield Mistake(at, message, ("punch.shape", "trajectory.creepage", "trajectory.tangential"))
