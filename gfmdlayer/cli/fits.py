@@ -37,7 +37,7 @@ data DATA  table with headings: omega or f with moduli or compliances, or t with
 --units NAME=UNIT ...  units of columns without a unit, such as frequency=Hz
 --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
   (default: a Prony series)
---poisson NU = 0.5  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
+--poisson NU  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
 --out PATH  YAML file, or folder for NAME.yaml; the figure lies beside it (default: here)
 --branches N  number of branches (default: the fewest that fit)
 --relaxed-modulus G0  relaxed modulus (default: fitted)
@@ -64,7 +64,7 @@ def fit_material(options: argparse.Namespace) -> int:
     ]
     if len(temperatures) not in (0, 3):
         return refuse("--temperature, --reference and --wlf: give all three or none")
-    if not -1 < options.poisson <= 0.5:
+    if options.poisson is not None and not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
     try:
         summary = material.fit_material(

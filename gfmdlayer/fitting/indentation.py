@@ -199,7 +199,7 @@ def fit_curves(
     refuse_adhesion(problem)
     u, scale = first_guess(problem)
     refuse_mixed_units(model, scale)
-    notes = list(warnings_before(curves, reached, model, scale))
+    notes = list(warnings_before(curves, reached, model, scale, free))
     if begin is not None:
         u = np.clip(problem.coordinates({**problem.values(u), **begin}), *problem.bounds)
     start = problem.values(u)

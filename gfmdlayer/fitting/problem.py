@@ -16,7 +16,7 @@ derivative to the last modulus: the force is of first degree in the moduli (Eule
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -45,6 +45,7 @@ from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.stepped import KEPT
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.validation.problems import shown, unknown_key
+from gfmdlayer.validation.sections import Section
 
 # The free parameters: keys of the model and values of a curve, their bounds and scales.
 
@@ -70,9 +71,11 @@ class IndentationModel:
             raise ConfigError([f"{key}: {unknown_key(key, SECTIONS, ())}" for key in foreign])
         grid = {"geometry": "axisymmetric"} | dict(data.get("grid") or {})
         self._given = dict(data)
-        # The curves have the history; the default depth may be impossible for this body.
+        # The curves have the history; the default depth may be impossible for this body. A sample lies on
+        # a rigid base, as that of `bonded_layer`, where the model does not say otherwise.
         own = {key: value for key, value in data.items() if key != "adhesion"}
-        case = {"name": "indentation"} | own | {"grid": grid, "trajectory": {"depth": 0.0}}
+        rigid = {"halfspace": {"shear_modulus": math.inf}}
+        case = {"name": "indentation"} | rigid | own | {"grid": grid, "trajectory": {"depth": 0.0}}
         self.adhesion = read_adhesion(data["adhesion"]) if "adhesion" in data else None
         try:
             self.config = Config.model_validate(case)
@@ -89,6 +92,22 @@ class IndentationModel:
         """Return the model with other adhesion, or without."""
         rest = {key: value for key, value in self._given.items() if key != "adhesion"}
         return IndentationModel(rest if adhesion is None else rest | {"adhesion": dict(adhesion)})
+
+    def assumed(self, free: Iterable[str]) -> list[str]:
+        """Return what decides the result and is neither given nor free, as key = value."""
+        found: dict[str, Any] = {}
+        for at in ("layer", "layers", "halfspace", "punch"):
+            section = getattr(self.config, at)
+            parts = section if isinstance(section, tuple) else () if section is None else (section,)
+            for i, part in enumerate(parts):
+                place = f"{at}[{i}]" if isinstance(section, tuple) else at
+                found |= _defaults(part, place, given=at in self._given)
+        base, last = self.config.halfspace, (self.config.layers or (self.config.layer,))[-1]
+        if last is not None and math.isinf(last.thickness):
+            found = {key: value for key, value in found.items() if not key.startswith("halfspace.")}
+        elif base is not None and base.shear_modulus == math.inf:
+            found.pop("halfspace.poisson", None)
+        return [f"{key} = {_worded(key, value)}" for key, value in found.items() if key not in {*free}]
 
     def with_values(self, values: dict[str, float]) -> Config:
         """Return the configuration in which the dotted keys have these values."""
@@ -182,6 +201,28 @@ def free_parameters(
 
 def _bounds(asked: Sequence[float] | None, default: Bounds) -> Bounds:
     return default if asked is None else (float(asked[0]), float(asked[1]))
+
+
+_DECIDE_NOTHING = {"tolerance", "moduli"}
+
+
+def _defaults(section: Section, at: str, given: bool) -> dict[str, Any]:
+    """Return the numbers and words of a section that are defaults, by their dotted keys."""
+    found: dict[str, Any] = {}
+    for name in type(section).model_fields:
+        value, key = getattr(section, name), f"{at}.{name}"
+        is_given = given and name in section.model_fields_set
+        if isinstance(value, Section):
+            found |= _defaults(value, key, is_given)
+        elif not is_given and name not in _DECIDE_NOTHING and isinstance(value, (int, float, str)):
+            found[key] = value
+    return found
+
+
+def _worded(key: str, value: Any) -> str:
+    if key == "halfspace.shear_modulus" and value == math.inf:
+        return ".inf (a rigid base)"
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
@@ -679,11 +720,17 @@ def refuse_adhesion(problem: LeastSquares) -> None:
 
 
 def warnings_before(
-    curves: Sequence[ForceCurve], reached: Mapping[str, float], model: IndentationModel, factor: float
+    curves: Sequence[ForceCurve],
+    reached: Mapping[str, float],
+    model: IndentationModel,
+    factor: float,
+    free: Iterable[str],
 ) -> Iterator[str]:
-    """Yield warnings about curves under a model; its moduli times `factor` fit the force."""
+    """Yield defaults of the model, and doubts about the curves; its moduli times `factor` fit the force."""
     thickness, _ = _thickness(model)
     radius = model.keys.get("punch.radius", np.inf)
+    if assumed := model.assumed(free):
+        yield f"the model leaves open, and the fit assumes: {', '.join(assumed)}"
     for curve in curves:
         yield from (f"curve {curve.name}: {warning}" for warning in curve.warnings())
         if curve.looks_swapped() and onset(as_revolution(model.config.punch)) > 1:
