@@ -271,8 +271,7 @@ def read(path: Path, poisson: float | None = None, answers: Answers = Answers())
     """Read a measured curve from a table: moduli over frequency, or a modulus or a compliance over time.
 
     The columns go by their names; without names they are omega, G', G'', or t, G, or E where the answers say
-    so. `poisson`, 1/2 by default, converts moduli and compliances in tension; it is refused where all are in
-    shear. Rows are sorted by frequency or time.
+    so. `poisson`, 1/2 by default, converts moduli and compliances in tension. Rows are sorted by frequency or time.
     """
     table = read_table(path, WANTED, answers, orders=ORDERS, apart=WANTED[:_APART])
     columns = _Quantities(table, 1 / (2 * (1 + (0.5 if poisson is None else poisson))))
@@ -299,13 +298,14 @@ def read(path: Path, poisson: float | None = None, answers: Answers = Answers())
     if columns.tension:
         assumed = "nu = 0.5, which is assumed" if poisson is None else f"nu = {poisson:g}"
         notes.append(f"Moduli in tension are divided by 2 (1 + nu), with Poisson's ratio {assumed}.")
-    elif poisson is not None:
-        tell = f"; say with {answers.to_give('modulus', 'E')} that they are in tension" if headless else ""
-        raise TableError(
-            f"{path}: Poisson's ratio {poisson:g} is given, which converts moduli in tension, but {needed[0]} is in shear{tell}"
-        )
     elif headless:
-        notes.append(f"No headings: {' and '.join(needed)} are taken in shear; {answers.to_give('modulus', 'E')} for tension.")
+        asked = answers.to_give("modulus", "E")
+        if poisson is not None and answers.modulus is None:
+            either = f"in shear, and need no Poisson's ratio, or in tension; say which, {asked} or G"
+            raise TableError(f"{path}: has no headings: its moduli may be {either}")
+        notes.append(f"No headings: {' and '.join(needed)} are taken in shear; {asked} for tension.")
+    elif poisson is not None:
+        notes.append(f"Poisson's ratio {poisson:g} has no effect: {' and '.join(needed)} are in shear.")
     if kind is MasterCurve:
         moduli = _PAIRS[needed[0], needed[1]](values[needed[0]], values[needed[1]])
         columns.refuse_contradictions(moduli, needed)
