@@ -19,4 +19,4 @@ def unmasked(values: npt.ArrayLike) -> npt.NDArray[Any]:
     """Return numbers as an array, in which masked ones are NaN: NumPy would take what is below the mask."""
     if not np.ma.isMaskedArray(values) or np.ma.asarray(values).dtype.kind not in "fiub":
         return np.asarray(values)
-    return np.asarray(np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan))  # type: ignore[no-untyped-call]
+    return np.asarray(np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -223,7 +224,7 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, an
     from gfmdlayer.fitting import indentation_report as report
     from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
     from gfmdlayer.fitting.estimates import best_of
-    from gfmdlayer.fitting.indentation import fit_curves
+    from gfmdlayer.fitting.indentation import fit_curves, usable
     from gfmdlayer.fitting.problem import IndentationModel
     from gfmdlayer.fitting.starts import read_model
 
@@ -234,8 +235,9 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, an
     fits = {}
     for path, (model, keys) in checked.items():
         into, timeless = units_of(model.config.units), model.is_timeless(keys)
-        curves = [read_curve(entry, answers, into, chosen, timeless=timeless) for entry in measured]
-        fits[path] = fit_curves(curves, model, keys, chosen)
+        made = (partial(read_curve, entry, answers, into, chosen, timeless=timeless) for entry in measured)
+        curves, lost = usable(made)
+        fits[path] = fit_curves(curves, model, keys, chosen, notes=lost)
     best, _ = best_of(fits)
     if len(fits) > 1:
         print("\n".join(report.comparison(fits)), end=f"\n\n{best}:\n")

@@ -115,7 +115,7 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
 for _name in ("force", "tangential force"):
     _QUANTITIES[f"{_name} per length"] = ("N/m", _QUANTITIES[_name][1])
 # Columns of words.
-WORDS = {"segment": "segment", "prescribed": "prescribed|control"}
+WORDS = {"segment": "segment", "prescribed": "prescribed, control"}
 # Quantities of shear and of tension that a heading names without saying which.
 BY_MODULUS = {
     "storage modulus": ("G'", "E'"), "loss modulus": ("G''", "E''"), "complex modulus": ("|G*|", "|E*|"),

@@ -179,7 +179,7 @@ def second_curve(problem: LeastSquares, u: Any, fit: IndentationFit, free: Free)
             continue
         words, best = min(known.items(), key=lambda item: item[1].error)
         if best.error < BETTER * estimate.error and not best.is_open:
-            size = f"{100 * best.error:.2g} %" if best.relative else f"{best.error:.2g}"
+            size = f"{100 * best.error / best.value:.2g} %" if best.relative else f"{best.error:.2g}"
             yield f"{estimate.name}: a second curve {words} would give it with a standard error of {size}"
         else:
             tried = f"{FASTER:g} times faster or slower, a hold, a radius {WIDER:g} times larger or smaller"

@@ -91,7 +91,7 @@ class Estimate:
     key: str  # dotted key of the model, or value of a curve
     curve: str  # the curve to which it belongs; empty if all curves share it
     value: float  # least squares
-    error: float  # standard error; relative where the parameter is fitted by its logarithm
+    error: float  # standard error, in the units of the value
     interval: tuple[float, float]  # 95 % confidence interval, linear
     profile: tuple[float, float] | None  # 95 % confidence interval, by profile
     bounds: tuple[float, float]  # smallest and largest value allowed
@@ -110,8 +110,8 @@ class Estimate:
 
     @property
     def standard_error(self) -> float:
-        """Standard error in the units of the value."""
-        return self.value * self.error if self.relative else self.error
+        """Standard error in the units of the value, as `error`."""
+        return self.error
 
 
 @dataclass(frozen=True)
@@ -303,7 +303,8 @@ def _estimate(
     ends = back(at - t * error), back(at + t * error)
     of_profile = None if profile is None else (back(profile[0]), back(profile[1]))
     named = parameter.key, parameter.curve
-    return Estimate(*named, value, error, ends, of_profile, parameter.bounds, relative)
+    own = value * error if relative else error
+    return Estimate(*named, value, own, ends, of_profile, parameter.bounds, relative)
 
 
 def _curve_fits(problem: LeastSquares, u: FloatArray, spread: FloatArray) -> Iterator[CurveFit]:

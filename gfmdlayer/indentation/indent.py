@@ -467,9 +467,10 @@ def _history(time: ArrayLike, depth: ArrayLike | None, force: ArrayLike | None) 
         got = "neither" if depth is None else "both"
         raise ValueError(f"depth, force: got {got}; must be one of the two")
     name = "depth" if force is None else "force"
-    times, values = (
-        np.asarray(unmasked(each), dtype=float) for each in (time, depth if force is None else force)
-    )  # type: ignore[arg-type]
+    prescribed = depth if force is None else force
+    assert prescribed is not None
+    times: FloatArray = unmasked(time).astype(np.float64)
+    values: FloatArray = unmasked(prescribed).astype(np.float64)
     if times.ndim != 1 or times.size < 2 or values.shape != times.shape:
         raise ValueError(
             f"{name}: got shape {values.shape} for times of shape {times.shape}; must be equal, two or more"

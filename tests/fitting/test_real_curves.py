@@ -9,6 +9,7 @@ import xarray
 
 import gfmdlayer
 from gfmdlayer import ForceCurve, fit_indentation
+from gfmdlayer.fitting.curve_files import entries, read_curve
 from gfmdlayer.fitting.measurement import FitError
 
 R, E = 5e-6, 7000.0
@@ -69,3 +70,119 @@ def test_masked_numbers_are_missing_and_not_the_values_below_the_mask(kind):
         gfmdlayer.indent(body, (time, column), time, depth=time)
     with pytest.raises(gfmdlayer.ConfigError, match="history"):
         gfmdlayer.run({"name": "a", "grid": {"points": 64}}, history=(time, column))
+
+
+KPA_UM = {"units": {"length": "um", "stress": "kPa", "time": "s"}}
+IN_UM = KPA_UM | {
+    "layer": {"thickness": math.inf, "poisson": 0.5, "material": ELASTIC | {"G": 1.0}},
+    "punch": {"shape": "parabola", "radius": 1e6 * R},
+}
+
+
+def in_nm(kind):
+    """Return the curve in s, nm and nN."""
+    held = {"time": TIME, "depth": 1e9 * DEPTH, "force": 1e9 * hertz(DEPTH)}
+    if kind == "curve":
+        return ForceCurve("a", **held)
+    if kind == "frame":
+        return pandas.DataFrame(held)
+    return xarray.Dataset({key: ("row", values) for key, values in held.items()}) if kind == "set" else held
+
+
+@pytest.mark.parametrize("kind", ["curve", "mapping", "frame", "set"])
+@pytest.mark.parametrize("model", [ON_HALFSPACE, IN_UM])
+def test_units_are_those_of_columns_of_any_form(kind, model):
+    fit = fit_indentation(in_nm(kind), model, FREE, units=("s", "nm", "nN"))
+    assert fit["G"].value == pytest.approx(E / 3 * (1 if model is ON_HALFSPACE else 1e-3), rel=1e-4)
+
+
+def test_columns_of_a_dataset_have_their_own_units_and_headings():
+    columns = {"Indentation [nm]": 1e9 * DEPTH, "force": 1e9 * hertz(DEPTH), "t (ms)": 1e3 * TIME}
+    held = xarray.Dataset({key: ("row", values) for key, values in columns.items()})
+    held["force"].attrs["units"] = "nN"
+    fit = fit_indentation(held, IN_UM, FREE)
+    assert fit["G"].value == pytest.approx(1e-3 * E / 3, rel=1e-4)
+    assert fit.curves[0].curve.time[-1] == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="'force' is in 'nN', but 'pN' is given for it"):
+        fit_indentation(held, IN_UM, FREE, units={"force": "pN"})
+    with pytest.raises(ValueError, match="force and depth with a unit, but time without"):
+        fit_indentation(held.rename({"t (ms)": "time"}), IN_UM, FREE)
+
+
+@pytest.mark.parametrize(
+    ("own", "given", "message"),
+    [
+        (
+            {"prescribed": "depth"},
+            {"prescribed": "force"},
+            "got prescribed = 'force', but the curve says depth",
+        ),
+        ({"stiffness": 0.1}, {"stiffness": 0.2}, "got stiffness = 0.2, but the curve says 0.1"),
+    ],
+)
+def test_what_an_option_says_against_a_curve_is_refused(own, given, message):
+    columns = {"time": TIME, "depth": DEPTH, "force": hertz(DEPTH)}
+    with pytest.raises(FitError, match=message):
+        fit_indentation(ForceCurve("a", **columns, **own), ON_HALFSPACE, FREE, **given)
+    if "prescribed" in own:
+        held = columns | {"prescribed": [own["prescribed"]] * TIME.size}
+        with pytest.raises(FitError, match=message):
+            fit_indentation(held, ON_HALFSPACE, FREE, **given)
+
+
+def test_an_option_says_what_a_curve_leaves_open():
+    bare = ForceCurve("a", TIME, DEPTH, hertz(DEPTH))
+    fit = fit_indentation(bare, ON_HALFSPACE, FREE, prescribed="base", stiffness=0.1)
+    assert {each.prescribed for each in fit.curves[0].curve.segments} == {"base"}
+    assert fit.curves[0].curve.stiffness == 0.1
+
+
+def test_an_elastic_fit_of_columns_in_memory_or_without_headings_needs_no_time(tmp_path):
+    base = DEPTH + hertz(DEPTH) / 0.1
+    held = {"base": base, "force": hertz(DEPTH)}
+    fit = fit_indentation(held, ON_HALFSPACE, FREE, stiffness=0.1, prescribed="depth")
+    assert fit["G"].value == pytest.approx(E / 3, rel=1e-4)
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "\n".join(f"{d!r},{f!r}" for d, f in zip(DEPTH.tolist(), hertz(DEPTH).tolist(), strict=True))
+    )
+    assert fit_indentation(path, ON_HALFSPACE, FREE)["G"].value == pytest.approx(E / 3, rel=1e-4)
+
+
+def test_errors_are_in_the_units_of_the_values_as_tables_show_them():
+    measured = hertz(DEPTH) + 1e-11 * np.random.default_rng(0).standard_normal(DEPTH.size)
+    fit = fit_indentation(ForceCurve("a", TIME, DEPTH, measured), ON_HALFSPACE, [*FREE, "contact_point"])
+    for each in fit.parameters:
+        assert each.error == each.standard_error
+        # of an interval that is narrow beside its value: 1.96 errors on each side
+        assert np.ptp(each.interval) == pytest.approx(2 * 1.97 * each.error, rel=0.02)
+
+
+def test_a_flat_curve_of_a_map_is_left_out_and_named(tmp_path):
+    import h5py
+
+    force = np.stack([hertz(DEPTH), np.zeros(DEPTH.size), hertz(DEPTH, 2 * E), hertz(DEPTH)])
+    noise = 1e-12 * np.random.default_rng(1).standard_normal(force.shape)
+    path = tmp_path / "map.h5"
+    with h5py.File(path, "w") as file:
+        file["time"], file["depth"] = TIME, np.tile(DEPTH, (4, 1))
+        file["force"] = force + noise * (force.max(axis=1) > 0)[:, np.newaxis]
+    fit = fit_indentation(path, ON_HALFSPACE, FREE, contact="detect")
+    assert [each.curve.name for each in fit.curves] == ["map-0", "map-2", "map-3"]
+    assert "left out: curve map-1: the force never changes" in fit.warnings
+    with h5py.File(path, "r+") as file:  # a baseline of noise: no contact is found
+        file["force"][1] = 1e-12 * np.random.default_rng(2).standard_normal(DEPTH.size)
+        file["force"][1, 0] = 1e-11
+    fit = fit_indentation(path, ON_HALFSPACE, FREE, contact="detect")
+    assert len(fit.curves) == 3
+    assert any(each.startswith("left out: curve map-1: ") for each in fit.warnings)
+
+
+@pytest.mark.parametrize("heading", ["prescribed", "control"])
+def test_a_column_of_text_names_the_prescribed_quantity(tmp_path, heading):
+    path = tmp_path / "a.csv"
+    rows = zip(TIME.tolist(), DEPTH.tolist(), hertz(DEPTH).tolist(), strict=True)
+    lines = (f"{t!r},{d!r},{f!r},{'depth' if t < 0.5 else 'force'}" for t, d, f in rows)
+    path.write_text(f"time,depth,force,{heading}\n" + "\n".join(lines))
+    found = read_curve(entries([path])[0]).prescribed
+    assert found == ["depth"] * 200 + ["force"] * 200
