@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gfmdlayer.files.tables import Answers
-    from gfmdlayer.fitting.estimates import FitOptions
+    from gfmdlayer.fitting.result import FitOptions
 
 _READING = """
 --decimal MARK  decimal mark of the file, . or , (default: found)
@@ -168,8 +168,8 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
 @verb(_options_of_indentation, _EXAMPLES_OF_INDENTATION)
 def fit_indentation(options: argparse.Namespace) -> int:
     """Fit moduli, times and thicknesses to measured force curves of an indenter."""
-    from gfmdlayer.fitting.estimates import FitOptions
     from gfmdlayer.fitting.measurement import FitError
+    from gfmdlayer.fitting.result import FitOptions
     from gfmdlayer.study import interrupts, workers
 
     try:

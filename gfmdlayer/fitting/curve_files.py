@@ -35,8 +35,8 @@ from gfmdlayer.files.hdf5 import is_hdf5, open_hdf5, refuse_other_files
 from gfmdlayer.files.headings import WORDS, meaning, quantities_named
 from gfmdlayer.files.tables import Answers, TableError, converted, is_text, read_table
 from gfmdlayer.files.units import unit_of
-from gfmdlayer.fitting.estimates import FitOptions
 from gfmdlayer.fitting.force_curve import BASE, COLUMNS, FORCE, CurveError, ForceCurve, column
+from gfmdlayer.fitting.result import FitOptions
 from gfmdlayer.validation.units import Units
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}

@@ -17,7 +17,7 @@ import numpy as np
 
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.elastic import adhesion_of
-from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, conclude
+from gfmdlayer.fitting.estimates import conclude
 from gfmdlayer.fitting.force_curve import (
     BASE,
     DEPTH,
@@ -37,6 +37,7 @@ from gfmdlayer.fitting.problem import (
     LeastSquares,
     refuse_adhesion,
 )
+from gfmdlayer.fitting.result import FitOptions, IndentationFit
 from gfmdlayer.fitting.starts import curve_parameters, make_problem, read_model
 from gfmdlayer.validation.problems import unknown_key
 

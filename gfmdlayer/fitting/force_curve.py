@@ -607,3 +607,15 @@ class Pieces(NamedTuple):
 
 
 COLUMNS = ("time", "depth", "force")  # the base may replace the depth
+
+
+def numbers_in(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the dotted keys of all numbers of the layers, the halfspace and the punch."""
+    items: Any = enumerate(data) if isinstance(data, (list, tuple)) else data.items()
+    for key, value in items:
+        place = f"{at}[{key}]" if isinstance(key, int) else f"{at}.{key}".lstrip(".")
+        if isinstance(value, (Mapping, list, tuple)):
+            if at or key in {"layer", "layers", "halfspace", "punch", "adhesion"}:
+                yield from numbers_in(value, place)
+        elif at and isinstance(value, (int, float)) and not isinstance(value, bool):
+            yield place, float(value)

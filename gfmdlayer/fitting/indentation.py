@@ -28,7 +28,7 @@ from gfmdlayer.fitting.curve_files import (
 )
 from gfmdlayer.fitting.design import second_curve
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, best_of, conclude, minimised
+from gfmdlayer.fitting.estimates import best_of, conclude, minimised
 from gfmdlayer.fitting.force_curve import COLUMNS, CurveError, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.problem import (
@@ -42,6 +42,7 @@ from gfmdlayer.fitting.problem import (
     refuse_mixed_units,
     warnings_before,
 )
+from gfmdlayer.fitting.result import FitOptions, IndentationFit
 from gfmdlayer.fitting.starts import (
     curve_parameters,
     first_guess,

@@ -271,7 +271,8 @@ def read(path: Path, poisson: float | None = None, answers: Answers = Answers())
     """Read a measured curve from a table: moduli over frequency, or a modulus or a compliance over time.
 
     The columns go by their names; without names they are omega, G', G'', or t, G, or E where the answers say
-    so. `poisson`, 1/2 by default, converts moduli and compliances in tension. Rows are sorted by frequency or time.
+    so. `poisson`, 1/2 by default, converts moduli and compliances in tension. Rows are sorted by frequency or
+    time.
     """
     table = read_table(path, WANTED, answers, orders=ORDERS, apart=WANTED[:_APART])
     columns = _Quantities(table, 1 / (2 * (1 + (0.5 if poisson is None else poisson))))

@@ -10,7 +10,7 @@ the residuals by the noise of the prescribed quantity.
 Derivatives are forward differences of solutions without extrapolation to zero step, whose error of second
 order in the step hardly changes between two of them. Some are exact and need no solution: the derivatives to
 corrections of the measured quantity, and, where all moduli of the body are free and depths prescribed, the
-derivative to the last modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
+derivative to the largest modulus: the force is of first degree in the moduli (Euler), sum_k dF/d(ln G_k) = F.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from gfmdlayer.fitting.force_curve import (
     CurveError,
     ForceCurve,
     baseline,
+    numbers_in,
     onset,
 )
 from gfmdlayer.fitting.measurement import FitError
@@ -82,7 +83,7 @@ class IndentationModel:
         except ValidationError as error:
             raise ConfigError(map(str, explain(error))) from None
         self._data = self.config.model_dump(exclude_none=True)
-        self.keys = dict(_numbers(self._data | {"adhesion": self.adhesion or {}}))
+        self.keys = dict(numbers_in(self._data | {"adhesion": self.adhesion or {}}))
 
     def under(self, punch: Mapping[str, Any]) -> IndentationModel:
         """Return the model with another indenter."""
@@ -102,12 +103,12 @@ class IndentationModel:
             for i, part in enumerate(parts):
                 place = f"{at}[{i}]" if isinstance(section, tuple) else at
                 found |= _defaults(part, place, given=at in self._given)
-        base, last = self.config.halfspace, (self.config.layers or (self.config.layer,))[-1]
-        if last is not None and math.isinf(last.thickness):
-            found = {key: value for key, value in found.items() if not key.startswith("halfspace.")}
-        elif base is not None and base.shear_modulus == math.inf:
-            found.pop("halfspace.poisson", None)
-        return [f"{key} = {_worded(key, value)}" for key, value in found.items() if key not in {*free}]
+        idle = without_effect(self.config)
+        return [
+            f"{key} = {_worded(key, value)}"
+            for key, value in found.items()
+            if key not in {*free} and not key.startswith(idle)
+        ]
 
     def with_values(self, values: dict[str, float]) -> Config:
         """Return the configuration in which the dotted keys have these values."""
@@ -203,6 +204,14 @@ def _bounds(asked: Sequence[float] | None, default: Bounds) -> Bounds:
     return default if asked is None else (float(asked[0]), float(asked[1]))
 
 
+def without_effect(config: Config) -> tuple[str, ...]:
+    """Return how keys begin on which nothing depends: the base below an infinite layer, nu of a rigid one."""
+    base, last = config.halfspace, (config.layers or (config.layer,))[-1]
+    if last is not None and math.isinf(last.thickness):
+        return ("halfspace.",)
+    return ("halfspace.poisson",) if base is not None and base.shear_modulus == math.inf else ()
+
+
 _DECIDE_NOTHING = {"tolerance", "moduli"}
 
 
@@ -223,18 +232,6 @@ def _worded(key: str, value: Any) -> str:
     if key == "halfspace.shear_modulus" and value == math.inf:
         return ".inf (a rigid base)"
     return value if isinstance(value, str) else f"{value:g}"
-
-
-def _numbers(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the dotted keys of all numbers of the layers, the halfspace and the punch."""
-    items: Any = enumerate(data) if isinstance(data, (list, tuple)) else data.items()
-    for key, value in items:
-        place = f"{at}[{key}]" if isinstance(key, int) else f"{at}.{key}".lstrip(".")
-        if isinstance(value, (Mapping, list, tuple)):
-            if at or key in {"layer", "layers", "halfspace", "punch", "adhesion"}:
-                yield from _numbers(value, place)
-        elif at and isinstance(value, (int, float)) and not isinstance(value, bool):
-            yield place, float(value)
 
 
 TRIES = 3  # the differences are repeated when the nodes changed on the way, at most so often
@@ -555,19 +552,19 @@ class LeastSquares:
             columns = [self._column(i, u, rough) for i in range(u.size)]
             if self._changes == before:
                 break
-        if self._euler is not None:
-            *others, last = self._euler
+        if (exact := self._by_euler(u)) is not None:
+            others = [i for i in self._euler or () if i != exact]
             values = self.measured(u)
             for k, prediction in enumerate(self.predictions):
                 force = values[k] - baseline(prediction.curve, self.correction(u, prediction.curve))
-                columns[last][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
+                columns[exact][k] = force - sum((columns[i][k] for i in others), np.zeros(1))
         self._slopes = ((u.tobytes(), self._changes), columns)
         return columns
 
     def _column(self, i: int, u: FloatArray, at_u: list[FloatArray]) -> list[FloatArray]:
-        """Derivative of the measured values to one parameter; zeros for the last one by Euler's theorem."""
+        """Derivative of the measured values to one parameter; zeros for the one by Euler's theorem."""
         parameter = self.parameters[i]
-        if self._euler is not None and i == self._euler[-1]:
+        if i == self._by_euler(u):
             return [np.zeros(1) for _ in at_u]
         moved, column = self._moved(i, u), []
         for values, prediction in zip(at_u, self.predictions, strict=True):
@@ -616,6 +613,13 @@ class LeastSquares:
     def _measured(self, u: FloatArray, prediction: Prediction, rough: bool = False) -> FloatArray:
         self.solutions += 1
         return prediction.measured(*self.at(u, prediction), rough)
+
+    def _by_euler(self, u: FloatArray) -> int | None:
+        """Return the modulus whose derivative follows from the others': the largest, the last of equal ones.
+
+        The error of the others' differences would exceed the derivative to a small one.
+        """
+        return max(self._euler[::-1], key=lambda i: float(u[i])) if self._euler else None
 
     @cached_property
     def _euler(self) -> list[int] | None:

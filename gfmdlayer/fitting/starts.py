@@ -15,7 +15,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.elastic import KINDS, NO_ADHESION, work_for
-from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, FitOptions, detect
+from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, detect
 from gfmdlayer.fitting.force_curve import DEPTH, CurveError, ForceCurve, baseline, noise_of
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import (
@@ -29,6 +29,7 @@ from gfmdlayer.fitting.problem import (
     LeastSquares,
     free_parameters,
 )
+from gfmdlayer.fitting.result import FitOptions
 from gfmdlayer.indentation.equilibrium import EdgeAdhesion
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.punch.revolution import abel_transform

@@ -17,13 +17,13 @@ import gfmdlayer
 from gfmdlayer import Cone, ConfigError, ForceCurve, Parabola, design_indentation, fit_indentation
 from gfmdlayer.cli import main
 from gfmdlayer.fitting.elastic import Touch, jumps_between, measured_contact
-from gfmdlayer.fitting.estimates import FitOptions, IndentationFit, preference
 from gfmdlayer.fitting.force_curve import Correction, straight_derivatives
 from gfmdlayer.fitting.indentation import _with_losses
 from gfmdlayer.fitting.indentation_report import as_data
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import IndentationModel
+from gfmdlayer.fitting.result import FitOptions, IndentationFit, preference
 from gfmdlayer.fitting.starts import curve_parameters, make_problem
 from gfmdlayer.fitting.stepped import with_spring
 from gfmdlayer.indentation.equilibrium import EdgeAdhesion

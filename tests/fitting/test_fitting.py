@@ -548,7 +548,7 @@ def test_poissons_ratio_is_not_ignored_and_columns_without_headings_are_said_to_
     path = tmp_path / "a.csv"
     path.write_text(ROWS_OF_G)
     assert "taken in shear; --modulus E" in " ".join(read(path, answers=Answers(key="")).notes)
-    with pytest.raises(TableError, match="no headings: its moduli may be in shear, .* --modulus E or G"):
+    with pytest.raises(TableError, match=r"no headings: its moduli may be in shear, .* --modulus E or G"):
         read(path, 0.4, Answers(key=""))
     assert read(path, 0.4, Answers(modulus="E")).moduli[0] == pytest.approx(G_OF_T / 2.8)
     path.write_text(f"t,something\n{ROWS_OF_G}")
