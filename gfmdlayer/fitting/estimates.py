@@ -226,23 +226,26 @@ def _doubts(estimates: Sequence[Estimate], correlation: FloatArray, excess: floa
 
 # The contact point of a measured curve, from the force.
 #
-# Up to the largest depth the force is an offset before contact, and the offset plus c (d - d_0)^m after it:
-# m = 3/2 for a sphere, 2 for a cone, 1 for a flat end. For a given contact point, the offset and c follow
-# from a linear problem. The sum of squares is least at the true contact point, and larger by the variance of
-# the noise at one standard error from it. Only the rows up to `PART` of the largest force count: deeper, a
-# thin layer stiffens and a material relaxes.
+# Up to the largest depth the force is a straight baseline before contact, and the baseline plus
+# c (d - d_0)^m after it: m = 3/2 for a sphere, 2 for a cone, 1 for a flat end. For a given contact point, the
+# baseline and c follow from a linear problem. The sum of squares is least at the true contact point, and
+# larger by the variance of the noise at one standard error from it. Only the rows up to `PART` of the largest
+# force count: deeper, a thin layer stiffens and a material relaxes. They end where the force, averaged over as
+# many rows as its noise needs, rises through this level for the last time.
 
 PART = 0.25  # of the largest force
 BASELINE = 5  # rows before the contact, at least
 CANDIDATES = 200
+LONGEST = 10  # part of the rows over which a force is averaged, at most: one over this
 
 
 class ContactPoint(NamedTuple):
-    """The measured depth at which the indenter touches, its standard error, and the force before contact."""
+    """The measured depth at which the indenter touches, its standard error, and the baseline of the force."""
 
     depth: float
     error: float
-    offset: float
+    offset: float  # force at the contact point without contact
+    slope: float = 0.0  # of the baseline over the depth
 
 
 def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
@@ -254,10 +257,7 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
         least = 3 * noise_of(curve.force) + 0.01 * float(np.max(curve.force))
         row = max(int(np.argmax(curve.force > least)) - 1, 0)
         return ContactPoint(float(curve.depth[row]), noise_of(curve.depth), 0.0)
-    end = int(np.argmax(curve.force)) + 1
-    offset = float(np.median(curve.force[: max(BASELINE, end // 20)]))
-    reached = np.flatnonzero(curve.force[:end] - offset > PART * (curve.force[end - 1] - offset))
-    end = int(reached[0]) + 1 if reached.size else end
+    end = approach(curve)
     depth, force = curve.depth[:end], curve.force[:end]
     last = end - BASELINE
     if last <= BASELINE:
@@ -274,18 +274,52 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
             f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
             "rows before contact"
         )
-    allowed = squares[best] * (1 + 1 / (end - 3))
+    allowed = squares[best] * (1 + 1 / (end - 4))
     inside = points[squares <= allowed]
     error = max(float(np.ptp(inside)) / 2, float(points[1] - points[0]))
-    return ContactPoint(float(points[best]), error, found[best][1])
+    return ContactPoint(float(points[best]), error, *found[best][1:])
 
 
-def _squares(point: float, depth: FloatArray, force: FloatArray, exponent: float) -> tuple[float, float]:
-    """Return the sum of squares for a contact point, and the offset."""
+def approach(curve: ForceCurve) -> int:
+    """Return the number of rows up to `PART` of the largest force, above a straight baseline."""
+    force = _averaged(curve.force)
+    end = int(np.argmax(force)) + 1
+    early = slice(0, max(BASELINE, end // 20))
+    position = curve.position_of_drive[:end]
+    line = np.full(end, np.median(curve.force[early]))
+    for _ in range(3):  # a tilted baseline: the rows before the level found first
+        above = force[:end] - line
+        low = np.flatnonzero(above <= PART * above[-1])
+        if not low.size:
+            return end
+        before = position[: low[-1] + 1]
+        half = before <= (before[0] + before[-1]) / 2
+        if np.count_nonzero(half) < BASELINE or not np.ptp(before[half]) > 0:
+            break
+        line = np.polynomial.Polynomial.fit(before[half], curve.force[: before.size][half], 1)(position)
+    return min(int(low[-1]) + 2, end)
+
+
+def _averaged(force: FloatArray) -> FloatArray:
+    """Return a force averaged over so many rows that four times its noise is below `PART` of its range."""
+    rows = math.ceil((4 * noise_of(force) / max(PART * float(np.ptp(force)), 1e-300)) ** 2)
+    rows = min(max(rows, 1), max(force.size // LONGEST, 1)) // 2 * 2 + 1
+    padded = np.pad(force, rows // 2, mode="edge")
+    return np.convolve(padded, np.full(rows, 1 / rows), mode="valid")
+
+
+def _squares(
+    point: float, depth: FloatArray, force: FloatArray, exponent: float
+) -> tuple[float, float, float]:
+    """Return the sum of squares for a contact point, and offset and slope of the baseline there."""
     shape = np.maximum(depth - point, 0.0) ** exponent
-    columns = np.stack([np.ones_like(shape), shape / max(float(shape.max()), 1e-300)], axis=1)
-    solution = np.linalg.lstsq(columns, force, rcond=None)[0]
-    return float(np.sum((force - columns @ solution) ** 2)), float(solution[0])
+    span = max(float(np.ptp(depth)), 1e-300)
+    columns = np.stack(
+        [np.ones_like(shape), (depth - point) / span, shape / max(float(shape.max()), 1e-300)], axis=1
+    )
+    offset, slope, size = np.linalg.lstsq(columns, force, rcond=None)[0]
+    rest = force - columns @ np.array([offset, slope, size])
+    return float(rest @ rest), float(offset), float(slope) / span
 
 
 def loss_derivatives(residuals: FloatArray, loss: str) -> tuple[FloatArray, FloatArray]:

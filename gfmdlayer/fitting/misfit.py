@@ -56,7 +56,7 @@ def found_shapes(
     problem: LeastSquares, u: FloatArray, residuals: FloatArray, jacobian: FloatArray
 ) -> list[Shape]:
     """Return the shapes in the residual that are larger than noise makes them, the largest first."""
-    if np.mean(residuals[: problem.rows] ** 2) < WITHIN**2:
+    if problem.is_exact or np.mean(residuals[: problem.rows] ** 2) < WITHIN**2:
         return []
     found = (shape for shape in shapes(problem, u, residuals, jacobian) if shape.ratio > 1)
     return sorted(found, key=lambda shape: -shape.ratio)
@@ -70,7 +70,7 @@ def doubts(
     `residuals` as of the problem; `found`: see `found_shapes`; `widened`: factor of the intervals by
     correlated noise.
     """
-    if np.mean(residuals[: problem.rows] ** 2) < WITHIN**2:
+    if problem.is_exact or np.mean(residuals[: problem.rows] ** 2) < WITHIN**2:
         return
     apart = [pair for pair in map(_beside_baseline, _used(problem, residuals)) if pair is not None]
     worst = max((ratio for ratio, chance in apart if chance < CHANCE / len(apart)), default=0.0)

@@ -426,9 +426,18 @@ class LeastSquares:
     @cached_property
     def least_noise(self) -> FloatArray:
         """The errors of a solution in steps, which a curve without noise does not make exact: see `noise`."""
-        part = 0.0 if self.is_elastic else SOLVED
-        ranges = [[np.ptp(each.curve.force), np.ptp(each.curve.depth)] for each in self.predictions]
-        return np.asarray(part * np.array(ranges))
+        return (0.0 if self.is_elastic else SOLVED) * self._ranges
+
+    @property
+    def _ranges(self) -> FloatArray:
+        """Ranges of force and depth of each curve, shape (curves, 2)."""
+        return np.array([[np.ptp(each.curve.force), np.ptp(each.curve.depth)] for each in self.predictions])
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the noise that was estimated is within the error of a solution in steps."""
+        estimated = ~np.array([self.noise_is_given(i) for i in range(len(self.predictions))])
+        return bool(estimated.any() and np.all((self.noise <= SOLVED * self._ranges)[estimated]))
 
     @property
     def noise_is_known(self) -> bool:

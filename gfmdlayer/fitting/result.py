@@ -548,6 +548,7 @@ def _draw(above: Axes, below: Axes, curve_fit: CurveFit, by_force: bool, colour:
     below.plot(time[::thin], residual[::thin], ".", color=colour, ms=1.8, mew=0)
     if curve_fit.missing is not None:
         missing = np.where(rows & curve_fit.used, curve_fit.missing, np.nan)
-        below.plot(time, missing, color="black", linewidth=0.8, label=shape)
+        label = "_nolegend_" if below.get_legend() else shape
+        below.plot(time, missing, color="black", linewidth=0.8, label=label)
         below.legend()
     below.fill_between(time, -band, band, where=rows, color=colour, alpha=0.3, lw=0)

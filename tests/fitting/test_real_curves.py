@@ -10,6 +10,7 @@ import xarray
 import gfmdlayer
 from gfmdlayer import ForceCurve, fit_indentation
 from gfmdlayer.fitting.curve_files import entries, read_curve
+from gfmdlayer.fitting.estimates import detect
 from gfmdlayer.fitting.measurement import FitError
 
 R, E = 5e-6, 7000.0
@@ -17,6 +18,13 @@ ELASTIC = {"model": "elastic", "G": 1000.0}
 SPHERE = {"shape": "parabola", "radius": R}
 ON_HALFSPACE = {"layer": {"thickness": math.inf, "poisson": 0.5, "material": ELASTIC}, "punch": SPHERE}
 FREE = ["layer.material.G"]
+
+
+KPA_UM = {"units": {"length": "um", "stress": "kPa", "time": "s"}}
+IN_UM = KPA_UM | {
+    "layer": {"thickness": math.inf, "poisson": 0.5, "material": ELASTIC | {"G": 1.0}},
+    "punch": {"shape": "parabola", "radius": 1e6 * R},
+}
 
 
 def hertz(depth, modulus=E, poisson=0.5):
@@ -54,6 +62,71 @@ def test_every_default_that_decides_a_number_is_said():
     assert said.endswith("layer.poisson = 0.5, layer.material.tau = 1, punch.shape = parabola")
 
 
+@pytest.fixture(scope="module")
+def crooked():
+    """A fit of a curve whose force grows faster than a sphere's, in um and nN."""
+    force = 1e9 * hertz(DEPTH) * (1 + np.maximum(DEPTH, 0) / 1e-6)
+    measured = force + 0.002 * force.max() * np.random.default_rng(1).standard_normal(DEPTH.size)
+    return fit_indentation(ForceCurve("gel", TIME, 1e6 * DEPTH, measured), IN_UM, FREE, contact="detect")
+
+
+def test_a_fit_prints_a_table_of_free_and_held_numbers_with_marked_intervals(crooked):
+    lines = str(crooked).splitlines()
+    assert lines[1].split() == "parameter value error 95 % interval unit".split()  # noqa: SIM905
+    (free,) = (line.split() for line in lines if line.startswith("layer.material.G "))
+    assert free[0::2][:1] == ["layer.material.G"]
+    assert free[-3:] == ["*", "kPa", "free"]
+    assert float(free[1]) == pytest.approx(crooked["G"].value, rel=1e-5)
+    (held,) = (line.split() for line in lines if line.startswith("punch.radius"))
+    assert held == ["punch.radius", "5", "um", "held"]
+    assert any(line.startswith("* the model does not follow the curve; the largest shape") for line in lines)
+    assert all(f"warning: {warning}" in lines for warning in crooked.warnings)
+    page = crooked._repr_html_()
+    assert page.count("<tr>") == 1 + 3 + 3  # headings; G, contact point, offset; thickness, nu, radius
+    assert "does not follow" in page
+    straight = fit_indentation(ForceCurve("gel", TIME, 1e6 * DEPTH, 1e9 * hertz(DEPTH)), IN_UM, FREE)
+    assert straight.follows
+    assert "*" not in str(straight)
+
+
+def test_the_largest_shape_takes_most_of_the_residual_and_is_drawn(crooked, tmp_path):
+    (curve,) = crooked.curves
+    assert crooked.shape
+    left = -curve.residual - curve.missing  # of noise of .002 of the largest force
+    noise = 0.002 * curve.curve.force.max()
+    assert np.std(left) < 1.2 * noise < 0.6 * np.std(curve.residual)
+    figure = crooked.plot(tmp_path / "fit.png")
+    texts = [
+        text.get_text() for axes in figure.axes if (own := axes.get_legend()) for text in own.get_texts()
+    ]
+    assert crooked.shape in texts
+    assert (tmp_path / "fit.png").stat().st_size > 0
+
+
+def test_a_fit_is_a_dataset_that_can_be_stored(crooked, tmp_path):
+    crooked.to_dataset().to_netcdf(tmp_path / "fit.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "fit.nc", engine="h5netcdf") as data:
+        G = data.sel(parameter="layer.material.G")
+        assert [float(G.value), float(G.error)] == [crooked["G"].value, crooked["G"].error]
+        assert (str(G.unit.values), data.force.attrs["units"]) == ("kPa", "nN")
+        gel = data.sel(curve="gel")
+        assert np.array_equal(gel.fitted_force - gel.force, gel.residual)
+
+
+def test_lmfits_names_lead_to_the_numbers(crooked):
+    G, radius = crooked.params["G"], crooked.params["punch.radius"]
+    assert (G.value, G.stderr, G.vary, G.min, G.max) == (
+        crooked["G"].value, crooked["G"].error, True, *crooked["G"].bounds,
+    )  # fmt: skip
+    assert (radius.value, radius.stderr, radius.vary) == (5.0, None, False)
+    assert (crooked.ndata, crooked.nvarys, crooked.nfree) == (TIME.size, 3, TIME.size - 3)
+    assert crooked.chisqr == pytest.approx(np.sum(crooked.curves[0].residual ** 2))
+    assert crooked.redchi == pytest.approx(crooked.curves[0].noise ** 2)  # no noise is given
+    assert crooked.best_values["contact_point"] == crooked["contact_point"].value
+    with pytest.raises(KeyError, match=r"tau: must be one of layer.material.G"):
+        crooked.params["tau"]
+
+
 @pytest.mark.parametrize("kind", [float, int])
 def test_masked_numbers_are_missing_and_not_the_values_below_the_mask(kind):
     masked = np.ma.masked_array((100 * np.ones((8, 8))).astype(kind), np.arange(64).reshape(8, 8) == 20)
@@ -70,13 +143,6 @@ def test_masked_numbers_are_missing_and_not_the_values_below_the_mask(kind):
         gfmdlayer.indent(body, (time, column), time, depth=time)
     with pytest.raises(gfmdlayer.ConfigError, match="history"):
         gfmdlayer.run({"name": "a", "grid": {"points": 64}}, history=(time, column))
-
-
-KPA_UM = {"units": {"length": "um", "stress": "kPa", "time": "s"}}
-IN_UM = KPA_UM | {
-    "layer": {"thickness": math.inf, "poisson": 0.5, "material": ELASTIC | {"G": 1.0}},
-    "punch": {"shape": "parabola", "radius": 1e6 * R},
-}
 
 
 def in_nm(kind):
@@ -176,6 +242,26 @@ def test_a_flat_curve_of_a_map_is_left_out_and_named(tmp_path):
     fit = fit_indentation(path, ON_HALFSPACE, FREE, contact="detect")
     assert len(fit.curves) == 3
     assert any(each.startswith("left out: curve map-1: ") for each in fit.warnings)
+
+
+@pytest.mark.parametrize("tilt", [-0.05, 0.05, 0.5])
+def test_a_tilted_baseline_is_no_contact_and_the_tilt_is_found(tilt):
+    rng, force = np.random.default_rng(3), hertz(DEPTH)
+    slope = tilt * force.max() / np.ptp(DEPTH)
+    measured = force + slope * (DEPTH - DEPTH[0]) + 0.005 * force.max() * rng.standard_normal(DEPTH.size)
+    curve = ForceCurve("a", TIME, DEPTH, measured, prescribed="depth")
+    fit = fit_indentation(curve, ON_HALFSPACE, [*FREE, "tilt"], contact="detect")
+    for key, truth in (("G", E / 3), ("tilt", slope), ("contact_point", 0.0)):
+        assert abs(fit[key].value - truth) < 3 * fit[key].error  # one in 370 of each
+
+
+def test_a_contact_point_is_found_in_noise_of_a_tenth_of_the_largest_force():
+    # Noise reaches a quarter of the largest force far above the surface. The error is 4 % of the indentation.
+    errors = []
+    for seed in range(8):
+        noisy = 0.1 * hertz(DEPTH).max() * np.random.default_rng(seed).standard_normal(DEPTH.size)
+        errors.append(detect(ForceCurve("a", TIME, DEPTH, hertz(DEPTH) + noisy, prescribed="depth")).depth)
+    assert np.sqrt(np.mean(np.square(errors))) < 0.15 * DEPTH[-1]
 
 
 @pytest.mark.parametrize("heading", ["prescribed", "control"])
