@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gfmdlayer.files.tables import Answers
-    from gfmdlayer.fitting.estimates import FitOptions
+    from gfmdlayer.fitting.result import FitOptions
 
 _READING = """
 --decimal MARK  decimal mark of the file, . or , (default: found)
@@ -37,7 +38,7 @@ data DATA  table with headings: omega or f with moduli or compliances, or t with
 --units NAME=UNIT ...  units of columns without a unit, such as frequency=Hz
 --law {prony,fractional_zener,power_law,kohlrausch,havriliak_negami} = prony  law to fit
   (default: a Prony series)
---poisson NU = 0.5  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
+--poisson NU  Poisson's ratio, for moduli and compliances in tension (default: 0.5)
 --out PATH  YAML file, or folder for NAME.yaml; the figure lies beside it (default: here)
 --branches N  number of branches (default: the fewest that fit)
 --relaxed-modulus G0  relaxed modulus (default: fitted)
@@ -64,7 +65,7 @@ def fit_material(options: argparse.Namespace) -> int:
     ]
     if len(temperatures) not in (0, 3):
         return refuse("--temperature, --reference and --wlf: give all three or none")
-    if not -1 < options.poisson <= 0.5:
+    if options.poisson is not None and not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
     try:
         summary = material.fit_material(
@@ -167,8 +168,8 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
 @verb(_options_of_indentation, _EXAMPLES_OF_INDENTATION)
 def fit_indentation(options: argparse.Namespace) -> int:
     """Fit moduli, times and thicknesses to measured force curves of an indenter."""
-    from gfmdlayer.fitting.estimates import FitOptions
     from gfmdlayer.fitting.measurement import FitError
+    from gfmdlayer.fitting.result import FitOptions
     from gfmdlayer.study import interrupts, workers
 
     try:
@@ -223,7 +224,7 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, an
     from gfmdlayer.fitting import indentation_report as report
     from gfmdlayer.fitting.curve_files import entries, read_curve, units_of
     from gfmdlayer.fitting.estimates import best_of
-    from gfmdlayer.fitting.indentation import fit_curves
+    from gfmdlayer.fitting.indentation import fit_curves, usable
     from gfmdlayer.fitting.problem import IndentationModel
     from gfmdlayer.fitting.starts import read_model
 
@@ -234,8 +235,9 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any, an
     fits = {}
     for path, (model, keys) in checked.items():
         into, timeless = units_of(model.config.units), model.is_timeless(keys)
-        curves = [read_curve(entry, answers, into, chosen, timeless=timeless) for entry in measured]
-        fits[path] = fit_curves(curves, model, keys, chosen)
+        made = (partial(read_curve, entry, answers, into, chosen, timeless=timeless) for entry in measured)
+        curves, lost = usable(made)
+        fits[path] = fit_curves(curves, model, keys, chosen, notes=lost)
     best, _ = best_of(fits)
     if len(fits) > 1:
         print("\n".join(report.comparison(fits)), end=f"\n\n{best}:\n")

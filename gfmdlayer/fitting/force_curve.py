@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray, unmasked
 from gfmdlayer.body.body import Body
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.equilibrium import EdgeAdhesion
@@ -286,7 +286,7 @@ def _by_row(words: str | Sequence[str] | None, rows: int) -> list[str]:
 def column(name: str, key: str, values: ArrayLike) -> FloatArray:
     """Return values as a column of numbers."""
     try:
-        numbers = np.array(values, dtype=float)
+        numbers = np.array(unmasked(values), dtype=float)
     except (TypeError, ValueError):
         raise CurveError(f"curve {name}: {key} cannot be read as numbers") from None
     if numbers.ndim != 1:
@@ -607,3 +607,15 @@ class Pieces(NamedTuple):
 
 
 COLUMNS = ("time", "depth", "force")  # the base may replace the depth
+
+
+def numbers_in(data: Any, at: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the dotted keys of all numbers of the layers, the halfspace and the punch."""
+    items: Any = enumerate(data) if isinstance(data, (list, tuple)) else data.items()
+    for key, value in items:
+        place = f"{at}[{key}]" if isinstance(key, int) else f"{at}.{key}".lstrip(".")
+        if isinstance(value, (Mapping, list, tuple)):
+            if at or key in {"layer", "layers", "halfspace", "punch", "adhesion"}:
+                yield from numbers_in(value, place)
+        elif at and isinstance(value, (int, float)) and not isinstance(value, bool):
+            yield place, float(value)

@@ -64,6 +64,9 @@ if TYPE_CHECKING:
 POINTS = 1024  # of a line, where neither `points` nor an array says how many
 
 
+MOST_STRAIN = 1.0  # about, beyond which a result of linear elasticity means nothing
+
+
 class Options(TypedDict, total=False):
     """Options of `solve`, in addition to its arguments."""
 
@@ -348,6 +351,7 @@ def _without_friction(given: _Asked) -> xarray.Dataset:
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
     surface = loading.surface(solution, kappa, nothing, 0.0)
+    _warn_of_strain(body, grid, kappa, solution, surface.depth)
     parts = _parts(contact.parts, surface, glassy=given.glassy) if reach is None else {}
     return _dataset(given, problem, solution, surface, reach, parts)
 
@@ -455,6 +459,21 @@ def _beyond_the_hardness(problem: Problem) -> str:
     if problem.interface.attracts:
         most = f"{problem.flow_stress:.6g}, {most} less the attraction in contact"
     return f"mean pressure: got {target!r}; must be below {most}"
+
+
+def _warn_of_strain(body: Body, grid: Grid, kappa: FloatArray, solution: Solution, depth: float) -> None:
+    """Warn of a strain beyond small ones: mean pressure in contact over K(q)/q, or depth over all layers."""
+    if not solution.contact_area > 0:
+        return
+    q = np.ravel(grid.wavenumbers)
+    moduli = kappa[q > 0] / q[q > 0]
+    strain = solution.mean_pressure / solution.contact_area / float(moduli.max(initial=1e-300))
+    thickness = sum(getattr(body, "thicknesses", ())) or math.inf
+    if thickness < math.inf:
+        strain = min(strain, abs(depth) / thickness)
+    if strain > MOST_STRAIN:
+        words = "linear elasticity, of small strains, does not hold"
+        warnings.warn(f"STRAINED: by about {strain:.2g} under the contact; {words}", stacklevel=4)
 
 
 def _parts(parts: Parts, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:

@@ -85,6 +85,7 @@ class EnergyBalance(Observable):
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._largest = self._open = 0.0  # work or energy; residual
         self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
+        self._moves = case.config.trajectory.moves
         *_, self._spin = case.config.creepages
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
@@ -159,20 +160,14 @@ class EnergyBalance(Observable):
     @property
     def warning(self) -> str:  # type: ignore[override]
         """Say that the balance is open, and the steps that would close it."""
-        time = self._time
-        limit = _CLOSED
-        if time.tolerance is not None:
-            limit = _TOLERANCES * (time.tolerance + _OF_SOLVER * self._solver_tolerance)
-        if self._open <= limit * self._largest:
-            return ""
-        part = self._open / self._largest
-        if time.tolerance is None:
-            assert not isinstance(time.step, str)
-            # Of second order only if steps are short beside the ramps.
-            remedy = f"time.step {rounded_down(time.step * limit / part)}"
+        part = self._open / self._largest if self._largest else 0.0
+        if self._time.tolerance is not None:
+            said = unbalanced(part, self._time.tolerance, _OF_SOLVER * self._solver_tolerance)
         else:
-            remedy = f"time.tolerance {rounded_down(time.tolerance * limit / part)}"
-        return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
+            assert not isinstance(self._time.step, str)
+            said = unbalanced(part, step=self._time.step)
+        # The shortest wave of the grid relaxes under a punch that moves, but has no slope along x.
+        return f"{said}, or more grid.points" if said and self._moves else said
 
     def _attraction(self, step: Step) -> float:
         """Energy of the interface per area."""
@@ -205,6 +200,19 @@ class EnergyBalance(Observable):
         self._tangential.extend(tuple(map(tuple, points)) for points in state["tangential"].tolist())
         if "field_time" in state:
             self._field = float(state["field_time"]), state["field_gap"]
+
+
+def unbalanced(
+    part: float, tolerance: float = 0.0, of_solver: float = 0.0, *, step: float = 0.0, section: str = "time."
+) -> str:
+    """Say that energies miss a part of the work, and the tolerance or the equal step that would close it."""
+    limit = _CLOSED if step else _TOLERANCES * (tolerance + of_solver)
+    if part <= limit:
+        return ""
+    # Of second order only if steps are short beside the ramps.
+    shorter = rounded_down((step or tolerance) * limit / part)
+    remedy = f"{section}{'step' if step else 'tolerance'} {shorter}"
+    return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
 
 
 _NAMES = "body", "counterbody"

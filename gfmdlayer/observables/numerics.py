@@ -85,6 +85,21 @@ class SeriesError(Observable):
         }
 
 
+# Numbers of a whole case, which `case.accuracy` finds at its end.
+ACCURACY_PREFIX = "accuracy_"
+ACCURACY = declared("""
+    accuracy_area | estimated error of the interpolated contact area, relative | 1 | where this is largest
+    accuracy_steps | tolerance of adaptive steps | 1 | of each step
+    accuracy_residual | largest residual of the contact problem | 1 | over the steps
+    accuracy_balance | largest residual of the energies over the largest work | 1 | over the steps
+    accuracy_contact_points | most points in contact | 1 | over the steps
+    accuracy_wave_points | points for the shortest wave of a rough surface | 1 | over the cell
+    accuracy_fit | error of the compliance of an isolated body | 1 | relative
+    accuracy_slope | largest slope of the punch | 1 | down to the largest depth
+    accuracy_strain | largest strain, about: mean pressure in contact over 2 G(t), or depth over the thickness
+      of all layers, whichever is less | 1 | over the steps
+    """)
+
 _ROUNDING = 1e-12  # of friction, where the body is elastic
 
 
