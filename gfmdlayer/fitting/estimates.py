@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -29,7 +29,7 @@ from gfmdlayer.fitting.force_curve import FORCE, CurveError, ForceCurve, noise_o
 from gfmdlayer.fitting.intervals import mixture
 from gfmdlayer.fitting.misfit import WITHIN, doubts, found_shapes
 from gfmdlayer.fitting.problem import FreeParameter, LeastSquares
-from gfmdlayer.fitting.result import CurveFit, Estimate, FitOptions, IndentationFit
+from gfmdlayer.fitting.result import ESTIMATORS, CurveFit, Estimate, FitOptions, IndentationFit
 
 BAND = 0.95  # confidence of all intervals
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
@@ -229,9 +229,9 @@ def _doubts(estimates: Sequence[Estimate], correlation: FloatArray, excess: floa
 # Up to the largest depth the force is a straight baseline before contact, and the baseline plus
 # c (d - d_0)^m after it: m = 3/2 for a sphere, 2 for a cone, 1 for a flat end. For a given contact point, the
 # baseline and c follow from a linear problem. The sum of squares is least at the true contact point, and
-# larger by the variance of the noise at one standard error from it. Only the rows up to `PART` of the largest
-# force count: deeper, a thin layer stiffens and a material relaxes. They end where the force, averaged over as
-# many rows as its noise needs, rises through this level for the last time.
+# larger by the variance of the noise at one standard error from it. Only the rows up to `PART` of the
+# largest force count: deeper, a thin layer stiffens and a material relaxes. They end where the force,
+# averaged over as many rows as its noise needs, rises through this level for the last time.
 
 PART = 0.25  # of the largest force
 BASELINE = 5  # rows before the contact, at least
@@ -257,6 +257,11 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
         least = 3 * noise_of(curve.force) + 0.01 * float(np.max(curve.force))
         row = max(int(np.argmax(curve.force > least)) - 1, 0)
         return ContactPoint(float(curve.depth[row]), noise_of(curve.depth), 0.0)
+    return _by_least_squares(curve, True, (exponent,))
+
+
+def _by_least_squares(curve: ForceCurve, tilted: bool, exponents: Sequence[float]) -> ContactPoint:
+    """Find the contact point of a baseline, constant or tilted, and powers of the depth below the point."""
     end = approach(curve)
     depth, force = curve.depth[:end], curve.force[:end]
     last = end - BASELINE
@@ -266,7 +271,7 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
             f"needs {BASELINE} rows before contact and {BASELINE} after it"
         )
     points = np.unique(np.linspace(depth[0], depth[last], CANDIDATES))
-    found = [_squares(point, depth, force, exponent) for point in points]
+    found = [_squares(point, depth, force, tilted, exponents) for point in points]
     squares = np.array([each[0] for each in found])
     best = int(np.argmin(squares))
     if np.count_nonzero(depth < points[best]) < BASELINE:
@@ -274,7 +279,7 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
             f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
             "rows before contact"
         )
-    allowed = squares[best] * (1 + 1 / (end - 4))
+    allowed = squares[best] * (1 + 1 / (end - 2 - tilted - len(exponents)))
     inside = points[squares <= allowed]
     error = max(float(np.ptp(inside)) / 2, float(points[1] - points[0]))
     return ContactPoint(float(points[best]), error, *found[best][1:])
@@ -309,17 +314,109 @@ def _averaged(force: FloatArray) -> FloatArray:
 
 
 def _squares(
-    point: float, depth: FloatArray, force: FloatArray, exponent: float
+    point: float, depth: FloatArray, force: FloatArray, tilted: bool, exponents: Sequence[float]
 ) -> tuple[float, float, float]:
     """Return the sum of squares for a contact point, and offset and slope of the baseline there."""
-    shape = np.maximum(depth - point, 0.0) ** exponent
-    span = max(float(np.ptp(depth)), 1e-300)
-    columns = np.stack(
-        [np.ones_like(shape), (depth - point) / span, shape / max(float(shape.max()), 1e-300)], axis=1
+    below, span = np.maximum(depth - point, 0.0), max(float(np.ptp(depth)), 1e-300)
+    shapes = [below**exponent for exponent in exponents]
+    line = [(depth - point) / span] if tilted else []
+    columns = [np.ones_like(depth), *line, *(each / max(float(each.max()), 1e-300) for each in shapes)]
+    matrix = np.stack(columns, axis=1)
+    solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
+    rest = force - matrix @ solution
+    return float(rest @ rest), float(solution[0]), float(solution[1]) / span if tilted else 0.0
+
+
+# What users do by hand before a fit, as nanite does it (`nanite.poc`): estimators of the contact point, the
+# baseline of the rows before it, weights and ranges relative to it.
+
+EARLY = 10  # rows of the approach over this: the baseline of `_deviating`
+FLAT = 0.05  # of the largest gradient of the force: no contact
+
+
+def contact_point(curve: ForceCurve, method: str) -> ContactPoint:
+    """Find the contact point of a curve by a method of `result.CONTACTS`; `detect` for given ones."""
+    match method:
+        case "deviation":
+            return _at_row(curve, _deviating(curve))
+        case "gradient":
+            return _at_row(curve, _rising(curve))
+        case "constant_line":
+            return _by_least_squares(curve, False, (1.0,))
+        case "constant_polynomial":
+            return _by_least_squares(curve, False, (1.0, 2.0, 3.0))
+        case "line_polynomial":
+            return _by_least_squares(curve, True, (2.0, 3.0))
+        case _:
+            return detect(curve)
+
+
+def _deviating(curve: ForceCurve) -> int:
+    """Return the last row that lies within twice the largest deviation of the baseline from its mean."""
+    force = curve.force[: int(np.argmax(curve.force)) + 1]
+    early = force[: max(force.size // EARLY, BASELINE)]
+    within = 2 * float(np.abs(early - early.mean()).max())
+    return int(np.flatnonzero(force - early.mean() <= within)[-1])
+
+
+def _rising(curve: ForceCurve) -> int:
+    """Return the last row of the approach where the gradient of the averaged force is flat."""
+    force = _averaged(curve.force)
+    end = int(np.argmax(force)) + 1
+    gradient = _averaged(np.gradient(force))[:end]
+    flat = np.flatnonzero(gradient[: int(np.argmax(gradient)) + 1] <= FLAT * float(gradient.max()))
+    return int(flat[-1]) if flat.size else 0
+
+
+def _at_row(curve: ForceCurve, row: int) -> ContactPoint:
+    if row < BASELINE:
+        raise CurveError(
+            f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
+            "rows before contact"
+        )
+    spacing = abs(float(curve.depth[row] - curve.depth[row - 1]))
+    return ContactPoint(float(curve.depth[row]), spacing, float(curve.force[:row].mean()))
+
+
+def prepared(curve: ForceCurve, options: FitOptions, settled: bool) -> ForceCurve:
+    """Return a curve without baseline, with weights, and with depths from a contact point that is `settled`.
+
+    What was done is in its origin.
+    """
+    estimated = options.contact in ESTIMATORS
+    relative = options.weight is not None or options.range is not None
+    if not (estimated or options.baseline != "none" or (relative and options.contact != "given")):
+        point = ContactPoint(0.0, 0.0, 0.0)  # as the depths are given
+        done: dict[str, Any] = {}
+    else:
+        point = contact_point(curve, options.contact)
+        done = {"contact": options.contact, "contact_point": point.depth}
+    depth, force = curve.depth, curve.force
+    if options.baseline != "none":
+        before = np.arange(force.size) < int(np.argmax(depth > point.depth))
+        position = curve.position_of_drive
+        line = np.polynomial.Polynomial.fit(position[before], force[before], int(options.baseline == "tilt"))
+        force = force - line(position)
+        done |= {"baseline": options.baseline, "coefficients": line.convert().coef.tolist()}
+    below, weights = depth - point.depth, np.ones(depth.size)
+    if options.weight is not None:
+        weights = np.clip(np.abs(below) / options.weight, 0.0, 1.0)
+        done |= {"weight": options.weight}
+    if options.range is not None:
+        low, high = options.range
+        weights[(below < low) | (below > high)] = 0.0
+        done |= {"range": list(options.range)}
+    if estimated and settled:
+        depth = below
+    if not done:
+        return curve
+    given = 1.0 if curve.weights is None else curve.weights
+    account = "; ".join(f"{key}: {value}" for key, value in done.items())
+    said = "; ".join(filter(None, (str(curve.origin.get("account", "")), account)))
+    origin = {**curve.origin, "prepared": done, "account": said}
+    return replace(
+        curve, depth=depth, force=force, weights=given * weights if relative else curve.weights, origin=origin
     )
-    offset, slope, size = np.linalg.lstsq(columns, force, rcond=None)[0]
-    rest = force - columns @ np.array([offset, slope, size])
-    return float(rest @ rest), float(offset), float(slope) / span
 
 
 def loss_derivatives(residuals: FloatArray, loss: str) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,9 @@
 """Curves as instruments and people bring them: open models, units, missing times, masks, tilted baselines."""
 
 import math
+import sys
 
+import h5py
 import numpy as np
 import pandas
 import pytest
@@ -225,8 +227,6 @@ def test_errors_are_in_the_units_of_the_values_as_tables_show_them():
 
 
 def test_a_flat_curve_of_a_map_is_left_out_and_named(tmp_path):
-    import h5py
-
     force = np.stack([hertz(DEPTH), np.zeros(DEPTH.size), hertz(DEPTH, 2 * E), hertz(DEPTH)])
     noise = 1e-12 * np.random.default_rng(1).standard_normal(force.shape)
     path = tmp_path / "map.h5"
@@ -262,6 +262,17 @@ def test_a_contact_point_is_found_in_noise_of_a_tenth_of_the_largest_force():
         noisy = 0.1 * hertz(DEPTH).max() * np.random.default_rng(seed).standard_normal(DEPTH.size)
         errors.append(detect(ForceCurve("a", TIME, DEPTH, hertz(DEPTH) + noisy, prescribed="depth")).depth)
     assert np.sqrt(np.mean(np.square(errors))) < 0.15 * DEPTH[-1]
+
+
+def test_hdf5_of_afmformats_asks_for_afmformats(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs["software"] = "afmformats"
+        file["0/force"] = hertz(DEPTH)
+    if "afmformats" not in sys.modules:
+        with pytest.raises(
+            ValueError, match=r"a.h5: is of afmformats; first run pip install 'gfmdlayer\[afm\]'"
+        ):
+            entries([tmp_path / "a.h5"])
 
 
 @pytest.mark.parametrize("heading", ["prescribed", "control"])
