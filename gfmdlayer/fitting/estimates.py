@@ -257,12 +257,11 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
         least = 3 * noise_of(curve.force) + 0.01 * float(np.max(curve.force))
         row = max(int(np.argmax(curve.force > least)) - 1, 0)
         return ContactPoint(float(curve.depth[row]), noise_of(curve.depth), 0.0)
-    return _by_least_squares(curve, True, (exponent,))
+    return _by_least_squares(curve, approach(curve), exponent, tilted=True)
 
 
-def _by_least_squares(curve: ForceCurve, tilted: bool, exponents: Sequence[float]) -> ContactPoint:
-    """Find the contact point of a baseline, constant or tilted, and powers of the depth below the point."""
-    end = approach(curve)
+def _by_least_squares(curve: ForceCurve, end: int, exponent: float, *, tilted: bool) -> ContactPoint:
+    """Find the contact point of a baseline, constant or tilted, and a power of the depth below the point."""
     depth, force = curve.depth[:end], curve.force[:end]
     last = end - BASELINE
     if last <= BASELINE:
@@ -271,7 +270,7 @@ def _by_least_squares(curve: ForceCurve, tilted: bool, exponents: Sequence[float
             f"needs {BASELINE} rows before contact and {BASELINE} after it"
         )
     points = np.unique(np.linspace(depth[0], depth[last], CANDIDATES))
-    found = [_squares(point, depth, force, tilted, exponents) for point in points]
+    found = [_squares(point, depth, force, exponent, tilted=tilted) for point in points]
     squares = np.array([each[0] for each in found])
     best = int(np.argmin(squares))
     if np.count_nonzero(depth < points[best]) < BASELINE:
@@ -279,7 +278,7 @@ def _by_least_squares(curve: ForceCurve, tilted: bool, exponents: Sequence[float
             f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
             "rows before contact"
         )
-    allowed = squares[best] * (1 + 1 / (end - 2 - tilted - len(exponents)))
+    allowed = squares[best] * (1 + 1 / (end - 3 - tilted))
     inside = points[squares <= allowed]
     error = max(float(np.ptp(inside)) / 2, float(points[1] - points[0]))
     return ContactPoint(float(points[best]), error, *found[best][1:])
@@ -309,21 +308,23 @@ def _averaged(force: FloatArray) -> FloatArray:
     """Return a force averaged over so many rows that four times its noise is below `PART` of its range."""
     rows = math.ceil((4 * noise_of(force) / max(PART * float(np.ptp(force)), 1e-300)) ** 2)
     rows = min(max(rows, 1), max(force.size // LONGEST, 1)) // 2 * 2 + 1
-    padded = np.pad(force, rows // 2, mode="edge")
-    return np.convolve(padded, np.full(rows, 1 / rows), mode="valid")
+    return _moving(force, rows)
+
+
+def _moving(values: FloatArray, rows: int) -> FloatArray:
+    """Return averages over an odd number of rows around each."""
+    return np.convolve(np.pad(values, rows // 2, mode="edge"), np.full(rows, 1 / rows), mode="valid")
 
 
 def _squares(
-    point: float, depth: FloatArray, force: FloatArray, tilted: bool, exponents: Sequence[float]
+    point: float, depth: FloatArray, force: FloatArray, exponent: float, *, tilted: bool
 ) -> tuple[float, float, float]:
     """Return the sum of squares for a contact point, and offset and slope of the baseline there."""
-    below, span = np.maximum(depth - point, 0.0), max(float(np.ptp(depth)), 1e-300)
-    shapes = [below**exponent for exponent in exponents]
+    shape, span = np.maximum(depth - point, 0.0) ** exponent, max(float(np.ptp(depth)), 1e-300)
     line = [(depth - point) / span] if tilted else []
-    columns = [np.ones_like(depth), *line, *(each / max(float(each.max()), 1e-300) for each in shapes)]
-    matrix = np.stack(columns, axis=1)
-    solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
-    rest = force - matrix @ solution
+    columns = np.stack([np.ones_like(shape), *line, shape / max(float(shape.max()), 1e-300)], axis=1)
+    solution = np.linalg.lstsq(columns, force, rcond=None)[0]
+    rest = force - columns @ solution
     return float(rest @ rest), float(solution[0]), float(solution[1]) / span if tilted else 0.0
 
 
@@ -331,41 +332,64 @@ def _squares(
 # baseline of the rows before it, weights and ranges relative to it.
 
 EARLY = 10  # rows of the approach over this: the baseline of `_deviating`
-FLAT = 0.05  # of the largest gradient of the force: no contact
+FLAT, AVERAGED = 0.01, 100  # of the largest gradient: no contact; rows over this are averaged
+FEWEST_AVERAGED, RESERVE = 5, 10  # rows
 
 
 def contact_point(curve: ForceCurve, method: str) -> ContactPoint:
     """Find the contact point of a curve by a method of `result.CONTACTS`; `detect` for given ones."""
+    end = int(np.argmax(curve.force)) + 1
     match method:
         case "deviation":
-            return _at_row(curve, _deviating(curve))
+            return _at_row(curve, _deviating(curve.force[:end]))
         case "gradient":
-            return _at_row(curve, _rising(curve))
+            return _at_row(curve, _rising(curve.force[:end]))
         case "constant_line":
-            return _by_least_squares(curve, False, (1.0,))
+            return _by_least_squares(curve, end, 1.0, tilted=False)
         case "constant_polynomial":
-            return _by_least_squares(curve, False, (1.0, 2.0, 3.0))
+            return _by_polynomial(curve, end, tilted=False)
         case "line_polynomial":
-            return _by_least_squares(curve, True, (2.0, 3.0))
+            return _by_polynomial(curve, end, tilted=True)
         case _:
             return detect(curve)
 
 
-def _deviating(curve: ForceCurve) -> int:
-    """Return the last row that lies within twice the largest deviation of the baseline from its mean."""
-    force = curve.force[: int(np.argmax(curve.force)) + 1]
+def _deviating(force: FloatArray) -> int:
+    """Return the first row beyond twice the largest deviation of the baseline from its mean."""
     early = force[: max(force.size // EARLY, BASELINE)]
-    within = 2 * float(np.abs(early - early.mean()).max())
-    return int(np.flatnonzero(force - early.mean() <= within)[-1])
+    return int(np.argmax(force - early.mean() > 2 * float(np.abs(early - early.mean()).max())))
 
 
-def _rising(curve: ForceCurve) -> int:
-    """Return the last row of the approach where the gradient of the averaged force is flat."""
-    force = _averaged(curve.force)
-    end = int(np.argmax(force)) + 1
-    gradient = _averaged(np.gradient(force))[:end]
-    flat = np.flatnonzero(gradient[: int(np.argmax(gradient)) + 1] <= FLAT * float(gradient.max()))
-    return int(flat[-1]) if flat.size else 0
+def _rising(force: FloatArray) -> int:
+    """Return the last row at which the averaged gradient is flat, shifted as by one-sided averages."""
+    rows = max(FEWEST_AVERAGED, force.size // AVERAGED) // 2 * 2 + 1
+    gradient = _moving(np.gradient(_moving(force, rows))[: -RESERVE - 1], rows)
+    flat = np.flatnonzero(gradient <= FLAT * float(gradient.max(initial=0.0)))
+    return min(int(flat[-1]) + 1 + rows, force.size - 1) if flat.size else 0
+
+
+def _by_polynomial(curve: ForceCurve, end: int, *, tilted: bool) -> ContactPoint:
+    """Fit a constant or a line, and beyond the contact point x^3/(a x^2 + b x + c) too."""
+    depth, force = curve.depth[:end], curve.force[:end]
+    spans = float(np.ptp(depth)) or 1.0, float(np.ptp(force)) or 1.0
+    x, y = (depth - depth[0]) / spans[0], (force - force.min()) / spans[1]
+
+    def residuals(p: FloatArray) -> FloatArray:
+        below = np.maximum(x - p[0], 0.0)
+        a, b, c = np.exp(p[3:])
+        line = p[1] + (p[2] * (x - p[0]) if tilted else 0.0)
+        return np.asarray(line + below**3 / (a * below**2 + b * below + c) - y)
+
+    first = float(x[int(np.argmin(y - x))])  # farthest below the straight line between both ends
+    start = np.array([first, y[: max(end // EARLY, 1)].mean(), 0.0, *np.log([1 - first + 1e-3, 0.1, 0.01])])
+    low, high = np.array([-0.5, -2, -9, -20, -20, -20.0]), np.array([1.5, 2, 9, 9, 9, 9.0])
+    found = least_squares(
+        residuals, np.clip(start, low + 1e-6, high - 1e-6), bounds=(low, high), x_scale="jac"
+    ).x
+    point = float(depth[0] + found[0] * spans[0])
+    _at_row(curve, int(np.count_nonzero(depth < point)))
+    slope = float(found[2]) * spans[1] / spans[0] if tilted else 0.0
+    return ContactPoint(point, spans[0] / end, float(force.min() + found[1] * spans[1]), slope)
 
 
 def _at_row(curve: ForceCurve, row: int) -> ContactPoint:

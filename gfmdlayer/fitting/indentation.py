@@ -142,9 +142,10 @@ def fit_indentation(
     >>> print(f"{fit['G0'].value:.2f}")
     7.00
     """
+    between = None if range is None else (float(range[0]), float(range[1]))
     options = FitOptions(
         loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion,
-        sensitivity, sampling, baseline, weight, None if range is None else (float(range[0]), float(range[1])),
+        sensitivity, sampling, baseline, weight, between,
     )  # fmt: skip
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
