@@ -287,7 +287,7 @@ def test_a_column_of_text_names_the_prescribed_quantity(tmp_path, heading):
     assert found == ["depth"] * 200 + ["force"] * 200
 
 
-# Errors of the estimators beside the indentation in 1 % of noise: nanite's have the root mean squares .08, .03,
+# Errors of the estimators beside the indentation in 1 % of noise: nanite's have root mean squares of .08, .03,
 # .07, .03 and .03 on other curves (relaxing ones), and these are not more than twice the worst.
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_a_contact_point_by_hand_is_settled_and_recorded(method):
