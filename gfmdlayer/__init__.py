@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from gfmdlayer.case.case import Case
     from gfmdlayer.case.model import ConvergenceError, simulate
     from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.convergence.converge import converge
     from gfmdlayer.fitting.design import design_indentation
     from gfmdlayer.fitting.force_curve import ForceCurve
     from gfmdlayer.fitting.indentation import fit_indentation
@@ -56,7 +57,7 @@ __all__ = [
     "FlatPunch", "ForceCurve", "FractionalZener", "HavriliakNegami", "Kohlrausch", "Lattice", "Layer",
     "LayerStack", "LayeredHalfspace", "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid",
     "RadialProfile", "SelfAffine", "Sinusoid", "Solid", "Spectrum", "Sphere", "Tabulated",
-    "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "design_indentation",
+    "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer", "converge", "design_indentation",
     "fit_indentation", "halfspace",
     "indent", "inside", "leakage", "load", "open_case", "open_results", "relaxation_spectrum", "run",
     "simulate", "solve",
@@ -64,6 +65,7 @@ __all__ = [
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
+    "gfmdlayer.convergence.converge": ("converge",),
     "gfmdlayer.fitting.force_curve": ("ForceCurve",),
     "gfmdlayer.fitting.design": ("design_indentation",),
     "gfmdlayer.fitting.indentation": ("fit_indentation",),

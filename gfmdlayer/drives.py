@@ -226,12 +226,23 @@ class Drives:
     def landings(self) -> Sequence[Instant]:
         """Times on which the steps land, with the length of fixed steps to each of them."""
         time, snapshots = self.config.time, self.config.output.snapshot_times
+        if time.at_once:
+            return (self._steady,)
         if isinstance(time.step, str):
             times = (*self.output_times, *self._resolving_slip())
             return time_points.stops(time.end, snapshots, self.breakpoints, times)
         equal = time.integrator == "backward_euler"
         fixed = time_points.equal_stops if equal else time_points.landing_stops
         return fixed(time.end, time.step, snapshots, self.breakpoints)
+
+    @cached_property
+    def _steady(self) -> Instant:
+        """The step of the steady state at the end, in which the material moves by a spacing of the grid."""
+        config = self.config
+        assert self.velocity is not None
+        spacing = config.grid.period[0] / config.grid.points[0]
+        step = spacing / abs(self.velocity(config.time.end))
+        return Instant(config.time.end, step, snapshot=True, breakpoint=True)
 
     def _resolving_slip(self) -> Iterator[float]:
         """Yield times on which adaptive steps land where surfaces slip, as tractions depend on the path.
@@ -267,6 +278,8 @@ class Drives:
     def fixed_steps(self) -> time_points.FixedSteps:
         """Return fixed steps: backward Euler takes equal ones, other schemes land on breakpoints."""
         time, snapshots = self.config.time, self.config.output.snapshot_times
+        if time.at_once:
+            return time_points.FixedSteps(self.landings, self.landings, self._steady.step)
         assert not isinstance(time.step, str)
         equal = time.integrator == "backward_euler"
         steps = time_points.equal_steps if equal else time_points.landing_steps

@@ -17,7 +17,7 @@ ORDER = (
     "arrays", "resumable", "made_once", "files", "kernels", "validation", "body", "grid", "punch",
     "time_functions", "interface", "step", "contact", "friction", "history", "transport", "config", "drives",
     "observables", "results", "figures", "case", "indentation",
-    "study", "fitting", "nanite", "interactive", "verification", "cli", "__main__", "__init__",
+    "study", "fitting", "nanite", "interactive", "convergence", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
 

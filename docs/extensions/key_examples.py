@@ -182,6 +182,17 @@ trajectory:
 interface: {law: coulomb, coefficient: 0.4}
 trajectory: {velocity: 0.1, creepage: 0.005}
 time: {step: 0.0005, end: 0.5}""",
+    "Creepages": """\
+grid: {points: [64, 64]}
+interface: {law: coulomb, coefficient: 0.4}
+trajectory: {control: load, load: 0.02, velocity: 0.1, creepage: {x: 0.005, y: 0.001, spin: 0.1}}
+time: {steady: at_once}
+---
+grid: {points: [64, 64]}
+interface: {law: coulomb, coefficient: 0.4}
+trajectory: {control: load, load: 0.02, velocity: 0.1, creepage: {spin: 0.1},
+  tangential: {control: force, force: 0.002}}
+time: {steady: at_once}""",
     "Insulator": """\
 units: {length: m, stress: Pa, time: s}
 interface: {law: electrostatic, voltage: 600.0, insulation: [{thickness: 1.0e-5, permittivity: 3.0}]}""",
@@ -204,7 +215,11 @@ time: {end: 0.5, step: adaptive}""",
 time: {end: 20.0, step: adaptive, integrator: exponential, tolerance: 1.0e-4}
 ---
 trajectory: {velocity: 0.1}
-time: {end: 400.0, step: adaptive, steady: 1.0e-3}""",
+time: {end: 400.0, step: adaptive, steady: 1.0e-3}
+---
+interface: {law: coulomb, coefficient: 0.4}
+trajectory: {control: load, load: 0.02, velocity: 0.1, creepage: 0.005}
+time: {steady: at_once}""",
     "SolverKeys": """\
 solver: {method: fire, inertia: uniform, tolerance: 1.0e-6, max_iterations: 100000}""",
     "Output": """\

@@ -96,7 +96,7 @@ def _of_file(value: Any) -> Solid:
     if isinstance(value, _OfFile):
         return value  # type: ignore[return-value]
     try:
-        path = BodyFile.model_validate({"file": value["file"]}).file
+        path = BodyFile.model_validate({"file": value["file"]} if "file" in value else {}).file
     except ValidationError as error:
         problems = [replace(problem, chooses=True) for problem in explained(error, BodyFile, ())]
         raise InconsistentError(problems) from None

@@ -27,12 +27,18 @@ the modes' left singular vectors X, and e_0, f_0 of the relaxed stack,
     strains  e = e_0 u + sum_k e_k y_k,       e_k = f_k/w^2 - c X_k/w
 
 and the spring of the free uppermost layer has the strain u and the force free (G0 u + sum_k G_k y_k).
+
+Under shear traction the surface keeps both of its displacements: the uppermost layer has the springs of the
+others, a halfspace those of one below layers, and (W, U) and the vectors of the modes take the place of u and
+of their roots of weights. Across the wave u_t = i V, s_tz = i Z, s_nt, and in units of q G
+
+    V = psi,       Z = psi',       s_nt = -psi.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -42,7 +48,16 @@ from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.network import Network, mode_vectors
-from gfmdlayer.body.stack import members_of, stiffness
+from gfmdlayer.body.relaxation import distinct_branches
+from gfmdlayer.body.stack import (
+    feels_only_the_top,
+    members_of,
+    mode_numbers,
+    stiffness,
+    traction_network,
+    traction_networks,
+    traction_springs,
+)
 
 # x = q d from which the free surface layer is a halfspace: the difference is below x exp(-2 x).
 _DEEP = 40.0
@@ -77,9 +92,9 @@ class StackFields:
     """
 
     def __init__(self, body: Layers, q: FloatArray) -> None:
-        self.body, self.q, self._positive = body, q, np.where(q > 0, q, 1.0)
+        self.body, self.q, positive = body, q, np.where(q > 0, q, 1.0)
         self.tops = np.concatenate(([0.0], np.cumsum([layer.thickness for layer in body.present])))
-        members, free = members_of(body, self._positive)
+        members, free = members_of(body, positive)
         counts = [of.springs.stiffness.shape[1] for of in members]
         self.layer: IntArray = np.repeat(np.arange(len(counts) + 1), [1, *counts]) - 1
         self.layer[0] = 0
@@ -142,18 +157,134 @@ class StackFields:
     def transfer(self, depth: FloatArray, number: int) -> FloatArray:
         """Return the fields at a depth, in the layer of this number, for each of its springs."""
         # W and U for a strain of one, s_zz, S, s_nn and s_tt for a force of one: (6, springs, nq).
-        layer, own = self.body.present[number], np.flatnonzero(self.layer == number)
-        z, x = self._positive * (depth - self.tops[number]), self._positive * layer.thickness
-        form = _uppermost if not number else _below if math.isinf(layer.thickness) else _between
-        of_springs = []
-        for i in range(own.size):
-            a = np.zeros((own.size, self.q.size))
-            a[i] = 1.0
-            stiffness = self.stiffness[own]
-            fields = form(layer.poisson, z, x, a, stiffness * a)
-            fields[2:] /= stiffness[i]
-            of_springs.append(fields)
-        return np.stack(of_springs, axis=1)
+        infinite = math.isinf(self.body.present[number].thickness)
+        form = _uppermost if not number else _below if infinite else _between
+        return _of_each_spring(self, form, depth, number, 2)
+
+
+class TractionFields:
+    """The fields of a stack under tractions at wavenumbers q >= 0, of the strains and forces of its springs.
+
+    In the plane of the wave the surface moves by (W, U) under (p, T), and each layer has four springs between
+    its faces; across it by V under S, with three springs. A halfspace has two, and one. At q = 0 the springs
+    of a layer on a rigid base from `firsts` on are the layer itself, one for each displacement.
+    """
+
+    def __init__(self, body: Layers, q: FloatArray, *, in_plane: bool) -> None:
+        self.body, self.q, self.in_plane, self.ways = body, q, in_plane, 2 if in_plane else 1
+        self.tops = np.concatenate(([0.0], np.cumsum([layer.thickness for layer in body.present])))
+        positive = np.where(q > 0, q, 1.0)
+        of = [
+            traction_springs(positive * layer.thickness, layer.poisson, in_plane=in_plane)
+            for layer in body.present
+        ]
+        counts = [each.stiffness.shape[1] for each in of]
+        self.layer: IntArray = np.repeat(np.arange(len(counts)), counts)
+        self.firsts: IntArray = np.cumsum([0, *counts])[:-1]
+        self._uppermost = of[0]
+        self.stiffness = np.vstack([each.stiffness.T for each in of])  # for a modulus of one, over q
+
+    @cached_property
+    def _relaxed(self) -> Network:
+        relaxed = self.body.with_series([Elastic(law.relaxed) for law in self.body.laws], 0.0)
+        return traction_network(relaxed, self.q, in_plane=self.in_plane)
+
+    @cached_property
+    def relaxed(self) -> tuple[FloatArray, FloatArray]:
+        """Strains and forces of all springs, (ways, springs, nq), for a relaxed surface that moves by one."""
+        of = self._relaxed
+        forces, w = np.einsum("qrs,qrw->wsq", of.projection, of.force), of.stiffness.T
+        return forces / w, forces * w
+
+    @cached_property
+    def compliance(self) -> FloatArray:
+        """Displacements of the relaxed surface per traction, (nq, ways, ways); of a fixed mean zero."""
+        of = self._relaxed
+        K = np.swapaxes(of.force, 1, 2) @ of.force
+        size = np.sqrt(np.einsum("qww->qw", K))  # the entries may differ by any factor
+        free = size > 0
+        scale = np.where(free, size, 1.0)
+        scales, both = (each[:, :, np.newaxis] * each[:, np.newaxis] for each in (scale, free))
+        whole = K / scales + np.eye(self.ways) * ~free[:, np.newaxis]
+        return np.asarray(np.where(both, np.linalg.inv(whole) / scales, 0.0))
+
+    @cached_property
+    def loaded(self) -> FloatArray:
+        """Forces of all springs for a traction of one, (ways, springs, nq), of layers that relax alike."""
+        return np.asarray(np.einsum("vsq,qvw->wsq", self.relaxed[1], self.compliance))
+
+    @cached_property
+    def memory(self) -> tuple[FloatArray, FloatArray]:
+        """Strains and forces of all springs, (nq, springs, modes), for a stretch of one of each mode."""
+        # In a deep layer the motion of the surface is that of springs whose other face rests.
+        numbers = mode_numbers(self.body, self.q, in_plane=self.in_plane)
+        strains, forces = np.zeros((2, self.q.size, self.layer.size, numbers.size))
+        for some, of in traction_networks(self.body, self.q, in_plane=self.in_plane):
+            size = of.times.size
+            kept = numbers[numbers < size]
+            for k, i in enumerate(some if size else ()):
+                vectors, _ = mode_vectors(of.coupling[k], of.times)
+                X, w = vectors[:size, kept], of.stiffness[k][:, np.newaxis]
+                if not self.in_plane:  # the modes across have weights, roots of which are positive
+                    X = X * np.where(of.force[k][:, 0] @ vectors[size:, kept] < 0, -1.0, 1.0)
+                force = of.projection[k].T @ (of.coupling[k] @ X)
+                stretched = np.zeros(force.shape)
+                np.add.at(stretched, of.spring, of.roots[:, np.newaxis] * X)
+                strains[i, :, : kept.size], forces[i, :, : kept.size] = (force - stretched) / w, force * w
+        top, deep = self.body.present[0], np.flatnonzero(feels_only_the_top(self.body, self.q))
+        halfspace = traction_springs(np.array([math.inf]), top.poisson, in_plane=self.in_plane)
+        moduli, _ = distinct_branches(top.series)
+        own = self._uppermost.strains[deep, :, : self.ways] @ np.linalg.inv(halfspace.strains[0])
+        own = own * self._uppermost.stiffness[deep][:, :, np.newaxis] / np.sqrt(halfspace.stiffness[0])
+        per_mode = np.sqrt(moduli)[:, np.newaxis] * own[:, :, np.newaxis]
+        per_mode = np.sqrt(self.q[deep])[:, np.newaxis, np.newaxis] * per_mode.reshape(
+            *own.shape[:2], moduli.size * self.ways
+        )
+        kept = numbers[numbers < per_mode.shape[2]]
+        forces[deep, : own.shape[1], : kept.size] = per_mode[:, :, kept]
+        return strains, forces
+
+    def transfer(self, depth: float, number: int) -> FloatArray:
+        """Return the fields at a depth, in the layer of this number, for each of its springs."""
+        # In the plane as `StackFields.transfer`; across V for a strain of one, Z and s_nt for a force of one:
+        # (3, springs, nq).
+        infinite = math.isinf(self.body.present[number].thickness)
+        form = (_below if infinite else _between) if self.in_plane else _across
+        return _of_each_spring(self, form, depth, number, self.ways)
+
+
+def _of_each_spring(
+    of: StackFields | TractionFields,
+    form: Callable[..., FloatArray],
+    depth: float | FloatArray,
+    number: int,
+    displacements: int,
+) -> FloatArray:
+    """Return the fields of a form, of which the first are displacements, for each spring of a layer."""
+    layer, own = of.body.present[number], np.flatnonzero(of.layer == number)
+    positive = np.where(of.q > 0, of.q, 1.0)
+    z, x = positive * (depth - of.tops[number]), positive * layer.thickness
+    of_springs = []
+    for i in range(own.size):
+        a = np.zeros((own.size, of.q.size))
+        a[i] = 1.0
+        stiffness = of.stiffness[own]
+        fields = form(layer.poisson, z, x, a, stiffness * a)
+        fields[displacements:] /= stiffness[i]
+        of_springs.append(fields)
+    return np.stack(of_springs, axis=1)
+
+
+def _across(_nu: float, z: FloatArray, x: FloatArray, a: FloatArray, _b: FloatArray) -> FloatArray:
+    """V, Z and s_nt in a layer, or in a halfspace, of springs across the wave."""
+    if np.isinf(x).all():
+        V = a[0] * np.exp(-z)
+        return np.stack((V, -V, -V))
+    c, s = _hyperbolic(z - x / 2, x / 2)
+    T = np.tanh(x / 2)
+    mean, difference = (a[1] + a[2]) / 2, -a[0] / (2 * T)
+    V, Z = mean * c + difference * s, mean * s + difference * c
+    return np.stack((V, Z, -V))
 
 
 def _waves(

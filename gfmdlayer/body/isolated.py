@@ -134,7 +134,7 @@ def isolated(body: Body, period: tuple[float, ...], datum: float | None = None) 
 
 
 def _isolated(body: Body, period: tuple[float, ...], datum: float | None) -> IsolatedBody:
-    _refuse(body, period, datum)
+    refuse(body, period, datum)
     fits = []
     for reach in REACHES:
         fits.append(_fit(body, period, datum, reach))
@@ -167,7 +167,7 @@ def _instead(body: Body, period: tuple[float, ...], datum: float | None, width: 
     return ""
 
 
-def _refuse(body: Body, period: tuple[float, ...], datum: float | None) -> None:
+def refuse(body: Body, period: tuple[float, ...], datum: float | None) -> None:
     """Raise ValueError for a body without an isolated state, or one that depends on the direction."""
     q = np.array([_LONGEST, 100 * _LONGEST]) / max(period)
     long = 1 / body.stiffness(q, 0.0)
@@ -188,6 +188,40 @@ def _refuse(body: Body, period: tuple[float, ...], datum: float | None) -> None:
             )
 
 
+@dataclass(frozen=True)
+class LowPass:
+    """A smooth low pass of waves: what it leaves out has no response at a distance and beyond."""
+
+    distance: float
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Return the part of waves that passes."""
+        from scipy.special import erfc
+
+        return np.asarray(0.5 * erfc(_SMOOTH * (q / (self.last / 2) - 1)))
+
+    @property
+    def last(self) -> float:
+        """Wavenumber beyond which nothing passes."""
+        return 2 * (2 * _SMOOTH**2 / self.distance)
+
+    def rule(
+        self, period: float, largest: float, datum: float | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return nodes q > 0 and weights for integrals of the waves that pass, up to the largest distance.
+
+        With a datum they also serve the low pass for that distance, of q datum/distance.
+        """
+        edges = [*np.geomspace(_LONGEST / period, self.last, 40), *np.arange(0, self.last, 5 / largest)]
+        if datum is not None:
+            far = self.last * self.distance / datum
+            edges += [*np.geomspace(_LONGEST / datum, far, 40), *np.arange(0, far, 5 / datum)]
+        cuts = np.unique([0.0, *edges])[:, np.newaxis]
+        half = np.diff(cuts, axis=0) / 2
+        nodes, shares = np.polynomial.legendre.leggauss(_ORDER)
+        return (half * (nodes + 1) + cuts[:-1]).ravel(), (half * shares).ravel()
+
+
 class _CellNodes(NamedTuple):
     """Of the response: points within reach, and its transforms there."""
 
@@ -201,38 +235,25 @@ class _CellNodes(NamedTuple):
 
 
 def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _CellNodes:
-    from scipy.special import erfc, j0
+    from scipy.special import j0
 
     axes, shortest = len(period), min(period)
     square, lengths = axes == 2 and period[0] == period[1], (*period, shortest)[:2]
-    image = (1 - reach) * shortest  # distance of the nearest one from a point within reach
-    cut = 2 * _SMOOTH**2 / image
-
-    def low_pass(q: FloatArray) -> FloatArray:
-        return np.asarray(0.5 * erfc(_SMOOTH * (q / cut - 1)))
-
+    passed = LowPass((1 - reach) * shortest)  # the nearest image is so far from a point within reach
     side = reach * np.sin(math.pi / 2 * (np.arange(_POINTS) + 0.5) / _POINTS)
     x, y = (np.ravel(each) for each in np.meshgrid(side, side if axes == 2 else 0.0, indexing="ij"))
     some = (np.hypot(x, y) <= reach) & ((x >= y) | (not square))
     x, y = x[some] * lengths[0], y[some] * lengths[1]
 
-    last = 2 * cut
-    edges = [*np.geomspace(_LONGEST / shortest, last, 40), *np.arange(0, last, 5 / (reach * max(period)))]
-    if datum is not None:
-        far = last * image / datum
-        edges += [*np.geomspace(_LONGEST / datum, far, 40), *np.arange(0, far, 5 / datum)]
-    cuts = np.unique([0.0, *edges])[:, np.newaxis]
-    half = np.diff(cuts, axis=0) / 2
-    nodes, shares = np.polynomial.legendre.leggauss(_ORDER)
-    q, weights = (half * (nodes + 1) + cuts[:-1]).ravel(), (half * shares).ravel()
+    q, weights = passed.rule(shortest, reach * max(period), datum)
     if axes == 2:
-        integral = j0(np.outer(np.hypot(x, y), q)) * (weights * low_pass(q) * q / (2 * math.pi))
+        integral = j0(np.outer(np.hypot(x, y), q)) * (weights * passed(q) * q / (2 * math.pi))
     else:
-        integral = np.cos(np.outer(x, q)) * (weights * low_pass(q) / math.pi)
+        integral = np.cos(np.outer(x, q)) * (weights * passed(q) / math.pi)
         if datum is not None:
-            integral -= np.cos(datum * q) * (weights * low_pass(q * datum / image) / math.pi)
+            integral -= np.cos(datum * q) * (weights * passed(q * datum / passed.distance) / math.pi)
 
-    most = [max(int(last * each / (2 * math.pi)), _LOWEST[axes]) for each in period] + [0] * (2 - axes)
+    most = [max(int(passed.last * each / (2 * math.pi)), _LOWEST[axes]) for each in period] + [0] * (2 - axes)
     nx, ny = (np.ravel(n) for n in np.meshgrid(*(np.arange(n + 1) for n in most), indexing="ij"))
     qx, qy = 2 * math.pi * nx / lengths[0], 2 * math.pi * ny / lengths[1]
     waves, alike = np.hypot(qx, qy), np.where(nx > 0, 2, 1) * np.where(ny > 0, 2, 1)
@@ -244,9 +265,9 @@ def _nodes(period: tuple[float, ...], datum: float | None, reach: float) -> _Cel
     np.add.at(lowest, of.ravel(), cosines[:, low].T)
     number = np.full((_LOWEST[axes] + 1,) * 2, -1, dtype=np.intp)
     number[nx[low], ny[low]] = of.ravel()
-    felt = (waves > 0) & ((waves <= last) | low)
-    passed = cosines * (low_pass(waves) - low)
-    return _CellNodes(q, integral, waves[felt], passed[:, felt], waves[low][first], lowest.T, number)
+    felt = (waves > 0) & ((waves <= passed.last) | low)
+    others = cosines * (passed(waves) - low)
+    return _CellNodes(q, integral, waves[felt], others[:, felt], waves[low][first], lowest.T, number)
 
 
 def _fit(body: Body, period: tuple[float, ...], datum: float | None, reach: float) -> IsolatedBody:

@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from gfmdlayer.body.wavevectors import Wavevectors
     from gfmdlayer.validation.units import Units
 
-# Width of an isolated contact on a grid, at most, over the period (`body.isolated`).
-WIDEST = 0.42
+# Width of an isolated contact, at most, over the period of its cell (`body.isolated`); with friction that
+# along each axis (`friction.isolated`).
+WIDEST, HALF = 0.42, 0.5
 
 Relaxation = tuple[float, tuple[tuple[float, float], ...]]  # relaxed modulus, and (G_k, tau_k) of branches
 

@@ -9,14 +9,15 @@ moduli. Its relaxing modes belong to a network of springs and dashpots (`network
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
+from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.arrays import FloatArray, IntArray
+from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
 from gfmdlayer.body.layer import Layer
 from gfmdlayer.body.network import (
     InternalVariables,
@@ -157,7 +158,7 @@ def traction_spectrum(body: Bonded, waves: Wavevectors | ArrayLike) -> TractionS
     """
     q = np.asarray(waves, dtype=float)
     different, where = np.unique(q, return_inverse=True)
-    plane, across = _traction_spectrum(body, different.tobytes())
+    plane, across = (modes.spectrum for modes in _traction_spectrum(body, different.tobytes()))
     at = where.reshape(q.shape)
     return TractionSpectrum(
         VectorSpectrum(plane.relaxed[at], plane.vectors[:, at], plane.times[:, at]),
@@ -197,21 +198,27 @@ def _coupled(body: Bonded, q: FloatArray) -> tuple[Network, IntArray]:
     return Network(free, force, projection, springs, *of_elements), numbers
 
 
-def _traction_network(body: Bonded, q: FloatArray, *, in_plane: bool) -> Network:
+def traction_springs(x: FloatArray, poisson: float, *, in_plane: bool) -> Springs:
+    """Springs of a layer, x = q d > 0, over (W, U), or V, of its faces, or of its surface at x = inf."""
+    if np.isinf(x).all():
+        if in_plane:
+            return halfspace_springs(x.size, poisson)
+        return Springs(np.ones((x.size, 1, 1)), np.ones((x.size, 1)))
+    return layer_springs(x, poisson) if in_plane else shear_springs(x)
+
+
+def traction_network(body: Bonded, q: FloatArray, *, in_plane: bool) -> Network:
     """Return the network in which the surface moves by (W, U), or across the wave by V."""
     members, ways = [], 2 if in_plane else 1
     positive = np.where(q > 0, q, 1.0)
     for i, layer in enumerate(body.present):
-        if math.isinf(layer.thickness):
-            springs = _deep_springs(layer, q.size, in_plane=in_plane)
-        else:
-            x = positive * layer.thickness
-            springs = layer_springs(x, layer.poisson) if in_plane else shear_springs(x)
+        springs = traction_springs(positive * layer.thickness, layer.poisson, in_plane=in_plane)
         sheared = layer.thickness if body.rigid else 0.0
         uniform = (confined_compliance(body, layer), sheared) if in_plane else (sheared,)
         members.append(Member(springs, layer.series, ways * i, uniform))
     moving = sum(math.isfinite(layer.thickness) for layer in body.present) + (not body.rigid)
-    return assemble(members, np.zeros(q.size), q, ways * moving, surface=ways, interface=ways)
+    network = assemble(members, np.zeros(q.size), q, ways * moving, surface=ways, interface=ways)
+    return network if in_plane else replace(network, force=network.force[..., np.newaxis])
 
 
 def members_of(body: Bonded, q: FloatArray) -> tuple[list[Member], FloatArray]:
@@ -276,30 +283,55 @@ def _spectrum(body: Bonded, wavenumbers: bytes) -> Spectrum:
 _DEEP = 24.0
 
 
+def feels_only_the_top(body: Bonded, q: FloatArray) -> BoolArray:
+    """Whether tractions at these wavenumbers feel the uppermost layer as a halfspace."""
+    top = body.present[0]
+    return np.ones(q.size, dtype=bool) if math.isinf(top.thickness) else q * top.thickness > _DEEP
+
+
+def traction_networks(
+    body: Bonded, q: FloatArray, *, in_plane: bool
+) -> Iterator[tuple[NDArray[np.intp], Network]]:
+    """Yield the networks of the other waves with their numbers, some waves at a time."""
+    shallow = np.flatnonzero(~feels_only_the_top(body, q))
+    for start in range(0, shallow.size, _CHUNK):
+        some = shallow[start : start + _CHUNK]
+        yield some, traction_network(body, q[some], in_plane=in_plane)
+
+
+class NumberedModes(NamedTuple):
+    """The modes of a network at all wavenumbers, fastest first, and their numbers there."""
+
+    spectrum: VectorSpectrum
+    numbers: NDArray[np.intp]  # of the modes that are not negligible at all wavenumbers
+
+
 @lru_cache(maxsize=4)
-def _traction_spectrum(body: Bonded, wavenumbers: bytes) -> tuple[VectorSpectrum, VectorSpectrum]:
+def _traction_spectrum(body: Bonded, wavenumbers: bytes) -> tuple[NumberedModes, NumberedModes]:
     """Return the modes over (W, U) and over V at different wavenumbers."""
     q = np.frombuffer(wavenumbers)
     return _traction_modes(body, q, in_plane=True), _traction_modes(body, q, in_plane=False)
 
 
-def _traction_modes(body: Bonded, q: FloatArray, *, in_plane: bool) -> VectorSpectrum:
+def mode_numbers(body: Bonded, q: FloatArray, *, in_plane: bool) -> NDArray[np.intp]:
+    """Return the numbers in the network of the modes of `traction_spectrum` at different wavenumbers."""
+    return _traction_spectrum(body, q.tobytes())[0 if in_plane else 1].numbers
+
+
+def _traction_modes(body: Bonded, q: FloatArray, *, in_plane: bool) -> NumberedModes:
     """Join the modes of the network with those of waves that only the uppermost layer feels."""
+    # On a deep layer each branch has a mode for each spring of a halfspace, in this order.
     top, ways = body.present[0], 2 if in_plane else 1
-    deep = np.ones(q.size, dtype=bool) if math.isinf(top.thickness) else q * top.thickness > _DEEP
-    springs = _deep_springs(top, 1, in_plane=in_plane)
+    deep = feels_only_the_top(body, q)
+    springs = traction_springs(np.array([math.inf]), top.poisson, in_plane=in_plane)
     rows = np.sqrt(springs.stiffness[0])[:, np.newaxis] * springs.strains[0]
     moduli, times = distinct_branches(top.series)
     relaxed = np.multiply.outer(q * top.series.relaxed, rows.T @ rows)
     own = np.sqrt(np.multiply.outer(moduli, q[deep]))[:, np.newaxis, :, np.newaxis] * rows[:, np.newaxis]
     own_times = np.repeat(times, ways)[:, np.newaxis]
     parts = [(np.flatnonzero(deep), own.reshape(own_times.size, np.count_nonzero(deep), ways), own_times)]
-    shallow = np.flatnonzero(~deep)
-    for start in range(0, shallow.size, _CHUNK):
-        some = shallow[start : start + _CHUNK]
-        network = _traction_network(body, q[some], in_plane=in_plane)
-        force = network.force if in_plane else network.force[..., np.newaxis]
-        modes = vector_spectrum(force, network.coupling, network.times)
+    for some, network in traction_networks(body, q, in_plane=in_plane):
+        modes = vector_spectrum(network.force, network.coupling, network.times)
         relaxed[some] = modes.relaxed
         parts.append((some, modes.vectors, modes.times))
     count = max(len(of_waves) for _, of_waves, _ in parts)
@@ -308,11 +340,4 @@ def _traction_modes(body: Bonded, q: FloatArray, *, in_plane: bool) -> VectorSpe
         vectors[: len(of_waves), at], all_times[: len(of_waves), at] = of_waves, of_modes
     limit = NEGLIGIBLE * np.trace(relaxed, axis1=1, axis2=2)
     felt = ((vectors**2).sum(axis=2) > limit).any(axis=1)
-    return VectorSpectrum(relaxed, vectors[felt], all_times[felt])
-
-
-def _deep_springs(layer: Layer, count: int, *, in_plane: bool) -> Springs:
-    """Springs of a halfspace over (W, U) of its surface, or over V."""
-    if in_plane:
-        return halfspace_springs(count, layer.poisson)
-    return Springs(np.ones((count, 1, 1)), np.ones((count, 1)))
+    return NumberedModes(VectorSpectrum(relaxed, vectors[felt], all_times[felt]), np.flatnonzero(felt))

@@ -56,7 +56,7 @@ from gfmdlayer.history.adaptive_steps import (
 )
 from gfmdlayer.history.errors import ERROR_STATE, ErrorArrays, advance, estimate, set_terms
 from gfmdlayer.history.modes import ModeArrays, Modes
-from gfmdlayer.history.path_work import work_along
+from gfmdlayer.history.path_work import SWEPT, swept, work_of_step
 from gfmdlayer.history.sliding_modes import SlidingArrays, SlidingModes
 from gfmdlayer.history.time_points import FixedSteps
 from gfmdlayer.kernels import address_of, by_address, compiling, kernel, record_type
@@ -152,8 +152,11 @@ NOW = record_type(
         ("residual", np.float64),  # of the energy balance
         ("largest", np.float64),  # work or energy
         ("open", np.float64),  # residual
-        ("points", np.int64),  # of the curve of mean pressure over depth that are known, at most two
-        ("curve", np.float64, (2, 3)),  # time, depth and mean pressure
+        ("points", np.int64),  # that are known of the way of the punch, at most two
+        ("way", np.float64, (2, 5)),  # rows of `path_work`
+        ("here", np.float64, 5),  # the row of this step
+        ("swept", np.float64),  # since the first row of the way
+        ("swept_rows", np.int64),
         ("tangential", np.float64, (2, 3)),  # time, position and tangential stress
     ]
 )
@@ -218,15 +221,18 @@ def march(
         ):
             continue  # a shorter one follows
         _advance(constants.advance, (modes, sliding, errors, u, adaptive))  # 8, 9
+        _sweep(ring, place, now)
         remember(ring, place, point.time, (point.marks & BREAKPOINT) != 0)
         if adaptive:
             control.now[0] = control.behind[0]
         else:
             now.point += 1
         row = rows[now.rows]
-        _measure(solver, surface, errors, ring, constants, record, row, result, depth, place, moving)
+        _measure(
+            solver, surface, errors, ring, constants, record, row, result, prescribed, depth, place, moving
+        )
         if adaptive:
-            weigh(control, now.work, now.energies, now.residual)
+            weigh(control, now.work, now.residual)
         now.rows += 1
         if moving is not None and settles(moving.steady, point.time, pressure, depth, row[_BEFORE + 2]):
             return SETTLED
@@ -348,6 +354,18 @@ def _depth_under_load(
 
 
 @kernel(inner=True, borrows=True)
+def _sweep(ring: Ring, place: int, now: Any) -> None:
+    """Set what the pressure sweeps from each of the last rows to that at a place of the ring."""
+    count, last, size = ring.now[0].count, ring.now[0].last, ring.p.shape[1]
+    now.swept_rows = count
+    for i in range(count):  # the last one last
+        at = (last + 3 - (count - 1 - i)) % 3
+        now.here[SWEPT] = swept(ring.p[at], ring.gap[at], ring.p[place], ring.gap[place]) / size
+        if i == 0:
+            now.swept = now.here[SWEPT]
+
+
+@kernel(inner=True, borrows=True)
 def _measure(
     solver: SolverArrays,
     surface: PressedSurface,
@@ -357,6 +375,7 @@ def _measure(
     record: npt.NDArray[Any],
     row: FloatArray,
     result: StepResult,
+    prescribed: float,
     depth: float,
     place: int,
     moving: MovingPunch | None,
@@ -370,21 +389,18 @@ def _measure(
     mark_contact(p, gap, 1.0 / pressure_scale, 1.0 / depth_scale, surface.touching)
     points, between, error = _extent(constants.extent, (surface.touching, p, gap, constants.shape))
     now.most = max(now.most, points)
-    stored, dissipated, curve = errors.now[0].stored, errors.now[0].dissipated, now.curve
+    stored, dissipated, way, here = errors.now[0].stored, errors.now[0].dissipated, now.way, now.here
     energies, at = stored + dissipated, _BEFORE
     if moving is not None:
         row[at], row[at + 1], row[at + 2], row[at + 3] = friction(
             moving, solver.plans, p, surface.spectrum, now.time
         )
         at += 4
-    touches = constants.adaptive and (curve[1, 2] == 0.0) != (pressure == 0.0)
-    if now.points == 0 or touches:
+    here[0], here[1], here[2], here[3] = now.time, depth, pressure, prescribed
+    if now.points == 0:
         now.work += energies - now.energies
     else:
-        if constants.adaptive:
-            work = work_along(curve, now.points, depth, pressure)
-        else:
-            work = _work(curve, now.points, depth, pressure)
+        work = work_of_step(way, min(now.points, now.swept_rows), here, now.swept)
         if moving is not None:
             work += _work(now.tangential, now.points, row[_BEFORE], row[_BEFORE + 1])
         now.work += work
@@ -392,9 +408,8 @@ def _measure(
     now.largest = max(now.largest, abs(now.work), energies)
     now.open = max(now.open, abs(now.residual))
     now.energies, now.points = energies, min(now.points + 1, 2)
-    for i in range(3):
-        curve[0, i] = curve[1, i]
-    curve[1, 0], curve[1, 1], curve[1, 2] = now.time, depth, pressure
+    for i in range(here.size):
+        way[0, i], way[1, i] = way[1, i], here[i]
     if moving is not None:
         curve = now.tangential
         for i in range(3):
@@ -409,13 +424,13 @@ def _measure(
 
 
 @kernel(inner=True, borrows=True)
-def _work(curve: FloatArray, points: int, depth: float, pressure: float) -> float:
-    """Area under the curve of mean pressure over depth to its next point (`energy_balance._area`)."""
+def _work(curve: FloatArray, points: int, position: float, stress: float) -> float:
+    """Area under the curve of tangential stress over position to its next point (`energy_balance._area`)."""
     x, y, x0, y0 = curve[0, 1], curve[0, 2], curve[1, 1], curve[1, 2]
-    width, slope = depth - x0, 0.0
+    width, slope = position - x0, 0.0
     if points > 1 and (x0 - x) * width > 0.0:
-        slope = ((pressure - y0) / width - (y0 - y) / (x0 - x)) / (depth - x)
-    return float(width * (y0 + pressure) / 2.0 - slope * math.pow(width, 3.0) / 6.0)
+        slope = ((stress - y0) / width - (y0 - y) / (x0 - x)) / (position - x)
+    return float(width * (y0 + stress) / 2.0 - slope * math.pow(width, 3.0) / 6.0)
 
 
 MOST_POINTS = 1 << 16  # beyond, copies of the fields cost more than Python's part of a step
@@ -614,13 +629,13 @@ class March:
             now[name] = effort[name]
         for name in ("work", "energies", "largest", "open"):
             now[name] = energy[name]
-        curve = energy["normal"]
-        now["points"] = len(curve)
-        for place, row in enumerate(curve, 2 - len(curve)):
-            now["curve"][place] = row[:3]
+        way = energy["normal"]
+        now["points"] = len(way)
+        for place, row in enumerate(way, 2 - len(way)):
+            now["way"][place] = row[:5]
         now["most"] = parts["resolution"].state()["most"]
         if self._moving is not None:
-            for place, points in enumerate(energy["tangential"], 2 - len(curve)):
+            for place, points in enumerate(energy["tangential"], 2 - len(way)):
                 now["tangential"][place] = 0.0, *points[0]
             cast("SlidingModes", self._modes).into(self._moving.sliding)
             if "steady_state" in parts:
@@ -640,7 +655,7 @@ class March:
         parts["effort"].restore({name: now[name] for name in ("transforms", "iterations", "attempts")})
         parts["resolution"].restore({"most": now["most"]})
         count = int(now["points"])
-        curve = now["curve"][2 - count :]
+        way = now["way"][2 - count :]
         parts["energy"].restore(
             {
                 "work": now["work"],
@@ -649,7 +664,7 @@ class March:
                 "largest": now["largest"],
                 "open": now["open"],
                 "torn": np.False_,
-                "normal": np.column_stack((curve, np.full(count, np.nan))),
+                "normal": np.column_stack((way, np.full(count, np.nan))),
                 "tangential": now["tangential"][2 - count :, None, 1:].copy(),
             }
         )
@@ -674,6 +689,6 @@ _NONE = np.zeros(0)  # arguments, for their types
 _EXTENT = np.zeros(0, np.bool_), _NONE, _NONE, (1, 1)
 _NO_POINTS = _points([])
 _NO_CONTROL = StepControl(
-    _NO_POINTS.times, _NO_POINTS.marks, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0.0, 0.0, 0.0,
+    _NO_POINTS.times, _NO_POINTS.marks, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0.0, 0.0,
     *np.zeros((2, 1), STEP_STATE),
 )  # fmt: skip

@@ -19,8 +19,9 @@ from gfmdlayer.cli import editing, fits, folders, results, run, verify
 from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, Verb, input_problems, refuse
 
 VERBS: tuple[Verb, ...] = (
-    editing.new, run.run, run.check, folders.status, folders.clean, results.plot, results.report,
-    results.leak, fits.fit_material, fits.fit_indentation, verify.verify, editing.schema, editing.completion,
+    editing.new, run.run, run.check, run.converge, folders.status, folders.clean,
+    results.plot, results.report, results.leak,
+    fits.fit_material, fits.fit_indentation, verify.verify, editing.schema, editing.completion,
 )  # fmt: skip
 
 

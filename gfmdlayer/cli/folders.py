@@ -96,6 +96,7 @@ def _lines(seen: Overview) -> list[str]:
     lines += _records(seen.ended, len(seen.ended), "complete")
     words = "holds other bytes than were written; the same run sets it aside and computes it again"
     lines += cut_short(f"  {index:04d} damaged: {words}" for index in seen.damaged)
+    lines += [f"accuracy, the worst: {seen.accuracy}"] if seen.accuracy else []
     lines += cut_short([f"warning: {text}" for text in seen.warnings])
     return [printable(line).replace("\n", " ") for line in lines]
 

@@ -29,6 +29,8 @@ KINDS = {
     "the interfaces",
     "waterfall": "pressure profiles through time",
     "body": "the layers and their moduli; DIR may also be a configuration file",
+    "convergence": "errors that `gfmdlayer converge` estimated, by column and source, and those of the first "
+    "column, --y, over the work",
     "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
 }
 # The kinds of figure that take an option; None stands for no --kind: the curves and the snapshots.
@@ -38,7 +40,7 @@ KINDS_WITH: dict[str, tuple[str | None, ...]] = {
     "times": (None, "snapshots", "stick", "inside", "waterfall", "movie"),
     "inset": (None, "curves"),
     "x": (None, "curves", "map"),
-    "y": (None, "curves", "loop", "map"),
+    "y": (None, "curves", "loop", "map", "convergence"),
     "z": ("map", "inside"),
     "time": ("map", "curves", None),
     "fps": ("movie",),

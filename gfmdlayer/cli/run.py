@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -102,6 +103,97 @@ def _pool(options: argparse.Namespace) -> AbstractContextManager[WorkerPool | No
     return groups_of(size, prepare)
 
 
+def _options_of_converge(parser: argparse.ArgumentParser) -> None:
+    _options_of_cases(parser)
+    text = f"""
+    --columns NAMES  columns of the results, with commas between them (default: all)
+    --at MOMENTS = end,peak,worst  end, peak (largest magnitude), worst (largest error at common times), or
+      times (default: all three words)
+    --to ACCURACY = 1e-3  accuracy, relative to the largest value of each column, for which numerical choices
+      are suggested (default: %(default)g)
+    --write FILE  write the configuration with these choices
+    --json FILE  write the estimates as JSON
+    --keep  keep the results of all runs, in DIR/convergence
+    --restart  remove earlier runs there and start over
+    --threads N  threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)
+    --ranks-per-case N = 1  MPI ranks that share a case, each with a part of its surface (default: 1)
+    --checkpoint-every SECONDS = {CHECKPOINT_EVERY}  time between checkpoints of a case (default: %(default)g)
+    """
+    arguments(parser, text, NAMES=_names, MOMENTS=_moments, ACCURACY=float)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(filter(None, (name.strip() for name in text.split(","))))
+
+
+def _moments(text: str) -> tuple[str | float, ...]:
+    """Parse moments: words, and times."""
+
+    def moment(word: str) -> str | float:
+        try:
+            return float(word)
+        except ValueError:
+            return word
+
+    return tuple(map(moment, _names(text)))
+
+
+@verb(_options_of_converge, "gfmdlayer converge configs/figure2-quick.yaml --columns force,work")
+def converge(options: argparse.Namespace) -> int:
+    """Estimate how sure each number of a case is, from runs on coarser grids and with other steps."""
+    from gfmdlayer.study import interrupts, workers
+
+    interrupts.listen()
+    threads = workers.threads_each(os.environ, options.threads)
+    with _pool(options) as pool:
+        return COMPLETE if pool is None else _converge(options, pool, threads)
+
+
+def _converge(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
+    import json
+
+    from gfmdlayer.config import ConfigError
+    from gfmdlayer.files.whole import write_text
+    from gfmdlayer.results.names import ResultsError
+    from gfmdlayer.study import interrupts
+    from gfmdlayer.study.folder import FolderError
+    from gfmdlayer.study.progress import make_display
+
+    try:
+        with interrupts.at_once():
+            cases, directory = read_cases(options, options.ranks_per_case)
+            from gfmdlayer.convergence.converge import asked_of, better, estimated
+            from gfmdlayer.results.convergence import FILE
+            from gfmdlayer.study.run import RunOptions
+
+            asked = asked_of(cases, options.columns or (), options.at, options.to)
+        names = ("restart", "checkpoint_every", "ranks_per_case")
+        chosen = RunOptions(threads=threads, **{name: getattr(options, name) for name in names})
+        show = partial(make_display, sys.stderr)
+        found = estimated(cases, directory, pool, asked, chosen, show, keep=options.keep)
+    except (ConfigError, FolderError) as error:  # caught here, since it would abort the ranks
+        return refuse(*input_problems(error))
+    except (ResultsError, PermissionError) as error:
+        print(f"gfmdlayer: {error}", file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        found = None
+    if found is None:
+        print("stopped; the same command continues")
+        return RESUMABLE
+    print(found)
+    try:
+        if options.json:
+            write_text(Path(options.json), json.dumps(found.as_json(), indent=1, allow_nan=False) + "\n")
+        if options.write:
+            write_text(Path(options.write), better(cases.config, found).dump())
+    except OSError as error:
+        return refuse(f"{error.filename}: cannot be written ({error.strerror})")
+    written = [directory / FILE, *filter(None, (options.json, options.write))]
+    print("".join(f"{path}\n" for path in written), end="")
+    return FAILED if found.failed else COMPLETE
+
+
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from dataclasses import fields
 
@@ -150,7 +242,8 @@ def check(options: argparse.Namespace) -> int:
     part = len(some) / len(every)
     some, found = _in_folder(directory, every, some) if part == 1 else (some, [])
     counted = part == 1 and all(
-        c.config.time.step != "adaptive" and c.config.time.steady is None for c in some
+        c.config.time.at_once or (c.config.time.step != "adaptive" and c.config.time.steady is None)
+        for c in some
     )
     cost = total((case.cost for case in some), part)
     explained = some[:: -(-len(some) // MOST_EXPLAINED)]

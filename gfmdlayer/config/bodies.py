@@ -102,12 +102,26 @@ class Counterbody(Section):
 
 def problems_of_the_counterbody(config: Any) -> Iterator[Mistake]:
     """Refuse a velocity ratio at rest, and the shape of a counterbody that moves with its material."""
-    if config.counterbody is None or not config.counterbody.velocity_ratio:
+    if config.counterbody is None:
         return
-    at, ratio = ("counterbody", "velocity_ratio"), config.counterbody.velocity_ratio
-    if not config.trajectory.moves:
+    motion, given = config.trajectory, config.counterbody.velocity_ratio
+    at, ratio = ("counterbody", "velocity_ratio"), config.velocity_ratio
+    velocity = ("trajectory.velocity", "trajectory.velocity_file")
+    if given and not motion.moves:
         message = "only for a punch that moves; remove it or set trajectory.velocity"
-        yield Mistake(at, message, ("trajectory.velocity", "trajectory.velocity_file"))
-    if config.punch.rough:
+        yield Mistake(at, message, velocity)
+    if config.friction and motion.rolls and given not in (None, 1.0):
+        message = (
+            f"got {given!r} beside a creepage or a tangential force, with which both bodies roll; must be 1: "
+            "the creepage is the difference of their velocities"
+        )
+        yield Mistake(at, message, ("trajectory.creepage", "trajectory.tangential"))
+    if config.friction and config.grid.isolated and motion.moves and ratio != 1:
+        message = (
+            f"got {ratio!r} in an isolated contact with friction, which carries both bodies alike; must be "
+            "1, for bodies that roll: give trajectory.creepage"
+        )
+        yield Mistake(at, message, ("grid.boundary", "trajectory.creepage"))
+    if ratio and motion.moves and config.punch.rough:
         message = f"got {ratio!r} with a rough punch, whose heights would pass the contact; must be 0"
         yield Mistake(at, message, ("punch.shape",))

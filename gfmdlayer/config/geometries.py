@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.body.materials import shifts
-from gfmdlayer.body.solid import WIDEST
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.validation.problems import Location, Mistake, dotted, shown
 from gfmdlayer.validation.sections import files_named, plain
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from gfmdlayer.validation.sections import Section
 
 _GEOMETRY = ("grid.geometry",)
+WHOLE_SPACINGS = "without images the material moves by whole spacings of the grid in a step"
 _BOUNDARY = ("grid.boundary",)
 # Keys that describe a periodic cell, its contact solver, or observables of its surface.
 _PERIODIC = {
@@ -65,10 +65,15 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
     if config.trajectory.control == "load":
         yield Mistake(("trajectory", "control"), _LOAD, _BOUNDARY)
-    track = "not available with grid.boundary: isolated, because the punch leaves the cell; remove it"
+    track = (
+        "not available with grid.boundary: isolated without friction, as the punch leaves the cell; remove it"
+    )
+    along = ["velocity_file"] if config.friction else ["velocity", "velocity_file"]
+    if config.friction:
+        track = "not available with grid.boundary: isolated; must be a constant velocity"
     cell = "describes a cell, which an isolated contact does not have; remove it"
     unused: Sequence[tuple[Any, Location, Sequence[str], str]] = (
-        (config.trajectory, ("trajectory",), ("velocity", "velocity_file"), track),
+        (config.trajectory, ("trajectory",), along, track),
         (config.output, ("output",), ("observables", "leakage", "conductance", "stiffness"), cell),
         (config.output.histograms, ("output", "histograms"), ("pressure", "gap"), cell),
     )
@@ -76,6 +81,10 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
         for key in keys:
             if getattr(section, key) is not None:
                 yield Mistake((*at, key), message, _BOUNDARY)
+    if config.trajectory.moves and config.time.step == "adaptive" and not config.time.at_once:
+        spacing = config.grid.period[0] / config.grid.points[0]
+        message = f"got adaptive; {WHOLE_SPACINGS}, {spacing:.6g}: give time.step"
+        yield Mistake(("time", "step"), message, ("trajectory.velocity", *_BOUNDARY))
     shifted = {at: shift for at, shift in shifts(config).items() if shift is not None}
     for at, shift in shifted.items():
         if shift != next(iter(shifted.values())):
@@ -85,11 +94,6 @@ def _problems_without_images(config: Any) -> Iterator[Mistake]:
     if config.solid.isolated:  # other bodies are asked for their stiffness before the run
         yield from (problem.within((), *_BOUNDARY) for problem in config.solid.problems_isolated())
         yield from _problems_of_the_datum(config)
-    period = config.grid.period
-    if (face := config.punch.face(period)) > WIDEST:
-        least = max(period) * face / WIDEST
-        message = f"the face is {face:.3g} periods wide, and without periodic images at most {WIDEST:g} fit"
-        yield Mistake(("punch", "width"), f"{message}; set a period of at least {least:.3g}", _BOUNDARY)
 
 
 def _problems_of_the_datum(config: Any) -> Iterator[Mistake]:

@@ -289,6 +289,20 @@ class Config(Section):
         return _solid(self)
 
     @property
+    def velocity_ratio(self) -> float:
+        """Velocity of the contact along the counterbody over the one along the body."""
+        if self.counterbody is None:
+            return 0.0
+        given = self.counterbody.velocity_ratio
+        return given if given is not None else float(bool(self.friction) and self.trajectory.rolls)
+
+    @property
+    def creepages(self) -> tuple[float, float, float]:
+        """Creepage along x and y, and spin; of bodies that slide the difference of their velocities."""
+        given = self.trajectory.creepages
+        return given if self.trajectory.creepage is not None else (1 - self.velocity_ratio, 0.0, 0.0)
+
+    @property
     def two_bodies(self) -> bool:
         """Whether a case on a periodic grid follows a body and a counterbody, each with its history."""
         of_one = self.counterbody is None or self.grid.isolated or not self.geometry.on_grid

@@ -57,6 +57,11 @@ Step = Annotated[
     Annotated[float, strict, Field(gt=0)] | Literal["adaptive"],
     MustBe("a number > 0, finite, or the word adaptive", ("adaptive",)),
 ]
+AT_ONCE = "at_once"
+Steady = Annotated[
+    Annotated[float, strict, Field(gt=0)] | Literal["at_once"],
+    MustBe(f"a number > 0, finite, or the word {AT_ONCE}", (AT_ONCE,)),
+]
 
 
 class GridKeys(Section):
@@ -129,8 +134,13 @@ class Time(Section):
     """exponential (second order), or backward_euler as in the paper"""
     tolerance: Optional = Field(default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None)
     """relative error of adaptive steps, default 1e-4"""
-    steady: Optional = None
-    """moving punch: the run ends below this relative change"""
+    steady: Annotated[Steady | None, given] = None
+    """moving punch: the run ends below this relative change; or, with friction, at_once: only that state"""
+
+    @property
+    def at_once(self) -> bool:
+        """Whether the run is one step of the steady state."""
+        return self.steady == AT_ONCE
 
     def problems(self) -> Iterator[Mistake]:
         """Refuse an integrator that cannot adapt its steps, and steps that do not end at `end`."""
@@ -419,9 +429,6 @@ def problems_of_the_inside(config: Any) -> Iterator[Mistake]:
     if config.grid.isolated:
         message = "not available with boundary: isolated, which gives the surface within its reach; remove it"
         yield Mistake(at, message, ("grid.boundary",))
-    if config.friction:
-        message = "not available with friction, whose shear traction acts on the surface; remove it"
-        yield Mistake(at, message, ("interface",))
     layers = thicknesses(config.solid)
     if inside.depths is not None and (below := beyond(layers, inside.depths)) is not None:
         i, whole = below

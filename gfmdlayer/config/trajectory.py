@@ -18,11 +18,11 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.materials import shifts
-from gfmdlayer.config.sections import MOST_ROWS, Time
+from gfmdlayer.config.sections import AT_ONCE, MOST_ROWS, Time
 from gfmdlayer.contact.solvers import AUTO
 from gfmdlayer.interface.interface import FrictionLaw
 from gfmdlayer.validation.fields import File, Finite, MustBe, NotNegative, Optional, Word, given
@@ -118,6 +118,24 @@ class Tangential(Section):
             yield Mistake((other,), message, others)
 
 
+class Creepages(Section):
+    """Sliding of the punch over its way along x, or its spin: it turns to the left by an angle per way."""
+
+    x: Annotated[Finite | None, given] = None
+    """creepage along x, default 0"""
+    y: Annotated[Finite | None, given] = None
+    """on a surface: creepage along y, default 0"""
+    spin: Finite = 0.0
+    """on a surface: angle of turning per way: 1/length"""
+
+
+_creepages = MustBe("a number, finite, or {x: ..., y: ..., spin: ...}")
+Creepage = Annotated[
+    Annotated[Finite, _creepages, Tag("<number>")] | Annotated[Creepages, Tag("<one>")],
+    Discriminator(lambda value: "<one>" if isinstance(value, (Mapping, Creepages)) else "<number>"),
+]
+
+
 class Trajectory(Section):
     """The prescribed depth of Eq. (30), mean pressure or force over time."""
 
@@ -161,8 +179,21 @@ class Trajectory(Section):
     """how that file is read, where it does not say so"""
     tangential: Annotated[Tangential | None, given] = None
     """with friction: displacement of the punch, or force, along the surface"""
-    creepage: Annotated[Finite | None, given] = None
-    """with friction: sliding speed over velocity, default 1; less: it rolls"""
+    creepage: Annotated[Creepage | None, given] = None
+    """with friction: sliding speed over velocity, default 1; less: it rolls; with y and spin a mapping"""
+
+    @property
+    def rolls(self) -> bool:
+        """Whether the punch moves along x with a creepage, or with a force along the surface."""
+        return self.moves and (self.creepage is not None or self.tangential is not None)
+
+    @property
+    def creepages(self) -> tuple[float, float, float]:
+        """Creepage along x and y, and spin, of a punch that moves; it slides with a creepage of 1."""
+        given = 1.0 if self.creepage is None else self.creepage
+        if not isinstance(given, Creepages):
+            return given, 0.0, 0.0
+        return given.x or 0.0, given.y or 0.0, given.spin
 
     @property
     def moves(self) -> bool:
@@ -285,6 +316,9 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -
             yield Mistake(("trajectory", key), message, ("trajectory.control", "interface"))
 
 
+_WITH_FRICTION = "add interface: {law: coulomb, coefficient: 0.4}"
+
+
 def problems_of_the_friction(config: Any) -> Iterator[Mistake]:
     """Yield contradictions between friction at the interface and the other sections of a `Config`."""
     laws = [(at, law) for at, law in config.interface_laws.items() if isinstance(law, FrictionLaw)]
@@ -292,8 +326,12 @@ def problems_of_the_friction(config: Any) -> Iterator[Mistake]:
     if not laws:
         for key in ("tangential", "creepage"):
             if getattr(motion, key) is not None:
-                message = "needs friction; remove it, or add interface: {law: coulomb, coefficient: 0.4}"
-                yield Mistake(("trajectory", key), message, ("interface",))
+                yield Mistake(
+                    ("trajectory", key), f"needs friction; remove it, or {_WITH_FRICTION}", ("interface",)
+                )
+        if config.time.at_once:
+            message = f"got {AT_ONCE}, which needs friction; give a relative change, or {_WITH_FRICTION}"
+            yield Mistake(("time", "steady"), message, ("interface",))
         return
     for i, (at, law) in enumerate(laws):
         if any(type(law) is type(earlier) for _, earlier in laws[:i]):
@@ -311,11 +349,24 @@ def _problems_of_the_drive(config: Any) -> Iterator[Mistake]:
         message = "only for a punch that moves; remove it or set trajectory.velocity"
         yield Mistake(("trajectory", "creepage"), message, velocity)
     yield from _problems_of_the_steps(config)
+    given = motion.creepage if isinstance(motion.creepage, Creepages) else None
+    if given is not None and len(config.grid.points) == 1:
+        for key in ("y", "spin"):
+            if getattr(given, key):
+                message = f"got {getattr(given, key)!r}; must be 0 on a line, whose only direction is x"
+                yield Mistake(("trajectory", "creepage", key), message, ("grid.points",))
+    if config.time.at_once and config.interfaces:
+        message = f"got {AT_ONCE} beside an attraction; must be a relative change below which the run ends"
+        yield Mistake(("time", "steady"), message, ("interface",))
     if drive is None:
         return
     if motion.creepage is not None and drive.control == "force":
         message = "given beside a tangential force, which determines it; remove one of the two"
-        yield Mistake(("trajectory", "creepage"), message, ("trajectory.tangential",))
+        keys: list[Location] = (
+            [()] if given is None else [(k,) for k in "xy" if getattr(given, k) is not None]
+        )
+        for below in keys:
+            yield Mistake(("trajectory", "creepage", *below), message, ("trajectory.tangential",))
     if motion.moves and drive.control == "displacement":
         message = "got displacement with a velocity; must be force, or give trajectory.creepage in its place"
         yield Mistake(("trajectory", "tangential", "control"), message, velocity)
@@ -345,13 +396,12 @@ def _problems_of_the_steps(config: Any) -> Iterator[Mistake]:
 
 def _problems_beside(config: Any, at: Location) -> Iterator[Mistake]:
     """Yield what friction does not go with, at the place of its law or at the other key."""
-    law = (dotted(at),)
+    law, in_shear = (dotted(at),), "must be layers, which have a shear response"
+    above = None if config.counterbody is None else config.counterbody.body
     refused = {
         ("grid", "geometry"): config.grid.geometry == "axisymmetric" and "got axisymmetric; must be periodic",
-        ("grid", "boundary"): config.grid.isolated and "got isolated; must be periodic",
-        ("counterbody",): config.counterbody is not None and "must be a rigid punch; remove it",
-        ("body",): not isinstance(config.body, Layers | None)
-        and "must be layers, which have a shear response",
+        ("body",): not isinstance(config.body, Layers | None) and in_shear,
+        ("counterbody", "body"): not isinstance(above, Layers | None) and in_shear,
         ("solver", "method"): config.solver.method != AUTO and f"got {config.solver.method}; must be auto",
         ("output", "stiffness"): config.output.stiffness is not None and "must be left out",
     }

@@ -13,7 +13,7 @@ Where the contact does not change, the pressure itself is extrapolated.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -91,6 +91,10 @@ class PressurePrediction(DisplacementPrediction):
             self._gaps.clear()
         super().remember(time, pressure, gap, at_breakpoint=at_breakpoint)
         self._gaps.append(gap)
+
+    def __iter__(self) -> Iterator[LastTwo]:
+        """Yield pressure and gap of the last steps, the last one last."""
+        return zip(self._fields, self._gaps, strict=True)
 
     def into(self, ring: Ring) -> None:
         """Write the state into a ring."""

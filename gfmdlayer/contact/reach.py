@@ -1,8 +1,9 @@
 """Whether a contact without periodic images is within reach, and where its displacement is known.
 
 All that was ever pressed counts, as the surface remembers it. It is kept as its support function: the largest
-distance from an origin in each of some directions, with lengths over the periods. The sum of two opposite
-ones is a width, and the largest width the distance of the two points that are furthest apart.
+distance from the middle of the cell in each of some directions, with lengths over the periods. The sum of two
+opposite ones is a width, and the largest width the distance of the two points that are furthest apart. A
+contact does not go on behind the edge of the cell, which is no neighbour of the opposite one.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.body.isolated import IsolatedBody, period_for
+from gfmdlayer.body.solid import HALF
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.resumable import Saving
 
@@ -20,25 +22,32 @@ from gfmdlayer.resumable import Saving
 # as that of the others (`body.isolated.TOLERANCE`).
 _NEGLIGIBLE = 1e-3
 
+EDGE = "EDGE: the contact reaches the edge of the window, where the punch ends; take a larger grid.period"
+
 _DIRECTIONS = 64  # of a surface: a width is short by at most 0.12 %
 
 
 class Reach(Saving):
-    """The part of the surface that was pressed, on the grid of a body with a reach."""
+    """The part of the surface that was pressed, on the grid of a body with a reach.
 
-    KEPT = ("origin", "support")
+    Without a body the response is exact in a box of half of the cell: a width is then along an axis.
+    """
 
-    def __init__(self, grid: Grid, body: IsolatedBody) -> None:
+    KEPT = ("support",)
+
+    def __init__(self, grid: Grid, body: IsolatedBody | None) -> None:
         self._grid, self._body = grid, body
-        angles = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-        surface = len(grid.period) == 2
-        self._directions = np.stack((np.cos(angles), np.sin(angles))) if surface else np.array([[1.0, -1.0]])
-        self._origin = np.zeros(len(grid.period))
+        self._most = HALF if body is None else body.reach
+        axes = len(grid.period)
+        self._directions = np.hstack((np.eye(axes), -np.eye(axes)))
+        if axes == 2 and body is not None:
+            angles = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+            self._directions = np.stack((np.cos(angles), np.sin(angles)))
         self._support = np.full(self._directions.shape[1], -math.inf)
 
     def width(self, pressure: FloatArray, noise: float = 0.0) -> float:
         """Return the largest distance of points that are or were pressed, in periods."""
-        _, support = self._with(pressure, noise)
+        support = self._with(pressure, noise)
         half = support.size // 2
         return float((support[:half] + support[half:]).max())
 
@@ -48,52 +57,57 @@ class Reach(Saving):
         Up to `noise` they are zero to the tolerance of the solver, as all are after a pull-off.
         """
         width = self.width(pressure, noise)
-        if width <= self._body.reach:
+        if width <= self._most:
             return ""
         found = f"pressed points are {width:.3g} periods apart, in which there are periodic images"
-        return f"{found}; must be at most {self._body.reach:g}{period_for(self._body, width)}"
+        return f"{found}; must be at most {self._most:g}{self._instead(width)}"
+
+    def _instead(self, width: float) -> str:
+        """Return words on the period for a contact of a width."""
+        if self._body is not None:
+            return period_for(self._body, width)
+        larger = dict.fromkeys(f"{width / HALF * length:.3g}" for length in self._grid.period)
+        return f"; a period of {', '.join(larger)} would do"
 
     def remember(self, pressure: FloatArray, noise: float = 0.0) -> None:
         """Add the pressures of an accepted step."""
-        self._origin, self._support = self._with(pressure, noise)
+        self._support = self._with(pressure, noise)
+
+    def at_the_edge(self, points: tuple[int, ...]) -> bool:
+        """Whether pressed points lie at the edge of so many points in the middle of the grid."""
+        for directions, n, most in zip(self._directions, points, self._grid.points, strict=True):
+            ends = (n - 2) / (2 * most), n / (2 * most)  # the first point is half of the points away
+            along = self._support[directions.argmax()], self._support[directions.argmin()]
+            if any(far > end - 0.5 / most for far, end in zip(along, ends, strict=True)):
+                return True
+        return False
 
     def masked(self, field: FloatArray) -> FloatArray:
         """Return a field, one value a point, NaN where the displacement is not known."""
         if self._support[0] == -math.inf:
             return field
-        axes = np.meshgrid(*self._from_origin(self._origin), indexing="ij", sparse=True)
+        axes = np.meshgrid(*self._places, indexing="ij", sparse=True)
         furthest = np.full(self._grid.shape, -math.inf)
         for support, direction in zip(self._support, self._directions.T, strict=True):
             along = sum(cosine * x for cosine, x in zip(direction, axes, strict=True))
             np.maximum(furthest, support - along, out=furthest)
-        return np.where(np.ravel(furthest) <= self._body.reach, field, math.nan)
+        return np.where(np.ravel(furthest) <= self._most, field, math.nan)
 
-    def _with(self, pressure: FloatArray, noise: float) -> tuple[FloatArray, FloatArray]:
-        """Return origin and support function with these pressures."""
+    def _with(self, pressure: FloatArray, noise: float) -> FloatArray:
+        """Return the support function with these pressures."""
         ranks, size = self._grid.ranks, np.abs(pressure)
         largest = ranks.maximum(float(size.max(initial=0.0)))
         if largest <= noise:
-            return self._origin, self._support
+            return self._support
         pressed = (size > max(_NEGLIGIBLE * largest, noise)).reshape(self._grid.shape)
-        origin = self._origin if self._support[0] > -math.inf else self._middle(pressed)
-        points = self._outermost(pressed, self._from_origin(origin))
+        points = self._outermost(pressed, self._places)
         support = (points @ self._directions).max(axis=0, initial=-math.inf)
-        return origin, np.maximum(self._support, ranks.maximum(support))
+        return np.asarray(np.maximum(self._support, ranks.maximum(support)))
 
-    def _middle(self, pressed: BoolArray) -> FloatArray:
-        """Return the middle of the pressed points along each axis, in periods: their mean on a circle."""
-        turns = [np.exp(2j * math.pi * x) for x in self._from_origin(np.zeros(pressed.ndim))]
-        counts = [
-            pressed.sum(axis=tuple({0, 1} - {axis})[: pressed.ndim - 1]) for axis in range(pressed.ndim)
-        ]
-        sums = np.array([np.sum(turn * count) for turn, count in zip(turns, counts, strict=True)])
-        total = self._grid.ranks.total(sums.view(np.float64)).view(np.complex128)
-        return np.asarray(np.angle(total) / (2 * math.pi))
-
-    def _from_origin(self, origin: FloatArray) -> list[FloatArray]:
+    @property
+    def _places(self) -> list[FloatArray]:
         """Coordinates of the points of this process along each axis, in periods, from -1/2 to 1/2."""
-        every = zip(self._grid.coordinates, self._grid.period, origin, strict=True)
-        return [(x / length - middle + 0.5) % 1.0 - 0.5 for x, length, middle in every]
+        return [x / length for x, length in zip(self._grid.coordinates, self._grid.period, strict=True)]
 
     @staticmethod
     def _outermost(pressed: BoolArray, axes: list[FloatArray]) -> FloatArray:

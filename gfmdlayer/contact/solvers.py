@@ -89,6 +89,8 @@ FRICTIONAL = Declaration(
 )
 ATTRACTED = replace(FRICTIONAL, pairs=60, power=0.14, fields=126)  # with `newton` for the normal contact
 
+STEADY_ROLLING = replace(FRICTIONAL, pairs=150, power=0.08, fields=140)  # the one step of the state
+
 # The solver that `solver.method: auto` takes. It follows only from the configuration: the solver that began a
 # run resumes it. Results carry the digest of the solver that is taken, not of the word `auto`.
 #

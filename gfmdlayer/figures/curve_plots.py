@@ -164,6 +164,8 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
             shown &= np.isfinite(values)
         across = across[shown] / along.scale
         look: dict[str, Any] = {"color": curve.colour, "linestyle": curve.dashes, "zorder": OVER_FRAME}
+        if across.size == 1:
+            look["marker"] = "o"
         axes.plot(across, values[shown] / up.scale, **look)
         ends += [*across[:1], *across[-1:]]
     if x == "time" and len({*ends}) > 1:
@@ -234,6 +236,7 @@ _AREAS = {
     "loop_area": r"work per area of the cell, by the mean pressure $\bar{p}$",
     "loop_work": "work of the punch",
     "tangential_work": r"work per area of the cell, by the mean tangential stress $\bar{t}$",
+    "tangential_loop_work": "work of the tangential force",
     "work_of_separation": "work of separation per area",
     "total_work_of_separation": "work of separation",
 }
@@ -313,7 +316,8 @@ def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alo
     name_axes(axes, along, up)
     pressed = case["mean_stress" if "mean_stress" in case else "force"]  # the latter of an isolated contact
     if sheared:
-        found = {"tangential_work": float(np.trapezoid(case["tangential_force"].to_numpy(), depth))}
+        name = "tangential_work" if "mean_stress" in case else "tangential_loop_work"
+        found = {name: float(np.trapezoid(case["tangential_force"].to_numpy(), depth))}
     else:
         area = float(np.trapezoid(pressed.to_numpy(), depth))
         found = {"loop_area" if "mean_stress" in case else "loop_work": area}

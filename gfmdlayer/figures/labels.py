@@ -35,11 +35,12 @@ if TYPE_CHECKING:
 
 
 _COLUMNS = (
-    *known_columns().values(), *known_numbers().values(), *INDENTATION, *filter(None, TOTALS.values()),
+    *filter(None, TOTALS.values()), *known_columns().values(), *known_numbers().values(), *INDENTATION,
     VON_MISES, SHEAR, *VARIABLES.values(),
 )  # fmt: skip
 PAPER_SYMBOLS = {column.name: column.symbol for column in _COLUMNS if column.symbol} | {
     "tangential_work": r"\int\,\bar{t}\,\mathrm{d}D",
+    "tangential_loop_work": r"\int\,T\,\mathrm{d}D",
     "loop_area": r"\int\,\bar{p}\,\mathrm{d}\delta",
     "loop_work": r"\int\,F\,\mathrm{d}\delta",
     "largest_shear": r"\tau_\mathrm{max}",
@@ -58,6 +59,9 @@ def symbol(array: DataArray) -> str:
     if "symbol" in array.attrs:
         return f"${mathtext(array.attrs['symbol'])}$"
     name = str(array.name).removesuffix(OVER_TIME)
+    total = TOTALS.get(name)
+    if total is not None and total.symbol and array.attrs.get("long_name") == total.long_name:
+        return f"${total.symbol}$"  # an isolated contact has another one under the same name
     return f"${PAPER_SYMBOLS[name]}$" if name in PAPER_SYMBOLS else name.replace("_", " ")
 
 

@@ -17,12 +17,11 @@ from gfmdlayer.figures.labels import (
     Ticks,
     explained,
     finish,
-    label_places,
     name_axes,
     quantity,
     symbol,
 )
-from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
+from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, styled
 from gfmdlayer.figures.selection import (
     Time,
     at_time,
@@ -40,13 +39,12 @@ from gfmdlayer.results.names import ResultsError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure
-    from matplotlib.image import AxesImage
     from xarray import DataArray, Dataset
 
     from gfmdlayer.arrays import FloatArray
 
-MOST_TICKS = 10
 MOST_NUMBERS, MOST_LETTERS = 8, 42  # numbers along an axis, and letters across, that the cells can hold
 WIDE = 100.0  # ratio of values beyond which colours may be logarithmic
 
@@ -200,25 +198,37 @@ def _fitted(parameter: DataArray) -> Quantity:
 def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
     """Draw values along two swept keys, the first along x, and a colour bar beside the panel.
 
-    Cases without a value are hatched.
+    Numbers stand where they are on a linear or a logarithmic axis; the cell of each reaches half the way to
+    its neighbours. Cases without a value are hatched.
     """
-    across, up = (values[name] for name in values.dims)
-    cells = values.to_numpy().T
+    scales = []
+    for name in values.dims:
+        known = values[name].to_numpy().tolist()
+        along = quantity(values[name])
+        along = along.fit(known) if along.unit and values[name].dtype.kind in "if" else along
+        values = values.isel({name: sorted(range(len(known)), key=known.__getitem__)})
+        scales.append(Scale.of(sorted(known), along, measured=len(known) > 1))
+    cells, edges = values.to_numpy().T, [_edges(scale) for scale in scales]
     axes.patch.set(facecolor="white", hatch="////", edgecolor="0.8")
-    mesh = axes.imshow(
-        cells, origin="lower", aspect="auto", interpolation="nearest", cmap="viridis", norm=_norm(cells)
-    )
+    mesh = axes.pcolormesh(*edges, np.ma.masked_invalid(cells), cmap="viridis", norm=_norm(cells))
     power = _draw_bar(axes, mesh, drawn)
+    for scale, name, ends in zip(scales, ("x", "y"), edges, strict=True):
+        scale.apply(axes, name)  # type: ignore[arg-type]
+        axes.set(**{f"{name}lim": (ends[0], ends[-1])})
+        if scale.kind == "order":
+            axes.minorticks_off()
     axes.tick_params(which="both", top=False, right=False, direction="out")
-    axes.minorticks_off()
-    for axis, coordinate in ((axes.xaxis, across), (axes.yaxis, up)):
-        ticks, known = spread(coordinate.size, MOST_TICKS), coordinate.to_numpy().tolist()
-        along = quantity(coordinate)
-        along = along.fit(known) if along.unit and coordinate.dtype.kind in "if" else along
-        labels = along.numbers(known)
-        label_places(axis, ticks, [labels[i] for i in ticks])
-        axis.set_label_text(along.label)
-    _write_numbers(axes, mesh, cells, power)
+    _write_numbers(axes, mesh, cells, power, scales, edges)
+
+
+def _edges(scale: Scale) -> FloatArray:
+    """Return the ends of the cells around values on an axis."""
+    places = np.log(scale.positions) if scale.kind == "log" else scale.positions
+    if places.size == 1:
+        return np.asarray(places[0] + np.array([-0.5, 0.5]))
+    middles = (places[1:] + places[:-1]) / 2
+    ends = np.concatenate((2 * places[:1] - middles[:1], middles, 2 * places[-1:] - middles[-1:]))
+    return np.asarray(np.exp(ends) if scale.kind == "log" else ends)
 
 
 def _norm(values: FloatArray) -> Normalize:
@@ -229,13 +239,23 @@ def _norm(values: FloatArray) -> Normalize:
     return Normalize(min(finite, default=0.0), max(finite, default=1.0))
 
 
-def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray, power: int) -> None:
+def _write_numbers(
+    axes: Axes,
+    mesh: QuadMesh,
+    cells: FloatArray,
+    power: int,
+    scales: Sequence[Scale],
+    edges: Sequence[FloatArray],
+) -> None:
     """Write the values into their cells where all have room, in the power of ten of the colour bar."""
     finite = {at: value for at, value in np.ndenumerate(cells) if np.isfinite(value)}
     texts = {at: f"{value / 10.0**power:#.3g}".rstrip(".") for at, value in finite.items()}
     longest = max(map(len, texts.values()), default=0)
-    if max(cells.shape) > MOST_NUMBERS or longest * cells.shape[1] > MOST_LETTERS:
+    ends = [np.log(each) if scale.kind == "log" else each for scale, each in zip(scales, edges, strict=True)]
+    across, up = (float(np.ptp(each) / np.diff(each).min()) for each in ends)  # of the narrowest cells
+    if max(across, up) > MOST_NUMBERS + 0.5 or longest * across > MOST_LETTERS:
         return
     for (row, column), text in texts.items():
         colour = "black" if np.asarray(mesh.norm(cells[row, column])) > 0.5 else "white"
-        axes.text(column, row, text, ha="center", va="center", color=colour, fontsize="small")
+        place = scales[0].positions[column], scales[1].positions[row]
+        axes.text(*place, text, ha="center", va="center", color=colour, fontsize="small")

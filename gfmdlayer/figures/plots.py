@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from gfmdlayer.figures import selection
 from gfmdlayer.figures.body_plot import body_figure, config_of
+from gfmdlayer.figures.convergence_plot import convergence_figure
 from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.field_plots import inside_figure, stick_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
@@ -26,6 +27,7 @@ from gfmdlayer.figures.snapshots import (
     waterfall_figure,
 )
 from gfmdlayer.files.whole import output_file
+from gfmdlayer.results.convergence import open_convergence
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import open_case, open_results
 
@@ -33,7 +35,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-Kind = Literal["curves", "loop", "snapshots", "stick", "inside", "waterfall", "map", "movie", "body"]
+Kind = Literal[
+    "curves", "loop", "snapshots", "stick", "inside", "waterfall", "map", "movie", "body", "convergence"
+]  # fmt: skip
 
 
 def plot_results(
@@ -68,7 +72,8 @@ def plot_results(
         curves: columns against time; loop: force against depth; snapshots: the surface at the snapshot times;
         stick: where the surfaces stick and slip; inside: stresses below the surface; waterfall: pressure
         profiles through time; map: columns over two swept keys; movie: displacement and pressure; body: the
-        layers and their moduli. By default the curves and, as NAME-snapshots, the snapshots if there are any;
+        layers and their moduli; convergence: the errors that `gfmdlayer.converge` estimated. By default the
+        curves and, as NAME-snapshots, the snapshots if there are any;
         with x or y only the curves.
     select : mapping
         Swept key -> value of the cases, of which the nearest is taken, or a range.
@@ -113,6 +118,11 @@ def plot_results(
         check_suffix(picture)
         config, title = config_of(path, case, trust=trust)
         save(body_figure(config, look, title), picture, look)
+        return [picture]
+    if kind == "convergence":
+        picture = output_file(out, (path.parent if path.is_file() else path) / "convergence.png")
+        check_suffix(picture)
+        save(convergence_figure(open_convergence(path).data, look, y), picture, look)
         return [picture]
     with ExitStack() as stack:
         opened = stack.enter_context(open_case(path) if path.is_file() else open_results(path))

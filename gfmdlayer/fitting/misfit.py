@@ -41,7 +41,7 @@ WIDER = 1.5  # factor of the intervals by correlated noise that is worth a word
 
 
 @dataclass(frozen=True)
-class MissingShape:
+class ResidualShape:
     """A shape in the residual."""
 
     name: str
@@ -54,7 +54,7 @@ class MissingShape:
 
 def found_shapes(
     problem: LeastSquares, u: FloatArray, residuals: FloatArray, jacobian: FloatArray
-) -> list[MissingShape]:
+) -> list[ResidualShape]:
     """Return the shapes in the residual that are larger than noise makes them, the largest first."""
     if problem.is_exact or np.mean(residuals[: problem.rows] ** 2) < WITHIN**2:
         return []
@@ -63,7 +63,11 @@ def found_shapes(
 
 
 def doubts(
-    problem: LeastSquares, u: FloatArray, residuals: FloatArray, found: Sequence[MissingShape], widened: float
+    problem: LeastSquares,
+    u: FloatArray,
+    residuals: FloatArray,
+    found: Sequence[ResidualShape],
+    widened: float,
 ) -> Iterator[str]:
     """Yield a sentence for each sign that the residuals at u are not noise, or correlated noise.
 
@@ -94,7 +98,7 @@ def doubts(
 
 def shapes(
     problem: LeastSquares, u: FloatArray, residuals: FloatArray, jacobian: FloatArray
-) -> Iterator[MissingShape]:
+) -> Iterator[ResidualShape]:
     """Yield the shapes that the model cannot make, with their sizes in the residual."""
     columns, derivatives = _columns(problem, u), problem.derivatives(u)
     blocks = [rows for each in problem.predictions for rows in each.blocks]
@@ -117,7 +121,7 @@ def shapes(
             for i, column in enumerate(rows)
         ]
         ratio = float(abs(made.centers[0]) / made.half[0])
-        yield MissingShape(name, ratio, np.array(changes), explained)
+        yield ResidualShape(name, ratio, np.array(changes), explained)
 
 
 def _columns(problem: LeastSquares, u: FloatArray) -> dict[str, list[FloatArray]]:
@@ -227,7 +231,7 @@ def _shared(problem: LeastSquares, residuals: FloatArray) -> float:
     return float((1 + larger.sum()) / (FLIPS + 1))
 
 
-def _sentence(problem: LeastSquares, u: FloatArray, found: Sequence[MissingShape]) -> str:
+def _sentence(problem: LeastSquares, u: FloatArray, found: Sequence[ResidualShape]) -> str:
     """Say which shapes would explain the residual, and how the first modulus would change."""
     names = [shape.name for shape in found]
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"

@@ -27,7 +27,7 @@ from gfmdlayer.friction.response import Operator
 
 # Part of its right side that a linear system may leave: least on a line and on a surface, and most.
 _LEAST_INEXACT, _INEXACT = (0.03, 0.06), 0.3
-INNER = 20  # iterations of GMRES, at most
+INNER, _ROLLING = 20, 60  # iterations of GMRES, at most; in steady rolling
 _FAILURES = 3  # full steps that may fail before damping
 _AWAY = 10  # steps away from the best state
 _DAMPING = 0.05, 4.0, 30.0  # first, factor, largest
@@ -419,9 +419,11 @@ class FrictionNewton:
 
     def _exact(self, problem: FrictionProblem, at: FrictionState, tolerance: float) -> FrictionState:
         """Return the state with the inequalities satisfied exactly and displacements in double precision."""
-        x = admissible(problem, at.x)
-        if at.drift > 0.01 * tolerance or np.abs(x - at.x).max() > 1e-13 * at.p_s:
+        x = admissible(problem, at.x, at)
+        if at.drift > 0.01 * tolerance:
             return self.state(problem, x)
+        if np.abs(x - at.x).max() > 1e-13 * at.p_s:
+            return assess(problem, x, *self.moved(at, x))
         return replace(at, x=x)
 
     def step(
@@ -447,10 +449,11 @@ class FrictionNewton:
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
         least = _LEAST_INEXACT[len(at.t) - 1]
         inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), least))
-        if sets.axes == 1:
+        if sets.axes == 1 and not C.rolls:
             solution = system.solve_on_line(b, inexact)
         else:
-            solution, _ = gmres(system.apply, system.precondition, b, inexact, INNER)
+            most = _ROLLING if C.rolls else INNER
+            solution, _ = gmres(system.apply, system.precondition, b, inexact, most)
         moved = base + sets.moved(sets.expanded(solution[: sets.free]))
         if sets.axes == 2:  # a direction of slip that has turned far: back to the circle
             p = moved[0, sets.slip]
@@ -463,7 +466,7 @@ class FrictionNewton:
 
     def _blocks_for(self, sets: Sets, damping: float) -> tuple[BlockInverse, BlockInverse] | None:
         """Return the inverses of the compliance of intervals, where these are short."""
-        if sets.axes == 2 or damping > 0:
+        if sets.axes == 2 or damping > 0 or self._C.rolls:
             return None
         first, length = intervals(sets.points)
         longest = min(_LONGEST, self._C.size // 2)

@@ -8,6 +8,8 @@ the offset by the past,
     gap  g = h + W - d:          g >= 0,  p >= 0,  p g = 0
     slip s = u - u_before - D:   |t| <= b(p),  s = -lambda t,  lambda >= 0,  lambda (b(p) - |t|) = 0
 
+In steady rolling u_before is u a way ahead, and the response is that of the state.
+
 The bound b(p) is the law of friction: mu p, a shear strength tau_0 on the contact, or the smaller one.
 
 Where the interface attracts, p is the pressure of the wall, and the body carries p - tau(g) with the traction
@@ -19,6 +21,8 @@ in the largest displacement W_s under the tractions, and shear in t_s, the large
     |min(p/p_s, g/W_s)|,   |t - P(t - s p_s/W_s)|/t_s,   |mean t - Q|/mean min(b, p),
 
 where P is the nearest point in the disk of radius b(max(p, 0)); it is the largest value over the points.
+Where a point slips only the direction of s appears: its size follows from the tractions,
+s = u - u_before - D, within some residuals times W_s.
 """
 
 from __future__ import annotations
@@ -32,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.friction.response import Response
+from gfmdlayer.friction.response import AnyResponse
 from gfmdlayer.grid.sums import pairwise_sum
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.law import HARD_WALL, Interaction
@@ -43,7 +47,7 @@ from gfmdlayer.kernels import kernel
 class FrictionProblem:
     """The frictional contact of a step; of load and depth, and of force and path, one is given."""
 
-    response: Response  # to tractions of this step
+    response: AnyResponse  # to tractions of this step
     heights: FloatArray  # h of the punch above its lowest point; length
     law: ShearBound
     load: float | None = None  # mean pressure, less that of the attraction
@@ -53,6 +57,7 @@ class FrictionProblem:
     offset: FloatArray | None = None  # W, u_x[, u_y] without tractions, by the past; by default none
     before: FloatArray | None = None  # u_x[, u_y] at the end of the step before; by default none
     interface: Interaction = HARD_WALL  # across the gap, beside the wall
+    way: float | None = None  # along x, after which the state repeats itself; by default it is a step
 
     @cached_property
     def slip_at_rest(self) -> FloatArray:
@@ -105,7 +110,7 @@ class FrictionSolution:
     slip: FloatArray  # u - u_before - D at all points; relative motion of the surfaces where they touch
     depth: float
     path: FloatArray
-    stick: BoolArray  # points in contact whose traction is below the bound
+    stick: BoolArray  # points in contact that do not slip, by `FrictionState.sticks`
     residual: float
     pairs: float  # each component counts; those in single precision count half
     iterations: int  # Newton steps
@@ -176,12 +181,16 @@ def in_disks(vectors: FloatArray, radii: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.where(outside, radii / np.where(outside, length, 1.0), 1.0))
 
 
-def admissible(problem: FrictionProblem, x: FloatArray) -> FloatArray:
-    """Return the tractions with p >= 0 of the given mean and |t| <= b(p)."""
+def admissible(problem: FrictionProblem, x: FloatArray, at: FrictionState | None = None) -> FloatArray:
+    """Return the tractions with p >= 0 of the given mean and |t| <= b(p); |t| = b(p) where a state slips."""
     p = np.maximum(x[0], 0.0)
     if problem.load is not None:
         p = p * (problem.load / p.mean()) if p.max() > 0 else np.full(p.shape, problem.load)
-    return np.vstack((p[np.newaxis], in_disks(x[1:], problem.law.bound(p))))
+    t, bound = x[1:], problem.law.bound(p)
+    if at is not None:
+        t, slips = t.copy(), at.near[~at.sticks(problem)]
+        t[:, slips] *= bound[slips] / np.maximum(norms(t[:, slips]), 1e-300)
+    return np.vstack((p[np.newaxis], in_disks(t, bound)))
 
 
 # Depth and path as multipliers: the values for which the projected tractions carry the given forces.
@@ -292,6 +301,14 @@ class FrictionState:
     slip: FloatArray
     residual: float
     merit: float  # rms over the contact; the residual is the largest value
+
+    def sticks(self, problem: FrictionProblem) -> BoolArray:
+        """Whether the points `near` are in contact and stick: the sets of Newton's method without damping.
+
+        |t| and b agree to the tolerance only, and do not tell; t - s is beyond the bound by the slip.
+        """
+        bound = problem.law.at(self.near).bound(np.maximum(self.p, 0.0) * self.p_s)
+        return np.asarray((self.p > 0) & (norms(self.t - self.slip) * self.p_s <= bound))
 
 
 def assess(

@@ -9,6 +9,10 @@ with real C. In components C is Hermitian, and real but for the coupling of p wi
 are odd along an axis vanish at its largest wavenumber, where +q and -q share a mode.
 
 Fields stand one below the other, (p, t_x[, t_y]) and (W, u_x[, u_y]), of shape (1 + axes, points).
+
+In steady rolling a state repeats itself after a way h along x. The response of a body that relaxes is then
+complex, of the material that passes, with the conjugate at -q_x. Slip is linear in the tractions (`Rolling`):
+the displacements u(x) - u(x + h) relative to the last step have the factor 1 - exp(i q_x h) on u.
 """
 
 from __future__ import annotations
@@ -42,7 +46,7 @@ class Response:
     across: FloatArray  # C_VV; without a meaning on a line
 
     @classmethod
-    def of_stiffness(cls, in_plane: FloatArray, across: FloatArray) -> Response:
+    def of_stiffness(cls, in_plane: NDArray[Any], across: NDArray[Any]) -> Response:
         """Response of a stiffness K over (W, U), shape (*modes, 2, 2), and of that over V."""
         # Where K is zero, at q = 0, the mean displacement is fixed; the mean of W and that of u do not
         # couple.
@@ -57,15 +61,27 @@ class Response:
         parts = (np.where(mean, one, other) for one, other in zip(alone, full, strict=True))
         return cls(*(np.where(np.isfinite(part), part, 0.0) for part in parts))
 
+    def beside(self, other: Response) -> Response:
+        """Response of gap and slip between this surface and one above it, mirrored, that feels p and -t."""
+        # C_1 + J C_2 J with J = diag(1, -1): equal surfaces do not couple.
+        return Response(
+            self.normal + other.normal,
+            self.coupling - other.coupling,
+            self.along + other.along,
+            self.across + other.across,
+        )
+
     @cached_property
     def digest(self) -> str:
         """Digest of the values."""
         parts = (self.normal, self.coupling, self.along, self.across)
         return blake2b(b"".join(part.tobytes() for part in parts)).hexdigest()
 
-    def equals(self, other: Response) -> bool:
+    def equals(self, other: AnyResponse) -> bool:
         """Whether another response has the same values."""
         return self is other or self.digest == other.digest
+
+    is_positive = True  # in all waves
 
     @property
     def couples(self) -> bool:
@@ -75,13 +91,28 @@ class Response:
     @cached_property
     def softest(self) -> float:
         """Largest compliance of a wave to pressure."""
-        return float(self.normal.max())
+        return float(self.normal.real.max())
 
     @cached_property
     def critical_coefficient(self) -> float:
         """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
         coupled = self.coupling != 0
-        return float(np.min(self.normal[coupled] / np.abs(self.coupling[coupled]), initial=np.inf))
+        normal, coupling = np.abs(self.normal[coupled]), np.abs(self.coupling[coupled])
+        return float(np.min(normal / coupling, initial=np.inf))
+
+    def factors(self, grid: Grid) -> tuple[FloatArray, ...]:
+        """Factors of the components over the number of points: C_pp, coupling along the axes, C_tt."""
+        flat = (self.normal, self.coupling, self.along, self.across)
+        normal, coupling, along, across = (np.ravel(part) / grid.size for part in flat)
+        if len(grid.points) == 1:
+            return _of_shared_modes(grid, normal, coupling, along)
+        q = grid.wavenumbers
+        length = np.where(q > 0, q, 1.0)
+        x, y = (np.ravel(np.broadcast_to(component, q.shape) / length) for component in grid.wavevectors)
+        difference = along - across
+        xx, yy = across + difference * x**2, across + difference * y**2
+        xx[0] = yy[0] = along[0]
+        return _of_shared_modes(grid, normal, coupling * x, coupling * y, xx, difference * x * y, yy)
 
     def on(self, fine: Transforms, coarse: Transforms) -> Response:
         """Response at the modes of a coarser grid of the same cell."""
@@ -93,13 +124,179 @@ class Response:
         stiffness = []
         for part in (self.normal, self.along, self.across):
             positive = part.ravel().copy()
-            if positive[0] <= 0:
+            if positive[0].real <= 0:
                 longest = np.argmin(np.where(grid.wavenumbers.ravel() > 0, grid.wavenumbers.ravel(), np.inf))
                 positive[0] = positive[longest]
             stiffness.append((1 / positive).reshape(part.shape))
         if len(grid.points) > 1:  # the mean has no direction
             stiffness[1].flat[0] = 2 / (1 / stiffness[1].flat[0] + 1 / stiffness[2].flat[0])
         return Response(stiffness[0], np.zeros_like(stiffness[0]), stiffness[1], stiffness[2])
+
+
+@dataclass(frozen=True)
+class CroppedResponse:
+    """Compliance of a surface without images, by its kernel in a cell: exact in a box of half of the cell.
+
+    Its spectrum has no direction of its own, and may be negative in some waves: on the points in contact it
+    is the positive one of the surface itself. `friction.isolated` makes it.
+    """
+
+    parts: tuple[FloatArray, ...]  # as of `Response.factors`, each of the spectral shape
+    plain: Response  # of the same surface with images, the mean fixed: for what needs positive waves only
+
+    @property
+    def normal(self) -> FloatArray:
+        """C_WW; at q = 0 the displacement under a mean pressure."""
+        return self.parts[0]
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the values."""
+        return blake2b(b"".join(part.tobytes() for part in self.parts)).hexdigest()
+
+    def equals(self, other: AnyResponse) -> bool:
+        """Whether another response has the same values."""
+        return self is other or self.digest == other.digest
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether pressure presses the surface down in all waves, as a solver without friction needs it."""
+        return bool(self.normal.min() > 0)
+
+    @property
+    def couples(self) -> bool:
+        """Whether shear moves the surface up and down."""
+        return self.plain.couples
+
+    @property
+    def softest(self) -> float:
+        """Largest compliance of a wave to pressure."""
+        return self.plain.softest
+
+    @property
+    def critical_coefficient(self) -> float:
+        """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
+        return self.plain.critical_coefficient
+
+    def factors(self, grid: Grid) -> tuple[FloatArray, ...]:
+        """Real factors of the components over the number of points, see `Response.factors`."""
+        return _of_shared_modes(grid, *(np.ravel(part) / grid.size for part in self.parts))
+
+    def on(self, fine: Transforms, coarse: Transforms) -> CroppedResponse:
+        """Response at the modes of a coarser grid of the same cell."""
+        parts = (fine.truncated(part, coarse).reshape(coarse.spectral_shape) for part in self.parts)
+        return CroppedResponse(tuple(parts), self.plain.on(fine, coarse))
+
+    def inverse(self, grid: Grid) -> Response:
+        """Stiffness of the surface with images, without the coupling, see `Response.inverse`."""
+        return self.plain.inverse(grid)
+
+
+class Rolling(NamedTuple):
+    """Slip in place of displacements along the surface: u(x) - u(x + way), times a length over the way."""
+
+    way: float  # h, in which the state repeats itself
+    length: float  # brings the slip of a point under a load on it to its displacement
+    kept: float  # part of u(x + way) of which a stiffness is the inverse: slip alone has no mean
+    stiff: bool = False  # whether it is a stiffness, tractions over slip
+
+    @classmethod
+    def over(cls, way: float, of: Response | CroppedResponse, grid: Grid, points: int) -> Rolling:
+        """Rolling by a way, in a contact of so many points along x."""
+        q = np.broadcast_to(grid.wavevectors[0], grid.spectral_shape)
+        waves = grid.parseval_weights.ravel() * of.factors(grid)[1 + len(grid.points)].real
+        point, change = float(waves.sum()), float((waves * (1 - np.cos(q * way)).ravel()).sum())
+        return cls(way, abs(way) * point / change, max(1 - _LEFT_OUT / points, 0.0))
+
+    def rows(self, q: FloatArray) -> ComplexArray:
+        """Return the factor on displacements, or on tractions over them, at wavenumbers along x."""
+        turned = np.exp(1j * q * self.way)
+        if self.stiff:
+            return np.asarray(abs(self.way) / self.length / (1 - self.kept * turned))
+        return np.asarray(self.length / abs(self.way) * (1 - turned))
+
+    def on(self, part: float) -> Rolling:
+        """Return the same on a grid with a part of the points along x, which rolls by as many."""
+        return self._replace(way=self.way / part, kept=1 - (1 - self.kept) / part)
+
+
+@dataclass(frozen=True)
+class RollingResponse:
+    """The displacement W and the slip of steady rolling over tractions, or a stiffness."""
+
+    of: Response | CroppedResponse  # over displacements, in the state; parts may be complex
+    rolling: Rolling
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the values."""
+        return f"{self.of.digest} {self.rolling}"
+
+    def equals(self, other: AnyResponse) -> bool:
+        """Whether another response has the same values."""
+        return self is other or self.digest == other.digest
+
+    is_positive = False
+
+    @property
+    def normal(self) -> NDArray[Any]:
+        """C_WW."""
+        return self.of.normal
+
+    @property
+    def couples(self) -> bool:
+        """Whether shear moves the surface up and down."""
+        return self.of.couples
+
+    @property
+    def softest(self) -> float:
+        """Largest compliance of a wave to pressure."""
+        return self.of.softest
+
+    @property
+    def critical_coefficient(self) -> float:
+        """Coefficient of friction with which shear moves a wave up and down as much as pressure does."""
+        return self.of.critical_coefficient
+
+    def factors(self, grid: Grid) -> tuple[ComplexArray, ...]:
+        """Factors of the components over the number of points, those on p and t for W, then for each slip."""
+        normal, *parts = self.of.factors(grid)
+        rows = self.rolling.rows(np.broadcast_to(grid.wavevectors[0], grid.spectral_shape).ravel())
+        axes = len(grid.points)
+        coupling, along = [1j * part for part in parts[:axes]], parts[axes:]
+        matrix = [normal, *(-part for part in coupling)]
+        for axis, part in enumerate(coupling):
+            matrix += [rows * part, *(rows * each for each in along[axis : axis + axes])]
+        return tuple(np.asarray(part, dtype=np.complex128) for part in matrix)
+
+    def on(self, fine: Transforms, coarse: Transforms) -> RollingResponse:
+        """Response at the modes of a coarser grid of the same cell."""
+        rolling = self.rolling.on(coarse.shape[0] / fine.shape[0])
+        return RollingResponse(self.of.on(fine, coarse), rolling)
+
+    def inverse(self, grid: Grid) -> RollingResponse:
+        """Stiffness without the coupling, see `Response.inverse`, and with less than the mean of slip."""
+        return RollingResponse(self.of.inverse(grid), self.rolling._replace(stiff=True))
+
+
+AnyResponse = Response | CroppedResponse | RollingResponse
+
+_LEFT_OUT = 6.0  # of 1 - 6/n: 1 takes three times the iterations of 4 to 8
+
+
+def _of_shared_modes(grid: Grid, *parts: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """Return factors, with the mean of +q and -q in modes that both share at the end of an axis."""
+    # With the conjugate at -q_x, even ones are real and odd ones imaginary; along y odd ones vanish.
+    axes, made = len(grid.points), [*parts]
+    for axis in (axis for axis in range(axes) if grid.points[axis] % 2 == 0):
+        shared = np.zeros(grid.spectral_shape, dtype=bool)
+        shared[(slice(None),) * axis + (grid.points[axis] // 2,)] = True
+        for number, part in enumerate(parts):
+            is_odd, is_complex = number in {1 + axis, 4}, np.iscomplexobj(part) and axis == 0
+            if is_odd or is_complex:
+                mean = 1j * part.imag if is_complex else 0.0
+                made[number] = np.where(shared.ravel(), mean if is_odd else part.real, made[number])
+    return tuple(made)
 
 
 @dataclass
@@ -187,6 +384,8 @@ class CountedFields:
         spectra = self.waves[: len(live)]
         if len(live) == 1:
             spectra[0] *= factors[0]
+        elif len(factors) == len(live) ** 2:
+            (_rolling_line if len(live) == 2 else _rolling_surface)(*factors, *spectra)
         elif len(live) == 2:  # a line
             _line(*factors, *spectra)
         else:
@@ -211,43 +410,22 @@ class Operator:
     """A response at the points of a grid, in double and in single precision."""
 
     def __init__(
-        self, grid: Grid, response: Response, work: SharedTransforms, counted: Collection[int] = ()
+        self, grid: Grid, response: AnyResponse, work: SharedTransforms, counted: Collection[int] = ()
     ) -> None:
         # `counted` are parts of windows whose kernels a resumed run has made, and counted, before.
         self.size, self.axes = grid.size, len(grid.points)
         self._response, self.work, self._counted = response, work, counted
-        self._double = self._parts(grid)
-        self._single = {1: tuple(part.astype(np.float32) for part in self._double)}
+        self.rolls = isinstance(response, RollingResponse)
+        self._double: tuple[NDArray[Any], ...] = response.factors(grid)
+        self._kind = np.complex64 if self.rolls else np.float32
+        self._single = {1: tuple(part.astype(self._kind) for part in self._double)}
         weights = np.ravel(grid.parseval_weights) * grid.size
+        along = self._double[1 + self.axes + self.rolls]
         # displacement of a point under a load on it alone
         self.point = (
-            float(weights @ np.ravel(response.normal)),
-            float(weights @ self._double[2 if self.axes == 1 else 3]) * grid.size,
+            float(weights @ np.ravel(response.normal.real)),
+            float(weights @ along.real) * grid.size,
         )
-
-    def _parts(self, grid: Grid) -> tuple[FloatArray, ...]:
-        """Real factors of the components over the number of points: C_pp, coupling along the axes, C_tt."""
-        of, n = self._response, self.size
-        flat = [np.ravel(part) / n for part in (of.normal, of.coupling, of.along, of.across)]
-        if self.axes == 1:
-            coupling = flat[1].copy()
-            if grid.points[0] % 2 == 0:
-                coupling[-1] = 0.0
-            return flat[0], coupling, flat[2]
-        q = grid.wavenumbers
-        length = np.where(q > 0, q, 1.0)
-        even = [np.broadcast_to(component, q.shape) / length for component in grid.wavevectors]
-        odd = []
-        for axis, direction in enumerate(even):
-            kept, points = direction.copy(), grid.points[axis]
-            if points % 2 == 0:
-                kept[(slice(None),) * axis + (points // 2,)] = 0.0
-            odd.append(kept.ravel())
-        x, y = (direction.ravel() for direction in even)
-        difference = flat[2] - flat[3]
-        xx, yy = flat[3] + difference * x**2, flat[3] + difference * y**2
-        xx[0] = yy[0] = flat[2][0]
-        return flat[0], flat[1] * odd[0], flat[1] * odd[1], xx, difference * odd[0] * odd[1], yy
 
     def __call__(self, x: NDArray[Any], *, single: bool = False) -> FloatArray:
         """Return the response to fields, as new fields in double precision."""
@@ -285,7 +463,7 @@ class Operator:
         self.work.fields(part, single=True).spend(2.0 * times)
 
     def kernel(self, number: int) -> FloatArray:
-        """Return the response to a load on the first point, of a component of `_parts`; not counted."""
+        """Return the response to a load on the first point, of a component of `factors`; not counted."""
         work, before = self.work.fields(single=False), self.work.spent.pairs
         work.waves[0][:] = self._double[number]
         work.transform_back(0)
@@ -312,10 +490,10 @@ class Operator:
             work, window = self.work.fields(single=False), self.work.fields(part, single=True)
             shape = self.work.shape
             near = [np.fft.fftfreq(n // part, part / n).round().astype(int) for n in shape]
-            odd = {1} if self.axes == 1 else {1, 2}
+            odd = range(1, 1 + (0 if self.rolls else self.axes))
             factors, before = [], self.work.spent.pairs
             for number, factor in enumerate(self._double):
-                made = np.zeros(window.waves[0].size, dtype=np.float32)
+                made = np.zeros(window.waves[0].size, dtype=self._kind)
                 if factor.any():
                     work.waves[0][:] = factor * (-1j if number in odd else 1.0)
                     work.transform_back(0)
@@ -323,8 +501,10 @@ class Operator:
                     window.points[0][:] = kernel_there.ravel()
                     window.transform(0)
                     spectrum = window.waves[0]
-                    made = (-spectrum.imag if number in odd else spectrum.real) / window.plan.size
-                factors.append(np.ascontiguousarray(made, dtype=np.float32))
+                    if not self.rolls:
+                        spectrum = -spectrum.imag if number in odd else spectrum.real
+                    made = spectrum / window.plan.size
+                factors.append(np.ascontiguousarray(made, dtype=self._kind))
             self._single[part] = tuple(factors)
             if part in self._counted:
                 self.work.spent.pairs = before
@@ -379,3 +559,23 @@ def _surface(a: Any, cx: Any, cy: Any, xx: Any, xy: Any, yy: Any, p: Any, tx: An
         p[k] = complex(a[k] * pr + cx[k] * xi + cy[k] * yi, a[k] * pi - cx[k] * xr - cy[k] * yr)
         tx[k] = complex(xx[k] * xr + xy[k] * yr - cx[k] * pi, xx[k] * xi + xy[k] * yi + cx[k] * pr)
         ty[k] = complex(xy[k] * xr + yy[k] * yr - cy[k] * pi, xy[k] * xi + yy[k] * yi + cy[k] * pr)
+
+
+@kernel(reorder=True)
+def _rolling_line(a: Any, b: Any, c: Any, d: Any, p: Any, t: Any) -> None:
+    """Replace the transforms of p and t by those of W and slip."""
+    for k in range(p.size):
+        of_p, of_t = p[k], t[k]
+        p[k], t[k] = a[k] * of_p + b[k] * of_t, c[k] * of_p + d[k] * of_t
+
+
+@kernel(reorder=True)
+def _rolling_surface(
+    a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any, i: Any, p: Any, tx: Any, ty: Any
+) -> None:
+    """Replace the transforms of p, t_x and t_y by those of W and slip."""
+    for k in range(p.size):
+        of_p, of_x, of_y = p[k], tx[k], ty[k]
+        p[k] = a[k] * of_p + b[k] * of_x + c[k] * of_y
+        tx[k] = d[k] * of_p + e[k] * of_x + f[k] * of_y
+        ty[k] = g[k] * of_p + h[k] * of_x + i[k] * of_y

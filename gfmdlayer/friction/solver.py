@@ -6,11 +6,14 @@ solver of that one.
 Where the interface attracts, that solver follows the path of the surface under the last shear traction. With
 its attraction kept, pressure of the wall and shear traction are those of a frictional contact under a hard
 wall, in which the attraction is a load on the body. Both are repeated until the attraction at the gap stays
-the same: at once where shear does not move the surface up and down, else in some rounds.
+the same: at once where shear does not move the surface up and down, else in some rounds. Where an edge jumps
+to and fro by grid points in the rounds, Newton's method finds the attraction that is that of its gap: the
+map from one to the other is continuous and bounded, so that there is one (Brouwer).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal
@@ -23,8 +26,17 @@ from gfmdlayer.contact import problem as frictionless
 from gfmdlayer.contact.loss_stiffness import Mixing
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, choose
 from gfmdlayer.friction.newton import INNER, FrictionNewton
-from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState, norms
-from gfmdlayer.friction.response import Operator, Response, SharedTransforms, Spent
+from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution, FrictionState
+from gfmdlayer.friction.response import (
+    AnyResponse,
+    CroppedResponse,
+    Operator,
+    Response,
+    Rolling,
+    RollingResponse,
+    SharedTransforms,
+    Spent,
+)
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.friction import ShearBound
@@ -34,10 +46,18 @@ from gfmdlayer.resumable import State as SavedState
 _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
 LIMIT = 60  # Newton steps
+NOT_POSITIVE = (
+    "without images the response is negative in some waves, for which the attraction beside friction has no "
+    "solver; must be without attraction or friction, or have a softer film or grid.boundary: periodic"
+)
 _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
 # Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
 _FEWEST, _APART = 64, 64
+_FEWEST_ROLLING = 10  # points along the contact on the coarsest grid of steady rolling
 _ROUNDS = 40  # of normal and frictional contact, where the interface attracts
+_STALLED = 6  # rounds without a smaller change of the attraction, before Newton's method
+# Of that: steps, difference of the attraction in parts of the largest stress.
+_NEWTON, _DIFFERENCE = 15, 1e-4
 MIXED = 5  # rounds that the next one is mixed of
 # Residual of a round in parts of the change of the attraction in the last one, and of the tolerance: errors
 # of tractions move the gap, and with it the attraction, by up to a hundred times as much. And the least one.
@@ -83,14 +103,52 @@ class FrictionSolver:
             for level in self._levels:  # the kernels of windows of a resumed run count anew
                 level.counted.clear()
         self._mark = ""
-        if problem.law.is_frictionless:
+        if problem.way is not None:
+            return self._rolled(problem, problem.way, tolerance, limit)
+        if problem.law.is_frictionless and problem.response.is_positive:
             return self._smooth(
                 problem, *self._pressed(problem, None, start, gap, tolerance, limit), tolerance
             )
         if problem.interface.attracts:
+            if not problem.response.is_positive:
+                raise ValueError(NOT_POSITIVE)
             return self._attracted(problem, start, gap, tolerance, limit)
+        if problem.law.is_frictionless:  # no force acts on the punch, and its path is none
+            problem = replace(problem, force=None)
         at, steps = self._under_a_wall(problem, start, tolerance, limit)
         return _solution(problem, at, steps, self._spent.pairs, tolerance)
+
+    def _rolled(self, problem: FrictionProblem, way: float, tolerance: float, limit: int) -> FrictionSolution:
+        """Solve for the state that repeats itself after a way along x; no displacements along the surface."""
+        grid, of = self._levels[0].grid, problem.response
+        assert not isinstance(of, RollingResponse)
+        plain = of.plain if isinstance(of, CroppedResponse) else of
+        still = Response(
+            *(np.abs(part) for part in (plain.normal, plain.coupling, plain.along, plain.across))
+        )
+        smooth = replace(problem, response=still, law=ShearBound(0.0), force=None)
+        _, pressed = self._pressed(smooth, None, None, None, _COARSE_TOLERANCE, limit)
+        start = np.zeros((1 + len(grid.points), problem.heights.size))
+        start[0] = pressed.pressure
+        touching = (start[0] > 0).reshape(grid.points)
+        along = int(np.count_nonzero(touching.any(axis=tuple(range(1, touching.ndim)))))
+        rolling = Rolling.over(way, of, grid, along)
+        unit = rolling.length / abs(way)
+        scaled = replace(
+            problem,
+            way=None,
+            response=RollingResponse(of, rolling),
+            path=None if problem.path is None else problem.path * unit,
+            before=None if problem.before is None else problem.before * unit,
+        )
+        deepest = 0
+        while deepest + 1 < len(self._levels) and along >> deepest + 1 >= _FEWEST_ROLLING:
+            deepest += 1
+        at, steps = self._solve(scaled, start, 0, deepest, tolerance, limit)
+        if not at.residual < tolerance and not (problem.law.sticks or problem.law.is_frictionless):
+            at, steps = self._gradually(scaled, at, tolerance, limit)
+        found = _solution(scaled, at, steps, self._spent.pairs, tolerance)
+        return replace(found, slip=found.slip / unit, path=found.path / unit)
 
     def _under_a_wall(
         self,
@@ -108,9 +166,14 @@ class FrictionSolver:
             at, steps = self._solve(problem, start, 0, deepest, tolerance, limit)
         if start is None or not at.residual < tolerance:
             at, steps = self._solve(problem, None, 0, last, tolerance, limit)
-        if not at.residual < tolerance and not problem.law.sticks:
+        gradual = not (problem.law.sticks or problem.law.is_frictionless)
+        if not at.residual < tolerance and gradual:
             at, steps = self._gradually(problem, at, tolerance, limit)
         return at, steps
+
+    def displacements(self, response: AnyResponse, tractions: FloatArray) -> FloatArray:
+        """Return the displacements W, u_x[, u_y] under tractions p, t_x[, t_y]."""
+        return self._levels[0].newton(response).displacements(tractions)
 
     def compile(self) -> None:
         """Compile the kernels of the solver without friction, where the interface attracts."""
@@ -238,6 +301,7 @@ class FrictionSolver:
         released, steps, off = 0.0, 0, 1.0 if problem.response.couples else 0.0
         mixing = Mixing(MIXED)
         least = max(_FINER * tolerance, min(tolerance, _LEAST_TOLERANCE))
+        best, stalled = math.inf, 0
         for turn in range(_ROUNDS):
             enough = max(least, min(_OF_A_ROUND * off, _COARSE_TOLERANCE))
             normal_problem, normal = self._pressed(problem, shear, None, gap, enough, limit)
@@ -250,14 +314,7 @@ class FrictionSolver:
             if not normal.converged or not p.any():
                 apart = self._smooth(problem, normal_problem, normal, tolerance)
                 return replace(apart, released_energy=released, iterations=steps)
-            loads = np.vstack((-attraction[np.newaxis], np.zeros((axes, p.size))))
-            pulled = self._levels[0].newton(problem.response).displacements(loads)
-            under = replace(
-                problem,
-                load=None if problem.load is None else problem.load + float(attraction.mean()),
-                offset=pulled if problem.offset is None else problem.offset + pulled,
-                interface=HARD_WALL,
-            )
+            under = self._pulled(problem, attraction)
             if reason := under.why_not_solvable():
                 apart = self._smooth(problem, normal_problem, normal, tolerance)
                 return replace(apart, iterations=steps, converged=False, reason=reason)
@@ -277,18 +334,97 @@ class FrictionSolver:
             )
             if not solution.converged or solution.residual < tolerance:
                 return solution
+            if math.isinf(best):
+                jumped = released  # in the step; in later rounds an edge may jump to and fro
+            stalled = 0 if off < best or math.isinf(best) else stalled + 1
+            if stalled == 0:
+                best, nearest = off, solution
+            if stalled == _STALLED:
+                break
             shear = mixing.next(shear, solution.traction)
-        reason = f"attraction and shear traction do not settle in {_ROUNDS} rounds; residual {off:.2e}"
-        return replace(solution, converged=False, reason=reason)
+        found = self._at_once(problem, nearest, tolerance, limit)
+        return replace(
+            found, iterations=found.iterations + steps, released_energy=jumped, margin=normal.margin
+        )
+
+    def _pulled(self, problem: FrictionProblem, attraction: FloatArray) -> FrictionProblem:
+        """Return the contact under a hard wall in which an attraction is a load on the body."""
+        shear = np.zeros((problem.response.normal.ndim, attraction.size))
+        newton = self._levels[0].newton(problem.response)
+        pulled = newton.displacements(np.vstack((-attraction[np.newaxis], shear)))
+        return replace(
+            problem,
+            load=None if problem.load is None else problem.load + float(attraction.mean()),
+            offset=pulled if problem.offset is None else problem.offset + pulled,
+            interface=HARD_WALL,
+        )
+
+    def _at_once(
+        self, problem: FrictionProblem, begun: FrictionSolution, tolerance: float, limit: int
+    ) -> FrictionSolution:
+        """Solve for the attraction that is that of its gap, by Newton's method from the best round."""
+        from scipy.optimize import NoConvergence, newton_krylov
+
+        assert begun.attraction is not None
+        unit = max(float(begun.pressure.max()), float(begun.attraction.max()))
+        found, steps = begun, 0
+
+        def off(attraction: FloatArray) -> FloatArray:
+            nonlocal found, steps
+            under = self._pulled(problem, unit * attraction)
+            if reason := under.why_not_solvable():
+                raise ValueError(reason)
+            at, more = self._under_a_wall(under, found.tractions, _LEAST_TOLERANCE, limit, near=True)
+            steps += more
+            solution = _solution(under, at, steps, self._spent.pairs, _LEAST_TOLERANCE)
+            change = problem.interface.traction(solution.closed_gap) / unit - attraction
+            found = replace(
+                solution,
+                gap=solution.closed_gap,
+                residual=max(solution.residual, float(np.abs(change).max())),
+                attraction=unit * attraction,
+            )
+            return np.asarray(change)
+
+        try:
+            attraction = newton_krylov(
+                off,
+                begun.attraction / unit,
+                method="gmres",
+                inner_maxiter=INNER,
+                maxiter=_NEWTON,
+                f_tol=tolerance,
+                rdiff=_DIFFERENCE,
+                tol_norm=lambda change: float(np.abs(change).max()),
+            )
+            off(attraction)  # whose last call may be a difference
+        except (NoConvergence, ValueError):
+            found = begun
+        if found.residual < tolerance:
+            return replace(found, converged=True, reason="")
+        law, point = problem.interface, self._levels[0].newton(problem.response).operators[0].point[0]
+        jump = point * float(np.abs(law.curvature(np.linspace(0.0, 4 * law.range, 1001))).max())
+        reason = (
+            f"attraction and shear traction do not settle; residual {found.residual:.2e}: the attraction "
+            f"falls {jump:.3g} times as fast with the gap as one point of the grid recoils, and edges of the "
+            f"contact jump by points from 1 on. Take {jump:.3g} times as many "
+            "grid.points, or a wider attraction"
+        )
+        return replace(found, converged=False, reason=reason, pairs=self._spent.pairs)
 
     def _gradually(
         self, problem: FrictionProblem, failed: FrictionState, tolerance: float, limit: int
     ) -> tuple[FrictionState, int]:
         """Raise friction and force from the frictionless contact, by steps that are halved on failure."""
         smooth = replace(problem, law=ShearBound(0.0), force=None)
-        pressed = self._pressed(smooth, None, None, None, tolerance, limit)
-        begun = self._smooth(smooth, *pressed, tolerance)
-        x, part, step, steps = begun.tractions, 0.0, _FIRST_PART, begun.iterations
+        if problem.response.is_positive:
+            pressed = self._pressed(smooth, None, None, None, tolerance, limit)
+            begun = self._smooth(smooth, *pressed, tolerance)
+            x, steps = begun.tractions, begun.iterations
+        else:
+            at, steps = self._solve(smooth, None, 0, len(self._levels) - 1, tolerance, limit)
+            x = at.x
+        part, step = 0.0, _FIRST_PART
         while part < 1:
             aim = min(1.0, part + step)
             force = None if problem.force is None else aim * problem.force
@@ -347,8 +483,8 @@ class FrictionLevel:
         self.grid, self.transforms = grid, transforms
         self._spent, self._share = spent, share
         self._work = SharedTransforms(transforms, spent, share)
-        self._finer: Response | None = None
-        self.response: Response | None = None
+        self._finer: AnyResponse | None = None
+        self.response: AnyResponse | None = None
         self.counted: set[tuple[int, ...]] = set()  # windows as below, of a run that is resumed
         self._newton: FrictionNewton | None = None
 
@@ -358,7 +494,7 @@ class FrictionLevel:
         made = () if self._newton is None else self._newton.operators
         return [(number, part) for number, operator in enumerate(made) for part in operator.windows]
 
-    def newton(self, response: Response) -> FrictionNewton:
+    def newton(self, response: AnyResponse) -> FrictionNewton:
         """Return Newton's method for a response."""
         if self._newton is None or self.response is None or not response.equals(self.response):
             if self._newton is not None:
@@ -370,7 +506,7 @@ class FrictionLevel:
             self.response, self._newton = response, FrictionNewton(C, K)
         return self._newton
 
-    def restricted(self, response: Response, finer: FrictionLevel) -> Response:
+    def restricted(self, response: AnyResponse, finer: FrictionLevel) -> AnyResponse:
         """Return the response of the next finer grid at the modes of this one."""
         if self.response is None or response is not self._finer:
             self._finer, coarse = response, response.on(finer.transforms, self.transforms)
@@ -473,7 +609,8 @@ def _solution(
     Cx = at.Cx if problem.offset is None else at.Cx + problem.offset
     slip = problem.slip_at_rest + at.Cx[1:] - at.path[:, np.newaxis]
     traction = at.x[1:]
-    stick = (at.x[0] > 0) & (norms(traction) < problem.law.bound(at.x[0]) * (1 - 1e-9))
+    stick = np.zeros(at.x.shape[1], dtype=bool)
+    stick[at.near] = at.sticks(problem)
     converged = at.residual < tolerance
     reason = ""
     if not converged:

@@ -34,8 +34,8 @@ stops only. With a hard wall two more bounds follow from the rows; an attraction
   4/27 of the change, as that of a power 2/3 or 3/2 from zero. While the drive grows, the largest response is
   expected from its largest value, as the response of a Hertzian contact grows.
 * The energy balance closes. What a step leaves open is the error of its work (`path_work`), of third order
-  in the step like the error above, and sets the next step in the same way. The shares of the steps (`_SHARE`)
-  add up to less than three tolerances of the largest work, down to a tolerance of about 1e-4.
+  in the step at most like the error above, and bounds the next step in the same way: to the tolerance times
+  the largest work, which is expected as the largest response is. Most steps leave much less.
 """
 
 from __future__ import annotations
@@ -77,15 +77,6 @@ _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shorte
 _DEVIATION = 0.01  # of the response from it, relative to the largest response, while the drive changes
 _DEVIATION_AT_REST = 0.05
 _UNKNOWN_DEVIATION = 4 / 27  # part of the change of the response: the most for a power 2/3 or 3/2 from zero
-
-# Share of a step in the open balance: the tolerance times its work, and a part of the largest work. N even
-# steps with an error of third order would leave open C/N^2, each the tolerance to the power 3/2. But contact
-# grows by whole grid points, at each of which the curve has a corner, so that the power is larger (measured,
-# at tolerances from 1e-3 to 1e-6, on spheres and rough surfaces).
-_SHARE, _POWER = 63.0, 5 / 3
-_GROWTH_WEIGHED = 1.4  # largest growth of that step: between two corners of the curve the balance is closed
-# The shortest such step over the time between two stops and the root of the tolerance: a tenth of most.
-_SHORTEST_WEIGHED = 0.3
 
 
 class Changes(Saving):
@@ -152,9 +143,7 @@ STEP_STATE = record_type(
         ("over_jump", np.float64),  # length of a step over the instability that will be accepted
         ("earlier", np.float64),  # response one step before the last
         ("prescribed", np.float64),
-        ("weighed", np.float64),  # longest step by the balance; 0 if it is not known
-        ("work", np.float64),  # of the last row
-        ("largest_work", np.float64),  # or energy of the body
+        ("largest_work", np.float64),  # or energy
         ("imbalance", np.float64),  # of the energies, of the last row
     ]
 )
@@ -173,7 +162,6 @@ class StepControl(NamedTuple):
     largest_drive: float  # prescribed depth or load
     growth_of_response: float  # exponent over the drive
     first_step: float  # at most
-    noise: float  # of the solver, in the energies, relative to them
     now: npt.NDArray[Any]  # one record of `STEP_STATE`
     behind: npt.NDArray[Any]  # the same behind the last step, if it is accepted
 
@@ -309,27 +297,16 @@ def _growth(control: StepControl, prescribed: float) -> float:
 
 
 @kernel(borrows=True)
-def weigh(control: StepControl, work: float, energy: float, imbalance: float) -> None:
+def weigh(control: StepControl, work: float, imbalance: float) -> None:
     """Bound the next step by what the last one, which was accepted, has left open in the energy balance."""
     now = control.now[0]
-    done, left_open = abs(work - now.work), abs(imbalance - now.imbalance)
-    now.largest_work = max(now.largest_work, abs(work), energy)
-    largest = now.largest_work
+    expected, left_open = abs(work) * _growth(control, now.prescribed), abs(imbalance - now.imbalance)
     if 0.0 < now.prescribed < control.largest_drive:
-        expected = _growth(control, now.prescribed) * control.largest_drive / now.prescribed
-        largest = max(largest, abs(work) * expected)
-    share = control.tolerance * done + _SHARE * control.tolerance**_POWER * largest
-    share += control.noise * largest
-    if done > 0.0 and left_open > 0.0 and now.last_step > 0.0 and not control.attracted:
-        longest = max((_SAFETY * share / left_open) ** (1 / 3), _SHRINK[0]) * now.last_step
-        to, stops = min(now.next_stop, control.stops.size - 1), control.stops
-        shortest = _SHORTEST_WEIGHED * math.sqrt(control.tolerance) * (stops[to] - stops[to - 1])
-        if now.weighed > 0.0:
-            longest = min(longest, _GROWTH_WEIGHED * now.weighed)
-        now.bound = now.bound or (longest < shortest and to == control.stops.size - 1)  # by the end
-        now.weighed = max(longest, shortest)
-        now.next_step = min(now.next_step, now.weighed)
-    now.work, now.imbalance = work, imbalance
+        expected *= control.largest_drive / now.prescribed
+    now.largest_work, now.imbalance = max(now.largest_work, abs(work)), imbalance
+    if left_open > 0.0 and now.last_step > 0.0 and not control.attracted:
+        room = _SAFETY * control.tolerance * max(now.largest_work, expected) / left_open
+        now.next_step = min(now.next_step, max(room ** (1 / 3), _SHRINK[0]) * now.last_step)
 
 
 @kernel(inner=True, borrows=True)
@@ -385,14 +362,12 @@ class AdaptiveSteps:
         shortest_time: float,
         least: tuple[float, float] = (0.0, 0.0),
         drawn: DrawnDrive | None = None,
-        noise: float = 0.0,
     ) -> None:
         # The tolerance is the largest error of the response relative to its largest value so far, and of the
         # displacement relative to the largest depth so far. Steps land on the `stops`, from the start to the
         # end. `shortest_time` is the shortest relevant relaxation time at the start. `least` has the smallest
         # scales of response and depth; the scale of the depth is the range of an interface that attracts, and
-        # zero for a hard wall. `drawn` is the drive as far as a curve is drawn over it, and `noise` the part
-        # of the energies that the solver leaves open.
+        # zero for a hard wall. `drawn` is the drive as far as a curve is drawn over it.
         drawn = drawn or DrawnDrive(0.0, 1.0, math.inf)
         self._stops = stops
         self.control = StepControl(
@@ -406,7 +381,6 @@ class AdaptiveSteps:
             largest_drive=drawn.largest,
             growth_of_response=drawn.growth,
             first_step=math.inf if least[1] > 0 else _first_part(tolerance, drawn.growth) * drawn.first,
-            noise=noise,
             now=np.zeros(1, STEP_STATE),
             behind=np.zeros(1, STEP_STATE),
         )
@@ -440,10 +414,8 @@ class AdaptiveSteps:
 
     def weigh(self, row: Mapping[str, float]) -> None:
         """Look at the energy balance of the last step, in its row."""
-        if "work" not in row:
-            return
-        energy = float(row["stored"]) + float(row["dissipated"])
-        weigh(self.control, float(row["work"]), energy, float(row["energy_residual"]))
+        if "work" in row:
+            weigh(self.control, float(row["work"]), float(row["energy_residual"]))
 
     def course(self) -> Course | None:
         """Return the course if the next step is the first that depends on the end."""

@@ -13,6 +13,7 @@ since the two waves +q and -q are one there. The mean is that of layers which ca
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -26,7 +27,6 @@ from gfmdlayer.body.layers import Layers
 from gfmdlayer.body.relaxation import Spectrum, distinct_branches
 from gfmdlayer.body.solid import LayerDepth
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history.errors import Integrator
 from gfmdlayer.history.modes import Modes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.kernels import kernel
@@ -48,8 +48,90 @@ class SpringFields(NamedTuple):
     forces: ComplexArray
 
 
-class Interior:
-    """The fields below the surface of layers; `modes` is the `spectrum` of the integrator's body."""
+class Interior(ABC):
+    """The fields below the surface of layers on the whole periodic grid, at these places."""
+
+    def __init__(self, body: Layers, grid: Grid, places: Sequence[LayerDepth]) -> None:
+        self.body, self.grid, self.places = body, grid, places
+        self.relaxes_alike = alike([layer.material for layer in body.present])
+        self._at_mean = np.flatnonzero(np.ravel(grid.wavenumbers) == 0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fields: one letter for a displacement, two for a stress."""
+        return LINE if len(self.grid.points) == 1 else SURFACE
+
+    @abstractmethod
+    def springs(self, history: Any, tractions: ComplexArray) -> SpringFields:
+        """Return the springs after the last step of a history, and for transforms of the tractions."""
+
+    @abstractmethod
+    def of_surface(self, u: ComplexArray | None, p: ComplexArray) -> SpringFields:
+        """Return the springs of layers that relax alike, of transforms of displacement and traction."""
+
+    @property
+    @abstractmethod
+    def keeps_springs(self) -> bool:
+        """Whether only the springs of a snapshot determine the fields at other depths."""
+
+    @abstractmethod
+    def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
+        """Return the transforms of the fields at a place, in the order of the names, but for the mean."""
+
+    @abstractmethod
+    def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
+        """Return the means of displacements and of the stresses on planes z = const that are not zero."""
+
+    def at(
+        self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
+    ) -> dict[str, FloatArray]:
+        """Return the fields at a place by name, each of the grid's shape; default: all fields."""
+        spectra = self._spectra(springs, place)
+        if (at := self._at_mean).size:
+            nu, means = self.body.present[place.layer].poisson, dict(self._means(springs, place.depth))
+            means["xx"] = means["yy"] = nu / (1 - nu) * means["zz"]
+            for name, spectrum in zip(self.names, spectra, strict=True):
+                spectrum[at] = means.get(name, 0.0)
+        shape = self.grid.spectral_shape
+        return {
+            name: self.grid.from_waves(spectrum.reshape(shape))
+            for name, spectrum in zip(self.names, spectra, strict=True)
+            if names is None or name in names
+        }
+
+    def recorded(self, springs: SpringFields) -> dict[str, NDArray[Any]]:
+        """Return the fields of a snapshot, (places, *grid), and where they are needed the springs."""
+        shape = len(self.places), *self.grid.shape
+        recorded: dict[str, NDArray[Any]] = {
+            named(name): np.empty(shape, np.float32) for name in (*self.names, "von_mises")
+        }
+        for i, place in enumerate(self.places):
+            fields = self.at(springs, place)
+            fields["von_mises"] = von_mises(fields)
+            for name, field in fields.items():
+                recorded[named(name)][i] = field
+        if self.keeps_springs:
+            for quantity, values in zip(("strain", "force"), springs, strict=True):
+                recorded[f"spring_{quantity}"] = self._kept(values)
+        return recorded
+
+    def recalled(self, strains: FloatArray, forces: FloatArray) -> SpringFields:
+        """Return the springs that a snapshot has recorded."""
+        return SpringFields(self._recalled(strains), self._recalled(forces))
+
+    def _kept(self, values: ComplexArray) -> FloatArray:
+        """Return the fields of values of the springs, (springs, modes)."""
+        shape = self.grid.spectral_shape
+        return np.array([self.grid.from_waves(one.reshape(shape).copy()) for one in values])
+
+    def _recalled(self, fields: FloatArray) -> ComplexArray:
+        """Return the values of the springs from their fields."""
+        axes = tuple(range(1, fields.ndim))
+        return np.asarray(np.fft.rfftn(fields, axes=axes).reshape(len(fields), -1))
+
+
+class NormalInterior(Interior):
+    """The fields under pressure; `modes` is the `spectrum` of the integrator's body."""
 
     def __init__(
         self,
@@ -58,11 +140,10 @@ class Interior:
         places: Sequence[LayerDepth],
         modes: Callable[[FloatArray], Spectrum] | None = None,
     ) -> None:
-        self.grid, self.places, self._modes = grid, places, modes
-        self.relaxes_alike = alike([layer.material for layer in body.present])
+        super().__init__(body, grid, places)
+        self._modes = modes
         waves = grid.waves
         size = np.ravel(waves.magnitude)
-        self._at_mean = np.flatnonzero(size == 0)
         different, where = np.unique(size, return_inverse=True)
         self._where: IntArray = where.ravel()
         self.inside = StackFields(body, different)
@@ -73,19 +154,20 @@ class Interior:
         self._odd = np.where(np.abs(q) < (1 - 1e-9) * largest, self._n, 0.0)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the fields: one letter for a displacement, two for a stress."""
-        return LINE if len(self.grid.points) == 1 else SURFACE
+    def keeps_springs(self) -> bool:
+        """Whether layers of different laws relax."""
+        return not self.relaxes_alike
 
-    def springs(self, integrator: Integrator, p: ComplexArray) -> SpringFields:
+    def springs(self, history: Any, tractions: ComplexArray) -> SpringFields:
         """Return the springs after the last step of an integrator, and for this pressure."""
         if self.relaxes_alike:
-            return self.of_surface(integrator.u, p)
-        assert isinstance(integrator, Modes)
-        return self.of_history(integrator, p)
+            return self.of_surface(history.u, tractions)
+        assert isinstance(history, Modes)
+        return self.of_history(history, tractions)
 
-    def of_surface(self, u: ComplexArray, p: ComplexArray) -> SpringFields:
+    def of_surface(self, u: ComplexArray | None, p: ComplexArray) -> SpringFields:
         """Return the springs of layers that relax alike, for displacement (upward) and pressure."""
+        assert u is not None
         strains, forces = (each[:, self._where] for each in self.inside.alike())
         return self._with_mean(SpringFields(strains * -u, forces * p), p)
 
@@ -137,45 +219,16 @@ class Interior:
             springs.strains[1:, at] -= np.einsum("nsm,nm->sn", memory.strains[of], stretch)
             springs.forces[1:, at] -= np.einsum("nsm,nm->sn", memory.forces[of], stretch)
 
-    def at(
-        self, springs: SpringFields, place: LayerDepth, names: Collection[str] | None = None
-    ) -> dict[str, FloatArray]:
-        """Return the fields at a place by name, each of the grid's shape; default: all fields."""
+    def _spectra(self, springs: SpringFields, place: LayerDepth) -> ComplexArray:
         depth, number = place
         own = self.inside.layer == number
         T = np.ascontiguousarray(np.moveaxis(self.inside.transfer(np.asarray(depth), number), 2, 0))
         spectra = np.empty((len(self.names), self._where.size), dtype=np.complex128)
         superpose(T, self._where, springs.strains[own], springs.forces[own], self._n, self._odd, spectra)
-        if (at := self._at_mean).size:
-            p, nu = springs.forces[0, at], self.inside.body.present[number].poisson
-            lateral = -nu / (1 - nu) * p
-            means = {"z": self._sunk(springs, depth), "zz": -p, "xx": lateral, "yy": lateral}
-            for name, spectrum in zip(self.names, spectra, strict=True):
-                spectrum[at] = means.get(name, 0.0)
-        shape = self.grid.spectral_shape
-        return {
-            name: self.grid.from_waves(spectrum.reshape(shape))
-            for name, spectrum in zip(self.names, spectra, strict=True)
-            if names is None or name in names
-        }
+        return spectra
 
-    def recorded(self, springs: SpringFields) -> dict[str, NDArray[Any]]:
-        """Return the fields of a snapshot, (places, *grid), and where they are needed the springs."""
-        shape = len(self.places), *self.grid.shape
-        recorded: dict[str, NDArray[Any]] = {
-            named(name): np.empty(shape, np.float32) for name in (*self.names, "von_mises")
-        }
-        for i, place in enumerate(self.places):
-            fields = self.at(springs, place)
-            fields["von_mises"] = von_mises(fields)
-            for name, field in fields.items():
-                recorded[named(name)][i] = field
-        if not self.relaxes_alike:
-            waves = self.grid.spectral_shape
-            for quantity, values in zip(("strain", "force"), springs, strict=True):
-                fields_of = [self.grid.from_waves(one.reshape(waves).copy()) for one in values]
-                recorded[f"spring_{quantity}"] = np.array(fields_of)
-        return recorded
+    def _means(self, springs: SpringFields, depth: float) -> Mapping[str, ComplexArray]:
+        return {"z": self._sunk(springs, depth), "zz": -springs.forces[0, self._at_mean]}
 
     def _sunk(self, springs: SpringFields, depth: float) -> ComplexArray:
         """Return the mean displacement at a depth, downward."""

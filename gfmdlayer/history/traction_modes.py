@@ -70,6 +70,21 @@ class VectorModes(Saving):
         self._prepare(step)
         return self.stiffness, self._pull(self._factors.gain, self.begun, self._factors.decay)
 
+    def settled(self, step: float) -> ComplexArray:
+        """Return the stiffness, (nq, n, n), of waves that each step turns by the phases of `turn`."""
+        # A stretch is then y = decay phase y + gain (1 - phase) v^H x.
+        self._prepare(step)
+        phase, f = self._phases, self._factors
+        self._settled = f.gain * (1 - phase) / (1 - f.decay * phase)
+        stiffness = self.spectrum.relaxed.astype(np.complex128)
+        _stiffen(self.spectrum.vectors, self._settled, stiffness)
+        return stiffness
+
+    def settle(self, x: ComplexArray) -> None:
+        """Begin the next step in the state that the last `settled` repeats, with displacements x."""
+        self.x = x.copy()
+        self._stretch = self._settled * np.einsum("jqa,qa->jq", self.spectrum.vectors.conj(), x)
+
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""
         return self._pull(self._factors.curvature_gain, curvature, None)
@@ -88,6 +103,11 @@ class VectorModes(Saving):
     def turn(self, phases: ComplexArray | None) -> None:
         """Multiply displacements and stretches by phases of the waves: the material moves in the step."""
         self._phases = np.ones_like(self._phases) if phases is None else phases
+
+    @property
+    def stretches(self) -> ComplexArray:
+        """Stretches of the modes after the last step, (modes, nq)."""
+        return self._stretch
 
     @property
     def begun(self) -> ComplexArray:
@@ -129,11 +149,9 @@ class TractionModes:
         # contact along x at the end of the run serves `slowest`.
         self._velocity = velocity
         self._grid, self._axes = grid, len(grid.points)
-        self._vectors, self._mode, self._share = _waves(grid)
-        length = np.sqrt((self._vectors**2).sum(axis=0))
-        still = length == 0  # the mean has no direction
-        self._along = np.where(still, 0.0, self._vectors / np.where(still, 1.0, length))
-        self._along[0, still] = 1.0
+        self._waves = TractionWaves(grid)
+        self._vectors, self._mode = self._waves.vectors, self._waves.mode
+        self._share, self._along = self._waves.share, self._waves.along
         weights = np.ravel(grid.parseval_weights)[self._mode] / self._share
         parts = [spectrum.in_plane, VectorSpectrum.of(spectrum.across)]
         every = [_at(each, self._mode) for each in parts[: self._axes]]
@@ -195,15 +213,32 @@ class TractionModes:
         assert self._response is not None
         return self._response, self._seen(self.moved(self._b))
 
+    def settled(self, step: float, way: float) -> Response:
+        """Return the response in the steady state, which each step carries over a way along x."""
+        self.carry(way, *[0.0] * (self._axes - 1))
+        stiffness = [part.settled(step) for part in self.components]
+        self._of_waves = Response.of_stiffness(stiffness[0], stiffness[-1][:, -1, -1])
+        count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
+        of = self._of_waves
+        parts = of.normal, of.coupling, of.along, of.across
+        return Response(*(part[:count].reshape(shape) for part in parts))
+
+    def under_settled(self, tractions: ComplexArray) -> ComplexArray:
+        """Return the displacements of the waves in that state."""
+        return _joined(self._respond(self._of_waves, self.loads(tractions)))
+
+    def settle(self, x: ComplexArray) -> None:
+        """Begin the next step in that state, with displacements of the waves."""
+        for part, u in zip(self.components, self._split(x), strict=True):
+            part.settle(u)
+
+    def seen(self, x: ComplexArray) -> ComplexArray:
+        """Return the transforms of W, u_x[, u_y] of displacements of the waves."""
+        return self._seen(self._split(x))
+
     def loads(self, tractions: ComplexArray) -> list[ComplexArray]:
         """Return the tractions on the waves, (p, T) and S."""
-        of_modes = tractions[:, self._mode] * self._share
-        n = self._along
-        along = -1j * (n * of_modes[1:]).sum(axis=0)
-        loads = [np.stack((of_modes[0], along), axis=1)]
-        if self._axes == 2:
-            loads.append((n[0] * of_modes[2] - n[1] * of_modes[1])[:, np.newaxis])
-        return loads
+        return self._waves.components(tractions)
 
     def under(self, tractions: ComplexArray) -> ComplexArray:
         """Return the displacements of the waves at the end of the step of the last `terms`."""
@@ -250,12 +285,6 @@ class TractionModes:
         for part in self.components:
             part.turn(self.phases)
 
-    def carried(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return a transform as it is carried with the material in the next step."""
-        if self.phases is None:
-            return spectrum
-        return spectrum * self.phases[: spectrum.shape[-1]]
-
     def carried_waves(self, x: ComplexArray) -> ComplexArray:
         """Return values of the waves as they are carried with the material in the next step."""
         if self.phases is None:
@@ -278,9 +307,12 @@ class TractionModes:
         """Return the response of the waves to loads, (W, U) and V."""
         of = self._response
         assert of is not None
-        normal, coupling, along, across = (
-            np.ravel(part)[self._mode] for part in (of.normal, of.coupling, of.along, of.across)
-        )
+        parts = of.normal, of.coupling, of.along, of.across
+        return self._respond(Response(*(np.ravel(part)[self._mode] for part in parts)), loads)
+
+    def _respond(self, of: Response, loads: list[ComplexArray]) -> list[ComplexArray]:
+        """Return the displacements of waves, each with its response, under loads."""
+        normal, coupling, along, across = of.normal, of.coupling, of.along, of.across
         p, T = loads[0].T
         in_plane = np.stack((normal * p + coupling * T, coupling * p + along * T), axis=1)
         return [in_plane] if self._axes == 1 else [in_plane, across[:, np.newaxis] * loads[1]]
@@ -304,21 +336,38 @@ def _joined(parts: Sequence[ComplexArray]) -> ComplexArray:
     return np.concatenate([part.ravel() for part in parts])
 
 
-def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-    """Return wavevectors, (axes, waves), with the mode of the grid and the share in it of each."""
-    # The first waves are the modes in their order.
-    vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
-    mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
-    for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):
-        if points % 2:
-            continue
-        shared = np.flatnonzero(np.abs(vectors[axis]) > _NYQUIST * np.pi * points / period)
-        share[shared] /= 2
-        others = vectors[:, shared]
-        others[axis] *= -1
-        vectors = np.concatenate((vectors, others), axis=1)
-        mode, share = np.append(mode, mode[shared]), np.append(share, share[shared])
-    return vectors, mode, share
+class TractionWaves:
+    """The waves of a grid: wavevectors, (axes, waves), with the mode of the grid and the share in it of each.
+
+    The first waves are the modes in their order.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
+        mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
+        for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):
+            if points % 2:
+                continue
+            shared = np.flatnonzero(np.abs(vectors[axis]) > _NYQUIST * np.pi * points / period)
+            share[shared] /= 2
+            others = vectors[:, shared]
+            others[axis] *= -1
+            vectors = np.concatenate((vectors, others), axis=1)
+            mode, share = np.append(mode, mode[shared]), np.append(share, share[shared])
+        self.vectors, self.mode, self.share = vectors, mode, share
+        length = np.sqrt((vectors**2).sum(axis=0))
+        still = length == 0  # the mean has no direction
+        self.along = np.where(still, 0.0, vectors / np.where(still, 1.0, length))
+        self.along[0, still] = 1.0
+
+    def components(self, transforms: ComplexArray) -> list[ComplexArray]:
+        """Return normal and along, and across, on the waves: (p, T) and S of (p, t_x[, t_y])."""
+        of_modes, n = transforms[:, self.mode] * self.share, self.along
+        along = -1j * (n * of_modes[1:]).sum(axis=0)
+        parts = [np.stack((of_modes[0], along), axis=1)]
+        if len(n) == 2:
+            parts.append((n[0] * of_modes[2] - n[1] * of_modes[1])[:, np.newaxis])
+        return parts
 
 
 def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:
@@ -333,7 +382,7 @@ def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:
 
 
 @kernel(reorder=True)
-def _stiffen(v: NDArray[Any], gain: FloatArray, stiffness: NDArray[Any]) -> None:
+def _stiffen(v: NDArray[Any], gain: NDArray[Any], stiffness: NDArray[Any]) -> None:
     """Add sum_j gain_j v_j v_j^H, of shape (nq, n, n)."""
     modes, count, n = v.shape
     for j in range(modes):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from gfmdlayer.arrays import FloatArray, unmasked
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body, check_body
 from gfmdlayer.body.materials import Law
 from gfmdlayer.config.geometries import FINEST
@@ -36,6 +36,7 @@ from gfmdlayer.indentation.solve import (
     work_done,
 )
 from gfmdlayer.observables import INDENTATION
+from gfmdlayer.observables.energy_balance import unbalanced
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, abel_transform, heights, of_table
 from gfmdlayer.results.names import VARIABLES
 
@@ -263,6 +264,15 @@ class IsolatedIndentation:
         """Return the profiles at the snapshots."""
         return profiles(self.solved, self.profile, self._kept, self.radii)
 
+    def unbalanced(self, section: str = "") -> str:
+        """Say that the energies miss a part of the work; with adhesion they lack what jumps lose."""
+        columns = self.columns()
+        missed, *energies = (float(np.abs(columns[name]).max()) for name in ("energy_residual", *_ENERGIES))
+        if self.adhesion.work or not missed:
+            return ""
+        part = missed / max(energies)
+        return unbalanced(part, 0.0 if self.step else self.tolerance, step=self.step or 0.0, section=section)
+
     @cached_property
     def warnings(self) -> list[str]:
         """Lines on pressures or gaps below zero, where the contact is not one disc.
@@ -288,6 +298,7 @@ class IsolatedIndentation:
 
 
 FIELDS = ("pressure", "displacement", "gap")
+_ENERGIES = ("work", "stored", "dissipated")
 
 
 def _beside_springs(body: Body, duration: float) -> Body:
@@ -411,7 +422,7 @@ def indent(
         coordinates |= {
             name: (name, each, about[name]) for name, each in (("snapshot", fields.time), ("r", fields.r))
         }
-    for line in run.warnings:
+    for line in filter(None, (*run.warnings, run.unbalanced())):
         warnings.warn(line, stacklevel=2)
     return xarray.Dataset(data, coordinates, attributes)
 
@@ -467,10 +478,8 @@ def _history(time: ArrayLike, depth: ArrayLike | None, force: ArrayLike | None) 
         got = "neither" if depth is None else "both"
         raise ValueError(f"depth, force: got {got}; must be one of the two")
     name = "depth" if force is None else "force"
-    prescribed = depth if force is None else force
-    assert prescribed is not None
-    times: FloatArray = unmasked(time).astype(np.float64)
-    values: FloatArray = unmasked(prescribed).astype(np.float64)
+    times = np.asarray(time, dtype=float)
+    values: FloatArray = np.asarray(depth if force is None else force, dtype=float)
     if times.ndim != 1 or times.size < 2 or values.shape != times.shape:
         raise ValueError(
             f"{name}: got shape {values.shape} for times of shape {times.shape}; must be equal, two or more"

@@ -14,7 +14,8 @@ from gfmdlayer.body.materials import Elastic
 from gfmdlayer.body.solid import LayerDepth, beyond, places
 from gfmdlayer.config import ConfigError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history.inside import INVARIANTS, Interior, SpringFields, invariants, named
+from gfmdlayer.history.inside import INVARIANTS, Interior, NormalInterior, invariants, named
+from gfmdlayer.history.traction_inside import TractionInterior
 from gfmdlayer.interactive.one_contact import config_of, derived, numbers_in
 from gfmdlayer.results.names import VARIABLES
 from gfmdlayer.validation.problems import shown
@@ -37,8 +38,9 @@ def inside(
     Parameters
     ----------
     data : xarray.Dataset
-        Displacement and pressure of the surface, along x or x and y, on a periodic grid: one case with
-        snapshots, as `gfmdlayer.run` and `open_case` return it, or a result of `gfmdlayer.solve`.
+        Displacement and pressure of the surface, with friction also its shear traction, along x or x and y,
+        on a periodic grid: one case with snapshots, as `gfmdlayer.run` and `open_case` return it, or a
+        result of `gfmdlayer.solve`.
     depths : sequence of float, shape (n,)
         Depths z >= 0 below the surface of the undeformed body [length], increasing.
     body : Body, optional
@@ -61,8 +63,8 @@ def inside(
     ------
     ConfigError
         If an argument cannot be used, or if the snapshots do not determine the stresses: two deformable
-        bodies, friction, isolated contacts, and layers of different laws of which one relaxes, in snapshots
-        without `output.inside`.
+        bodies, isolated contacts, and layers of different laws of which one relaxes, in snapshots without
+        `output.inside`.
 
     Notes
     -----
@@ -82,29 +84,48 @@ def inside(
     """
     axes = _checked(data)
     has_springs = "spring_force" in data and body is None
-    layers = _layers(body, data, known=has_springs, trust=trust)
+    shear = [f"shear_{axis}" for axis in axes if f"shear_{axis}" in data]
+    layers, elastic = _layers(body, data, known=has_springs, trust=trust)
     rows = _places(layers, depths)
     leads = [str(name) for name in data["pressure"].dims if name not in axes]
     steps = [float(data[name][1] - data[name][0]) for name in axes]
     sizes = tuple(data.sizes[name] for name in axes)
     grid = Grid(sizes, tuple(n * h for n, h in zip(sizes, steps, strict=True)))
-    interior = Interior(layers, grid, rows)
+    interior: Interior = (TractionInterior if shear else NormalInterior)(layers, grid, rows)
 
-    def waves(name: str, *among: str) -> ComplexArray:
-        """Return the transforms of a field, (*leads, [springs,] nq)."""
-        values = data[name].transpose(*leads, *among, *axes).to_numpy()
+    def waves(name: str) -> ComplexArray:
+        """Return the transforms of a field, (*leads, nq)."""
+        values = data[name].transpose(*leads, *axes).to_numpy()
         lead = values.shape[: values.ndim - len(axes)]
         return np.fft.rfftn(values, axes=tuple(range(-len(axes), 0))).reshape(*lead, -1)
+
+    def vectors(normal: ComplexArray, *along: str) -> ComplexArray:
+        """Return transforms of vectors, (*leads, 1 + axes, nq)."""
+        return np.stack([normal, *map(waves, along)], axis=-2)
 
     shape = tuple(data.sizes[name] for name in leads)
     names = (*interior.names, *INVARIANTS)
     fields_below = {named(name): np.empty((*shape, len(rows), *sizes)) for name in names}
-    if has_springs:
-        strains, forces = (waves(f"spring_{part}", "spring") for part in ("strain", "force"))
-    else:
-        u, p = waves("displacement"), waves("pressure")
+    recorded = [
+        data[f"spring_{part}"].transpose(*leads, "spring", *axes).to_numpy()
+        for part in ("strain", "force")
+        if has_springs
+    ]
+    p = waves("pressure")
+    u: ComplexArray | None = waves("displacement")
+    if shear:
+        p, along = vectors(p, *shear), [f"displacement_{axis}" for axis in axes]
+        if elastic:
+            u = None
+        elif all(name in data and "z" not in data[name].dims for name in along):  # of `solve`
+            u = vectors(-waves("displacement"), *along)
+        else:
+            u = np.full(p.shape, np.nan, dtype=complex)
     for at in np.ndindex(shape):
-        springs = SpringFields(strains[at], forces[at]) if has_springs else interior.of_surface(u[at], p[at])
+        if recorded:
+            springs = interior.recalled(*(of[at] for of in recorded))
+        else:
+            springs = interior.of_surface(None if u is None else u[at], p[at])
         for row, place in enumerate(rows):
             fields = interior.at(springs, place)
             for name, field in (fields | invariants(fields)).items():
@@ -132,18 +153,17 @@ def _checked(data: xarray.Dataset) -> list[str]:
     )
     if is_isolated:  # beyond its reach the displacement is not known
         raise ConfigError(["data: is an isolated contact; must have a periodic grid"])
-    for name in ("displacement", "pressure"):
+    for name in ("displacement", "pressure", *(f"shear_{axis}" for axis in "xy" if f"shear_{axis}" in data)):
         if not np.isfinite(data[name]).all():
             raise ConfigError([f"data: {name} has values that are not finite; must be known at all points"])
-    if "shear_x" in data:
-        raise ConfigError(["data: is a contact with friction; must be one without shear traction"])
     return [name for name in ("x", "y") if name in data["pressure"].dims]
 
 
-def _layers(body: object, data: xarray.Dataset, *, known: bool, trust: bool) -> Layers:
-    """Return layers whose moduli count only relative to each other; ConfigError where none determine it.
+def _layers(body: object, data: xarray.Dataset, *, known: bool, trust: bool) -> tuple[Layers, bool]:
+    """Return elastic layers of such moduli, and whether those of the data are; ConfigError if they do not do.
 
-    `known`: the data have the springs of the layers, which determine the stresses whatever the laws.
+    `known`: the data have the springs of the layers, which determine the stresses whatever the laws. Without
+    them the laws must relax alike. The moduli count only relative to each other but under shear traction.
     """
     if body is None:
         if (config := config_of(data, trust=trust)) is None:
@@ -154,16 +174,15 @@ def _layers(body: object, data: xarray.Dataset, *, known: bool, trust: bool) -> 
     if not isinstance(body, Layers):
         raise ConfigError([f"body: got {type(body).__name__}; inside needs {needs}"])
     laws = [layer.material for layer in body.present]
-    if known or all(law == laws[0] for law in laws):
-        return Layers([layer.with_law(Elastic(1.0)) for layer in body.present], body.rigid)
-    if not alike(laws):
+    if not (known or alike(laws)):
         raise ConfigError(
             [
                 "body: its layers relax by different laws, and displacement and pressure of the surface do "
                 "not determine the stresses below; set output.inside in the configuration and run it again"
             ]
         )
-    return body
+    layers = [layer.with_law(Elastic(layer.material.unit)) for layer in body.present]
+    return Layers(layers, body.rigid), alike([*laws, Elastic(1.0)])
 
 
 def _places(body: Layers, depths: Sequence[float] | FloatArray) -> list[LayerDepth]:

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import unmasked
 from gfmdlayer.body.solid import Solid
+from gfmdlayer.case.accuracy import accuracy
 from gfmdlayer.case.model import ConvergenceError, model_of
 from gfmdlayer.case.notes import notes
 from gfmdlayer.config import Config, ConfigError, digest
@@ -231,7 +232,8 @@ def _compute(case: SweepCase, threads: int, claim: Claim | AtWork) -> Outcome:
         recording, described = Recording(), case_run.attributes(model) | {"digest": digest(config)}
 
         def contents() -> CaseContents:
-            about = described, model.columns, config.unit, case.values, model.places
+            known = described | accuracy(model, recording)
+            about = known, model.columns, config.unit, case.values, model.places
             return case_contents(recording, model.coordinates, *about)
 
         with claim:
@@ -434,13 +436,13 @@ def run(
     if not isinstance(jobs, int) or jobs < 1:
         raise ConfigError([f"jobs: got {jobs!r}; must be a whole number >= 1"])
     keys = {key.replace("__", "."): value for key, value in values.items()}
-    cases = checked(partial(_configuration, config, punch, history, keys, trust))
+    cases = checked(partial(configuration, config, punch, history, keys, trust))
     if out is not None:
         return _run_in_folder(cases, Path(out), progress, jobs, threads)
     return _run_in_memory(cases, progress, jobs, threads)
 
 
-def _configuration(
+def configuration(
     config: str | Path | Mapping[str, Any] | Config,
     punch: Punch | None,
     history: History | None,

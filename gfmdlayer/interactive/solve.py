@@ -7,13 +7,16 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from inspect import signature
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.body.body import Body, check_body
+from gfmdlayer.body.isolated import IsolatedBody
 from gfmdlayer.body.isolated import isolated as without_images
 from gfmdlayer.body.pair import Pair
 from gfmdlayer.body.solid import Solid
@@ -21,18 +24,21 @@ from gfmdlayer.case.checks import too_deep, weak
 from gfmdlayer.case.model import ConvergenceError
 from gfmdlayer.case.normal import NormalContact
 from gfmdlayer.case.parts import Parts
+from gfmdlayer.case.wider_cell import wider_cell, within
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import Loading
 from gfmdlayer.contact.problem import in_contact, why_not_converged
-from gfmdlayer.contact.reach import Reach
+from gfmdlayer.contact.reach import EDGE, Reach
 from gfmdlayer.drives import Drives
 from gfmdlayer.files.tables import TableError
+from gfmdlayer.friction.isolated import without_images as kernels_without_images
 from gfmdlayer.friction.problem import FrictionProblem, FrictionSolution
-from gfmdlayer.friction.response import Response
-from gfmdlayer.friction.solver import FrictionSolver
+from gfmdlayer.friction.response import AnyResponse, Response
+from gfmdlayer.friction.solver import NOT_POSITIVE, FrictionSolver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.wider import WiderCell
 from gfmdlayer.interactive.one_contact import MEANINGS, dataset, meaning, number_in, numbers_in
 from gfmdlayer.interface.friction import ShearBound
 from gfmdlayer.interface.interface import Interface
@@ -56,6 +62,9 @@ if TYPE_CHECKING:
     from gfmdlayer.contact.problem import Problem, Solution
 
 POINTS = 1024  # of a line, where neither `points` nor an array says how many
+
+
+MOST_STRAIN = 1.0  # about, beyond which a result of linear elasticity means nothing
 
 
 class Options(TypedDict, total=False):
@@ -108,9 +117,10 @@ def solve(
         add. Default: a hard wall.
     **options
         instantaneous : whether a viscoelastic body is glassy instead of relaxed. isolated : whether the
-        contact has no periodic images; it must be narrower than some 0.4 periods. datum : of an isolated
-        line on a halfspace, the distance at which the surface counts as at rest. method, tolerance,
-        inertia, max_iterations : of the solver, as in a configuration.
+        contact has no periodic images. One that is wider than some 0.4 periods, with friction half of a
+        period, is computed in a larger cell, of which the attribute `cell` tells the cost. datum : of an
+        isolated line on a halfspace, the distance at which the surface counts as at rest. method,
+        tolerance, inertia, max_iterations : of the solver, as in a configuration.
         friction : coefficient of friction, or a mapping with `coefficient` mu, `strength` tau_0 (pressure)
         or both: the shear traction of a point is at most the smaller of mu p and tau_0, with the pressure p
         of the wall, which presses against the attraction too.
@@ -142,8 +152,7 @@ def solve(
     TypeError
         If the body has no `mean_stiffness` or `spectrum`.
     ConvergenceError
-        If the solver does not reach its tolerance, or an isolated contact is too wide for the cell, with its
-        last state.
+        If the solver does not reach its tolerance, with its last state.
 
     Notes
     -----
@@ -212,30 +221,117 @@ def solve(
     _check_grid(body, grid)
     law: Interaction = Drives(config).interface if "interface" in sections else interface  # type: ignore[assignment]
     if frictional:
-        _check_friction(frictional, plain=not alone and config.hardness is None)
+        _check_friction(frictional, yields=config.hardness is not None)
     if mean_pressure is not None and alone:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
-    reach, response = None, body
-    if alone:
-        try:
-            response = without_images(body, grid.period, datum)
-        except ValueError as error:
-            raise ConfigError([f"isolated: {error}"]) from None
-        reach = Reach(grid, response)
-    elif datum is not None:
+    if datum is not None and not alone:
         raise ConfigError(["datum: only with isolated=True; remove it"])
     control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), law)
     heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
-    if control == "depth" and (message := too_deep(target, float(heights.mean()), response.mean_stiffness)):
+    stiffness = math.inf if alone else body.mean_stiffness
+    if control == "depth" and (message := too_deep(target, float(heights.mean()), stiffness)):
         raise ConfigError([f"depth: {message}"])
+    given = _Asked(config, grid, body, heights, (control, target), law, instantaneous, datum)
     if frictional:
-        step: dict[str, Any] = {"glassy": instantaneous, "solver": options, "interface": law}
-        return with_friction(body, grid, heights, (control, target), **step, **frictional)
-    loading = Loading(heights, Constant(target), law, by_depth=control == "depth")
+        solve_with: Callable[..., xarray.Dataset] = partial(with_friction, solver=options, **frictional)
+    else:
+        solve_with = _without_friction
+    if not alone:
+        return solve_with(given)
+    try:
+        return _without_images(given, solve_with, friction=bool(frictional))
+    except ValueError as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise ConfigError([f"isolated: {error}"]) from None
+
+
+class _TooWideError(ConvergenceError):
+    """An isolated contact is wider than the reach in its cell."""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A contact on a grid, which is the cell of an isolated one."""
+
+    config: Config
+    grid: Grid
+    body: Body
+    heights: FloatArray
+    target: tuple[str, float]  # "depth" or "load", and its value
+    interface: Interaction
+    glassy: bool
+    datum: float | None = None
+    alone: bool = False
+    wider: WiderCell | None = None  # which the grid is, if the user sees less
+
+    def inside(self, wider: WiderCell) -> _Asked:
+        """Return the contact in a wider cell."""
+        control, target = self.target
+        if control == "load":
+            target *= math.prod(wider.period) / math.prod(wider.whole.period)
+        return replace(
+            self, config=within(self.config, wider), grid=wider.whole, wider=wider,
+            heights=wider.extended(self.heights), target=(control, target),
+        )  # fmt: skip
+
+    def seen(self, field: NDArray[Any]) -> NDArray[Any]:
+        """Return the part of a field, one value a point, that the user sees."""
+        whole = np.reshape(field, self.grid.shape)
+        return whole if self.wider is None else self.wider.seen(whole)
+
+    def within(self, field: FloatArray, outside: float) -> FloatArray:
+        """Return a field that the user sees on the points of the cell."""
+        wider = self.wider
+        return np.ravel(field) if wider is None else replace(wider, above=outside).extended(field)
+
+    def warn(self, reach: Reach) -> None:
+        """Warn where the contact ends with the window."""
+        if self.wider is not None and reach.at_the_edge(self.wider.points):
+            warnings.warn(EDGE.replace("grid.", ""), stacklevel=4)
+
+    def dataset(self, fields: Mapping[str, Any], scalars: Mapping[str, Any], *known: Any) -> xarray.Dataset:
+        """Return what the user sees, with totals of an isolated contact."""
+        area = math.prod(self.grid.period)
+        grid = self.grid if self.wider is None else Grid(self.wider.points, self.wider.period)
+        seen = {name: self.seen(field) for name, field in fields.items()}
+        found = dataset(grid, seen, totals(scalars, area) if self.alone else scalars, *known)
+        if self.wider is not None:
+            found.attrs["cell"] = self.wider.account
+        return found
+
+
+def _without_images(
+    given: _Asked, solve_with: Callable[[_Asked], xarray.Dataset], *, friction: bool
+) -> xarray.Dataset:
+    """Solve an isolated contact in the cell that the user sees, or in the larger one that it needs."""
+    given = replace(given, alone=True)
+    try:
+        return solve_with(given)
+    except (_TooWideError, ValueError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        control, target = given.target
+        wider = wider_cell(
+            given.body, given.grid, given.heights, target, given.datum,
+            rates=(math.inf if given.glassy else 0.0,), by_depth=control == "depth", friction=friction,
+            larger=True,
+        )  # fmt: skip
+        if wider is None:
+            raise
+    return solve_with(given.inside(wider))
+
+
+def _without_friction(given: _Asked) -> xarray.Dataset:
+    """Return the contact under a load or at a depth."""
+    config, grid, body, law = given.config, given.grid, given.body, given.interface
+    response = without_images(body, grid.period, given.datum) if given.alone else body
+    control, target = given.target
+    loading = Loading(given.heights, Constant(target), law, by_depth=control == "depth")
     spectrum = response.spectrum(grid.waves)
-    kappa = np.ravel(spectrum.glassy) if instantaneous else _in_the_end(spectrum)
+    kappa = np.ravel(spectrum.glassy) if given.glassy else _in_the_end(spectrum)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
-    contact = NormalContact(Parts(config, grid=grid, body=body, punch=heights, interface=law))
+    contact = NormalContact(Parts(config, grid=grid, body=body, punch=given.heights, interface=law))
     problem = contact.imprint.under(loading.problem(kappa, nothing, 0.0))
     if message := _beyond_the_hardness(problem):
         raise ConfigError([message])
@@ -244,17 +340,20 @@ def solve(
         solver = config.solver
         reason = why_not_converged(problem, solution, solver.method, solver.tolerance)
         raise ConvergenceError(reason, problem, solution)
+    reach = Reach(grid, response) if isinstance(response, IsolatedBody) else None
     if reach is not None:
         noise = config.solver.tolerance * law.strength
         if beyond := reach.refusal(solution.pressure, noise):
-            raise ConvergenceError(beyond, problem, solution)
+            raise _TooWideError(beyond, problem, solution)
         reach.remember(solution.pressure, noise)
+        given.warn(reach)
     points = int(in_contact(problem, solution).sum())
     if 0 < points < FEWEST and is_upside_down(problem.obstacle, grid):
         warnings.warn(f"{points} point{'s' * (points > 1)} in contact; {UPSIDE_DOWN}", stacklevel=2)
     surface = loading.surface(solution, kappa, nothing, 0.0)
-    parts = _parts(contact.parts, surface, glassy=instantaneous) if reach is None else {}
-    return _dataset(grid, problem, solution, surface, reach, parts)
+    _warn_of_strain(body, grid, kappa, solution, surface.depth)
+    parts = _parts(contact.parts, surface, glassy=given.glassy) if reach is None else {}
+    return _dataset(given, problem, solution, surface, reach, parts)
 
 
 def _check_options(options: Mapping[str, object]) -> None:
@@ -265,12 +364,12 @@ def _check_options(options: Mapping[str, object]) -> None:
         raise ConfigError(f"{name}: {allowed}{nearest(name, known)}" for name in unknown)
 
 
-def _check_friction(options: Mapping[str, object], *, plain: bool) -> None:
+def _check_friction(options: Mapping[str, object], *, yields: bool) -> None:
     """Raise a ConfigError for options without a bound of friction, or friction where it has no solver."""
     if "friction" not in options:
         raise ConfigError([f"{name}: only with friction; remove it" for name in options])
-    if not plain:
-        raise ConfigError(["friction: not with isolated=True or a hardness; remove one"])
+    if yields:
+        raise ConfigError(["friction: not with a hardness; remove one"])
 
 
 def _check_grid(body: Body, grid: Grid) -> None:
@@ -362,6 +461,21 @@ def _beyond_the_hardness(problem: Problem) -> str:
     return f"mean pressure: got {target!r}; must be below {most}"
 
 
+def _warn_of_strain(body: Body, grid: Grid, kappa: FloatArray, solution: Solution, depth: float) -> None:
+    """Warn of a strain beyond small ones: mean pressure in contact over K(q)/q, or depth over all layers."""
+    if not solution.contact_area > 0:
+        return
+    q = np.ravel(grid.wavenumbers)
+    moduli = kappa[q > 0] / q[q > 0]
+    strain = solution.mean_pressure / solution.contact_area / float(moduli.max(initial=1e-300))
+    thickness = sum(getattr(body, "thicknesses", ())) or math.inf
+    if thickness < math.inf:
+        strain = min(strain, abs(depth) / thickness)
+    if strain > MOST_STRAIN:
+        words = "linear elasticity, of small strains, does not hold"
+        warnings.warn(f"STRAINED: by about {strain:.2g} under the contact; {words}", stacklevel=4)
+
+
 def _parts(parts: Parts, surface: Surface, *, glassy: bool) -> dict[str, FloatArray]:
     """Return the displacement of each body of a pair; nothing for one body."""
     body = parts.body
@@ -374,7 +488,7 @@ def _parts(parts: Parts, surface: Surface, *, glassy: bool) -> dict[str, FloatAr
 
 
 def _dataset(
-    grid: Grid,
+    given: _Asked,
     problem: Problem,
     solution: Solution,
     surface: Surface,
@@ -382,7 +496,7 @@ def _dataset(
     parts: Mapping[str, FloatArray],
 ) -> xarray.Dataset:
     """Return fields and scalars of a solution; an isolated contact has a `reach`."""
-    touching = in_contact(problem, solution)
+    touching, grid = in_contact(problem, solution), given.grid
     imprint = {} if solution.flow is None else {"imprint": solution.flow}
     extent = contact_extent(touching, solution.wall_pressure, solution.gap, grid)
     fields = {
@@ -406,8 +520,7 @@ def _dataset(
     }
     if reach is not None:
         fields |= {name: reach.masked(np.asarray(fields[name], float)) for name in ("displacement", "gap")}
-        scalars = totals(scalars, math.prod(grid.period))
-    return dataset(grid, fields, scalars)
+    return given.dataset(fields, scalars)
 
 
 # With friction: one step of a punch that sticks and slips.
@@ -418,35 +531,34 @@ _TOLERANCE, _LIMIT = 1e-7, 60  # residual and Newton steps, where nothing is giv
 
 
 def with_friction(
-    body: Body,
-    grid: Grid,
-    heights: FloatArray,
-    target: tuple[str, float],
+    given: _Asked,
     *,
-    glassy: bool,
     solver: Mapping[str, Any],
-    interface: Interaction,
     friction: float | Mapping[str, float],
     tangential_force: float | Sequence[float] | None = None,
     tangential_displacement: float | Sequence[float] | None = None,
     previous: xarray.Dataset | None = None,
 ) -> xarray.Dataset:
-    """Return the contact under a load or at a depth, `target`, and under shear."""
+    """Return the contact under a load or at a depth, and under shear."""
     if "method" in solver:
         raise ConfigError(["method: not with friction, which has one solver; remove it"])
     if tangential_force is not None and tangential_displacement is not None:
         raise ConfigError(["tangential_force: given with tangential_displacement; must be one of the two"])
-    response, axes = _response(body, grid, glassy), len(grid.points)
-    moved, before, start, gap = _taken_from(previous, grid)
+    grid, interface = given.grid, given.interface
+    response, axes = _response(given, given.body), len(grid.points)
+    method = FrictionSolver(grid, Transforms(grid.points), attracts=interface.attracts)
+    moved, before, start, gap = _taken_from(previous, given)
+    if given.alone and start is not None:  # the displacements of a result are not known everywhere
+        before = method.displacements(response, start)[1:]
     force, at = None, moved
     if tangential_force is not None:
         force = _components("tangential_force", tangential_force, axes) / math.prod(grid.period)
     if tangential_displacement is not None:
         at = _components("tangential_displacement", tangential_displacement, axes)
-    control, value = target
+    control, value = given.target
     problem = FrictionProblem(
         response,
-        heights,
+        given.heights,
         _law(friction),
         load=value if control == "load" else None,
         depth=value if control == "depth" else 0.0,
@@ -457,21 +569,42 @@ def with_friction(
     )
     if reason := problem.why_not_solvable():
         raise ConfigError([f"tangential_force: {reason}"])
+    if interface.attracts and not response.is_positive:
+        raise ConfigError([f"isolated: {NOT_POSITIVE}"])
     tolerance, limit = solver.get("tolerance", _TOLERANCE), solver.get("max_iterations", _LIMIT)
-    method = FrictionSolver(grid, Transforms(grid.points), attracts=interface.attracts)
     solution = method.solve(problem, start, gap=gap, tolerance=tolerance, limit=limit)
+    reach = Reach(grid, None) if given.alone else None
+    if reach is not None:
+        noise = tolerance * interface.strength
+        if beyond := reach.refusal(solution.stress, noise):
+            raise _TooWideError(beyond)
+        reach.remember(solution.stress, noise)
+        given.warn(reach)
     if not solution.converged:
         raise ConvergenceError(solution.reason)
-    return _frictional_dataset(grid, solution, moved + solution.path)
+    own: dict[str, FloatArray] = {}
+    if isinstance(given.body, Pair):
+        p, *t = solution.loads
+        for name, each, sign in (("body", given.body.first, 1), ("counterbody", given.body.second, -1)):
+            loads = np.stack((p, *(sign * along for along in t)))
+            own[f"displacement_{name}"] = -method.displacements(_response(given, each), loads)[0]
+    return _frictional_dataset(given, solution, moved + solution.path, reach, own)
 
 
-def _response(body: Body, grid: Grid, glassy: bool) -> Response:
+def _response(given: _Asked, body: Any) -> AnyResponse:
     """Return the response of a body in all directions, relaxed or to a sudden load."""
-    offered = getattr(body, "traction_spectrum", None)
-    if offered is None:
-        needed = "must be a halfspace or layers, with the method traction_spectrum"
-        raise ConfigError([f"body: {type(body).__name__} has no response to shear; {needed}"])
-    spectrum = offered(grid.waves)
+    grid, glassy = given.grid, given.glassy
+    for each in (body.first, body.second) if isinstance(body, Pair) else (body,):
+        if not hasattr(each, "traction_spectrum"):
+            needed = "must be a halfspace or layers, with the method traction_spectrum"
+            raise ConfigError([f"body: {type(each).__name__} has no response to shear; {needed}"])
+    if given.alone:
+        creep = kernels_without_images(body, grid, given.datum)
+        return creep.with_weights(np.full(creep.times.size, 0.0 if glassy else 1.0))
+    if isinstance(body, Pair):
+        one, two = (_response(given, each) for each in (body.first, body.second))
+        return cast("Response", one).beside(cast("Response", two))
+    spectrum = body.traction_spectrum(grid.waves)
     plane, across = spectrum.in_plane, spectrum.across
     if glassy:
         return Response.of_stiffness(plane.glassy, across.glassy)
@@ -501,10 +634,11 @@ def _components(name: str, value: float | Sequence[float], axes: int) -> FloatAr
 
 
 def _taken_from(
-    previous: xarray.Dataset | None, grid: Grid
+    previous: xarray.Dataset | None, given: _Asked
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None, FloatArray | None]:
     """Return place of the punch, tangential displacements, tractions and gap of a result."""
-    axes = "xy"[: len(grid.points)]
+    axes = "xy"[: len(given.grid.points)]
+    shape = given.grid.shape if given.wider is None else given.wider.points
     if previous is None:
         return np.zeros(len(axes)), None, None, None
     for name in ("displacement", "shear", "tangential_displacement"):
@@ -512,20 +646,28 @@ def _taken_from(
             if f"{name}_{axis}" not in previous:
                 must = "must be a result of solve with friction"
                 raise ConfigError([f"previous: has no {name}_{axis}; {must}"])
-    if previous["pressure"].shape != grid.shape:
-        shapes = f"{previous['pressure'].shape}; must be {grid.shape}"
+    if previous["pressure"].shape != shape:
+        shapes = f"{previous['pressure'].shape}; must be {shape}"
         raise ConfigError([f"previous: has the shape {shapes}"])
 
     def fields(name: str) -> list[FloatArray]:
-        return [np.ravel(previous[f"{name}_{axis}"].to_numpy()) for axis in axes]
+        return [given.within(previous[f"{name}_{axis}"].to_numpy(), 0.0) for axis in axes]
 
     moved = np.array([float(previous[f"tangential_displacement_{axis}"]) for axis in axes])
-    pressure, gap = (np.ravel(previous[name].to_numpy()) for name in ("pressure", "gap"))
+    pressure = given.within(previous["pressure"].to_numpy(), 0.0)
+    gap = given.within(np.nan_to_num(previous["gap"].to_numpy(), nan=math.inf), math.inf)
     return moved, np.array(fields("displacement")), np.array([pressure, *fields("shear")]), gap
 
 
-def _frictional_dataset(grid: Grid, solution: FrictionSolution, moved: FloatArray) -> xarray.Dataset:
-    """Return fields and scalars of a solution."""
+def _frictional_dataset(
+    given: _Asked,
+    solution: FrictionSolution,
+    moved: FloatArray,
+    reach: Reach | None,
+    own: Mapping[str, FloatArray],
+) -> xarray.Dataset:
+    """Return fields and scalars of a solution; isolated contacts have a `reach`, two bodies `own` fields."""
+    grid = given.grid
     area, touching = math.prod(grid.period), solution.contact
     gap = np.where(touching, 0.0, np.maximum(solution.gap, 0.0))
     extent = contact_extent(touching, solution.pressure, gap, grid)
@@ -535,6 +677,7 @@ def _frictional_dataset(grid: Grid, solution: FrictionSolution, moved: FloatArra
         "gap": gap,
         "contact": touching,
         "stick": solution.stick,
+        **own,
     }
     scalars = {
         "contact_area": touching.mean(),
@@ -554,7 +697,10 @@ def _frictional_dataset(grid: Grid, solution: FrictionSolution, moved: FloatArra
         fields[f"displacement_{axis}"] = solution.displacement[1 + i]
         scalars[f"tangential_force_{axis}"] = solution.traction[i].mean() * area
         scalars[f"tangential_displacement_{axis}"] = moved[i]
-    return dataset(grid, fields, scalars, _MEANINGS)
+    if reach is not None:
+        known = [name for name in fields if name == "gap" or name.startswith("displacement")]
+        fields |= {name: reach.masked(np.asarray(fields[name], float)) for name in known}
+    return given.dataset(fields, scalars, _MEANINGS)
 
 
 def _along(axis: str) -> dict[str, dict[str, str]]:
@@ -575,7 +721,7 @@ _MEANINGS = {
     **_along("x"),
     **_along("y"),
     "stick": meaning("whether the point is in contact and below the bound of friction"),
-    "stick_area": meaning("relative area of the points that stick"),
+    "stick_area": meaning("area of the points that stick, relative; of an isolated contact, the area itself"),
     "residual": meaning("residual of the frictional contact"),
     "transforms": meaning("pairs of Fourier transforms of one component; half for single precision"),
     "iterations": meaning("Newton steps"),

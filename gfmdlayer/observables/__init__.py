@@ -21,7 +21,7 @@ from gfmdlayer.observables.contact import (
 from gfmdlayer.observables.energy_balance import Bodies, EnergyBalance
 from gfmdlayer.observables.friction import FrictionColumns, Slip
 from gfmdlayer.observables.inside import LARGEST, InsideColumns
-from gfmdlayer.observables.numerics import Effort, SeriesError, SpectrumError, SteadyState
+from gfmdlayer.observables.numerics import ACCURACY, Effort, SeriesError, SpectrumError, SteadyState
 from gfmdlayer.observables.observable import Column, Observable, Observed, declared
 from gfmdlayer.observables.transport import (
     FLOW,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
 
 __all__ = [
+    "ACCURACY",
     "INDENTATION",
     "OBSERVABLES",
     "SPARSE",
@@ -121,4 +122,4 @@ def known_columns() -> dict[str, Column]:
 def known_numbers() -> dict[str, Column]:
     """Return the attributes of cases that sweep files hold as columns, by name."""
     every = [column for observable in OBSERVABLES.values() for column in observable.NUMBERS]
-    return {column.name: column for column in (*every, *of_one_contact(every, line=False))}
+    return {column.name: column for column in (*every, *of_one_contact(every, line=False), *ACCURACY)}

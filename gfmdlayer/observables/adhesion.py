@@ -110,11 +110,13 @@ MOST_LISTED = 1000
 
 
 class PathPoint(NamedTuple):
-    """Time, depth, mean pressure and margin of an accepted step."""
+    """An accepted step on the way of the punch; the first five fields are a row of `history.path_work`."""
 
     time: float
     depth: float
     pressure: float
+    prescribed: float
+    swept: float  # since the step before
     margin: float
 
     @property

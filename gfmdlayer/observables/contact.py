@@ -260,8 +260,17 @@ _TOTALS = declared(r"""
     work | work done by the punch, and by a changing voltage | force length | from the beginning of the run
     stored | elastic energy stored | force length | from the body at rest
     dissipated | energy dissipated | force length | from the beginning of the run
-    energy_residual | work - stored - dissipated - energy of the interface - plastic work - lost in
-      instabilities | force length | from the beginning of the run
+    energy_residual | work - stored - dissipated - energy of the interface - plastic work - heat of slip
+      - lost in instabilities | force length | from the beginning of the run
+    tangential_force | tangential force of the punch | force | of the whole contact, along the drive | T
+    transverse_force | tangential force across the drive | force | of the whole contact, to the left of it
+    drag_force | tangential force on the moving punch | force | of the whole contact, see its mean |
+      T_\mathrm{drag}
+    spin_moment | moment of the shear traction on the body | force length | of the whole contact, to the left,
+      about the middle of the punch | M_z
+    stick_area | area that sticks to the punch | length^2 | of the whole contact; of a line, its width |
+      A_\mathrm{stick}
+    slip_heat | heat of slip | force length | from the beginning of the run
     plastic_work | plastic work, the hardness (less the attraction in contact) times the volume of the
       imprint | force length | from the beginning of the run
     yielded_area | area whose pressure is the hardness | length^2 | of the whole contact

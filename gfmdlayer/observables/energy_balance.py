@@ -2,16 +2,17 @@
 
 The work is the integral of the mean pressure over the depth and, for a punch that moves along the surface, of
 the mean tangential stress over the position; with friction at the interface also of the mean shear traction
-over the displacement of the punch along the surface, and the heat of slip is subtracted. It does not use the
+over the displacement of the punch along the surface, and with a spin of its moment over the angle; the heat
+of slip is subtracted. It does not use the
 modes, from which stored and dissipated energy follow. The energy of the interface is the mean of its law over
 the gap, zero for the hard wall. So the residual of the balance is an error of the time integration: of second
 order in dt with the exponential scheme and of first order with backward Euler. A residual above the limit is
 a warning: three times the tolerance of adaptive steps, a hundredth with fixed ones.
 
-Between fixed steps the curve is a parabola, between adaptive ones a bent power law (`history.path_work`).
-Adaptive steps see the residual, and are chosen so that the balance closes (`history.adaptive_steps`). In an
-adaptive step in which a hard wall first touches or last touches, the path in contact is not known: the gain
-of the energies counts as work.
+Under a hard wall the work of a step follows from pressure and displacement of each point, exactly for an
+elastic body (`history.path_work`): the residual is an error of the relaxation. Adaptive steps see it, and are
+chosen so that the balance closes (`history.adaptive_steps`). With attraction, and for the tangential stress,
+the curve is a parabola through three rows.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
@@ -36,13 +37,12 @@ friction at the interface the energy of an elastic contact does not depend on th
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import PathPoint, Point, across, work_over_fold
-from gfmdlayer.observables.observable import Column, Observable, Observed, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared, rounded_down
 from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
@@ -55,9 +55,6 @@ UNBALANCED = "UNBALANCED"  # with this word the warning begins
 # Largest residual over the work: in tolerances of adaptive steps, beside what the solver leaves open in its
 # own; or with fixed steps.
 _TOLERANCES, _OF_SOLVER, _CLOSED = 3, 10, 0.01
-# Tolerance below which shorter steps do not close the balance: at the corners of the curve, where contact
-# grows by a grid point, it stays open by a part that falls with the number of points.
-_OF_CORNERS = 1e-4
 
 
 class EnergyBalance(Observable):
@@ -88,8 +85,8 @@ class EnergyBalance(Observable):
         self._torn, self._energies = False, 0.0  # whether a load has pulled the punch off; of the last row
         self._largest = self._open = 0.0  # work or energy; residual
         self._time, self._solver_tolerance = case.config.time, case.config.solver.tolerance
-        self._points = case.grid.points
-        self._by_power = self._time.tolerance is not None and not self._has_losses
+        self._moves = case.config.trajectory.moves
+        *_, self._spin = case.config.creepages
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._rows: deque[PathPoint] = deque(maxlen=2)  # of the way up to here
         # Positions and tangential stresses; displacements of the punch and shear tractions, along each axis.
@@ -101,8 +98,9 @@ class EnergyBalance(Observable):
         # Other parts of the energy of the contact.
         attraction += float(step.row.get("plastic_work", 0.0)) + float(step.row.get("slip_heat", 0.0))
         energies = stored + dissipated + attraction
-        now = PathPoint(step.time, step.depth, step.mean_pressure, step.margin)
-        tangential = _tangential(step)
+        swept = step.swept[-1] if step.swept else 0.0
+        now = PathPoint(step.time, step.depth, step.mean_pressure, step.prescribed, swept, step.margin)
+        tangential = _tangential(step, self._spin)
         # Pressed in, pulled off or back: the path is not known.
         if step.detached != self._torn or not self._rows:
             self._work += energies - self._energies
@@ -128,8 +126,6 @@ class EnergyBalance(Observable):
         self, step: Step, now: PathPoint, tangential: tuple[Point, ...], gained: float
     ) -> float:
         """Work over a step in which the energies grow by `gained`, plus the loss."""
-        if self._by_power and (self._rows[-1].pressure == 0) != (now.pressure == 0):
-            return gained
         released = step.released_energy if self._has_losses else 0.0
         over = None
         if released > 0:
@@ -137,8 +133,8 @@ class EnergyBalance(Observable):
         points = [row.point for row in (*self._rows, now)]
         if step.plastic_work > 0:
             points = points[-2:]  # the depth may jump where points yield, and no parabola leads over a jump
-        if self._by_power and len(points) > 1 and step.plastic_work == 0:
-            over = self._along_curve(now), 0.5
+        if not self._has_losses:
+            over = self._of_the_surface(step, now), 0.5
         normal, part = over or (_area(*points), 0.5)
         work = normal + sum(_area(*curve) for curve in zip(*self._tangential, tangential, strict=True))
         if self._field is not None:
@@ -150,35 +146,28 @@ class EnergyBalance(Observable):
             self._lost, work = self._lost + lost, gained + lost
         return work
 
-    def _along_curve(self, now: PathPoint) -> float:
-        """Work from the last row to a point, where steps are adaptive."""
+    def _of_the_surface(self, step: Step, now: PathPoint) -> float:
+        """Work of a step under a hard wall: that of the pressure on the surface, and of yielding."""
         import numpy as np
 
-        from gfmdlayer.history.path_work import work_along
+        from gfmdlayer.history.path_work import work_of_step
 
-        curve = np.array([self._rows[0], self._rows[-1]])
-        return float(work_along(curve, len(self._rows), now.depth, now.pressure))
+        rows, known = np.array([self._rows[0], self._rows[-1]]), min(len(self._rows), len(step.swept))
+        since_first = step.swept[0] if step.swept else 0.0
+        plastic = step.plastic_work if now.prescribed != self._rows[-1].prescribed else 0.0
+        return float(work_of_step(rows, known, np.array(now), since_first)) + plastic
 
     @property
     def warning(self) -> str:  # type: ignore[override]
         """Say that the balance is open, and the steps that would close it."""
-        time = self._time
-        limit = _CLOSED
-        if time.tolerance is not None:
-            limit = _TOLERANCES * (time.tolerance + _OF_SOLVER * self._solver_tolerance)
-        if self._open <= limit * self._largest:
-            return ""
-        part = self._open / self._largest
-        if time.tolerance is None:
-            assert not isinstance(time.step, str)
-            # Of second order only if steps are short beside the ramps.
-            remedy = f"time.step {_rounded_down(time.step * limit / part)}"
-        elif time.tolerance < _OF_CORNERS:
-            finer = 2 ** math.ceil(math.log2(part / limit))
-            remedy = f"grid.points {' x '.join(str(finer * n) for n in self._points)}"
-        else:  # the error is of second order in the steps, which grow with the cube root of the tolerance
-            remedy = f"time.tolerance {_rounded_down(time.tolerance * (limit / part) ** (3 / 2))}"
-        return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
+        part = self._open / self._largest if self._largest else 0.0
+        if self._time.tolerance is not None:
+            said = unbalanced(part, self._time.tolerance, _OF_SOLVER * self._solver_tolerance)
+        else:
+            assert not isinstance(self._time.step, str)
+            said = unbalanced(part, step=self._time.step)
+        # The shortest wave of the grid relaxes under a punch that moves, but has no slope along x.
+        return f"{said}, or more grid.points" if said and self._moves else said
 
     def _attraction(self, step: Step) -> float:
         """Energy of the interface per area."""
@@ -213,6 +202,19 @@ class EnergyBalance(Observable):
             self._field = float(state["field_time"]), state["field_gap"]
 
 
+def unbalanced(
+    part: float, tolerance: float = 0.0, of_solver: float = 0.0, *, step: float = 0.0, section: str = "time."
+) -> str:
+    """Say that energies miss a part of the work, and the tolerance or the equal step that would close it."""
+    limit = _CLOSED if step else _TOLERANCES * (tolerance + of_solver)
+    if part <= limit:
+        return ""
+    # Of second order only if steps are short beside the ramps.
+    shorter = rounded_down((step or tolerance) * limit / part)
+    remedy = f"{section}{'step' if step else 'tolerance'} {shorter}"
+    return f"{UNBALANCED}: the energies miss {part:.2g} of the work, more than {limit:.2g}; use {remedy}"
+
+
 _NAMES = "body", "counterbody"
 
 
@@ -241,17 +243,15 @@ class Bodies(Observable):
         return stored | {f"dissipated_{name}": body.dissipated for name, body in own}
 
 
-def _tangential(step: Step) -> tuple[Point, ...]:
-    """Return each displacement along the surface with the mean tangential stress that does work on it."""
+def _tangential(step: Step, spin: float) -> tuple[Point, ...]:
+    """Return each displacement along the surface with the mean tangential stress that does work on it.
+
+    With a spin also the angle of the punch, with the moment.
+    """
     position, force = (float(step.row.get(name, 0.0)) for name in ("position", "tangential_force"))
     by_loss = force - step.shear_force + step.stretch
-    return (position, by_loss), *zip(step.moved, step.mean_shear, strict=True)
-
-
-def _rounded_down(value: float) -> str:
-    """Return a number with its first digit."""
-    unit = 10.0 ** math.floor(math.log10(value))
-    return f"{math.floor(value / unit) * unit:.1g}"
+    turned = [(spin * position, step.spin_moment)] if spin else []
+    return (position, by_loss), *zip(step.moved, step.mean_shear, strict=True), *turned
 
 
 def _area(*points: Point) -> float:

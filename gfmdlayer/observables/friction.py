@@ -8,9 +8,13 @@ deformable bodies each counts with the velocity of the contact along it: u = u_1
 
 With friction at the interface the mean of the shear traction t of the punch on the body adds to the
 tangential force. Under a moving punch t moves with the surface, which stretches by dv/dx, v the displacement
-along it: the body takes the mean of p du/dx less that of t dv/dx, and the rest is heat of slip. The heat of a
-step of slip s is -t.s, with the mean of t at the beginning and at the end of the step; under a
-punch at rest with that at the end alone where t turns in the step.
+along it: the body takes the mean of p du/dx less that of t dv/dx, and the rest is heat of slip. So
+
+    tangential force    mean of t, and loss of the body: what friction and hysteresis would be alone, added
+    drag force          mean of t + p du/dx: on the punch; of one that slides, its work per distance
+
+Their difference, t dv/dx, is slip by the stretch of the surface. The heat of a step of slip s is -t.s, with
+the mean of t at the beginning and at the end of the step, and with that at the end alone where t turns in it.
 
 With P and U the transforms of p and u, the mean is sum_q w q Im(P conj(U)), w the weights of Parseval's sum.
 """
@@ -23,12 +27,17 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.observable import Column, Observable, Observed, declared
+from gfmdlayer.observables.observable import Column, Observable, Observed, declared, rounded_down
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray, FloatArray
     from gfmdlayer.config import Config
     from gfmdlayer.step import Step
+
+
+# Change of the traction over itself, in steps with slip, beyond which the heat of slip is rough: its measured
+# error is a quarter of that at most, and less where errors of successive steps cancel, as in steady sliding.
+_CHANGES = 0.7
 
 
 def direction(config: Config) -> FloatArray:
@@ -62,7 +71,7 @@ class FrictionColumns(Observable):
     COLUMNS = declared(r"""
         position | position of the punch along x | length | from its place at t = 0
         tangential_force | mean tangential stress against the motion | pressure | mean over the whole cell of
-          pressure times slope of the surface, and of shear traction | \bar{t}
+          the shear traction, and loss of the body per distance and area | \bar{t}
         friction | tangential force / normal force | 1 | of the whole cell, negative where this pulls | \mu
         contact_centre | centre of pressure along x, from the middle of the punch | length |
           from the middle of the punch
@@ -127,7 +136,7 @@ class Slip(Observable):
     """
 
     COLUMNS = declared(r"""
-        interface_friction | shear traction / pressure, means over the cell | 1 | over the cell |
+        interface_friction | shear traction / pressure, of their means | 1 | of the whole cell |
           \mu_\mathrm{interface}
         hysteresis_friction | tangential force by the loss of the body / normal force | 1 |
           loss of the body per distance and area, over mean pressure | \mu_\mathrm{hysteresis}
@@ -138,6 +147,12 @@ class Slip(Observable):
         tangential_displacement | displacement of the punch along the surface, of its rolling the sliding
           part | length | from the beginning of the run | D
         creepage | sliding speed of the punch over its velocity | 1 | over the step | \xi
+        lateral_creepage | sliding speed of the punch along y over its velocity | 1 | over the step | \xi_y
+        spin_moment | moment of the shear traction on the body, to the left | pressure length |
+          mean over the whole cell, about the middle of the punch | \bar{m}
+        drag_force | mean tangential stress on the moving punch | pressure | mean over the whole cell of the
+          shear traction and of pressure times slope of the surface; work per distance where it slides |
+          \bar{t}_\mathrm{drag}
         transverse_force | mean shear traction across the tangential drive | pressure |
           mean over the whole cell, to the left of the drive | \bar{t}_\perp
         """)
@@ -147,20 +162,23 @@ class Slip(Observable):
         restick | time at which a point sticks again after full slip | time |
           the first row in which it is so
         """)
-    KEPT = "heat", "position", "times"
+    KEPT = "heat", "change", "times"
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
         """Return the columns of a case with friction at the interface."""
         if not config.friction:
             return None
-        left_out = set() if config.trajectory.moves else {"hysteresis_friction", "creepage"}
+        left_out = set() if config.trajectory.moves else {"hysteresis_friction", "creepage", "drag_force"}
         left_out |= {"transverse_force"} if len(config.grid.points) == 1 else set()
+        if len(config.grid.points) == 1 or not config.trajectory.rolls:
+            left_out |= {"lateral_creepage", "spin_moment"}
         return tuple(column for column in cls.COLUMNS if column.name not in left_out)
 
     def __init__(self, case: Observed) -> None:
         self._names = [column.name for column in self.columns(case.config) or ()]
-        self._direction, self._heat, self._position = direction(case.config), 0.0, 0.0
+        self._direction, self._time = direction(case.config), case.config.time
+        self._heat = self._change = 0.0
         self._times = [math.nan] * len(self.NUMBERS)
 
     @property
@@ -168,27 +186,41 @@ class Slip(Observable):
         """Times of the events."""
         return {column.name: time for column, time in zip(self.NUMBERS, self._times, strict=True)}
 
+    @property
+    def warning(self) -> str:  # type: ignore[override]
+        """Say that tractions change too much in a step for the heat of slip."""
+        if isinstance(self._time.step, str) or self._change <= _CHANGES * self._heat:
+            return ""
+        part = self._change / self._heat
+        remedy = rounded_down(0.5 * _CHANGES / part * self._time.step)
+        return (
+            f"SLIP HEAT is rough: in steps with slip the traction changes by {part:.2g} of itself, more than "
+            f"{_CHANGES:g}; use time.step {remedy}"
+        )
+
     def measure(self, step: Step) -> Mapping[str, float]:
         """Return the columns of the case."""
         n, mean, force = self._direction, step.mean_pressure, step.shear_force
         touching, stick = step.fields["touching"], step.fields["stick"]
         self._heat += step.slip_heat
+        self._change += step.slip_heat_change
         sticks, slips = bool(stick.any()), bool((touching & ~stick).any())
         sticks_again = sticks and not math.isnan(self._times[1])
         for i, is_now in enumerate((slips, bool(touching.any()) and not sticks, sticks_again)):
             if is_now and math.isnan(self._times[i]):
                 self._times[i] = step.time
         means = step.mean_shear
-        position = float(step.row.get("position", 0.0))
-        travelled, self._position = position - self._position, position
-        by_loss = float(step.row["tangential_force"]) - force
+        total = float(step.row["tangential_force"])
         values = {
             "interface_friction": _over_normal(force, mean, step),
-            "hysteresis_friction": _over_normal(by_loss, mean, step),
+            "hysteresis_friction": _over_normal(total - force, mean, step),
             "stick_area": float(stick.mean()),
             "slip_heat": self._heat,
             "tangential_displacement": float(n @ step.moved),
-            "creepage": step.path[0] / travelled if travelled else math.nan,
+            "creepage": step.path[0] / step.way if step.way else math.nan,
+            "lateral_creepage": step.path[-1] / step.way if step.way else math.nan,
+            "spin_moment": step.spin_moment,
+            "drag_force": total + step.stretch,
             "transverse_force": float(n[0] * means[-1] - n[-1] * means[0]),
         }
         return {name: values[name] for name in self._names}

@@ -85,6 +85,21 @@ class SeriesError(Observable):
         }
 
 
+# Numbers of a whole case, which `case.accuracy` finds at its end.
+ACCURACY_PREFIX = "accuracy_"
+ACCURACY = declared("""
+    accuracy_area | estimated error of the interpolated contact area, relative | 1 | where this is largest
+    accuracy_steps | tolerance of adaptive steps | 1 | of each step
+    accuracy_residual | largest residual of the contact problem | 1 | over the steps
+    accuracy_balance | largest residual of the energies over the largest work | 1 | over the steps
+    accuracy_contact_points | most points in contact | 1 | over the steps
+    accuracy_wave_points | points for the shortest wave of a rough surface | 1 | over the cell
+    accuracy_fit | error of the compliance of an isolated body | 1 | relative
+    accuracy_slope | largest slope of the punch | 1 | down to the largest depth
+    accuracy_strain | largest strain, about: mean pressure in contact over 2 G(t), or depth over the thickness
+      of all layers, whichever is less | 1 | over the steps
+    """)
+
 _ROUNDING = 1e-12  # of friction, where the body is elastic
 
 
@@ -94,7 +109,7 @@ class SteadyState(Observable):
     Mean pressure, depth and friction have then each stayed within a tolerance, relative to their largest
     value, over a whole window of time: the time of the slowest process (`SlidingModes.slowest`).
     The first window begins with the last breakpoint of the drives, another one after each that was not
-    steady.
+    steady. A state that is found at once is steady.
     """
 
     KEPT = "begun", "least", "most"  # no run is resumed from a steady state, which ends it
@@ -107,19 +122,23 @@ class SteadyState(Observable):
     def __init__(self, case: Observed) -> None:
         time = case.config.time
         assert time.steady is not None
-        self._tolerance = time.steady
+        self._at_once = time.at_once
+        self._tolerance = 0.0 if isinstance(time.steady, str) else time.steady
         reduced = case.drives.reduced_time
         slowdown = 1.0 if reduced is None else reduced.factor(math.inf)
-        self._window = case.history.slowest(self._tolerance) * slowdown
+        self._window = 0.0 if self._at_once else case.history.slowest(self._tolerance) * slowdown
         self._since = max(case.drives.breakpoints, default=0.0)
         self._begun = math.inf
         self._least: tuple[float, ...] = ()
         self._most: tuple[float, ...] = ()
         self.attributes = {"settled": 0}
-        self.warning = f"NOT STEADY within {time.steady:g} at time.end = {time.end:g}"
+        self.warning = f"NOT STEADY within {self._tolerance:g} at time.end = {time.end:g}"
 
     def measure(self, step: Step) -> Mapping[str, float]:
         """Compare the step with the others of its window."""
+        if self._at_once:
+            self._settle(step.time)
+            return {}
         values = step.mean_pressure, step.depth, float(step.row["friction"])
         if step.time < self._since or math.isnan(values[-1]):
             return {}

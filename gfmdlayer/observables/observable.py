@@ -7,6 +7,7 @@ estimates of cost need these modules, so the modules import neither numpy nor co
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -184,3 +185,9 @@ class Observable(Saving):
     def measure(self, step: Step) -> Mapping[str, Value]:  # noqa: ARG002
         """Return the values of the columns, by name."""
         return {}
+
+
+def rounded_down(value: float) -> str:
+    """Return a number with its first digit."""
+    unit = 10.0 ** math.floor(math.log10(value))
+    return f"{math.floor(value / unit) * unit:.1g}"

@@ -69,10 +69,6 @@ class Shape(Kind):
         """Yield why the punch does not fit into the cell or onto its grid, in keys of the punch."""
         return iter(())
 
-    def face(self, period: tuple[float, ...]) -> float:  # noqa: ARG002
-        """Width of what touches first, in periods, as far as the keys say it."""
-        return 0.0
-
     def notes(self, cell: Cell) -> list[str]:  # noqa: ARG002
         """Describe the changes made to a measured surface."""
         return []

@@ -154,12 +154,6 @@ class Flat(Analytic):
         message = f"got {width!r} with edge_radius {self.edge_radius!r}; {allowed}"
         return Mistake(("width",), message, ("edge_radius",))
 
-    def face(self, period: tuple[float, ...]) -> float:
-        """Width of the disc, or diagonal of the rectangle."""
-        if isinstance(self.width, tuple):
-            return math.hypot(*(width / length for width, length in zip(self.width, period, strict=True)))
-        return self.width / min(period)
-
     def revolution(self) -> Revolution:
         """The flat disc and the parabola outside; ValueError for a rectangle."""
         from gfmdlayer.punch.revolution import of_pieces

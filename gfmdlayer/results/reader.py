@@ -225,7 +225,7 @@ def open_case(path: str | Path) -> xarray.Dataset:
     path = Path(path)
     if reason := flaw(path, VERIFIED):
         raise ResultsError(f"{path}: {_reason(path, reason)}")
-    return _open(path)
+    return open_labelled(path)
 
 
 def open_results(directory: str | Path) -> xarray.Dataset:
@@ -261,7 +261,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
     numbers = set(case_numbers(config)) if config.exists() else set()
     if sweep.exists():
-        collected = _open(sweep)
+        collected = open_labelled(sweep)
         held = {*collected["case"].to_numpy().flat} if "case" in collected.coords else numbers
         is_of_all = not numbers or held == numbers  # else the sweep has grown since
         if is_of_all and collected.attrs.get("swept"):
@@ -272,7 +272,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     if complete and (gathered := _gathered(directory, config)) is not None:
         return _with_snapshots(gathered, directory)
     if len(complete) == 1:
-        return _open(complete[0])
+        return open_labelled(complete[0])
     if not complete:
         raise ResultsError(f"{directory}: no complete case{_first_failure(directory)}")
     several = f"{len(complete)} complete cases but no {SWEEP_FILE}; run the config again"
@@ -304,7 +304,8 @@ def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
     return labelled(records, Swept.of(sweep, unit_of(data), times))
 
 
-def _open(path: Path) -> xarray.Dataset:
+def open_labelled(path: Path) -> xarray.Dataset:
+    """Open a file of labelled data, if its bytes are those that were written; see `open_case`."""
     import xarray
     from xarray.backends import CachingFileManager, H5NetCDFStore
 
@@ -371,7 +372,7 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
         return sweep
     if first is None:
         return sweep
-    with _open(first) as example:
+    with open_labelled(first) as example:
         if "axes" in example.attrs:  # each case has its own
             return sweep
         import xarray

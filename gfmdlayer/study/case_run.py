@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gfmdlayer.case.accuracy import accuracy
 from gfmdlayer.case.model import ConvergenceError, Model, model_of
 from gfmdlayer.case.notes import accounts, notes
 from gfmdlayer.config import digest
@@ -373,9 +374,12 @@ class CaseRun:
         """Write the file of the case."""
         case = self.case
         described = attributes(model, case.given, surfaces=self.ranks.count == 1) | {"digest": self._digest}
+        described |= accuracy(model, recording)
         about = described, model.columns, case.config.unit, case.values, model.places
         contents = case_contents(recording, model.coordinates, *about)
         write_case(self.folder.case(case.index), contents, durable=recording.elapsed >= AWAITED)
+        said = [str(held["warnings"]) for held in (described, recording.noted) if held.get("warnings")]
+        self.folder.add_warnings(case.index, "\n".join(said).splitlines())
         if ended := str(recording.noted.get("ended", "")):
             _record(self.folder.case(case.index, "ended"), case.values, ended)
 

@@ -14,7 +14,9 @@
     DIR/cases/.lock        locked while runs share the folder, or one changes it (`gfmdlayer.study.claims`)
     DIR/arrays/            punch and history of a run from Python that were arrays
     DIR/sweep.h5           all cases, labelled
-    DIR/warnings.txt       the warnings in sweep.h5, if there are any
+    DIR/warnings.txt       the warnings of complete cases, if there are any
+    DIR/accuracy.txt       the worst of what the cases note on their accuracy
+    DIR/convergence.h5     estimated errors, from runs in DIR/convergence/ (`gfmdlayer.convergence`)
 
 Every file is written whole (`gfmdlayer.files.whole`), so that a reader never sees half of one.
 
@@ -84,8 +86,19 @@ class Folder:
 
     @property
     def warnings(self) -> Path:
-        """The warnings in the sweep file as text, for an overview that opens no result file."""
+        """The warnings of the cases as text, for an overview that opens no result file."""
         return self.path / "warnings.txt"
+
+    def add_warnings(self, index: int, lines: Iterable[str]) -> None:
+        """Add those of a complete case, until the sweep file is collected, which has those of all."""
+        if text := "".join(f"case {index:04d}: {line}\n" for line in dict.fromkeys(lines)):
+            with self.warnings.open("a", encoding="utf-8") as file:
+                file.write(text)
+
+    @property
+    def accuracy(self) -> Path:
+        """The worst accuracy of the cases in the sweep file as text, likewise."""
+        return self.path / "accuracy.txt"
 
     @cached_property
     def stop(self) -> Path:
@@ -147,7 +160,7 @@ class Folder:
         """Remove the results in a locked folder, known by their exact names, and nothing else."""
         results = _files(self.cases, lambda name: _matched(_RESULT, name))
         inputs = _files(self.path / "inputs", _INPUT.fullmatch)
-        for path in (self.sweep, self.warnings, *results, *inputs, self.config):
+        for path in (self.sweep, self.warnings, self.accuracy, *results, *inputs, self.config):
             path.unlink(missing_ok=True)
 
     def set_damaged_aside(self, numbers: Iterable[int]) -> list[str]:
@@ -172,7 +185,8 @@ class Folder:
             raise FolderError(f"{self.path}: is a file, not a folder; choose another with --out")
         names = {entry.name for entry in self.path.iterdir()} if self.path.is_dir() else set()
         # A run killed in its first instant leaves folders and an unfinished configuration.
-        foreign = [name for name in names if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
+        own = [name for name in names if name in _FOLDERS or _OF_ESTIMATES.fullmatch(name)]
+        foreign = [name for name in names.difference(own) if not _IN_FOLDER.fullmatch(name)]
         if foreign and not self.is_results():
             raise FolderError(f"{self.path}: {FOREIGN.format(self.lacking)}")
 
@@ -266,7 +280,7 @@ class Folder:
 _RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint|snapshots|journal|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 _OWN = r"\..+-\d+-[0-9a-f]{8}"  # of a process; see `unfinished_path`
-_IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5|warnings\.txt){_OWN}\.part")
+_IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5|warnings\.txt|accuracy\.txt|convergence\.h5){_OWN}\.part")
 _OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint|state){_OWN}\.part)")
 _STATE = re.compile(r"(\d{4,})\.(checkpoint|snapshots|journal)")
 # The last three of the version before, whose shards had locks.
@@ -274,6 +288,7 @@ _OF_A_RUN = re.compile(
     rf"stop-.+-\d+-[0-9a-f]{{8}}|probe{_OWN}\.part|stop(-\d+-of-\d+)?|\.lock-\d+-of-\d+|\.turn"
 )
 _FOLDERS = ("cases", "arrays", "inputs")  # left by a run that was killed in its first instant
+_OF_ESTIMATES = re.compile(r"convergence(\.(h5|png|pdf|svg))?")  # of errors, which may come before the run
 
 
 def _matched(pattern: re.Pattern[str], name: str) -> re.Match[str] | None:

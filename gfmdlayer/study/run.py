@@ -27,6 +27,7 @@ from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.files.whole import synchronise, write_text
+from gfmdlayer.results.accuracy import worst_accuracy
 from gfmdlayer.results.gathering import CaseRecord, Swept, collect
 from gfmdlayer.results.names import ResultsError
 from gfmdlayer.results.reader import attributes, is_complete
@@ -350,6 +351,7 @@ class Study:
                 write_text(self._folder.warnings, f"{said}\n", durable=False)
             else:
                 self._folder.warnings.unlink(missing_ok=True)
+            write_text(self._folder.accuracy, f"{', '.join(worst_accuracy(path))}\n", durable=False)
         except PermissionError as error:  # lost during the run
             raise ResultsError(f"{self._folder.sweep}: cannot be written: {error.strerror}") from error
         named = (line.partition(": ") for line in str(collected["failed"]).splitlines())

@@ -39,8 +39,9 @@ class Overview:
     running: list[Running]  # the running cases
     failures: list[Record]  # the first `RECORDS_READ` failed cases, and complete ones that ended early
     ended: list[Record]
-    warnings: list[str]  # of the cases in the sweep file
+    warnings: list[str]  # of complete cases
     damaged: list[int]  # cases, of those whose files were verified: neither complete nor waiting
+    accuracy: str  # the worst of each number on the accuracy of the cases in the sweep file
 
     @property
     def over(self) -> bool:
@@ -66,11 +67,15 @@ def overview(folder: Folder, *, verify: bool = False) -> Overview:
     waiting = max(0, total - len(complete | failed | busy))
     damaged = list(_damaged(folder, sorted(complete))) if verify else []
     complete.difference_update(damaged)
-    said: list[str] = []
+    said, worst = list[str](), ""
+    with suppress(OSError):  # there are none
+        said = [*dict.fromkeys(folder.warnings.read_text(encoding="utf-8", errors="replace").splitlines())]
     if folder.sweep.exists():
-        with suppress(OSError):  # there are none
-            said = folder.warnings.read_text(encoding="utf-8", errors="replace").splitlines()
-    return Overview(total, len(complete), len(failed), waiting, at_work, failures, ended, said, damaged)
+        with suppress(OSError):
+            worst = folder.accuracy.read_text(encoding="utf-8", errors="replace").strip()
+    return Overview(
+        total, len(complete), len(failed), waiting, at_work, failures, ended, said, damaged, worst
+    )
 
 
 def _damaged(folder: Folder, complete: list[int]) -> Iterator[int]:

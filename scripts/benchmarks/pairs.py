@@ -39,6 +39,15 @@ _FRICTIONAL = {
     "rough line": (1 << 14, 1, 250, None),
 }
 _FRICTION, _LOAD, _COURSE = 0.4, 0.01, 20
+# Steady rolling: points, axes, and creepage along x and spin, over those with which all slips, some mu a/R.
+_ROLLING = {
+    "cylinder": (1 << 10, 1, 0.3, 0.0),
+    "sphere": (64, 2, 0.5, 0.0),
+    "sphere, finer": (256, 2, 0.5, 0.0),
+    "sphere with spin": (64, 2, 0.2, 0.5),
+    "sphere with spin, finer": (256, 2, 0.2, 0.5),
+}
+_LENGTHS = 3  # of the contact, which marching takes to the state
 
 
 def measure(effort: Effort) -> Iterator[Table]:
@@ -71,6 +80,13 @@ def measure(effort: Effort) -> Iterator[Table]:
     ]
     if rows:
         yield Table("friction", "FFT pairs with friction, mu = 0.4, residual 1e-7", rows, note)
+    note = (
+        f"Marching by a spacing from the contact without shear over {_LENGTHS} lengths of it; its last force "
+        "along x over that of the state found at once. Counted as above."
+    )
+    rows = [_steady(name, *of) for name, of in _ROLLING.items() if of[0] ** of[1] <= max(effort.points)]
+    if rows:
+        yield Table("rolling", "Steady rolling at once and by marching: FFT pairs", rows, note)
 
 
 def _row(method: str, points: int, steps: int) -> dict[str, Cell]:
@@ -103,15 +119,8 @@ def _frictional(
 ) -> dict[str, Cell]:
     """Count the pairs of a first solve and of the steps from it."""
     grid, rolls = Grid((points,) * axes, (1.0,) * axes), name.startswith("rolling")
-    if name.startswith("rough"):
-        shape = SelfAffine(hurst=0.8, short_cutoff=2.5 / points, rms_height=0.003, seed=1)
-        h = np.ravel(shape.heights(grid))
-    else:
-        h = np.ravel(sum(x**2 for x in np.meshgrid(*grid.coordinates, indexing="ij"))) / 0.5
     solver, most = FrictionSolver(grid, Transforms(grid.points)), 0.95 * _FRICTION * _LOAD
-    stiffness = halfspace(1.0, poisson=0.3).traction_spectrum(grid.waves)
-    response = Response.of_stiffness(stiffness.in_plane.relaxed, stiffness.across.relaxed)
-    problem = FrictionProblem(response, h - h.min(), ShearBound(_FRICTION), load=_LOAD)
+    problem = _pressed(grid, rough=name.startswith("rough"))
     first = found = solver.solve(replace(problem, force=np.zeros(axes)))
     pairs, done = [], first.converged
     for i in range(1, 1 + _COURSE):
@@ -133,6 +142,51 @@ def _frictional(
         "step": float(np.mean(pairs)),
         "most": max(pairs),
         "step's target": step_target,
+        "converged": str(done),
+    }
+
+
+def _pressed(grid: Grid, *, rough: bool = False) -> FrictionProblem:
+    """A parabola, or a rough surface, pressed on the halfspace."""
+    if rough:
+        shape = SelfAffine(hurst=0.8, short_cutoff=2.5 / grid.points[0], rms_height=0.003, seed=1)
+        h = np.ravel(shape.heights(grid))
+    else:
+        h = np.ravel(sum(x**2 for x in np.meshgrid(*grid.coordinates, indexing="ij"))) / 0.5
+    stiffness = halfspace(1.0, poisson=0.3).traction_spectrum(grid.waves)
+    response = Response.of_stiffness(stiffness.in_plane.relaxed, stiffness.across.relaxed)
+    return FrictionProblem(response, h - h.min(), ShearBound(_FRICTION), load=_LOAD)
+
+
+def _steady(name: str, points: int, axes: int, creepage: float, spin: float) -> dict[str, Cell]:
+    """Count the pairs of the state of steady rolling, at once and by steps."""
+    grid, way = Grid((points,) * axes, (1.0,) * axes), 1 / points
+    solver, problem = FrictionSolver(grid, Transforms(grid.points)), _pressed(grid)
+    last = solver.solve(replace(problem, force=np.zeros(axes), law=ShearBound(0.0)))
+    length = int(np.count_nonzero(last.contact.reshape(grid.points).any(axis=tuple(range(1, axes)))))
+    a, radius = 0.5 * length * way, 0.25
+    path = np.array([creepage * _FRICTION * a / radius * way, 0.0][:axes])
+    before = np.zeros((axes, grid.size))
+    if spin:
+        x, y = (each.ravel() for each in np.meshgrid(*grid.coordinates, indexing="ij"))
+        before = spin * _FRICTION / radius * way * np.stack((-y, x + way / 4))
+    state = solver.solve(replace(problem, path=path, before=before, way=way))
+    pairs, done = [], state.converged
+    for _ in range(_LENGTHS * length):
+        u = np.roll(last.displacement[1:].reshape(axes, *grid.points), -1, axis=1).reshape(axes, -1)
+        last = solver.solve(replace(problem, path=path, before=before + u), last.tractions)
+        pairs.append(last.pairs)
+        done &= last.converged
+    return {
+        "contact": name,
+        "grid": "×".join(map(str, grid.points)),
+        "points along it": length,
+        "sticks": float(state.stick.sum() / state.contact.sum()),
+        "at once": state.pairs,
+        "a step": float(np.mean(pairs)),
+        "marching": float(np.sum(pairs)),
+        "marching / at once": float(np.sum(pairs) / state.pairs),
+        "force": float(last.traction[0].mean() / state.traction[0].mean()),
         "converged": str(done),
     }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer import Elastic, Layer, LayerStack, Prony, Zener
-from gfmdlayer.body.inside import StackFields
+from gfmdlayer.body.inside import StackFields, TractionFields
 from gfmdlayer.body.relaxation import distinct_branches
 
 A, B = Prony(1.0, [(4.0, 0.1), (5.0, 10.0)]), Zener(0.2, 2.0, 1.0)
@@ -169,3 +169,116 @@ def test_layers_that_relax_alike_need_only_displacement_and_pressure():
     np.testing.assert_allclose(forces, known[1] * K, rtol=1e-12, atol=1e-13)
     elastic = LayerStack((Layer(0.1, 0.4, Elastic(2.0)), Layer(0.3, 0.5, Elastic(5.0))))
     assert not StackFields(elastic, field.q).memory.waves.size
+
+
+# Under pressure and shear traction.
+
+
+def sheared(field, x, time):
+    """Strains and forces, (springs, nq), at a time after the surface has moved by x, (ways, nq), at t = 0."""
+    spectrum = field.body.traction_spectrum(field.q)
+    modes = spectrum.in_plane if field.in_plane else None
+    vectors = modes.vectors if modes else np.sqrt(spectrum.across.weights)[..., np.newaxis]
+    times = modes.times if modes else spectrum.across.times
+    y = np.einsum("jqw,wq->jq", vectors, x) * np.exp(-time / times)
+    every = zip(field.relaxed, field.memory, strict=True)
+    return [np.einsum("wsq,wq->sq", now, x) + np.einsum("qsj,jq->sq", past, y) for now, past in every]
+
+
+def seen(field, depth, number, strains, forces):
+    """The fields at a depth: as `at`, and V, Z and s_nt of a motion across, (3, nq)."""
+    own, T, moved = field.layer == number, field.transfer(depth, number), 2 if field.in_plane else 1
+    return np.concatenate(((T[:moved] * strains[own]).sum(axis=1), (T[moved:] * forces[own]).sum(axis=1)))
+
+
+@pytest.mark.parametrize("in_plane", [True, False])
+def test_under_shear_the_fields_are_in_equilibrium_continuous_and_carry_the_tractions(in_plane):
+    """As under pressure; where nothing or all has relaxed Hooke's law holds too.
+
+    A wave that feels only the uppermost layer, q d > 24, is a halfspace's there, up to x exp(-x) = 1e-9.
+    A thin incompressible layer on a rigid base resists W by some 1/(q d)^3, and W loses as many digits.
+    """
+    draw = np.random.default_rng(11)
+    q = np.array([0.1, 1.0, 7.0, 40.0])
+    for case in range(24):
+        body = random_stack(draw, case)
+        field, time = (
+            TractionFields(body, q, in_plane=in_plane),
+            float(draw.choice([0.0, 0.3, 5.0, math.inf])),
+        )
+        x = draw.uniform(-1, 1, (field.ways, q.size))
+        springs, deep = sheared(field, x, time), q * body.layers[0].thickness > 24
+        spectrum = body.traction_spectrum(q)
+        relaxing = spectrum.in_plane if in_plane else spectrum.across
+        vectors = relaxing.vectors if in_plane else np.sqrt(relaxing.weights)[..., np.newaxis]
+        relaxed = relaxing.relaxed if in_plane else relaxing.relaxed[:, np.newaxis, np.newaxis]
+        y = np.einsum("jqw,wq->jq", vectors, x) * np.exp(-time / relaxing.times)
+        tractions = np.einsum("qvw,wq->vq", relaxed, x) + np.einsum("jqw,jq->wq", vectors, y)
+        surface = seen(field, 0.0, 0, *springs)
+        size = np.abs(surface[field.ways :]).max(axis=0) + np.abs(tractions).max(axis=0)
+        lost = 1e-12 + 1e-16 / (q * body.layers[0].thickness) ** 3
+        assert (np.abs(surface[: field.ways] - x) < lost).all()
+        carried = surface[2:4] if in_plane else surface[1:2]
+        assert (np.abs(carried + tractions) < 1e-11 * size).all()
+        for i, layer in enumerate(body.layers):
+            d, nu, top = layer.thickness, layer.poisson, field.tops[i]
+            g = layer.material.glassy if time == 0 else layer.material.relaxed
+            found = seen(field, top + draw.uniform(0, 1) * min(d, 1.0) + 1e-30j, i, *springs)
+            slope, now = found.imag * 1e30, found.real
+            largest = np.abs([*(seen(field, top + z, i, *springs) for z in (0, min(d, 1.0))), now])
+            part = q * (largest[:, field.ways :].max(axis=(0, 1)) + size * (time < math.inf))
+            part += g * q * q * largest[:, : field.ways].max(axis=(0, 1))
+            if in_plane:
+                W, U, szz, R, snn, _ = now
+                wrong = [slope[2] - q * R, slope[3] + q * snn]
+                bulk = (1 - 2 * nu) * (szz - 2 * g * slope[0]) - 2 * nu * g * (slope[0] - q * U)
+                hooke = [R - g * (slope[1] + q * W), szz - snn - 2 * g * (slope[0] + q * U), bulk]
+            else:
+                V, Z, snt = now
+                wrong, hooke = [slope[1] + q * snt], [Z - g * slope[0], snt + g * q * V]
+            if time in (0.0, math.inf):
+                wrong += [q * each for each in hooke]
+            exact = ~deep | (time == math.inf) | (i == 0)
+            assert (np.abs(wrong)[:, exact] <= 1e-11 * part[exact]).all()
+            if i + 1 < len(body.layers):
+                up, low = (seen(field, top + d, j, *springs) for j in (i, i + 1))
+                ends = field.ways + 2 if in_plane else 2
+                for rows in (slice(0, field.ways), slice(field.ways, ends)):
+                    whole = np.abs(surface[rows]).max(axis=0) + np.abs([up[rows], low[rows]]).max(axis=(0, 1))
+                    if rows.start:  # those of a free stack are far below its parts, a halfspace's at t = 0
+                        whole += layer.material.glassy * q * np.abs(surface[: field.ways]).max(axis=0)
+                    near = np.where(deep & (time < math.inf), 1e-9, 1e-11)
+                    assert (np.abs(up - low)[rows] < near * whole).all()
+
+
+@pytest.mark.parametrize("in_plane", [True, False])
+def test_under_shear_the_force_of_each_spring_is_the_memory_of_its_law(in_plane):
+    """At t = 0 those of the glassy moduli, then G0 e + sum_k G_k y_k, dy_k/dt + y_k/tau_k = de/dt."""
+    draw = np.random.default_rng(13)
+    q, t = np.array([0.3, 3.0, 20.0]), 0.8
+    for case in range(12):
+        body = random_stack(draw, case)
+        field = TractionFields(body, q, in_plane=in_plane)
+        x = draw.uniform(-1, 1, (field.ways, q.size))
+        glassy = LayerStack(
+            tuple(layer.with_law(Elastic(layer.material.glassy)) for layer in body.layers), body.rigid
+        )
+        of_glass = TractionFields(glassy, q, in_plane=in_plane)
+        shallow = q * body.layers[0].thickness <= 24
+        start, end = sheared(field, x, 0.0), sheared(of_glass, x, 0.0)
+        for one, other in zip(start, end, strict=True):
+            assert (np.abs(one - other) < 1e-10 * np.abs(other).max(axis=0))[:, shallow].all()
+        # The strains at many times between give the memory by the mean slope in each interval, at whose
+        # ends they are exact: an error of 1/n^2.
+        times = np.linspace(0.0, t, 801)
+        e = np.array([sheared(field, x, time)[0] for time in times])
+        forces = sheared(field, x, t)[1]
+        for s, number in enumerate(field.layer):
+            law, k = body.layers[number].material, field.q * field.stiffness[s]
+            expected = law.relaxed * e[-1, s]
+            for G, tau in law.maxwell_branches:
+                slopes = np.diff(e[:, s], axis=0) / np.diff(times)[:, np.newaxis]
+                kept = tau * (np.exp(-(t - times[1:]) / tau) - np.exp(-(t - times[:-1]) / tau))
+                expected = expected + G * (np.exp(-t / tau) * e[0, s] + kept @ slopes)
+            off = np.abs(k * expected - forces[s])[shallow]
+            assert (off < 1e-4 * np.abs(forces).max(axis=0)[shallow]).all()

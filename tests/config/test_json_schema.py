@@ -162,6 +162,13 @@ trajectory: {tangential: {kind: table, file: heights.txt}}
     LINE + f"interface: {{law: coulomb, coefficient: heights.txt, {READING}}}\n"
     f"trajectory: {{tangential: {{kind: table, file: heights.txt, {READING}}}}}\n",
     LINE + "interface: {law: coulomb, coefficient: 1}\ntrajectory: {velocity: 1.0, creepage: -0.1}\n",
+    """\
+name: spin
+grid: {points: [16, 16]}
+interface: {law: coulomb, coefficient: 1}
+trajectory: {velocity: 1.0, creepage: {x: 0.1, y: -0.1, spin: 1}}
+time: {steady: at_once}
+""",
     LINE + "interface: {law: hard_wall}\nsweep: {interface: [{work: 1, range: 1}, {law: hard_wall}]}\n",
     LINE + """\
 interface:

@@ -145,15 +145,15 @@ def test_the_imprint_does_not_depend_on_the_steps_and_cycles_close_after_the_fir
 
 
 @pytest.mark.parametrize(
-    ("hardness", "path", "steps", "most"),
+    ("hardness", "path", "steps"),
     [
-        (0.05, {"kind": "approach_retract", "load": 0.004, "dwell": 1.0}, (0.125, 0.03125), 0.05),
-        (0.1, {"load": 0.01, "velocity": 0.1}, (0.2, 0.05), 0.02),
+        (0.05, {"kind": "approach_retract", "load": 0.004, "dwell": 1.0}, (0.125, 0.03125)),
+        (0.1, {"load": 0.01, "velocity": 0.1}, (0.2, 0.05)),
     ],
     ids=["in and out", "moving"],
 )
-def test_the_balance_of_energy_closes_with_the_steps(hardness, path, steps, most):
-    """Of a viscoelastic body whose asperities yield: at least of first order, a fourth for a quarter."""
+def test_the_balance_of_energy_closes_at_any_step(hardness, path, steps):
+    """Of a viscoelastic body whose asperities yield."""
     residuals, moves = [], "velocity" in path
     for step in steps:
         time = {"step": step} | ({"end": 2.0} if moves else {})
@@ -162,8 +162,8 @@ def test_the_balance_of_energy_closes_with_the_steps(hardness, path, steps, most
         assert found["plastic_work"][-1] > 0.1 * work
         assert not moves or found["friction"][-1] > 0
         residuals.append(abs(found["energy_residual"][-1]) / work)
-    assert residuals[1] <= residuals[0] / 4
-    assert residuals[1] < most
+    # Elastic and plastic work are exact. What is left is too small to fall with the steps (3.5e-4 at most).
+    assert max(residuals) < 5e-4
 
 
 @pytest.mark.parametrize("step", [0.25, "adaptive"])

@@ -144,7 +144,7 @@ def test_numbers_in_the_cells_of_a_map_are_those_of_its_bar(unit, spread):
     data["mean_gap"] = (data["force"] * 0 + of_cases).assign_attrs(units=unit)
     figure = map_figure(data, z=["mean_gap"])
     panel, bar = figure.axes
-    assert isinstance(panel.images[0].norm, LogNorm) == (spread > 100)
+    assert isinstance(panel.collections[0].norm, LogNorm) == (spread > 100)
     figure.draw_without_rendering()
     # A tick of the bar is at its place times the power of ten of its words, as the cells are.
     powers = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "$10^{-9}$": 1e-9, "$10^{-6}$": 1e-6}

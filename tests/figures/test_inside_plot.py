@@ -40,6 +40,16 @@ def test_the_section_of_a_line_has_depth_downward_and_the_interface_at_its_depth
     assert "von Mises stress" in figure.get_supxlabel()  # the caption explains the symbol
 
 
+def test_the_section_of_a_sliding_punch_has_its_largest_stress_at_the_surface():
+    more = {"interface": {"law": "coulomb", "coefficient": 0.8}}
+    more |= {"trajectory": RUN["trajectory"] | {"velocity": 0.1}}
+    data = gfmdlayer.run(RUN | more, grid={"points": 256})
+    figure = inside_figure(data, "largest_shear")
+    assert "shear stress" in figure.get_supxlabel()
+    drawn = gfmdlayer.inside(data, data.z.to_numpy()[[0, 1, 2, 3]]).largest_shear.isel(snapshot=-1)
+    assert int(drawn.max("x").argmax("z")) == 0
+
+
 def test_each_interface_has_curves_of_its_own():
     run = {key: RUN[key] for key in ("halfspace", "time", "trajectory")} | {"layers": [RUN["layer"]] * 2}
     data = gfmdlayer.run(run, grid={"points": 64}, output={"inside": {"points": 2, "every": 2}})

@@ -140,7 +140,7 @@ def test_numbers_of_cases_are_drawn_against_swept_keys_and_as_maps(results):
     drawn = np.array([line.get_ydata() for line in figure.axes[0].lines])
     np.testing.assert_array_equal(drawn, sweep.pull_off_force.transpose("work", "retract_speed"))
     figure = map_figure(sweep, z=["work_of_separation"])
-    np.testing.assert_array_equal(figure.axes[0].images[0].get_array().T, sweep.work_of_separation)
+    np.testing.assert_array_equal(figure.axes[0].collections[0].get_array().T, sweep.work_of_separation)
     with pytest.raises(ResultsError, match="pull_off_force is one number of each case; give x a swept key"):
         curves_figure(sweep, y=["pull_off_force"])
 

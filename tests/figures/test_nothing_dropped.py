@@ -362,7 +362,7 @@ def test_maps_of_any_column_over_any_two_keys_at_extremes():
     axes = figure.axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == (r"$\nu$", "$d$")
     expected = 16 * whole["case"].sel(radius=2).transpose("thickness", "poisson").values
-    np.testing.assert_array_equal(axes.images[0].get_array(), expected)
+    np.testing.assert_array_equal(axes.collections[0].get_array(), expected)
     assert figure.get_supxlabel().replace("\n", "; ").startswith("fixed: $R$ = 2 (of 3 values); ")
     assert "$d$: thickness of the layer" in figure.get_supxlabel()
     assert axes.get_title(loc="left") == "(a)  max. over $t$"
@@ -372,10 +372,24 @@ def test_maps_of_any_column_over_any_two_keys_at_extremes():
         map_figure(select(whole, {"radius": 1}), x="radius")
 
 
+def test_cells_of_a_map_stand_at_their_numbers():
+    whole = sweep({"layer.thickness": [0.1, float("inf")], "punch.radius": [3.0, 1.0, 10.0, 100.0]})
+    axes = map_figure(whole, x="radius", z=["force"]).axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
+    across, up = (np.unique(axes.collections[0].get_coordinates()[..., i]) for i in range(2))
+    np.testing.assert_allclose(across[1:-1], np.sqrt([3.0, 30.0, 1000.0]))  # half the way in the logarithm
+    np.testing.assert_allclose(up, [-0.5, 0.5, 1.5])  # infinity has a place in the order
+    drawn = axes.collections[0].get_array()
+    known = whole["force"].isel(time=-1).transpose("thickness", "radius").sortby("radius")
+    np.testing.assert_allclose(drawn, known)
+
+
 def test_colours_of_a_map_are_logarithmic_where_its_values_span_decades():
     whole = sweep({"layer.thickness": [0.1, 0.2], "punch.radius": [1, 2, 3]})
     wide = whole.assign(force=10.0 ** (whole["force"] / 4))
-    narrow, logarithmic = (map_figure(each, z=["force"]).axes[0].images[0].norm for each in (whole, wide))
+    narrow, logarithmic = (
+        map_figure(each, z=["force"]).axes[0].collections[0].norm for each in (whole, wide)
+    )
     assert isinstance(logarithmic, LogNorm)
     assert not isinstance(narrow, LogNorm)
 

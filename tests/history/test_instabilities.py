@@ -111,7 +111,7 @@ def test_work_over_the_end_of_a_branch_is_exact_for_its_leading_terms(*, depth_g
         """With the root of the time to the end at 1: y = 3 + 4 root, m = 5 root, then y = 7; x = -2 t."""
         root = math.sqrt(1 - time) if time < 1 else math.nan
         point = -2 * time, 3 + 4 * root if time < 1 else 7.0
-        return PathPoint(time, *(point if depth_given else point[::-1]), 5 * root)
+        return PathPoint(time, *(point if depth_given else point[::-1]), 0.0, 0.0, 5 * root)
 
     begin, end = row(0.7), row(1.2)
     found = work_over_fold(row(0.4), begin, end, depth_given=depth_given)

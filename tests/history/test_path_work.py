@@ -1,56 +1,73 @@
-"""The work of a step along the curve of mean pressure over depth."""
+"""The work of a step, from pressure and gap at its rows."""
 
 import numpy as np
 import pytest
 
-from gfmdlayer.history.path_work import work_along
+from gfmdlayer.history.path_work import work_of_step
 
 
-def work(depths, curve):
-    """Sum the work of all steps from the second point on; the first one is the point before."""
-    rows = np.column_stack((0 * depths, depths, curve(depths)))
-    steps = zip(rows[:-2], rows[1:-1], rows[2:], strict=True)
-    return sum(work_along(np.array([one, two]), 2, new[1], new[2]) for one, two, new in steps)
+def rows_of(times, depths, pressures, gaps, prescribed=None):
+    """Return the rows of a way, and what each sweeps since the row two before."""
+    prescribed = depths if prescribed is None else prescribed
+
+    def swept(i, j):
+        return np.mean((pressures[i] + pressures[j]) * (gaps[j] - gaps[i]), axis=-1)
+
+    count = len(times)
+    one = [0.0, *(swept(i, i + 1) for i in range(count - 1))]
+    two = [0.0, 0.0, *(swept(i, i + 2) for i in range(count - 2))]
+    return np.column_stack((times, depths, np.mean(pressures, axis=-1), prescribed, one)), np.array(two)
 
 
-@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])  # of a line, of Hertz's paraboloid, of a cone
-@pytest.mark.parametrize("depths", [[0.1, 0.3, 1.0], [0.2, 0.21, 5.0, 5.5], [2.0, 1.5, 0.1]])
-def test_power_laws_are_integrated_exactly_over_steps_of_any_length(exponent, depths):
-    depths = np.array(depths)
-    exact = (depths[-1] ** (exponent + 1) - depths[1] ** (exponent + 1)) / (exponent + 1)
-    assert work(depths, lambda d: d**exponent) == pytest.approx(exact, rel=1e-12)
+def works(*way, known=2, prescribed=None):
+    """Return the work of each step of a way from its second row on."""
+    rows, two = rows_of(*way, prescribed=prescribed)
+    return np.array([work_of_step(rows[i - 2 : i], known, rows[i], two[i]) for i in range(2, len(rows))])
 
 
-def test_the_first_step_of_a_paraboloid_does_two_fifths_of_force_times_depth():
-    touched = np.array([[0.0, 0.0, 0.0], [0.0, 1e-3, 1e-3**1.5]])
-    small = work_along(touched, 1, 4.0, 8.0)
-    assert small + 0.4 * 1e-3**2.5 == pytest.approx(2 / 5 * 8.0 * 4.0, rel=1e-12)
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("known", [1, 2])
+def test_an_elastic_body_stores_the_work_whatever_the_contact_and_the_step(seed, known):
+    # Any states of a symmetric body: p = K v, with the gap g = v - d, here also where p is not zero.
+    rng = np.random.default_rng(seed)
+    K = rng.normal(size=(6, 6))
+    K += K.T
+    v, depths, times = rng.normal(size=(5, 6)), rng.normal(size=5), np.cumsum(rng.uniform(0.1, 3.0, 5))
+    stored = np.einsum("ni,ij,nj->n", v, K, v) / 2 / 6
+    found = works(times, depths, v @ K, v - depths[:, np.newaxis], known=known)
+    np.testing.assert_allclose(found, np.diff(stored)[1:], rtol=1e-12, atol=1e-12)
 
 
-def test_other_curves_are_integrated_to_third_order():
-    def curve(depth):
-        return depth**1.5 * (1.3 + np.sin(depth))
-
-    def error(count):
-        depths = np.linspace(1.0, 2.0, count + 1)
-        fine = np.linspace(depths[1], depths[-1], 100_001)
-        return abs(work(depths, curve) - np.trapezoid(curve(fine), fine))
-
-    counts = [16, 32, 64]
-    order = -np.polyfit(np.log(counts), np.log([error(count) for count in counts]), 1)[0]
-    assert order >= 2.8  # the bend of the last two steps is that of this one to first order
+def smooth(count):
+    """A way of two points with smooth pressures and displacements, in steps of unequal length."""
+    times = np.linspace(0.0, 1.0, count + 1) ** 1.5 + 1.0
+    v = np.column_stack((np.sin(times), times**2))
+    p = np.column_stack((np.exp(-times) * times**2, np.cos(times)))
+    depths = times**1.5
+    return times, depths, p, v - depths[:, np.newaxis]
 
 
-def test_a_punch_that_rests_does_no_work_and_a_free_one_none():
-    rows = np.array([[0.0, 0.5, 1.0], [1.0, 1.0, 2.0]])
-    assert work_along(rows, 2, 1.0, 1.2) == 0.0
-    assert work_along(rows * (1, 1, 0), 2, 1.5, 0.0) == 0.0
+def test_relaxation_in_the_steps_is_integrated_to_third_order():
+    def exact(start):
+        t = np.linspace(start, 2.0, 20_001)
+        power = np.exp(-t) * t**2 * np.cos(t) + np.cos(t) * 2 * t
+        return np.trapezoid(power, t) / 2
+
+    counts = [8, 16, 32]
+    errors = [abs(works(*smooth(count)).sum() - exact(smooth(count)[0][1])) for count in counts]
+    order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert order == pytest.approx(3.0, abs=0.3)
 
 
-def test_there_and_back_cancel():
-    depths = np.array([0.3, 0.5, 0.8, 1.1])
-    there = work(depths, np.sqrt)
-    rows = np.column_stack((0 * depths, depths, np.sqrt(depths)))[::-1]
-    back = work_along(rows[:1].repeat(2, axis=0), 1, *rows[1, 1:])
-    back += work_along(rows[:2], 2, *rows[2, 1:])
-    assert there + back == pytest.approx(0.0, abs=1e-12)
+def test_while_the_drive_rests_the_work_is_that_of_force_and_depth_alone():
+    times, depths, p, gaps = smooth(4)
+    means = p.mean(axis=1)
+    found = works(times, depths, p, gaps, prescribed=np.ones(5))
+    np.testing.assert_allclose(found, (np.diff(depths) * (means[:-1] + means[1:]) / 2)[1:], rtol=1e-15)
+    assert works(times, np.ones(5), p, gaps).tolist() == [0.0] * 3
+
+
+def test_there_and_back_cancel_without_a_row_before():
+    way = smooth(4)
+    there, back = works(*way, known=1), works(*(values[::-1] for values in way), known=1)
+    np.testing.assert_allclose(there[:2], -back[1::-1], rtol=1e-12)

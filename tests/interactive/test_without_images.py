@@ -12,7 +12,6 @@ from scipy.special import ellipe, ellipk
 from gfmdlayer import (
     Config,
     ConfigError,
-    ConvergenceError,
     Parabola,
     Solid,
     Spectrum,
@@ -101,12 +100,18 @@ def test_displacement_is_that_of_a_wider_cell_and_nan_beyond_reach():
     assert float(np.abs(narrow.displacement - inner.to_numpy()).max()) < 1e-3 * DEPTH  # the fit's tolerance
 
 
-def test_a_contact_wider_than_the_reach_is_an_error_that_names_a_period_that_does():
+def test_a_contact_wider_than_the_reach_is_that_of_a_larger_cell():
+    """The period is a window: this one is 2.5 radii wide, and was refused before."""
     body, punch = halfspace(1.0), Parabola(radius=1.0)
-    with pytest.raises(ConvergenceError, match=r"periods apart.*; a period of \S+ would do") as refused:
-        solve(body, punch, depth=DEPTH, period=0.4, points=(64, 64), isolated=True)
-    period = float(str(refused.value).split("a period of ")[1].split()[0])
-    assert solve(body, punch, depth=DEPTH, period=period, points=(64, 64), isolated=True).force > 0
+    found = solve(body, punch, depth=DEPTH, period=0.25, points=(40, 40), isolated=True)
+    assert found.attrs["cell"].startswith("a cell of 2 periods inside, for a contact some 0.")
+    assert found.attrs["cell"].endswith("80 x 80 points, 4 times as many")
+    assert found.pressure.shape == (40, 40)
+    assert float(found.force) == pytest.approx(4 / 3 * E * DEPTH**1.5, rel=2e-3)  # of 16 points in a radius
+    wide = solve(body, punch, depth=DEPTH, period=0.5, points=(80, 80), isolated=True)
+    assert float(found.force) == pytest.approx(float(wide.force), rel=1e-6)
+    off = found.pressure.to_numpy() - wide.pressure[20:-20, 20:-20].to_numpy()
+    assert np.abs(off).max() < 1e-5 * float(wide.pressure.max())  # ten times the residual
 
 
 @pytest.mark.parametrize(
@@ -215,32 +220,24 @@ def test_no_column_is_a_mean_over_the_cell(points):
     assert config.unit(found["area"].units) == ("length" if points == 64 else "length^2")
 
 
-def test_a_force_beyond_reach_ends_the_run_at_the_step_and_keeps_those_before():
+@pytest.mark.parametrize(("control", "fits", "wide"), [("depth", 0.01, 0.02), ("force", 0.02, 0.06)])
+def test_a_run_whose_contact_becomes_too_wide_has_a_larger_cell_from_the_beginning(control, fits, wide):
+    """The widest radius of the window would be 0.105; under the larger force the glassy layer has less."""
     config = loaded("isolated", 0.5, {"poisson": 0.45}, 5.0, time={"step": 0.25, "end": 2.0})
     config["grid"]["points"] = [64, 64]
-    config["trajectory"] = {"control": "force", "force": 0.06, "ramp_time": 2.0}  # within reach where glassy
-    with pytest.raises(ConvergenceError, match=r"^t = .*periods apart.*would do") as refused:
-        run(config)
-    assert 1 < refused.value.data.sizes["time"] < 9
-    assert float(refused.value.data.force[-1]) == pytest.approx(
-        0.03 * float(refused.value.data.time[-1]), rel=1e-9
-    )
-
-
-@pytest.mark.parametrize(("control", "fits", "too_much"), [("depth", 0.01, 0.02), ("force", 0.02, 0.12)])
-def test_a_contact_that_will_be_too_wide_is_known_before_the_run(control, fits, too_much):
-    """The larger value is refused where the layer is glassy too; the widest radius would be 0.105."""
-    config = loaded("isolated", 0.5, {"poisson": 0.45}, 5.0)
-    config["grid"]["points"] = [64, 64]
-    found = {}
-    for value in (fits, too_much):
+    for value in (fits, wide):
         path = {"control": control, control: value, "ramp_time": 1.0}
-        found[value] = list(model_of(Config(name="a", **config | {"trajectory": path})).problems())
-    assert found[fits] == []
-    ((key, message),) = found[too_much]
-    assert key == f"trajectory.{control}"
-    assert message.startswith(f"got {too_much:g}, at which the contact is some 0.")
-    assert "must be at most 0.42 periods wide; a period of " in message
+        given = config | {"trajectory": path}
+        assert not list(model_of(Config(name="a", **given)).problems())
+        found = run(given)
+        assert found.time[-1] == 2.0
+        assert ("cell" in found.attrs) == (value == wide)
+    grid = {"points": [128, 128], "period": 1.0, "boundary": "isolated"}
+    alone = run(given | {"grid": grid})
+    assert "cell" not in alone.attrs
+    assert float(found.area[-1]) > math.pi * 0.105**2
+    for name in ("force", "depth", "area", "stored"):
+        assert float(found[name][-1]) == pytest.approx(float(alone[name][-1]), rel=1e-3), name  # of the fits
 
 
 def test_tractions_of_nothing_but_rounding_are_no_contact_beyond_reach(tmp_path):

@@ -34,7 +34,7 @@ def imbalance(recording):
     [("exponential", 2.0, 1e-4), ("backward_euler", 1.0, 5e-3)],
 )
 def test_the_balance_closes_with_the_order_of_the_integrator(run, integrator, expected, largest):
-    steps = [0.04, 0.02, 0.01]
+    steps = [0.02, 0.01, 0.005]
     errors = [imbalance(run(SHORT | {"time.integrator": integrator, "time.step": step})) for step in steps]
     assert order(errors, steps) == pytest.approx(expected, abs=0.25)  # contact grows by whole grid points
     assert errors[-1] <= largest
@@ -113,29 +113,31 @@ def test_the_factors_of_heat_cannot_be_negative(scheme):
 def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth():
     balance, energy = EnergyBalance(Case(Config(name="x"))), Energy(stored=2.0, dissipated=0.5)
 
-    def work_at(depth):
-        known = {"instant": Instant(0.0, 0.0), "mean_pressure": depth**2, "depth": depth, "margin": 1.0}
-        rest = dict.fromkeys(("prescribed", "response", "mean_gap", "contact_area", "residual"), 0.0)
+    def work_at(time, depth):  # under a flat punch, which has no gap
+        known = {"instant": Instant(time, 0.0), "mean_pressure": depth**2, "depth": depth, "margin": 1.0}
+        rest = dict.fromkeys(("response", "mean_gap", "contact_area", "residual"), 0.0)
         step = Step(
             **known,
             **rest,
+            prescribed=depth,
             pairs=0,
             iterations=0,
             interface=HARD_WALL,
             fields=Fields(),
             solution=None,
             energy=energy,
+            swept=(0.0, 0.0),
         )
         return balance.measure(step)["work"]
 
-    assert work_at(0.1) == 2.5  # stored and dissipated, on any path to this depth
-    depths = [0.3, 0.45, 0.8, 0.8, 0.4]
-    work = [work_at(depth) for depth in depths]
-    # A parabola is integrated exactly from the third point of a way on; a way back begins anew.
+    assert work_at(0.0, 0.1) == 2.5  # stored and dissipated, on any path to this depth
+    depths = [0.3, 0.45, 0.8, 0.8]
+    work = [work_at(depth - 0.1, depth) for depth in depths[:3]]
+    work.append(work_at(1.0, depths[3]))
+    # Parabolas in time, from the third point on.
     assert work[1] - work[0] == pytest.approx((0.45**3 - 0.3**3) / 3, rel=1e-12)
     assert work[2] - work[1] == pytest.approx((0.8**3 - 0.45**3) / 3, rel=1e-12)
     assert work[3] == work[2]
-    assert work[4] - work[3] == pytest.approx(-0.4 * (0.8**2 + 0.4**2) / 2, rel=1e-12)
 
 
 # Cases of everyday kind in m, Pa and s: half of the ramp is shorter than thirty tolerances times tau.
@@ -188,8 +190,8 @@ def test_adaptive_steps_close_the_balance_and_draw_the_ramp(run, case):
 def test_an_elastic_body_does_the_work_that_it_stores(run):
     found = run(EVERYDAY["elastic"] | {"time.tolerance": 1e-4})
     half = run(EVERYDAY["elastic"] | {"time.end": 0.25, "time.step": 0.25})["depth"][-1]
-    # The coarse grid gives the curve a corner at each new ring of points; three rows had 0.3.
-    assert found["work"][-1] == pytest.approx(found["stored"][-1], rel=3e-4)
+    # The path of the contact does not matter; the solver leaves its tolerance.
+    assert np.abs(found["energy_residual"]).max() < 1e-5 * found["stored"][-1]
     assert found["stored"][-1] == pytest.approx(1.28511e-4, rel=1e-5)
     drawn, largest = np.interp(0.25, found["time"], found["depth"]), found["depth"].max()
     assert drawn == pytest.approx(half, abs=1e-2 * largest)
@@ -199,38 +201,50 @@ def test_an_elastic_body_does_the_work_that_it_stores(run):
 @pytest.mark.parametrize("integrator", ["exponential", "backward_euler"])
 def test_an_open_balance_is_a_warning_with_the_step_that_closes_it(integrator):
     def warnings_with(step):
-        time = {"time": {"end": 2.0, "integrator": integrator, "step": step}}
-        config = Config(name="open").with_values(EVERYDAY["elastic"] | time)
+        config = Config(
+            name="open", grid={"points": 256}, layer={"thickness": math.inf},
+            time={"end": 3.0, "integrator": integrator, "step": step},
+        )  # fmt: skip
         return [line for line in Case(config).run(Kept()) if line.startswith(UNBALANCED)]
 
     (warning,) = warnings_with(0.5)
     step = float(warning.rpartition("time.step ")[2])
-    assert 5e-3 < step < 0.2
+    assert 0.02 < step < 0.5
     assert warnings_with(step) == []
 
 
+# Relaxation times far below the steps, in which a single point of the grid is pressed: u(t) is straight.
+FAST_RELAXATION = {
+    "grid.points": [24, 24],
+    "layer": {
+        "thickness": 0.05, "poisson": 0.5,
+        "material": {"model": "fractional_zener", "G0": 1.0, "Ginf": 82.0, "tau": 1.0, "exponent": 0.68},
+    },
+    "halfspace.shear_modulus": math.inf,
+    "punch.radius": 0.25,
+    "trajectory": {"depth": 3.6e-3, "ramp_time": 0.063},
+    "time": {"end": 1.0, "step": "adaptive", "tolerance": 1e-5},
+}  # fmt: skip
+
+
 def test_the_tolerance_that_closes_the_balance_is_named(monkeypatch):
-    # Adaptive steps close it; here they do not look at it.
+    # Steps that look at the balance are shorter; here they do not.
+    config, looked, blind = Config(name="x").with_values(FAST_RELAXATION), Kept(), Kept()
+    Case(config).run(looked)
     monkeypatch.setattr(AdaptiveSteps, "weigh", lambda *_: None)
-    case = Case(Config(name="x").with_values(EVERYDAY["elastic"] | {"time.tolerance": 1e-4}))
+    case = Case(config)
     case.stepwise = True
-    (warning,) = case.run(Kept())
+    (warning,) = (line for line in case.run(blind) if line.startswith(UNBALANCED))
+    assert imbalance(looked) < imbalance(blind) / 2
     assert warning.startswith(f"{UNBALANCED}: the energies miss ")
-    assert 0 < float(warning.rpartition("time.tolerance ")[2]) < 1e-4
+    assert 0 < float(warning.rpartition("time.tolerance ")[2]) < 1e-5
 
 
-def test_at_a_small_tolerance_the_grid_that_closes_the_balance_is_named():
-    # At each grid point that comes into contact the curve of the work has a corner.
-    def warnings_with(points):
-        case = Case(
-            Config(
-                name="corners", grid={"points": points}, halfspace={"shear_modulus": math.inf},
-                time={"end": 2.0, "step": "adaptive", "tolerance": 1e-5},
-            )
-        )  # fmt: skip
-        return [line for line in case.run(Kept()) if line.startswith(UNBALANCED)]
-
-    (warning,) = warnings_with(256)
-    points = int(warning.rpartition("grid.points ")[2])
-    assert 256 < points <= 1024
-    assert warnings_with(points) == []
+@pytest.mark.parametrize("points", [64, 256, 1024])
+def test_the_balance_follows_the_tolerance_on_any_grid(run, points):
+    # At each grid point that comes into contact the curve of pressure over depth has a corner: with 256 and
+    # 1024 points it left 9e-5 and 1.7e-5 open.
+    rigid = {"grid.points": points, "halfspace.shear_modulus": math.inf, "time.end": 2.0}
+    for tolerance in (1e-3, 1e-4, 1e-5):
+        found = run(rigid | {"time.step": "adaptive", "time.tolerance": tolerance})
+        assert imbalance(found) < 3 * tolerance

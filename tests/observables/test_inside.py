@@ -16,9 +16,16 @@ RUN = {
 LINE, SURFACE = {"grid": {"points": 128}}, {"grid": {"points": [32, 24]}}
 
 
+SHEARED = {
+    "interface": {"law": "coulomb", "coefficient": 0.5},
+    "trajectory": RUN["trajectory"] | {"tangential": {"displacement": 0.003, "ramp_time": 0.4}},
+}
+
+
 @pytest.mark.parametrize("grid", [LINE, SURFACE])
-def test_columns_are_the_extremes_of_the_fields(grid):
-    data = gfmdlayer.run(RUN | grid)
+@pytest.mark.parametrize("motion", [{}, SHEARED])
+def test_columns_are_the_extremes_of_the_fields(grid, motion):
+    data = gfmdlayer.run(RUN | motion | grid)
     fields = gfmdlayer.inside(data, RUN["output"]["inside"]["depths"])
     assert np.isnan(data.largest_von_mises.values[[1, 3]]).all()
     assert np.isnan(data.largest_von_mises_x.values[0])  # nothing touches
@@ -55,7 +62,6 @@ def test_the_bond_to_a_rigid_base_is_an_interface():
         ({"output.inside.times": [0.3]}, r"output.inside.times\[0\]: got 0.3; must be one of"),
         ({"output": {"inside": {"points": 3}}}, "output.inside: there is no snapshot with fields"),
         ({"counterbody": {"halfspace": {"shear_modulus": 1.0}}}, "two deformable bodies; must be layers"),
-        ({"interface": {"law": "coulomb", "coefficient": 0.1}}, "not available with friction"),
         ({"grid.boundary": "isolated", "grid.datum": 10.0}, "not available with boundary: isolated"),
         (
             {"layer": None, "halfspace": None, "body": {"kind": "anisotropic", "C11": 3, "C12": 1, "C44": 1}},

@@ -24,7 +24,18 @@ EXAMPLES = PAGES["EXAMPLES"]
 PURE = {
     *("alpha", "exponent", "gamma", "hurst", "poisson", "rms_slope", "slope", "smoothing", "taper"),
     *("C1", "steady", "tolerance", "Insulator.permittivity", "Range.from", "Range.to", "Spaced.from"),
-    *("Spaced.to", "coefficient", "creepage", "cycles", "velocity_ratio", "normal", "along", "hole"),
+    *(
+        "Creepages.x",
+        "Creepages.y",
+        "Spaced.to",
+        "coefficient",
+        "creepage",
+        "cycles",
+        "velocity_ratio",
+        "normal",
+        "along",
+        "hole",
+    ),
 }
 
 

@@ -116,6 +116,29 @@ BODIES["isolated"] = {
     "trajectory": {"control": "force", "kind": "approach_retract", "force": 0.01, "approach_speed": 0.0125}
     | {"retract_speed": 0.0125, "final": 0.001},
 }
+BODIES["isolated frictional"] = FRICTION | {
+    "grid.points": [32, 32],
+    "grid.period": 0.5,
+    "grid.boundary": "isolated",
+    "layer.thickness": 0.1,
+    "layer.poisson": 0.4,
+    "halfspace.shear_modulus": 5.0,
+    "punch.radius": 1.0,
+    "trajectory": {"control": "force", "force": 0.02, "ramp_time": 0.8}
+    | {"tangential": {"kind": "oscillation", "displacement": 1e-3, "start": 0.4, "period": 1.2}},
+}
+BODIES["isolated line"] = FRICTION | {
+    "grid.boundary": "isolated",
+    "grid.datum": 2.0,
+    "halfspace.shear_modulus": 5.0,
+    "trajectory": {"control": "force", "force": 0.05, "ramp_time": 0.8}
+    | {"tangential": {"kind": "oscillation", "displacement": 2e-3, "start": 0.4, "period": 1.2}},
+}
+RUNS += [
+    (f"isolated {body}", steps, "auto")
+    for body in ("frictional", "line")
+    for steps in ("adaptive", "exponential")
+]
 RUNS += [("heated", "adaptive", "active_set"), ("heated", "exponential", "active_set")]
 RUNS += [("isolated", "paper", "auto"), ("isolated", "exponential", "auto")]
 

@@ -75,8 +75,8 @@ def test_few_files_are_opened_for_a_thousand_cases(make, monkeypatch):
     monkeypatch.setattr(Path, "open", lambda self, *rest, **options: counting(self, *rest, **options))
     seen = overview(folder)
     assert (seen.total, seen.complete, seen.failed, seen.waiting) == (1_000, 900, 5, 94)
-    # The mark of the folder, the number of cases, one case at work, five failures; of the results none.
-    assert 7 <= len(opened) <= 8
+    # The mark of the folder, number of cases, one case at work, five failures, warnings; of the results none.
+    assert 7 <= len(opened) <= 9
     assert not [name for name in opened if name.endswith(".h5")]
 
 
@@ -292,3 +292,12 @@ def test_clean_refuses_other_folders(tmp_path, capsys):
     assert main(["clean", str(tmp_path), "--yes"]) == 2
     assert "not a results folder" in capsys.readouterr().err
     assert (tmp_path / "stop").exists()
+
+
+def test_warnings_of_complete_cases_are_seen_before_the_sweep_is_collected(make):
+    """Of those that are the same once, whatever was computed again."""
+    folder = make(5, h5=[3, 4])
+    for _ in range(2):
+        folder.add_warnings(3, ["COARSE: few points", "COARSE: few points", "UNBALANCED: much"])
+    folder.add_warnings(4, [])
+    assert overview(folder).warnings == ["case 0003: COARSE: few points", "case 0003: UNBALANCED: much"]

@@ -10,10 +10,12 @@ thinned to that, evenly; the page gives the numbers of rows, points and cases le
 from __future__ import annotations
 
 import base64
+import io
 import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
@@ -27,14 +29,17 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.figures.convergence_plot import convergence_figure
 from gfmdlayer.figures.labels import quantity, symbol
-from gfmdlayer.figures.plot_style import CONTACT, GAP_COLOURS, PRESSURE_COLOURS, check_suffix, spread
+from gfmdlayer.figures.plot_style import CONTACT, GAP_COLOURS, PRESSURE_COLOURS, check_suffix, spread, styled
 from gfmdlayer.figures.selection import default_columns, value_titles
 from gfmdlayer.files.whole import is_intact, write_text
 from gfmdlayer.observables.contact import FEWEST
 from gfmdlayer.observables.energy_balance import UNBALANCED
+from gfmdlayer.results.accuracy import worst_accuracy
+from gfmdlayer.results.convergence import FILE, open_convergence
 from gfmdlayer.results.gathering import lay_out
-from gfmdlayer.results.names import FIELDS, ResultsError, described_key
+from gfmdlayer.results.names import FIELDS, SWEEP_FILE, ResultsError, described_key
 from gfmdlayer.results.netcdf import opened
 from gfmdlayer.results.provenance import LIBRARIES, now, provenance
 from gfmdlayer.results.reader import VERIFIED
@@ -568,14 +573,36 @@ def write_report(cases: Sequence[Listed], out: Path, title: str, config: str = "
     check_suffix(out, (".html", ".htm"))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_text(out, page(payload(cases, config), title))
+        write_text(out, page(payload(cases, config), title, accuracy_section(cases)))
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
     return out
 
 
-def page(data: dict[str, Any], title: str) -> str:
-    """Return the page with these data."""
+def accuracy_section(cases: Sequence[Listed]) -> str:
+    """Return a section with the worst accuracy of the cases and, if there are any, the estimated errors."""
+    place = next((case.path.parent.parent for case in cases), Path())
+    sweep, parts = place / SWEEP_FILE, list[str]()
+    if len(cases) > 0 and cases[0].path.parent.name == "cases" and sweep.is_file():
+        with suppress(OSError, KeyError, ResultsError):  # damaged
+            parts.append(
+                f'<p class="note">Worst of all cases: {escape(", ".join(worst_accuracy(sweep)))}.</p>'
+            )
+    if (place / FILE).is_file():
+        found, picture = open_convergence(place), io.StringIO()
+        with suppress(ResultsError), styled():  # of errors that are all zero
+            convergence_figure(found.data).savefig(picture, format="svg")
+            image = base64.b64encode(picture.getvalue().encode()).decode("ascii")
+            parts.append(f'<img alt="errors by column and source" src="data:image/svg+xml;base64,{image}">')
+        parts.append(f'<pre tabindex="0">{escape(str(found))}</pre>')
+    if not parts:
+        return ""
+    head = '<section id="accuracy" aria-labelledby="accuracy-title">\n  <h2 id="accuracy-title">Accuracy</h2>'
+    return "\n".join([head, *parts, "</section>"])
+
+
+def page(data: dict[str, Any], title: str, accuracy: str = "") -> str:
+    """Return the page with these data, and a section on their accuracy."""
     from plotly.offline import get_plotlyjs
 
     here = files(__package__)
@@ -589,6 +616,7 @@ def page(data: dict[str, Any], title: str) -> str:
     }
     parts = {
         "title": escape(title),
+        "accuracy": accuracy,
         "style": (here / "page.css").read_text(encoding="utf-8"),
         "plotly": get_plotlyjs(),
         "data": json.dumps(about | data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
