@@ -143,8 +143,13 @@ def _options_of_indentation(parser: argparse.ArgumentParser) -> None:
       with bounds KEY=LOW:HIGH (default: the key `free` of the model)
     --units UNIT ...  units of columns without a unit: of time, depth and force, such as s nm nN, or by name,
       such as force=nN; a model without units is then in SI
-    --contact {given,detect} = given  detect: also fit the contact point and the offset of the force
-      (default: given)
+    --contact {given,detect,deviation,gradient,constant_line,constant_polynomial,line_polynomial} = given  how
+      the contact point is found; detect: also fit it and the offset of the force; others: depths count from
+      the point that this estimator finds (default: given, the depths count from it)
+    --baseline {none,offset,tilt} = none  subtract the mean force before contact, or its straight line, before
+      the fit (default: none)
+    --weight LENGTH  weigh residuals by the distance from the contact point over this length, up to 1
+    --range LOW:HIGH  only rows of these depths below the contact point
     --sensitivity S  deflection of the cantilever per volt, in the model's units, if the file lacks it
     --sampling RATE  rows in a unit of time, for a curve without time; not needed where nothing relaxes
     --prescribed {depth,force,base}  quantity that the instrument prescribes, if the files do not name it
@@ -175,7 +180,16 @@ def fit_indentation(options: argparse.Namespace) -> int:
     try:
         first = options.loss, options.profile, options.contact, tuple(options.segments), options.prescribed
         spring = _spring(options.stiffness)
-        chosen = FitOptions(*first, *spring, options.adhesion, options.sensitivity, options.sampling)
+        chosen = FitOptions(
+            *first,
+            *spring,
+            options.adhesion,
+            options.sensitivity,
+            options.sampling,
+            options.baseline,
+            options.weight,
+            _between(options.range),
+        )
         answers = _answers(options, _units(options.units, ("time", "depth", "force")))
         free = _free(options.free)
         if options.each:
@@ -203,6 +217,19 @@ def _spring(text: str | None) -> tuple[float | None, float | None]:
         return float(value), float(error) if colon else None
     except ValueError:
         raise FitError(f"--stiffness {text}: must be K, or K:ERROR, with numbers") from None
+
+
+def _between(text: str | None) -> tuple[float, float] | None:
+    """Read LOW:HIGH."""
+    from gfmdlayer.fitting.measurement import FitError
+
+    if text is None:
+        return None
+    try:
+        low, high = map(float, text.split(":"))
+    except ValueError:
+        raise FitError(f"--range {text}: must be LOW:HIGH with two numbers") from None
+    return low, high
 
 
 def _free(keys: list[str]) -> dict[str, list[float] | None] | None:

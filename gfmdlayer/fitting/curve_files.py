@@ -293,6 +293,8 @@ def _text_columns(
 
 def _hdf5_entries(path: Path) -> Iterator[Entry]:
     with _hdf5(path) as file:
+        if file.attrs.get("software") == "afmformats":
+            raise TableError(f"{path}: is of afmformats; first run pip install 'gfmdlayer[afm]'")
         if "force" not in file:
             for name, group in file.items():
                 if hasattr(group, "keys") and "force" in group:

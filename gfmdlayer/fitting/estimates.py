@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -29,7 +29,7 @@ from gfmdlayer.fitting.force_curve import FORCE, CurveError, ForceCurve, noise_o
 from gfmdlayer.fitting.intervals import mixture
 from gfmdlayer.fitting.misfit import WITHIN, doubts, found_shapes
 from gfmdlayer.fitting.problem import FreeParameter, LeastSquares
-from gfmdlayer.fitting.result import CurveFit, Estimate, FitOptions, IndentationFit
+from gfmdlayer.fitting.result import ESTIMATORS, CurveFit, Estimate, FitOptions, IndentationFit
 
 BAND = 0.95  # confidence of all intervals
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
@@ -229,9 +229,9 @@ def _doubts(estimates: Sequence[Estimate], correlation: FloatArray, excess: floa
 # Up to the largest depth the force is a straight baseline before contact, and the baseline plus
 # c (d - d_0)^m after it: m = 3/2 for a sphere, 2 for a cone, 1 for a flat end. For a given contact point, the
 # baseline and c follow from a linear problem. The sum of squares is least at the true contact point, and
-# larger by the variance of the noise at one standard error from it. Only the rows up to `PART` of the largest
-# force count: deeper, a thin layer stiffens and a material relaxes. They end where the force, averaged over as
-# many rows as its noise needs, rises through this level for the last time.
+# larger by the variance of the noise at one standard error from it. Only the rows up to `PART` of the
+# largest force count: deeper, a thin layer stiffens and a material relaxes. They end where the force,
+# averaged over as many rows as its noise needs, rises through this level for the last time.
 
 PART = 0.25  # of the largest force
 BASELINE = 5  # rows before the contact, at least
@@ -257,7 +257,11 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
         least = 3 * noise_of(curve.force) + 0.01 * float(np.max(curve.force))
         row = max(int(np.argmax(curve.force > least)) - 1, 0)
         return ContactPoint(float(curve.depth[row]), noise_of(curve.depth), 0.0)
-    end = approach(curve)
+    return _by_least_squares(curve, approach(curve), exponent, tilted=True)
+
+
+def _by_least_squares(curve: ForceCurve, end: int, exponent: float, *, tilted: bool) -> ContactPoint:
+    """Find the contact point of a baseline, constant or tilted, and a power of the depth below the point."""
     depth, force = curve.depth[:end], curve.force[:end]
     last = end - BASELINE
     if last <= BASELINE:
@@ -266,7 +270,7 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
             f"needs {BASELINE} rows before contact and {BASELINE} after it"
         )
     points = np.unique(np.linspace(depth[0], depth[last], CANDIDATES))
-    found = [_squares(point, depth, force, exponent) for point in points]
+    found = [_squares(point, depth, force, exponent, tilted=tilted) for point in points]
     squares = np.array([each[0] for each in found])
     best = int(np.argmin(squares))
     if np.count_nonzero(depth < points[best]) < BASELINE:
@@ -274,7 +278,7 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
             f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
             "rows before contact"
         )
-    allowed = squares[best] * (1 + 1 / (end - 4))
+    allowed = squares[best] * (1 + 1 / (end - 3 - tilted))
     inside = points[squares <= allowed]
     error = max(float(np.ptp(inside)) / 2, float(points[1] - points[0]))
     return ContactPoint(float(points[best]), error, *found[best][1:])
@@ -304,22 +308,139 @@ def _averaged(force: FloatArray) -> FloatArray:
     """Return a force averaged over so many rows that four times its noise is below `PART` of its range."""
     rows = math.ceil((4 * noise_of(force) / max(PART * float(np.ptp(force)), 1e-300)) ** 2)
     rows = min(max(rows, 1), max(force.size // LONGEST, 1)) // 2 * 2 + 1
-    padded = np.pad(force, rows // 2, mode="edge")
-    return np.convolve(padded, np.full(rows, 1 / rows), mode="valid")
+    return _moving(force, rows)
+
+
+def _moving(values: FloatArray, rows: int) -> FloatArray:
+    """Return averages over an odd number of rows around each."""
+    return np.convolve(np.pad(values, rows // 2, mode="edge"), np.full(rows, 1 / rows), mode="valid")
 
 
 def _squares(
-    point: float, depth: FloatArray, force: FloatArray, exponent: float
+    point: float, depth: FloatArray, force: FloatArray, exponent: float, *, tilted: bool
 ) -> tuple[float, float, float]:
     """Return the sum of squares for a contact point, and offset and slope of the baseline there."""
-    shape = np.maximum(depth - point, 0.0) ** exponent
-    span = max(float(np.ptp(depth)), 1e-300)
-    columns = np.stack(
-        [np.ones_like(shape), (depth - point) / span, shape / max(float(shape.max()), 1e-300)], axis=1
+    shape, span = np.maximum(depth - point, 0.0) ** exponent, max(float(np.ptp(depth)), 1e-300)
+    line = [(depth - point) / span] if tilted else []
+    columns = np.stack([np.ones_like(shape), *line, shape / max(float(shape.max()), 1e-300)], axis=1)
+    solution = np.linalg.lstsq(columns, force, rcond=None)[0]
+    rest = force - columns @ solution
+    return float(rest @ rest), float(solution[0]), float(solution[1]) / span if tilted else 0.0
+
+
+# What users do by hand before a fit, as nanite does it (`nanite.poc`): estimators of the contact point, the
+# baseline of the rows before it, weights and ranges relative to it.
+
+EARLY = 10  # rows of the approach over this: the baseline of `_deviating`
+FLAT, AVERAGED = 0.01, 100  # of the largest gradient: no contact; rows over this are averaged
+FEWEST_AVERAGED, RESERVE = 5, 10  # rows
+
+
+def contact_point(curve: ForceCurve, method: str) -> ContactPoint:
+    """Find the contact point of a curve by a method of `result.CONTACTS`; `detect` for given ones."""
+    end = int(np.argmax(curve.force)) + 1
+    match method:
+        case "deviation":
+            return _at_row(curve, _deviating(curve.force[:end]))
+        case "gradient":
+            return _at_row(curve, _rising(curve.force[:end]))
+        case "constant_line":
+            return _by_least_squares(curve, end, 1.0, tilted=False)
+        case "constant_polynomial":
+            return _by_polynomial(curve, end, tilted=False)
+        case "line_polynomial":
+            return _by_polynomial(curve, end, tilted=True)
+        case _:
+            return detect(curve)
+
+
+def _deviating(force: FloatArray) -> int:
+    """Return the first row beyond twice the largest deviation of the baseline from its mean."""
+    early = force[: max(force.size // EARLY, BASELINE)]
+    return int(np.argmax(force - early.mean() > 2 * float(np.abs(early - early.mean()).max())))
+
+
+def _rising(force: FloatArray) -> int:
+    """Return the last row at which the averaged gradient is flat, shifted as by one-sided averages."""
+    rows = max(FEWEST_AVERAGED, force.size // AVERAGED) // 2 * 2 + 1
+    gradient = _moving(np.gradient(_moving(force, rows))[: -RESERVE - 1], rows)
+    flat = np.flatnonzero(gradient <= FLAT * float(gradient.max(initial=0.0)))
+    return min(int(flat[-1]) + 1 + rows, force.size - 1) if flat.size else 0
+
+
+def _by_polynomial(curve: ForceCurve, end: int, *, tilted: bool) -> ContactPoint:
+    """Fit a constant or a line, and beyond the contact point x^3/(a x^2 + b x + c) too."""
+    depth, force = curve.depth[:end], curve.force[:end]
+    spans = float(np.ptp(depth)) or 1.0, float(np.ptp(force)) or 1.0
+    x, y = (depth - depth[0]) / spans[0], (force - force.min()) / spans[1]
+
+    def residuals(p: FloatArray) -> FloatArray:
+        below = np.maximum(x - p[0], 0.0)
+        a, b, c = np.exp(p[3:])
+        line = p[1] + (p[2] * (x - p[0]) if tilted else 0.0)
+        return np.asarray(line + below**3 / (a * below**2 + b * below + c) - y)
+
+    first = float(x[int(np.argmin(y - x))])  # farthest below the straight line between both ends
+    start = np.array([first, y[: max(end // EARLY, 1)].mean(), 0.0, *np.log([1 - first + 1e-3, 0.1, 0.01])])
+    low, high = np.array([-0.5, -2, -9, -20, -20, -20.0]), np.array([1.5, 2, 9, 9, 9, 9.0])
+    found = least_squares(
+        residuals, np.clip(start, low + 1e-6, high - 1e-6), bounds=(low, high), x_scale="jac"
+    ).x
+    point = float(depth[0] + found[0] * spans[0])
+    _at_row(curve, int(np.count_nonzero(depth < point)))
+    slope = float(found[2]) * spans[1] / spans[0] if tilted else 0.0
+    return ContactPoint(point, spans[0] / end, float(force.min() + found[1] * spans[1]), slope)
+
+
+def _at_row(curve: ForceCurve, row: int) -> ContactPoint:
+    if row < BASELINE:
+        raise CurveError(
+            f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
+            "rows before contact"
+        )
+    spacing = abs(float(curve.depth[row] - curve.depth[row - 1]))
+    return ContactPoint(float(curve.depth[row]), spacing, float(curve.force[:row].mean()))
+
+
+def prepared(curve: ForceCurve, options: FitOptions, settled: bool) -> ForceCurve:
+    """Return a curve without baseline, with weights, and with depths from a contact point that is `settled`.
+
+    What was done is in its origin.
+    """
+    estimated = options.contact in ESTIMATORS
+    relative = options.weight is not None or options.range is not None
+    if not (estimated or options.baseline != "none" or (relative and options.contact != "given")):
+        point = ContactPoint(0.0, 0.0, 0.0)  # as the depths are given
+        done: dict[str, Any] = {}
+    else:
+        point = contact_point(curve, options.contact)
+        done = {"contact": options.contact, "contact_point": point.depth}
+    depth, force = curve.depth, curve.force
+    if options.baseline != "none":
+        before = np.arange(force.size) < int(np.argmax(depth > point.depth))
+        position = curve.position_of_drive
+        line = np.polynomial.Polynomial.fit(position[before], force[before], int(options.baseline == "tilt"))
+        force = force - line(position)
+        done |= {"baseline": options.baseline, "coefficients": line.convert().coef.tolist()}
+    below, weights = depth - point.depth, np.ones(depth.size)
+    if options.weight is not None:
+        weights = np.clip(np.abs(below) / options.weight, 0.0, 1.0)
+        done |= {"weight": options.weight}
+    if options.range is not None:
+        low, high = options.range
+        weights[(below < low) | (below > high)] = 0.0
+        done |= {"range": list(options.range)}
+    if estimated and settled:
+        depth = below
+    if not done:
+        return curve
+    given = 1.0 if curve.weights is None else curve.weights
+    account = "; ".join(f"{key}: {value}" for key, value in done.items())
+    said = "; ".join(filter(None, (str(curve.origin.get("account", "")), account)))
+    origin = {**curve.origin, "prepared": done, "account": said}
+    return replace(
+        curve, depth=depth, force=force, weights=given * weights if relative else curve.weights, origin=origin
     )
-    offset, slope, size = np.linalg.lstsq(columns, force, rcond=None)[0]
-    rest = force - columns @ np.array([offset, slope, size])
-    return float(rest @ rest), float(offset), float(slope) / span
 
 
 def loss_derivatives(residuals: FloatArray, loss: str) -> tuple[FloatArray, FloatArray]:

@@ -74,6 +74,8 @@ class ForceCurve:
         fitted too.
     punch : mapping, optional
         Indenter of this curve, with the keys of a configuration; by default the model's.
+    weights : array_like, shape (rows,), optional
+        Weights of the residuals, from 0, which leaves a row out, to 1.
     origin : mapping
         Facts for the record of a fit, such as the name and the digest of the file.
 
@@ -104,11 +106,14 @@ class ForceCurve:
     stiffness: float | None = None
     stiffness_error: float | None = None
     punch: Mapping[str, Any] | None = None
+    weights: FloatArray | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for key in ("time", "depth", "force"):
             object.__setattr__(self, key, column(self.name, key, getattr(self, key)))
+        if self.weights is not None:
+            object.__setattr__(self, "weights", column(self.name, "weights", self.weights))
         if reasons := list(self._faults()) or list(self._faults_of_segments()):
             raise CurveError("\n".join(f"curve {self.name}: {reason}" for reason in reasons))
 
@@ -138,6 +143,10 @@ class ForceCurve:
             value = getattr(self, key)
             if value is not None and not 0 < value < math.inf:
                 yield f"{key} = {value!r}; it must be > 0 and finite, or None"
+        if self.weights is not None and (
+            self.weights.shape != self.time.shape or not ((self.weights >= 0) & (self.weights <= 1)).all()
+        ):
+            yield "weights must be one number from 0 to 1 for each row"
         if self.stiffness_error is not None and self.stiffness is None:
             yield "stiffness_error is given without a stiffness"
 

@@ -78,7 +78,7 @@ class MapCase:
         return {"curve": self.entry.name}
 
 
-_FACTS = {"sensitivity", "sampling"}
+_FACTS = {"sensitivity", "sampling", "baseline", "weight", "range"}
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,9 @@ class FitTask:
     def given(self) -> dict[str, Any]:
         """The options of the fit; facts that files lack only where they are given."""
         return {
-            key: value for key, value in vars(self.options).items() if key not in _FACTS or value is not None
+            key: list(value) if isinstance(value, tuple) and key in _FACTS else value
+            for key, value in vars(self.options).items()
+            if key not in _FACTS or value not in (None, "none")
         }
 
     @property

@@ -28,7 +28,7 @@ from gfmdlayer.fitting.curve_files import (
 )
 from gfmdlayer.fitting.design import second_curve
 from gfmdlayer.fitting.elastic import CHOOSE, KINDS, NO_ADHESION
-from gfmdlayer.fitting.estimates import best_of, conclude, minimised
+from gfmdlayer.fitting.estimates import best_of, conclude, minimised, prepared
 from gfmdlayer.fitting.force_curve import COLUMNS, CurveError, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.fitting.problem import (
@@ -79,6 +79,9 @@ def fit_indentation(
     adhesion: str | None = None,
     sensitivity: float | None = None,
     sampling: float | None = None,
+    baseline: str = "none",
+    weight: float | None = None,
+    range: tuple[float, float] | None = None,  # noqa: A002
 ) -> IndentationFit:
     """Fit moduli, times, thicknesses and more to measured force curves.
 
@@ -106,6 +109,8 @@ def fit_indentation(
         Names of the columns of text files in place of their headings; "-" is not read.
     loss, profile, contact, segments, prescribed, stiffness, stiffness_error, adhesion, sensitivity, sampling
         See `FitOptions`.
+    baseline, weight, range
+        Steps before the fit, and rows that count, see `FitOptions`.
 
     Returns
     -------
@@ -137,9 +142,10 @@ def fit_indentation(
     >>> print(f"{fit['G0'].value:.2f}")
     7.00
     """
+    between = None if range is None else (float(range[0]), float(range[1]))
     options = FitOptions(
         loss, profile, contact, tuple(segments), prescribed, stiffness, stiffness_error, adhesion,
-        sensitivity, sampling,
+        sensitivity, sampling, baseline, weight, between,
     )  # fmt: skip
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys") or _is_afm(curves)
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
@@ -208,9 +214,8 @@ def fit_curves(
 
     The search starts at the parameters `begin` by name, or at the first guess. `notes` become warnings.
     """
-    if len(curves) > 1 and options.contact != "given":
-        curves, lost = usable(partial(_with_contact, each, model, free, options) for each in curves)
-        notes = [*notes, *lost]
+    curves, lost = usable(partial(_prepared, each, model, free, options) for each in curves)
+    notes = [*notes, *lost]
     if options.adhesion == CHOOSE:
         return _best_adhesion(curves, model, free, options, advise, notes)
     if options.adhesion is not None:
@@ -242,10 +247,13 @@ def fit_curves(
     return replace(fit, warnings=(*fit.warnings, *second_curve(problem, u, fit, free)))
 
 
-def _with_contact(curve: ForceCurve, model: IndentationModel, free: Free, options: FitOptions) -> ForceCurve:
-    """Return a curve whose contact point is found; CurveError for another one."""
-    curve_parameters([curve], model, free, options)
-    return curve
+def _prepared(curve: ForceCurve, model: IndentationModel, free: Free, options: FitOptions) -> ForceCurve:
+    """Return a curve with what the options ask for; CurveError where its contact point is not found."""
+    made = curve
+    if "prepared" not in curve.origin:  # else one of the fits that adhesion compares
+        made = prepared(curve, options, settled="contact_point" not in free)
+    curve_parameters([made], model, free, options)
+    return made
 
 
 def _best_adhesion(

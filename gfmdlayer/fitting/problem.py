@@ -414,6 +414,8 @@ class LeastSquares:
         """Return the standard deviation of the measured quantity of a curve, shape (rows,)."""
         prediction = self.predictions[i]
         noise = np.where(prediction.curve.by_force, self.noise[i, 1], self.noise[i, 0])
+        if prediction.curve.weights is not None:
+            noise = noise / np.where(prediction.used, prediction.curve.weights, 1.0)
         return np.where(prediction.touch.uncertain, np.inf, noise)
 
     def noise_is_given(self, i: int) -> BoolArray:

@@ -36,6 +36,10 @@ if TYPE_CHECKING:
 
 OPEN = 10.0  # ratio of the ends of an interval from which a parameter is not determined
 ADHESIONS = (NO_ADHESION, *KINDS, CHOOSE)
+# Estimators of the contact point: `detect` starts the fit, the others settle it, see `contact_point`.
+ESTIMATORS = ("deviation", "gradient", "constant_line", "constant_polynomial", "line_polynomial")
+CONTACTS = ("given", "detect", *ESTIMATORS)
+BASELINES = ("none", "offset", "tilt")
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 SHOWN_CURVES = 6
 
@@ -47,7 +51,8 @@ class FitOptions:
     loss: str = "linear"  # linear; or soft_l1, huber, cauchy, which give outliers less weight
     profile: bool = False  # find profile intervals too; the fit then takes three to ten times as long
     # given: depths count from the surface. detect: each curve has a free contact point and a free offset of
-    # the force, which start where the force begins to rise.
+    # the force, which start where the force begins to rise. Estimators: depths count from the contact point
+    # that each finds, unless contact_point is free; then the fit starts there.
     contact: str = "given"
     segments: tuple[str, ...] = ()  # names of the segments whose rows count; all by default
     # Of curves whose files do not name them: the prescribed quantity, and the stiffness of the cantilever, in
@@ -60,18 +65,29 @@ class FitOptions:
     # Of files without them: the deflection per volt, and the rows in a unit of time, in the model's units.
     sensitivity: float | None = None
     sampling: float | None = None
+    # Subtracted before the fit: the mean force of the rows before contact, or their straight line over the
+    # position; none by default.
+    baseline: str = "none"
+    # Residuals count by the distance from the contact point over this length, up to 1; all alike by default.
+    weight: float | None = None
+    # Lowest and highest depth relative to the contact point of the rows that count.
+    range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         problems = []
         if self.loss not in LOSSES:
             problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(LOSSES)}")
-        if self.contact not in {"given", "detect"}:
-            problems.append(f"contact: got {self.contact!r}; must be given or detect")
+        if self.contact not in CONTACTS:
+            problems.append(f"contact: got {self.contact!r}; must be one of {', '.join(CONTACTS)}")
+        if self.baseline not in BASELINES:
+            problems.append(f"baseline: got {self.baseline!r}; must be one of {', '.join(BASELINES)}")
+        if self.range is not None and not (len(self.range) == 2 and self.range[0] < self.range[1]):
+            problems.append(f"range: got {self.range!r}; must be two depths, the lower one first")
         if self.prescribed not in (None, *PRESCRIBED):
             problems.append(f"prescribed: got {self.prescribed!r}; must be one of {', '.join(PRESCRIBED)}")
         if self.adhesion not in (None, *ADHESIONS):  # also of a list, which a set would not take
             problems.append(f"adhesion: got {self.adhesion!r}; must be one of {', '.join(ADHESIONS)}")
-        for key in ("stiffness", "stiffness_error", "sensitivity", "sampling"):
+        for key in ("stiffness", "stiffness_error", "sensitivity", "sampling", "weight"):
             value = getattr(self, key)
             if value is not None and not 0 < value < math.inf:
                 problems.append(f"{key}: got {value!r}; must be > 0 and finite")

@@ -15,7 +15,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.elastic import KINDS, NO_ADHESION, work_for
-from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, detect
+from gfmdlayer.fitting.estimates import CANDIDATES, PART, ContactPoint, contact_point, detect
 from gfmdlayer.fitting.force_curve import DEPTH, CurveError, ForceCurve, baseline, noise_of
 from gfmdlayer.fitting.prediction import Prediction
 from gfmdlayer.fitting.problem import (
@@ -162,10 +162,15 @@ def curve_parameters(
         else parameter
         for parameter in parameters
     ]
+    if options.contact != "detect" and "contact_point" not in asked:
+        return parameters
     if options.contact == "given":
         return parameters
     sticks = model.adhesion is not None or options.adhesion is not None
-    points = {name: _touch(curve) if sticks else detect(curve) for name, curve in starts.items()}
+    points = {
+        name: _touch(curve) if sticks else contact_point(curve, options.contact)
+        for name, curve in starts.items()
+    }
     if "tilt" in asked:  # the offset is that of the first row
         first = {name: float(curve.position_of_drive[0]) for name, curve in starts.items()}
         points = {

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, unmasked
 from gfmdlayer.body.body import Body, check_body
 from gfmdlayer.body.materials import Law
 from gfmdlayer.config.geometries import FINEST
@@ -478,8 +478,10 @@ def _history(time: ArrayLike, depth: ArrayLike | None, force: ArrayLike | None) 
         got = "neither" if depth is None else "both"
         raise ValueError(f"depth, force: got {got}; must be one of the two")
     name = "depth" if force is None else "force"
-    times = np.asarray(time, dtype=float)
-    values: FloatArray = np.asarray(depth if force is None else force, dtype=float)
+    prescribed = depth if force is None else force
+    assert prescribed is not None
+    times: FloatArray = unmasked(time).astype(np.float64)
+    values: FloatArray = unmasked(prescribed).astype(np.float64)
     if times.ndim != 1 or times.size < 2 or values.shape != times.shape:
         raise ValueError(
             f"{name}: got shape {values.shape} for times of shape {times.shape}; must be equal, two or more"
